@@ -1,0 +1,189 @@
+"""Normal modes: frequencies, shapes, and where each mode lives.
+
+Each block of coordinates is solved alone: coordinates without inertia (tips of blades without tip mass) are eliminated,
+then M^(-1/2) (K - omega^2 M) M^(-1/2) is a symmetric eigenvalue problem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import DOFS, WORDS
+from suspension_cli.design.scene import Array, Index
+from suspension_cli.mechanics.model import LinearModel
+
+RIGID = 64 * np.finfo(float).eps
+"""omega^2 below this share of the largest is a rounding error: the mode costs nothing."""
+DEGENERATE = 1e-9
+"""Relative difference of omega^2 below which modes of one block are one degenerate group."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The modes of one design, in ascending order of omega^2: unstable ones first, then rigid ones.
+
+    Attributes
+    ----------
+    body : tuple of str
+    coordinate : tuple of str
+        The N - 6 coordinates of `shape`.
+    omega_squared : (m,) array
+        (rad/s)^2; negative for an unstable mode, exactly 0 for a rigid one.
+    shape : (m, N - 6) array
+        Unit modal mass; the largest body coordinate (by kinetic energy) is positive.
+    energy : (m, n, 6) array
+        Share of each body's degree of freedom in the mode's kinetic energy; tip masses make up what is missing to 1.
+    block : (m,) int array
+        Modes of different blocks do not couple.
+    """
+
+    body: tuple[str, ...]
+    coordinate: tuple[str, ...]
+    omega_squared: Array
+    shape: Array
+    energy: Array
+    block: Index
+
+    @property
+    def frequency(self) -> Array:
+        """Hz; 0 for a rigid mode, NaN for an unstable one."""
+        return np.sqrt(np.where(self.omega_squared < 0, np.nan, self.omega_squared)) / (2 * np.pi)
+
+    @property
+    def growth_rate(self) -> Array:
+        """1/s; 0 unless unstable."""
+        return np.sqrt(np.maximum(-self.omega_squared, 0.0))
+
+    @property
+    def stable(self) -> bool:
+        """Whether no mode grows."""
+        return not bool((self.omega_squared < 0).any())
+
+    @property
+    def home(self) -> list[tuple[str, str]]:
+        """Body and degree of freedom that hold most of each mode's kinetic energy."""
+        flat = self.energy.reshape(len(self.energy), -1)
+        # shares that differ by rounding alone (two equal bodies) go to the first
+        first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in flat]
+        return [(self.body[i // 6], DOFS[i % 6]) for i in first]
+
+    @property
+    def label(self) -> list[str]:
+        """``test pitch``, in the field's words."""
+        return [f"{body} {WORDS[dof]}" for body, dof in self.home]
+
+    def of(self, dof: str, body: str | None = None) -> list[float]:
+        """Frequencies (Hz) of the stable modes that live in a degree of freedom (of one body)."""
+        here = [(home[1] == dof) and (body in (None, home[0])) for home in self.home]
+        return [float(f) for f, yes in zip(self.frequency, here, strict=True) if yes and np.isfinite(f)]
+
+
+def solve(model: LinearModel) -> Modes:
+    """Modes of a linear model without batch axes.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Damping and loss do not count.
+
+    Returns
+    -------
+    Modes
+    """
+    found = [_solve_block(model, block) for block in model.blocks]
+    values = np.concatenate([values for values, _ in found])
+    shapes = np.zeros((len(values), model.size))
+    numbers = np.zeros(len(values), dtype=np.intp)
+    start = 0
+    for number, (block, (part, vectors)) in enumerate(zip(model.blocks, found, strict=True)):
+        here = slice(start, start + len(part))
+        shapes[here, block] = vectors.T
+        numbers[here] = number
+        start = here.stop
+    values = np.where(np.abs(values) < RIGID * np.abs(values).max(initial=0.0), 0.0, values)
+    order = np.argsort(values, kind="stable")
+    shapes, energy = shapes[order], _energy(model, shapes[order])
+    shapes = _signed(shapes @ model.basis.T, energy)[:, 6:]
+    return Modes(model.body, model.coordinate[6:], values[order], shapes, energy, numbers[order])
+
+
+def condensed(model: LinearModel, block: Index) -> tuple[Index, Any, Any, Any]:
+    """Mass and stiffness of a block without its massless coordinates.
+
+    Returns
+    -------
+    kept : (c,) int array
+        The coordinates kept.
+    mass, stiffness : (..., c, c) arrays
+    recover : (..., r, c) array
+        What the massless coordinates do for unit motions of the kept ones: -K_bb^-1 K_ba.
+    """
+    light = model.massless[block]
+    a, b = block[~light], block[light]
+    mass = model.mass[..., a[:, None], a]
+    stiffness = model.stiffness[..., a[:, None], a]
+    if not len(b):
+        return a, mass, stiffness, np.zeros((*model.batch, 0, len(a)))
+    across = model.stiffness[..., b[:, None], a]
+    recover = -np.linalg.solve(model.stiffness[..., b[:, None], b], across)
+    stiffness = stiffness + np.swapaxes(across, -1, -2) @ recover
+    return a, mass, (stiffness + np.swapaxes(stiffness, -1, -2)) / 2, recover
+
+
+def _solve_block(model: LinearModel, block: Index) -> tuple[Array, Array]:
+    """omega^2 (m,) and shapes (c, m) of one block, over all of the block's coordinates."""
+    kept, mass, stiffness, recover = condensed(model, block)
+    if not len(kept):
+        return np.zeros(0), np.zeros((len(block), 0))
+    inverse = np.linalg.inv(np.linalg.cholesky(mass))
+    dynamic = inverse @ stiffness @ inverse.T
+    values, vectors = np.linalg.eigh((dynamic + dynamic.T) / 2)
+    vectors = _localised(values, vectors)
+    shapes = np.zeros((len(block), len(values)))
+    light = model.massless[block]
+    shapes[~light] = inverse.T @ vectors
+    shapes[light] = recover @ shapes[~light]
+    return values, shapes
+
+
+def _localised(values: Array, vectors: Array) -> Array:
+    """Within each degenerate group, the basis in which modes live in as few coordinates as possible.
+
+    Any rotation of degenerate modes is as good for the equations; this one does not depend on rounding: each mode
+    in turn takes the coordinate in which the group moves most, and the others are made to leave it at rest.
+    """
+    result, start = vectors.copy(), 0
+    while start < len(values):
+        stop = start + 1
+        while stop < len(values) and values[stop] - values[start] <= DEGENERATE * abs(values[stop]):
+            stop += 1
+        for first in range(start, stop - 1):
+            group = result[:, first:stop]
+            size = (group**2).sum(1)
+            row = group[int(np.flatnonzero(size >= size.max() * (1 - 1e-9))[0])]
+            rotation = np.linalg.qr(np.column_stack([row, np.eye(len(row))]))[0]
+            result[:, first:stop] = group @ rotation
+        start = stop
+    return result
+
+
+def _energy(model: LinearModel, shapes: Array) -> Array:
+    """Kinetic-energy shares (m, n, 6): squares of M^(1/2) v for the M of each body, so never negative."""
+    bodies = len(model.body)
+    result = np.zeros((len(shapes), bodies, 6))
+    for n in range(bodies):
+        rows = slice(6 * (n + 1), 6 * (n + 2))
+        values, vectors = np.linalg.eigh(model.mass[rows, rows])
+        root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+        result[:, n, :] = (shapes[:, rows] @ root) ** 2
+    return result
+
+
+def _signed(shapes: Array, energy: Array) -> Array:
+    """Shapes with the sign in which the leading body coordinate is positive."""
+    flat = energy.reshape(len(energy), -1)
+    lead = shapes[np.arange(len(shapes)), 6 + flat.argmax(1)]
+    return shapes * np.where(lead < 0, -1.0, 1.0)[:, None]

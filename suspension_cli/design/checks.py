@@ -1,0 +1,238 @@
+"""What the types of the file format cannot say: which keys go together, which names exist.
+
+Each function yields the faults of one kind of table; `of_design` gathers them all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from suspension_cli.conventions import SUPPORT
+from suspension_cli.design import materials
+from suspension_cli.design.derive import set_geometry
+from suspension_cli.design.faults import suggestion
+from suspension_cli.design.schema import Blade, BladeSet, Body, Design, Perturbation, Spring, Stage, Wire, WireSet
+from suspension_cli.errors import Fault, shown
+
+ANALYSES = ("modes", "response", "xcouple", "tolerance", "thermal", "sweep", "tradeoff", "fit", "damp", "optimise", "sensitivity")
+BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}
+"""Number of wires in a symmetric set to the numbers of blades that can carry it."""
+
+
+def of_design(design: Design) -> list[Fault]:
+    """All faults between the tables of a design whose single values are good."""
+    found = [*_names(design), *_materials(design)]
+    for stage in design.stage:
+        path = f"stage.{stage.name}"
+        found += _body(stage.body, f"{path}.body")
+        found += _suspension(design, stage, path)
+        for number, spring in enumerate(stage.spring, 1):
+            found += _spring(spring, f"{path}.spring.{number}")
+    if not found:
+        for number, perturbation in enumerate(design.perturbation, 1):
+            found += _perturbation(design, perturbation, f"perturbation.{number}")
+    for command in design.analysis:
+        if command not in ANALYSES:
+            found.append(Fault(f"analysis.{command}", "unknown command", suggestion(command, list(ANALYSES))))
+    return found
+
+
+def _names(design: Design) -> Iterator[Fault]:
+    above: list[str] = [SUPPORT]
+    for stage in design.stage:
+        path = f"stage.{stage.name}"
+        if stage.name in above:
+            taken = "is the name of the suspension point" if stage.name == SUPPORT else "is the name of an earlier stage too"
+            yield Fault(f"{path}.name", taken, "give each stage a name of its own", shown(stage.name))
+        if stage.hangs_from is not None and stage.hangs_from not in above:
+            yield Fault(f"{path}.hangs_from", "names no earlier stage", suggestion(stage.hangs_from, above), shown(stage.hangs_from))
+        above.append(stage.name)
+
+
+def _materials(design: Design) -> Iterator[Fault]:
+    for name in design.materials:
+        if materials.resolve(design, name).youngs_modulus is None:
+            yield Fault(f"materials.{name}.youngs_modulus", "missing", "give Young's modulus in Pa")
+
+
+def _material(design: Design, name: str, key: str) -> Iterator[Fault]:
+    if name not in materials.known(design):
+        yield Fault(key, "unknown material", suggestion(name, materials.known(design)) + " or define it as [materials.NAME]", shown(name))
+
+
+def _exclusive(path: str, given: dict[str, Any], what: str) -> Iterator[Fault]:
+    """Exactly one of some keys must be given."""
+    present = [key for key, value in given.items() if value is not None]
+    if len(present) != 1:
+        have = "none of " + ", ".join(given) if not present else " and ".join(present) + " are both given"
+        yield Fault(path, have, f"give exactly one: {what}")
+
+
+def _body(body: Body, path: str) -> Iterator[Fault]:
+    if body.shape is None:
+        for key in ("axis", "radius", "inner_radius", "length", "size", "density"):
+            if getattr(body, key) is not None:
+                yield Fault(f"{path}.{key}", "goes with a shape", 'add shape = "cylinder" or "box"', shown(getattr(body, key)))
+        if body.mass is None:
+            yield Fault(f"{path}.mass", "missing", "give mass in kg")
+        if body.inertia is None:
+            yield Fault(f"{path}.inertia", "missing", "give inertia = [Ix, Iy, Iz] in kg m^2, or a shape")
+        else:
+            yield from _inertia(body.inertia, f"{path}.inertia")
+        return
+    if body.inertia is not None:
+        yield Fault(f"{path}.inertia", "a shape has its own inertia", "give either inertia or shape", shown(body.inertia))
+    yield from _exclusive(path, {"mass": body.mass, "density": body.density}, "mass in kg or density in kg/m^3")
+    needed = ("radius", "length") if body.shape == "cylinder" else ("size",)
+    for key in ("axis", "radius", "inner_radius", "length", "size"):
+        value = getattr(body, key)
+        if key in needed and value is None:
+            yield Fault(f"{path}.{key}", f"missing for a {body.shape}", "give it in m")
+        if value is not None and ((body.shape == "box") != (key == "size")):
+            yield Fault(f"{path}.{key}", f"does not describe a {body.shape}", "remove it", shown(value))
+    if body.inner_radius is not None and body.radius is not None and body.inner_radius >= body.radius:
+        yield Fault(f"{path}.inner_radius", f"not smaller than the radius {body.radius:g} m", "give a smaller hole", shown(body.inner_radius))
+
+
+def _inertia(inertia: list[Any], path: str) -> Iterator[Fault]:
+    rows = [isinstance(row, list) for row in inertia]
+    if any(rows) and not all(rows):
+        yield Fault(path, "mixes numbers and rows", "give three numbers or three rows of three", shown(inertia))
+        return
+    if not any(rows):
+        if min(inertia) <= 0:
+            yield Fault(path, "moments of inertia must be positive", "give them in kg m^2", shown(inertia))
+        return
+    import numpy as np
+
+    matrix = np.array(inertia)
+    if not np.allclose(matrix, matrix.T, rtol=1e-12, atol=0):
+        yield Fault(path, "is not symmetric", "make element (i, j) equal to (j, i)", shown(inertia))
+    elif np.linalg.eigvalsh(matrix)[0] <= 0:
+        yield Fault(path, "is not positive definite", "check the signs of the products of inertia", shown(inertia))
+
+
+def _suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault]:
+    if stage.wires is not None and stage.wire:
+        yield Fault(f"{path}.wire", "stands beside a symmetric set [stage.wires]", "keep one of the two")
+    if stage.wires is None and not stage.wire and not stage.spring:
+        yield Fault(path, "hangs on nothing", "add [stage.wires], [[stage.wire]] or [[stage.spring]]")
+    if stage.wires is None and stage.position is None:
+        yield Fault(f"{path}.position", "missing", "give the nominal COM from the COM above, [x, y, z] in m")
+    if stage.wires is not None:
+        yield from _wire_set(design, stage.wires, f"{path}.wires")
+        if stage.position is not None:
+            yield Fault(f"{path}.position", "a symmetric set implies the position", "remove it", shown(stage.position))
+    if stage.blades is not None:
+        yield from _blade_set(design, stage, stage.blades, f"{path}.blades")
+    for number, wire in enumerate(stage.wire, 1):
+        yield from _wire(design, stage, wire, f"{path}.wire.{number}")
+    names: list[str] = []
+    for blade in stage.blade:
+        where = f"{path}.blade.{blade.name}"
+        if blade.name in names:
+            yield Fault(f"{where}.name", "is the name of another blade of this stage", "give each blade a name of its own", shown(blade.name))
+        names.append(blade.name)
+        yield from _blade(design, blade, where)
+        if not any(wire.blade == blade.name for wire in stage.wire):
+            yield Fault(where, "carries no wire", f'name it in a wire: blade = "{blade.name}"')
+
+
+def _wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault]:
+    yield from _wire_stuff(design, wires, path)
+    halves = (wires.s_upper, wires.s_lower)
+    if wires.s is not None and halves != (None, None):
+        yield Fault(f"{path}.s", "stands beside s_upper or s_lower", "give s alone, or s_upper and s_lower", shown(wires.s))
+    elif wires.s is None and halves.count(None) == 1:
+        yield Fault(path, "s_upper and s_lower go together", "give both, or s alone")
+    elif wires.count == 4 and wires.s is None and None in halves:
+        yield Fault(f"{path}.s", "missing", "give the half separation in x, m")
+    for key in ("t1", "t2"):
+        if wires.count > 1 and getattr(wires, key) is None:
+            yield Fault(f"{path}.{key}", "missing", "give the half separation in y, m")
+    forbidden = {1: ("s", "s_upper", "s_lower", "t1", "t2"), 2: ("s", "s_upper", "s_lower"), 4: ()}[wires.count]
+    for key in forbidden:
+        if getattr(wires, key):
+            yield Fault(f"{path}.{key}", f"must be 0 for {wires.count} wire{'s' * (wires.count > 1)}", "remove it or change count", shown(getattr(wires, key)))
+    shape = set_geometry(wires)
+    if shape.height_squared <= 1e-12 * wires.l**2:
+        span = math.hypot(shape.t2 - shape.t1, shape.s_lower - shape.s_upper)
+        yield Fault(f"{path}.l", f"the wire is not longer than its horizontal span of {span:g} m", "give a longer wire or a smaller span", shown(wires.l))
+
+
+def _wire_stuff(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
+    """What a wire is made of: k, or material and cross-section."""
+    if wire.material is not None:
+        yield from _material(design, wire.material, f"{path}.material")
+    if wire.radius is not None and wire.section is not None:
+        yield Fault(f"{path}.radius", "stands beside a section", "give radius for a round wire or section for a ribbon", shown(wire.radius))
+    if wire.k is None:
+        if wire.material is None:
+            yield Fault(f"{path}.material", "missing", "name a material, or give k in N/m")
+        if wire.radius is None and wire.section is None:
+            yield Fault(f"{path}.radius", "missing", "give the wire's radius in m, or section, or k in N/m")
+
+
+def _wire(design: Design, stage: Stage, wire: Wire, path: str) -> Iterator[Fault]:
+    yield from _wire_stuff(design, wire, path)
+    if wire.natural_length is not None and wire.tension is not None:
+        yield Fault(f"{path}.tension", "stands beside natural_length", "give one of them", shown(wire.tension))
+    if wire.blade is not None and wire.blade not in [blade.name for blade in stage.blade]:
+        yield Fault(f"{path}.blade", "names no [[stage.blade]]", suggestion(wire.blade, [blade.name for blade in stage.blade]), shown(wire.blade))
+    if stage.position is not None:
+        span = math.dist(wire.upper, [p + q for p, q in zip(stage.position, wire.lower, strict=True)])
+        if span < 1e-9:
+            yield Fault(f"{path}.lower", "both ends of the wire are at one point", "check upper, lower and position", shown(wire.lower))
+
+
+def _blade_set(design: Design, stage: Stage, blades: BladeSet, path: str) -> Iterator[Fault]:
+    yield from _blade(design, blades, path)
+    if stage.wires is None:
+        yield Fault(path, "goes with a symmetric set [stage.wires]", "use [[stage.blade]] and name the blade in each wire")
+    elif blades.count not in BLADES_FOR_WIRES[stage.wires.count]:
+        fits = " or ".join(str(n) for n in BLADES_FOR_WIRES[stage.wires.count])
+        yield Fault(f"{path}.count", f"cannot carry {stage.wires.count} wires", f"give {fits}", shown(blades.count))
+
+
+def _blade(design: Design, blade: BladeSet | Blade, path: str) -> Iterator[Fault]:
+    ways = {"stiffness": blade.stiffness, "uncoupled_frequency": blade.uncoupled_frequency, "geometry": blade.geometry}
+    yield from _exclusive(path, ways, "stiffness in N/m, uncoupled_frequency in Hz or geometry")
+    if blade.geometry is not None:
+        yield from _material(design, blade.geometry.material, f"{path}.geometry.material")
+
+
+def _spring(spring: Spring, path: str) -> Iterator[Fault]:
+    for key in ("stiffness", "damping"):
+        matrix = getattr(spring, key)
+        if matrix is None:
+            continue
+        rows = [isinstance(row, list) for row in matrix]
+        if any(rows) and not all(rows):
+            yield Fault(f"{path}.{key}", "mixes numbers and rows", "give six numbers or six rows of six", shown(matrix))
+        elif all(rows) and any(matrix[i][j] != matrix[j][i] for i in range(6) for j in range(i)):
+            yield Fault(f"{path}.{key}", "is not symmetric", "make element (i, j) equal to (j, i)", shown(matrix))
+
+
+_OF_WIRE = ("k_factor", "upper_offset", "lower_offset", "length_change")
+_OF_BODY = ("com_offset", "rotation")
+
+
+def _perturbation(design: Design, item: Perturbation, path: str) -> Iterator[Fault]:
+    if (item.wire is None) == (item.body is None):
+        yield Fault(path, "must name one wire or one body", 'give wire = "test.1" or body = "test"')
+        return
+    wanted, other = (_OF_WIRE, _OF_BODY) if item.wire is not None else (_OF_BODY, _OF_WIRE)
+    for key in other:
+        if getattr(item, key) is not None:
+            yield Fault(f"{path}.{key}", f"is not for a {'wire' if item.wire else 'body'}", f"known here: {', '.join(wanted)}", shown(getattr(item, key)))
+    if all(getattr(item, key) is None for key in wanted):
+        yield Fault(path, "changes nothing", f"give {' or '.join(wanted)}")
+    names = [stage.name for stage in design.stage]
+    if item.body is not None and item.body not in names:
+        yield Fault(f"{path}.body", "names no stage", suggestion(item.body, names), shown(item.body))
+    if item.wire is not None:
+        wires = [f"{s.name}.{n}" for s in design.stage for n in range(1, (s.wires.count if s.wires else len(s.wire)) + 1)]
+        if item.wire not in wires:
+            yield Fault(f"{path}.wire", "names no wire", suggestion(item.wire, wires), shown(item.wire))

@@ -1,0 +1,302 @@
+"""Design -> Scene: every wire, blade and spring spelled out, tensions that carry the weight, imperfections put in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from suspension_cli.conventions import SUPPORT
+from suspension_cli.design import perturb, statics
+from suspension_cli.design.derive import SetGeometry, blade_stiffness, body_inertia, body_mass, set_geometry, wire_stiffness
+from suspension_cli.design.scene import Array, Blades, Bodies, Scene, Springs, Wires
+from suspension_cli.design.schema import Blade, BladeSet, Design, Spring, Stage
+from suspension_cli.errors import Fault, InputError
+
+
+@dataclass(frozen=True)
+class _Wire:
+    label: str
+    upper_point: Array
+    lower_point: Array
+    span: Array
+    stiffness: float
+    blade: str | None
+    given: float | None
+    """Tension in the nominal pose that the design fixes, N."""
+    natural: bool
+    """Whether it is fixed by a natural length, so that the pose has to be solved for."""
+
+    @property
+    def direction(self) -> Array:
+        return self.span / np.linalg.norm(self.span)
+
+
+@dataclass(frozen=True)
+class _Blade:
+    label: str
+    tip: Array
+    axes: NDArray[np.bool_]
+    stiffness: Array
+    tip_mass: float
+
+
+@dataclass
+class _Part:
+    """One stage on its way into a scene."""
+
+    stage: Stage
+    parent: int
+    offset: Array
+    """From the COM above to this COM, m."""
+    wires: list[_Wire] = field(default_factory=list)
+    blades: dict[str, _Blade] = field(default_factory=dict)
+    tension: Array = field(default_factory=lambda: np.zeros(0))
+    loads: dict[str, Array] = field(default_factory=dict)
+
+
+def expand(design: Design) -> Scene:
+    """The scene that a checked design stands for, imperfections included.
+
+    Raises
+    ------
+    InputError
+        If a stage cannot balance in its nominal pose, or a wire would be slack in it.
+    """
+    scene = nominal(design)
+    for item in design.perturbation:
+        scene = perturb.apply(scene, item)
+    return scene
+
+
+def nominal(design: Design) -> Scene:
+    """The scene of a design as drawn, without its imperfections."""
+    numbers = {SUPPORT: 0} | {stage.name: n for n, stage in enumerate(design.stage, 1)}
+    parts: list[_Part] = []
+    for n, stage in enumerate(design.stage, 1):
+        parent = n - 1 if stage.hangs_from is None else numbers[stage.hangs_from]
+        parts.append(_part(design, stage, parent))
+    faults = _balance(design, parts)
+    if faults:
+        raise InputError(faults)
+    return _scene(design, parts)
+
+
+def _part(design: Design, stage: Stage, parent: int) -> _Part:
+    mass = body_mass(stage.body)
+    if stage.wires is None:
+        part = _Part(stage, parent, np.array(stage.position))
+        for number, wire in enumerate(stage.wire, 1):
+            upper, lower = np.array(wire.upper), np.array(wire.lower)
+            span = part.offset + lower - upper
+            length = float(np.linalg.norm(span))
+            k = wire_stiffness(design, wire, length)
+            given = wire.tension if wire.natural_length is None else k * (length - wire.natural_length)
+            part.wires.append(_Wire(f"{stage.name}.{number}", upper, lower, span, k, wire.blade, given, wire.natural_length is not None))
+        for blade in stage.blade:
+            ends = np.mean([wire.upper_point for wire in part.wires if wire.blade == blade.name], axis=0)
+            tip = np.array(blade.at) if blade.at is not None else ends
+            part.blades[blade.name] = _blade(design, blade, f"{stage.name}.{blade.name}", tip, mass, len(stage.blade))
+        return part
+    shape = set_geometry(stage.wires)
+    part = _Part(stage, parent, np.array([0.0, 0.0, -(shape.d_upper + shape.height + shape.d)]))
+    k = wire_stiffness(design, stage.wires, shape.length)
+    signs = _signs(shape.count)
+    for number, (along, across) in enumerate(signs, 1):
+        upper = np.array([along * shape.s_upper, across * shape.t1, -shape.d_upper])
+        lower = np.array([along * shape.s_lower, across * shape.t2, shape.d])
+        span = np.array([along * (shape.s_lower - shape.s_upper), across * (shape.t2 - shape.t1), -shape.height])
+        name = _blade_of(stage.blades, number, across)
+        part.wires.append(_Wire(f"{stage.name}.{number}", upper, lower, span, k, name, None, natural=False))
+    if stage.blades is not None:
+        for name, tip in _set_tips(stage.blades, shape):
+            part.blades[name] = _blade(design, stage.blades, f"{stage.name}.blade{name}", tip, mass, stage.blades.count)
+    return part
+
+
+def _signs(count: int) -> list[tuple[int, int]]:
+    """Signs of x and y of the wires of a symmetric set, in their numbered order."""
+    return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
+
+
+def _blade_of(blades: BladeSet | None, number: int, across: int) -> str | None:
+    if blades is None:
+        return None
+    if blades.count == 4:
+        return str(number)
+    if blades.count == 2:
+        return "1" if across > 0 else "2"
+    return "1"
+
+
+def _set_tips(blades: BladeSet, shape: SetGeometry) -> list[tuple[str, Array]]:
+    """Name and tip of each blade of a set; a blade with two wires has its tip between them."""
+    z = -shape.d_upper
+    if blades.count == 4:
+        return [(str(n), np.array([a * shape.s_upper, b * shape.t1, z])) for n, (a, b) in enumerate(_signs(4), 1)]
+    if blades.count == 2:
+        return [("1", np.array([0.0, shape.t1, z])), ("2", np.array([0.0, -shape.t1, z]))]
+    return [("1", np.array([0.0, 0.0, z]))]
+
+
+def _blade(design: Design, blade: BladeSet | Blade, label: str, tip: Array, mass: float, count: int) -> _Blade:
+    vertical = blade_stiffness(design, blade, mass, count)
+    lateral = blade.lateral_stiffness
+    stiffness = np.array([0.0, 0.0, vertical] if lateral is None else [*lateral, vertical])
+    return _Blade(label, tip, stiffness > 0, stiffness, blade.tip_mass)
+
+
+def _balance(design: Design, parts: list[_Part]) -> list[Fault]:
+    """Tensions and blade loads of every stage, from the bottom up; the faults of what cannot balance."""
+    g = design.constants.gravity
+    loads = [np.array([0.0, 0.0, -g * body_mass(part.stage.body), 0.0, 0.0, 0.0]) for part in parts]
+    faults: list[Fault] = []
+    for n in range(len(parts), 0, -1):
+        part, load = parts[n - 1], loads[n - 1]
+        faults += _carry(part, load.copy(), g)
+        if part.parent > 0:
+            above = loads[part.parent - 1]
+            above += statics.moved(load, part.offset)
+            for blade in part.blades.values():
+                above += statics.moved(np.array([0.0, 0.0, -g * blade.tip_mass, 0.0, 0.0, 0.0]), blade.tip)
+    return faults
+
+
+def _carry(part: _Part, load: Array, gravity: float) -> list[Fault]:
+    """Find the tensions of one stage under its load (about its COM)."""
+    stage, wires = part.stage, part.wires
+    key, weight = f"stage.{stage.name}", max(float(np.abs(load).max()), 1e-12)
+    for spring in stage.spring:
+        load = load + statics.moved(np.array(spring.preload, dtype=float), np.array(spring.at))
+    if not wires:
+        return statics.imbalance(load, weight, f"{key}.spring", "give the springs a preload that carries the body")
+    direction = np.array([wire.direction for wire in wires])
+    stiffness = np.array([wire.stiffness for wire in wires])
+    lower, upper = np.array([wire.lower_point for wire in wires]), np.array([wire.upper_point for wire in wires])
+    wrenches = statics.wire_wrenches(direction, lower)
+    solves_pose = any(wire.natural for wire in wires)
+    fixed = np.array([wire.given is not None and not wire.natural for wire in wires])
+    tension = np.array([wire.given if wire.given is not None else 0.0 for wire in wires])
+    carrying = np.where(fixed, tension, 0.0)
+    left_over = load + wrenches.T @ carrying
+    if not fixed.all():
+        if stage.wires is not None and np.abs(np.delete(load, 2)).max() <= 1e-12 * weight:
+            carrying[:] = -load[2] / (len(wires) * -direction[:, 2])
+            left_over = load + wrenches.T @ carrying
+        else:
+            names = list(part.blades)
+            blade = np.array([names.index(wire.blade) if wire.blade else -1 for wire in wires])
+            axes = np.array([part.blades[name].axes for name in names]).reshape(-1, 3)
+            springs = np.array([part.blades[name].stiffness for name in names]).reshape(-1, 3)
+            c = statics.compliance(stiffness, direction, blade, axes, springs)
+            free = ~fixed
+            carrying[free], left_over = statics.least_energy(wrenches[free], left_over, c[np.ix_(free, free)])
+            carrying = statics.evened(carrying, upper, lower, stiffness)
+    part.tension = np.where([wire.natural for wire in wires], tension, carrying)
+    part.loads = {name: _blade_load(part, name, carrying, gravity) for name in part.blades}
+    if solves_pose:
+        return []
+    remedy = "move the attachments or the COM, or give wires a natural_length to have the pose solved for"
+    return statics.imbalance(left_over, weight, key, remedy) or _slack(part)
+
+
+def _slack(part: _Part) -> list[Fault]:
+    where = "wires" if part.stage.wires is not None else "wire"
+    return [
+        Fault(
+            f"stage.{part.stage.name}.{where}",
+            f"wire {wire.label} would be slack in the nominal pose (tension {tension:.3g} N)",
+            "move its ends, or leave the wire out",
+        )
+        for wire, tension in zip(part.wires, part.tension, strict=True)
+        if not tension > 0
+    ]
+
+
+def _blade_load(part: _Part, name: str, tension: Array, gravity: float) -> Array:
+    """Force of a blade on its tip: it holds up its wires and its own tip mass."""
+    blade = part.blades[name]
+    pull = [t * wire.direction for t, wire in zip(tension, part.wires, strict=True) if wire.blade == name]
+    total = np.sum(pull, axis=0) + np.array([0.0, 0.0, -gravity * blade.tip_mass])
+    return np.where(blade.axes, -total, 0.0)
+
+
+def _scene(design: Design, parts: list[_Part]) -> Scene:
+    """Pack the parts into arrays."""
+    position = [np.zeros(3)]
+    for part in parts:
+        position.append(position[part.parent] + part.offset)
+    bodies = Bodies(
+        name=tuple(part.stage.name for part in parts),
+        mass=np.array([body_mass(part.stage.body) for part in parts]),
+        inertia=np.array([body_inertia(part.stage.body) for part in parts]),
+        position=np.array(position),
+    )
+    return Scene(
+        name=design.design.name,
+        gravity=design.constants.gravity,
+        bodies=bodies,
+        wires=_wires(parts),
+        blades=_blades(parts),
+        springs=_springs(parts),
+    )
+
+
+def _wires(parts: list[_Part]) -> Wires:
+    first: dict[int, int] = {}
+    count = 0
+    for n, part in enumerate(parts):
+        first[n] = count
+        count += len(part.blades)
+    rows = [(n, part, wire) for n, part in enumerate(parts) for wire in part.wires]
+    blade = [first[n] + list(part.blades).index(wire.blade) if wire.blade else -1 for n, part, wire in rows]
+    span = np.array([wire.span for _, _, wire in rows]).reshape(-1, 3)
+    return Wires(
+        label=tuple(wire.label for _, _, wire in rows),
+        upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
+        lower=np.array([n + 1 for n, _, _ in rows], dtype=np.intp),
+        blade=np.array(blade, dtype=np.intp),
+        upper_point=np.array([wire.upper_point for _, _, wire in rows]).reshape(-1, 3),
+        lower_point=np.array([wire.lower_point for _, _, wire in rows]).reshape(-1, 3),
+        span=span,
+        length=np.sqrt((span**2).sum(-1)),
+        tension=np.concatenate([part.tension for part in parts]),
+        stiffness=np.array([wire.stiffness for _, _, wire in rows]),
+    )
+
+
+def _blades(parts: list[_Part]) -> Blades:
+    rows = [(part, name, blade) for part in parts for name, blade in part.blades.items()]
+    return Blades(
+        label=tuple(blade.label for _, _, blade in rows),
+        body=np.array([part.parent for part, _, _ in rows], dtype=np.intp),
+        axes=np.array([blade.axes for _, _, blade in rows], dtype=bool).reshape(-1, 3),
+        tip=np.array([blade.tip for _, _, blade in rows]).reshape(-1, 3),
+        stiffness=np.array([blade.stiffness for _, _, blade in rows]).reshape(-1, 3),
+        load=np.array([part.loads[name] for part, name, _ in rows]).reshape(-1, 3),
+        tip_mass=np.array([blade.tip_mass for _, _, blade in rows]),
+    )
+
+
+def _springs(parts: list[_Part]) -> Springs:
+    rows = [(n, part, spring) for n, part in enumerate(parts, 1) for spring in part.stage.spring]
+    lower = np.array([spring.at for _, _, spring in rows], dtype=float).reshape(-1, 3)
+    return Springs(
+        label=tuple(f"{part.stage.name}.spring{number}" for number, (_, part, _) in enumerate(rows, 1)),
+        upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
+        lower=np.array([n for n, _, _ in rows], dtype=np.intp),
+        upper_point=lower + np.array([part.offset for _, part, _ in rows]).reshape(-1, 3),
+        lower_point=lower,
+        stiffness=np.array([_matrix(spring, "stiffness") for _, _, spring in rows]).reshape(-1, 6, 6),
+        damping=np.array([_matrix(spring, "damping") for _, _, spring in rows]).reshape(-1, 6, 6),
+        preload=np.array([spring.preload for _, _, spring in rows], dtype=float).reshape(-1, 6),
+    )
+
+
+def _matrix(spring: Spring, key: str) -> Array:
+    given = getattr(spring, key)
+    if given is None:
+        return np.zeros((6, 6))
+    matrix = np.array(given, dtype=float)
+    return matrix if matrix.ndim == 2 else np.diag(matrix)

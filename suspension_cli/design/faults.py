@@ -1,0 +1,200 @@
+"""All faults of a file at once, in the user's words.
+
+msgspec stops at its first error; a user with three typos wants to hear of three.  So when a conversion
+fails, the same types are walked once more, value by value, and every fault is kept.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+from collections.abc import Iterator
+from functools import cache
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, shown
+
+_KINDS = {bool: "true or false", str: "a string", int: "an integer", float: "a number"}
+
+
+def of_table(raw: dict[str, Any]) -> list[Fault]:
+    """Every way in which a parsed TOML document departs from the file format.
+
+    Parameters
+    ----------
+    raw : dict
+        The document as `tomllib` gives it.
+
+    Returns
+    -------
+    list of Fault
+        Empty if the document can be converted to a `Design`.
+    """
+    return list(_walk(Design, raw, ""))
+
+
+def step(path: str, key: object, item: Any = None) -> str:
+    """The key path one level down; members of a list go by their name, else by their number from 1."""
+    if isinstance(key, int):
+        name = item.get("name") if isinstance(item, dict) else None
+        key = name if isinstance(name, str) and name else key + 1
+    return f"{path}.{key}" if path else str(key)
+
+
+def _walk(kind: Any, value: Any, path: str) -> Iterator[Fault]:
+    kind, meta = _bare(kind)
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        yield from _walk_struct(kind, value, path)
+    elif get_origin(kind) is dict:
+        yield from _walk_dict(kind, value, path)
+    elif get_origin(kind) is list:
+        yield from _walk_list(kind, meta, value, path)
+    elif get_origin(kind) is tuple:
+        yield from _walk_tuple(kind, value, path)
+    elif get_origin(kind) in (Union, types.UnionType):
+        yield from _walk_union(kind, meta, value, path)
+    else:
+        yield from _leaf(kind, meta, value, path)
+
+
+def _bare(kind: Any) -> tuple[Any, msgspec.Meta | None]:
+    """The type without `Annotated`, and its outermost `Meta`."""
+    if get_origin(kind) is Annotated:
+        inner, *extras = get_args(kind)
+        metas = [extra for extra in extras if isinstance(extra, msgspec.Meta)]
+        return inner, msgspec.Meta(**{k: v for m in metas for k, v in _meta_items(m)}) if metas else None
+    return kind, None
+
+
+def _meta_items(meta: msgspec.Meta) -> list[tuple[str, Any]]:
+    names = ("gt", "ge", "lt", "le", "pattern", "min_length", "max_length", "description")
+    return [(name, getattr(meta, name)) for name in names if getattr(meta, name) is not None]
+
+
+@cache
+def _fields(kind: type[msgspec.Struct]) -> dict[str, tuple[Any, bool]]:
+    """Field name to (type, required)."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {f.name: (hints[f.name], f.required) for f in msgspec.structs.fields(kind)}
+
+
+def _walk_struct(kind: type[msgspec.Struct], value: Any, path: str) -> Iterator[Fault]:
+    if not isinstance(value, dict):
+        yield Fault(path, "must be a table", f"give {{ {', '.join(_fields(kind))} }}", shown(value))
+        return
+    known = _fields(kind)
+    for key, item in value.items():
+        if key in known:
+            yield from _walk(known[key][0], item, step(path, key))
+        else:
+            yield Fault(step(path, key), "unknown key", suggestion(key, list(known)), shown(item))
+    for key, (hint, required) in known.items():
+        if required and key not in value:
+            yield Fault(step(path, key), "missing", f"give {_described(hint)}")
+
+
+def suggestion(word: str, known: list[str]) -> str:
+    """What the user may have meant."""
+    import difflib  # only when something is wrong already
+
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return "known here: " + ", ".join(known) if known else "remove it"
+
+
+def _walk_dict(kind: Any, value: Any, path: str) -> Iterator[Fault]:
+    if not isinstance(value, dict):
+        yield Fault(path, "must be a table", "give key = value pairs under it", shown(value))
+        return
+    for key, item in value.items():
+        yield from _walk(get_args(kind)[1], item, step(path, key))
+
+
+def _walk_list(kind: Any, meta: msgspec.Meta | None, value: Any, path: str) -> Iterator[Fault]:
+    (item_kind,) = get_args(kind)
+    bare_item = _bare(item_kind)[0]
+    tables = isinstance(bare_item, type) and issubclass(bare_item, msgspec.Struct)
+    if not isinstance(value, list):
+        remedy = f"write it as [[{path}]]" if tables else f"give {_described(kind, meta)}"
+        yield Fault(path, "must be an array", remedy, shown(value))
+        return
+    short = meta is not None and meta.min_length is not None and len(value) < meta.min_length
+    long = meta is not None and meta.max_length is not None and len(value) > meta.max_length
+    if short or long:
+        yield Fault(path, f"has {len(value)} elements", f"give {_described(kind, meta)}", shown(value))
+    for number, item in enumerate(value):
+        yield from _walk(item_kind, item, step(path, number, item if tables else None))
+
+
+def _walk_tuple(kind: Any, value: Any, path: str) -> Iterator[Fault]:
+    kinds = get_args(kind)
+    if not isinstance(value, list) or len(value) != len(kinds):
+        yield Fault(path, f"must be an array of {len(kinds)} numbers", "give x, y, z" if len(kinds) == 3 else f"give {len(kinds)} numbers", shown(value))
+        return
+    for number, (item_kind, item) in enumerate(zip(kinds, value, strict=True)):
+        yield from _walk(item_kind, item, step(path, number))
+
+
+def _walk_union(kind: Any, meta: msgspec.Meta | None, value: Any, path: str) -> Iterator[Fault]:
+    """An optional value, or a number that may also be a row: take the member that the value's form asks for."""
+    members = [member for member in get_args(kind) if member is not type(None)]
+    rows = [member for member in members if get_origin(_bare(member)[0]) in (list, tuple)]
+    member = rows[0] if isinstance(value, list) and rows else members[0]
+    if meta is not None:
+        member = Annotated[member, meta]
+    yield from _walk(member, value, path)
+
+
+def _leaf(kind: Any, meta: msgspec.Meta | None, value: Any, path: str) -> Iterator[Fault]:
+    if kind is Any:
+        return
+    described = f"give {_described(kind, meta)}"
+    if isinstance(value, float) and not math.isfinite(value):
+        yield Fault(path, "must be finite", described, shown(value))
+        return
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value) if abs(value) < 10**300 else math.copysign(1e301, value)
+    try:
+        msgspec.convert(value, Annotated[kind, meta] if meta is not None else kind)
+    except msgspec.ValidationError:
+        yield Fault(path, _problem(kind, meta, value), described, shown(value))
+
+
+def _problem(kind: Any, meta: msgspec.Meta | None, value: Any) -> str:
+    if get_origin(kind) is Literal:
+        options = [str(option) for option in get_args(kind)]
+        return "must be one of " + ", ".join(options)
+    if kind is not type(value):
+        return f"must be {_KINDS.get(kind, kind)}"
+    if meta is None:
+        return "is not acceptable"
+    bounds = [
+        f"{word} {getattr(meta, name):g}"
+        for name, word in (("gt", "greater than"), ("ge", "at least"), ("lt", "less than"), ("le", "at most"))
+        if getattr(meta, name) is not None
+    ]
+    if bounds:
+        return "must be " + " and ".join(bounds)
+    return "is not acceptable"
+
+
+def _described(kind: Any, meta: msgspec.Meta | None = None) -> str:
+    """What belongs here, for a remedy."""
+    bare, inner = _bare(kind)
+    meta = meta or inner
+    if meta is not None and meta.description:
+        return meta.description
+    if get_origin(bare) in (Union, types.UnionType):
+        return _described(get_args(bare)[0])
+    if get_origin(bare) is Literal:
+        return " or ".join(shown(option) for option in get_args(bare))
+    if isinstance(bare, type) and issubclass(bare, msgspec.Struct):
+        required = [name for name, (_, needed) in _fields(bare).items() if needed]
+        return f"a table with {', '.join(required or _fields(bare))}"
+    if get_origin(bare) is list:
+        return "an array"
+    return _KINDS.get(bare, "a value")

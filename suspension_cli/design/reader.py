@@ -1,0 +1,165 @@
+"""TOML in and out: read a file, apply overrides, check it, give a frozen `Design`."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from suspension_cli.design import checks, faults
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, shown
+
+MAX_BYTES = 4_000_000
+"""A design file larger than this is a mistake (a results file, a picture)."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A design and where it came from.
+
+    Attributes
+    ----------
+    design : Design
+    text : str
+        The whole design as TOML, overrides applied; what results embed.
+    file : str
+        The path as the user gave it.
+    """
+
+    design: Design
+    text: str
+    file: str
+
+
+def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
+    """Read and check one design file.
+
+    Parameters
+    ----------
+    file : path
+    overrides : tuple of str
+        ``path=value`` settings, as `apply_overrides` takes them.
+
+    Raises
+    ------
+    InputError
+        With every fault of the file.
+    """
+    name = str(file)
+    try:
+        raw = _parse(_text(Path(file)))
+        apply_overrides(raw, overrides)
+        design = convert(raw)
+    except InputError as error:
+        raise error.in_file(name) from None
+    return Source(design, dump(raw), name)
+
+
+def parse(text: str) -> Design:
+    """A checked design from TOML text."""
+    return convert(_parse(text))
+
+
+def convert(raw: dict[str, Any]) -> Design:
+    """A checked design from a parsed document; raises `InputError` with all its faults."""
+    try:
+        found = faults.of_table(raw)
+    except RecursionError:
+        found = [Fault("", "tables are nested too deeply", "write it flatter")]
+    if found:
+        raise InputError(found)
+    design = msgspec.convert(raw, Design)
+    found = checks.of_design(design)
+    if found:
+        raise InputError(found)
+    return design
+
+
+def dump(raw: dict[str, Any]) -> str:
+    """A parsed document as TOML text."""
+    import tomli_w
+
+    return tomli_w.dumps(raw)
+
+
+def _text(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+        if path.is_dir():
+            raise InputError([Fault("", "is a directory", "name a TOML file in it")])
+        if size > MAX_BYTES:
+            raise InputError([Fault("", f"has {size} bytes, too many for a design", "name a TOML design file")])
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError([Fault("", f"cannot be read ({reason})", "check the path and its permissions")]) from None
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError:
+        raise InputError([Fault("", "is not text (UTF-8)", "name a TOML design file")]) from None
+    if not text.strip():
+        raise InputError([Fault("", "is empty", "start a design with `pendsus new`")])
+    return text
+
+
+def _parse(text: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError([Fault("", f"is not TOML: {error}", "mend the line named")]) from None
+    except (RecursionError, ValueError) as error:
+        raise InputError([Fault("", f"is not TOML: {error}", "mend the value named")]) from None
+
+
+def apply_overrides(raw: dict[str, Any], overrides: tuple[str, ...]) -> None:
+    """Set values in a parsed document, in place.
+
+    Parameters
+    ----------
+    raw : dict
+    overrides : tuple of str
+        ``stage.test.wires.d=0.002``: a dotted path, members of lists by their name or their number
+        from 1, then a TOML value (a bare word is taken as a string).  Tables on the way are made
+        where they are missing; a missing member of a list is a fault.
+    """
+    for override in overrides:
+        path, equals, value = override.partition("=")
+        keys = [key.strip() for key in path.split(".")]
+        if not equals or not all(keys):
+            raise InputError([Fault("--set", "is not of the form path=value", "write for example --set stage.test.wires.d=0.002", shown(override))])
+        try:
+            parsed = tomllib.loads(f"value = {value}")["value"]
+        except (tomllib.TOMLDecodeError, RecursionError, ValueError):
+            parsed = value.strip()
+        _assign(raw, keys, parsed, override)
+
+
+def _assign(node: Any, keys: list[str], value: Any, override: str) -> None:
+    place: Any = ""
+    for depth, key in enumerate(keys):
+        last = depth == len(keys) - 1
+        place = key
+        if isinstance(node, list):
+            place = _member(node, key, override)
+        elif not isinstance(node, dict):
+            raise InputError([Fault("--set", f"{'.'.join(keys[:depth])} is a value, not a table", "shorten the path", shown(override))])
+        elif not last and key not in node:
+            node[key] = {}
+        if not last:
+            node = node[place]
+    node[place] = value
+
+
+def _member(items: list[Any], key: str, override: str) -> int:
+    """Position of the member of a list that goes by this name or number."""
+    for position, item in enumerate(items):
+        if isinstance(item, dict) and item.get("name") == key:
+            return position
+    if key.isascii() and key.isdigit() and 1 <= int(key) <= len(items):
+        return int(key) - 1
+    names = [str(item.get("name", n)) if isinstance(item, dict) else str(n) for n, item in enumerate(items, 1)]
+    raise InputError([Fault("--set", f"there is no {key!r} here", faults.suggestion(key, names), shown(override))])

@@ -1,0 +1,216 @@
+"""The design file, as frozen types: what may be written, in which unit, within which bounds.
+
+These types are the file format.  `pendsus schema` prints them as JSON Schema, the reader checks files
+against them (`faults.py`), and what one type cannot say about another stands in `checks.py`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct, field
+
+Name = Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=60, description="letters, digits, _ and -, starting with a letter")]
+Stem = Annotated[
+    str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100, description="letters, digits, . _ and -; also the stem of the files written")
+]
+Length = Annotated[float, Meta(ge=1e-9, le=1e5, description="length in m")]
+Separation = Annotated[float, Meta(ge=0, le=1e5, description="length in m, zero allowed")]
+Position = Annotated[float, Meta(ge=-1e5, le=1e5, description="signed length in m")]
+Angle = Annotated[float, Meta(ge=-3.2, le=3.2, description="angle in rad")]
+Mass = Annotated[float, Meta(ge=1e-9, le=1e9, description="mass in kg")]
+Inertia = Annotated[float, Meta(ge=-1e15, le=1e15, description="moment or product of inertia in kg m^2")]
+Density = Annotated[float, Meta(ge=1e-3, le=1e6, description="density in kg/m^3")]
+Modulus = Annotated[float, Meta(ge=1.0, le=1e15, description="modulus in Pa")]
+Poisson = Annotated[float, Meta(gt=-1, lt=0.5, description="Poisson's ratio")]
+Stiffness = Annotated[float, Meta(ge=1e-12, le=1e20, description="stiffness in N/m")]
+Coefficient = Annotated[float, Meta(ge=-1e20, le=1e20, description="element of a stiffness or damping matrix, SI")]
+Load = Annotated[float, Meta(ge=-1e12, le=1e12, description="force in N or torque in N m")]
+Tension = Annotated[float, Meta(ge=1e-12, le=1e12, description="tension in N")]
+Frequency = Annotated[float, Meta(ge=1e-6, le=1e6, description="frequency in Hz")]
+LossAngle = Annotated[float, Meta(ge=0, lt=1, description="loss angle in rad")]
+Factor = Annotated[float, Meta(ge=1e-6, le=1e6, description="factor on the nominal value")]
+ShapeFactor = Annotated[float, Meta(ge=0.5, le=10, description="shape factor of a cantilever blade: 1 rectangular, 1.5 triangular")]
+
+Vector = Annotated[tuple[Position, Position, Position], Meta(description="x, y, z in m")]
+Rotation = Annotated[tuple[Angle, Angle, Angle], Meta(description="rotation vector about x, y, z in rad")]
+Row3 = Annotated[list[Inertia], Meta(min_length=3, max_length=3)]
+Row6 = Annotated[list[Coefficient], Meta(min_length=6, max_length=6)]
+Matrix6 = Annotated[
+    list[Coefficient | Row6],
+    Meta(min_length=6, max_length=6, description="six diagonal elements (x, y, z, roll, pitch, yaw) or a full 6x6"),
+]
+Wrench = Annotated[list[Load], Meta(min_length=6, max_length=6, description="force x, y, z in N and torque roll, pitch, yaw in N m")]
+
+Hold = Literal["loaded-length", "natural-length"]
+
+
+class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A table of the file: unknown keys are faults, values never change."""
+
+
+class Header(Table, frozen=True):
+    """What the design is called and where it comes from."""
+
+    name: Stem
+    title: str = ""
+    reference: str = ""
+
+
+class Constants(Table, frozen=True):
+    """Surroundings."""
+
+    gravity: Annotated[float, Meta(gt=0, le=1e3, description="acceleration due to gravity in m/s^2")] = 9.81
+    temperature: Annotated[float, Meta(gt=0, le=1e4, description="temperature in K")] = 290.0
+
+
+class Material(Table, frozen=True):
+    """A material of wires, blades or bodies; a built-in one of the same name lends what is left out."""
+
+    youngs_modulus: Modulus | None = None
+    poisson_ratio: Poisson | None = None
+    density: Density | None = None
+    loss_angle: LossAngle | None = None
+    source: str = ""
+
+
+class Body(Table, frozen=True):
+    """A rigid body: mass and inertia, or a homogeneous shape with a mass or a density."""
+
+    mass: Mass | None = None
+    inertia: (
+        Annotated[list[Inertia | Row3], Meta(min_length=3, max_length=3, description="moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2")]
+        | None
+    ) = None
+    shape: Literal["cylinder", "box"] | None = None
+    axis: Literal["x", "y", "z"] | None = None
+    radius: Length | None = None
+    inner_radius: Length | None = None
+    length: Length | None = None
+    size: tuple[Length, Length, Length] | None = None
+    density: Density | None = None
+
+
+class Section(Table, frozen=True):
+    """A ribbon's rectangular cross-section: width along y, thickness along x."""
+
+    width: Length
+    thickness: Length
+
+
+class WireSet(Table, frozen=True):
+    """Wires symmetric in x and y, in the paper's symbols."""
+
+    count: Literal[1, 2, 4]
+    l: Annotated[Length, Meta(description="loaded length of each wire, m")]
+    s: Annotated[Separation, Meta(description="half separation in x, upper and lower, m")] | None = None
+    s_upper: Annotated[Separation, Meta(description="half separation in x at the upper end, m")] | None = None
+    s_lower: Annotated[Separation, Meta(description="half separation in x at the lower end, m")] | None = None
+    t1: Annotated[Separation, Meta(description="half separation in y at the upper end, m")] | None = None
+    t2: Annotated[Separation, Meta(description="half separation in y at the lower end, m")] | None = None
+    d: Annotated[Position, Meta(description="height of the lower end above the COM of this body, m")] = 0.0
+    d_upper: Annotated[Position, Meta(description="depth of the upper end below the COM of the body above, m")] = 0.0
+    material: Name | None = None
+    radius: Annotated[Length, Meta(description="radius of a round wire, m")] | None = None
+    section: Section | None = None
+    k: Annotated[Stiffness, Meta(description="spring constant of one wire, N/m; default E A / l")] | None = None
+
+
+class Wire(Table, frozen=True):
+    """One wire anywhere: its ends in the frames of the two bodies, from their COMs (or the support point)."""
+
+    upper: Vector
+    lower: Vector
+    material: Name | None = None
+    radius: Length | None = None
+    section: Section | None = None
+    k: Stiffness | None = None
+    natural_length: Annotated[Length, Meta(description="unstretched length, m")] | None = None
+    tension: Annotated[Tension, Meta(description="tension in the nominal pose, N")] | None = None
+    blade: Name | None = None
+
+
+class BladeGeometry(Table, frozen=True):
+    """A tapered cantilever blade clamped at its base, loaded at its tip."""
+
+    length: Length
+    base_width: Length
+    thickness: Length
+    shape_factor: ShapeFactor
+    material: Name
+
+
+class BladeSet(Table, frozen=True):
+    """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
+
+    count: Literal[1, 2, 4]
+    stiffness: Annotated[Stiffness, Meta(description="vertical stiffness of one blade at its tip, N/m")] | None = None
+    uncoupled_frequency: Annotated[Frequency, Meta(description="frequency of this stage's mass alone on the blades, Hz")] | None = None
+    geometry: BladeGeometry | None = None
+    tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with one tip, kg")] = 0.0
+    lateral_stiffness: Annotated[tuple[Stiffness, Stiffness], Meta(description="stiffness of one tip along x and y, N/m; rigid if not given")] | None = None
+    loss_angle: LossAngle | None = None
+
+
+class Blade(Table, frozen=True):
+    """One cantilever blade, for wires that name it."""
+
+    name: Name
+    at: Annotated[Vector, Meta(description="tip in the frame of the body above, m; default: the mean of its wires' upper ends")] | None = None
+    stiffness: Stiffness | None = None
+    uncoupled_frequency: Frequency | None = None
+    geometry: BladeGeometry | None = None
+    tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with the tip, kg")] = 0.0
+    lateral_stiffness: tuple[Stiffness, Stiffness] | None = None
+    loss_angle: LossAngle | None = None
+
+
+class Spring(Table, frozen=True):
+    """A linear spring between this body and the one it hangs from: a flexure, a cable, torsion of a wire."""
+
+    stiffness: Matrix6
+    at: Annotated[Vector, Meta(description="the point, from this body's COM, m")] = (0.0, 0.0, 0.0)
+    damping: Matrix6 | None = None
+    preload: Annotated[Wrench, Meta(description="force (N) and torque (N m) on this body in the nominal pose")] = field(default_factory=lambda: [0.0] * 6)
+    loss_angle: LossAngle | None = None
+
+
+class Stage(Table, frozen=True):
+    """A body and what it hangs on."""
+
+    name: Name
+    body: Body
+    hangs_from: Name | None = None
+    position: Annotated[Vector, Meta(description="nominal COM from the COM above (or support point), m; implied by a symmetric set")] | None = None
+    wires: WireSet | None = None
+    wire: list[Wire] = field(default_factory=list)
+    blades: BladeSet | None = None
+    blade: list[Blade] = field(default_factory=list)
+    spring: list[Spring] = field(default_factory=list)
+
+
+class Perturbation(Table, frozen=True):
+    """What an imperfect build did to one wire or one body."""
+
+    wire: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$", description="a stage's name and a wire's number: test.1")] | None = None
+    body: Name | None = None
+    k_factor: Factor | None = None
+    upper_offset: Vector | None = None
+    lower_offset: Vector | None = None
+    length_change: Annotated[Position, Meta(description="change of the unstretched length, m")] | None = None
+    hold: Hold = "loaded-length"
+    com_offset: Annotated[Vector, Meta(description="where the COM went, relative to the attachments, m")] | None = None
+    rotation: Annotated[Rotation, Meta(description="how the mass is turned relative to the attachments, rad")] | None = None
+
+
+class Design(Table, frozen=True):
+    """A whole design file."""
+
+    design: Header
+    stage: Annotated[list[Stage], Meta(min_length=1, description="bodies, top to bottom")]
+    constants: Constants = Constants()
+    materials: dict[str, Material] = field(default_factory=dict)
+    perturbation: list[Perturbation] = field(default_factory=list)
+    analysis: Annotated[dict[str, dict[str, Any]], Meta(description="defaults for a command's options, under the options' own names")] = field(
+        default_factory=dict
+    )

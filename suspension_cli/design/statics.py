@@ -1,0 +1,102 @@
+"""Tensions that carry the weight in the nominal pose.
+
+The wires of a stage together carry everything below; what each of several carries follows from balance,
+and where balance leaves a choice, from the least elastic energy (Castigliano's theorem).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from suspension_cli.design.scene import Array
+from suspension_cli.errors import Fault
+
+BALANCE = 1e-9
+"""Force (over weight) and torque (over weight and metre) that count as balanced."""
+
+_NAMES = ("force along x", "force along y", "force along z", "roll torque", "pitch torque", "yaw torque")
+
+
+def moved(wrench: Array, offset: Array) -> Array:
+    """A wrench (..., 6) about a point, told about another point that lies at -offset (m) from it."""
+    force = wrench[..., :3]
+    return np.concatenate([force, wrench[..., 3:] + np.cross(offset, force)], axis=-1)
+
+
+def wire_wrenches(direction: Array, point: Array) -> Array:
+    """Force and torque on the lower body of a unit tension in each wire, shape (w, 6).
+
+    Parameters
+    ----------
+    direction : (w, 3) array
+        Unit vectors from upper to lower end.
+    point : (w, 3) array
+        Lower ends from the COM, m.
+    """
+    return np.concatenate([-direction, np.cross(point, -direction)], axis=-1)
+
+
+def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array, Array]:
+    """Tensions of least elastic energy that balance a load.
+
+    Minimise T C T / 2 subject to sum_i T_i w_i + load = 0 (least squares where that has no solution).
+
+    Parameters
+    ----------
+    wrenches : (w, 6) array
+        Of unit tensions.
+    load : (6,) array
+        What else acts on the body, N and N m.
+    compliance : (w, w) array
+        C: elongation of the wires (with the blades that carry them) per tension, m/N.
+
+    Returns
+    -------
+    tension : (w,) array
+        N.
+    left_over : (6,) array
+        The wrench that they cannot balance.
+    """
+    scaled = compliance / np.trace(compliance)
+    root = np.linalg.inv(np.linalg.cholesky(scaled)).T  # C^-1 = root root^T
+    tension = root @ (np.linalg.pinv(wrenches.T @ root, rcond=1e-10) @ -load)
+    return tension, wrenches.T @ tension + load
+
+
+def compliance(stiffness: Array, direction: Array, blade: Array, axes: Array, blade_stiffness: Array) -> Array:
+    """Elongation per tension of wires in series with their blades, (w, w), m/N.
+
+    Two wires on one blade share its deflection, which is why this is a matrix.
+    """
+    result = np.diag(1.0 / stiffness)
+    for number in np.unique(blade[blade >= 0]):
+        on = blade == number
+        for axis in np.flatnonzero(axes[number]):
+            pull = np.where(on, direction[:, axis], 0.0)
+            result += np.outer(pull, pull) / blade_stiffness[number, axis]
+    return result
+
+
+def evened(tension: Array, upper: Array, lower: Array, stiffness: Array) -> Array:
+    """Tensions made equal to the last bit between wires that mirror each other in x or in y."""
+    for axis in (0, 1):
+        flip = np.ones(3)
+        flip[axis] = -1.0
+        wires = np.concatenate([upper, lower, stiffness[:, None]], axis=1)
+        images = np.concatenate([upper * flip, lower * flip, stiffness[:, None]], axis=1)
+        same = (wires[:, None, :] == images[None, :, :]).all(-1)
+        if (same.sum(0) == 1).all():
+            tension = (tension + tension[same.argmax(0)]) / 2
+    return tension
+
+
+def imbalance(left_over: Array, weight: float, key: str, remedy: str) -> list[Fault]:
+    """A fault that names the largest force and torque left over, if any."""
+    found = [
+        f"{left_over[axis]:.3g} {'N' if axis < 3 else 'N m'} of {_NAMES[axis]}"
+        for axis in np.argsort(-np.abs(left_over))
+        if abs(left_over[axis]) > BALANCE * weight
+    ]
+    if not found:
+        return []
+    return [Fault(key, f"cannot balance in the nominal pose: {', '.join(found[:3])} left over", remedy)]

@@ -1,0 +1,89 @@
+"""Scene -> LinearModel: mass, stiffness and damping about the equilibrium.
+
+Every matrix is summed from closed-form contributions of the elements and is exactly symmetric.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.scene import Scene
+from suspension_cli.mechanics import blade, spring
+from suspension_cli.mechanics.blocks import Symmetry, symmetry
+from suspension_cli.mechanics.equilibrium import Equilibrium, solve
+from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.pose import Layout, Pose, layout, point_jacobian
+
+
+def linear_model(scene: Scene, balanced: Equilibrium | None = None) -> LinearModel:
+    """The linear model of small motions about the equilibrium of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        With any batch axes.
+    balanced : Equilibrium, optional
+        As `equilibrium.solve` gives it, if it is known already.
+
+    Returns
+    -------
+    LinearModel
+        In symmetry-adapted coordinates, so that couplings that a symmetry forbids are exactly 0.
+
+    Raises
+    ------
+    InputError
+        If there is no equilibrium, or a wire is slack in it.
+    """
+    numbering = layout(scene)
+    if balanced is None:
+        balanced = solve(scene, numbering)
+        balanced.demand(scene)
+    pose = balanced.pose
+    adapted = symmetry(scene, numbering)
+    tips = np.zeros(numbering.size, dtype=bool)
+    weightless = scene.blades.tip_mass == 0
+    for number in np.flatnonzero(weightless.all(tuple(range(weightless.ndim - 1)))):
+        tips[numbering.blade[number][scene.blades.axes[number]]] = True
+    damping = damping_matrix(scene, numbering, pose) if scene.springs.damping.any() else np.zeros((numbering.size,) * 2)
+    return _adapted(scene, numbering, adapted, mass_matrix(scene, numbering, pose), balanced.stiffness, damping, tips)
+
+
+def _adapted(scene: Scene, numbering: Layout, adapted: Symmetry, mass: Any, stiffness: Any, damping: Any, massless: Any) -> LinearModel:
+    return LinearModel(
+        body=scene.bodies.name,
+        coordinate=tuple(numbering.name),
+        basis=adapted.basis,
+        massless=adapted.carried(massless),
+        mass=adapted.apply(mass),
+        stiffness=adapted.apply(stiffness),
+        damping=adapted.apply(damping),
+    )
+
+
+def mass_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
+    """Mass matrix (..., N, N): bodies about their COMs in their current orientation, tip masses where they are."""
+    result = np.zeros((*scene.batch, numbering.size, numbering.size))
+    for n in range(1, len(scene.bodies.name) + 1):
+        for axis in range(3):
+            result[..., 6 * n + axis, 6 * n + axis] = scene.bodies.mass[..., n - 1]
+        turn = pose.rotation[..., n, :, :]
+        result[..., 6 * n + 3 : 6 * n + 6, 6 * n + 3 : 6 * n + 6] = turn @ scene.bodies.inertia[..., n - 1, :, :] @ np.swapaxes(turn, -1, -2)
+    if scene.blades.tip_mass.any():
+        every = np.arange(len(scene.blades.label))
+        jacobian = point_jacobian(numbering, pose, scene.blades.body, blade.tip_arms(scene, pose), every)
+        flat = jacobian.reshape(*jacobian.shape[:-2], -1)
+        result = result + (flat * np.repeat(scene.blades.tip_mass, 3, axis=-1)[..., None, :]) @ np.swapaxes(flat, -1, -2)
+    return (result + np.swapaxes(result, -1, -2)) / 2
+
+
+def damping_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
+    """Viscous damping (..., N, N) of the springs."""
+    result = np.zeros((*scene.batch, numbering.size, numbering.size))
+    now = spring.state(scene, pose)
+    for number in range(len(scene.springs.label)):
+        jacobian = spring.strain_jacobian(scene, numbering, pose, now, number)
+        result = result + np.swapaxes(jacobian, -1, -2) @ scene.springs.damping[..., number, :, :] @ jacobian
+    return (result + np.swapaxes(result, -1, -2)) / 2

@@ -1,0 +1,159 @@
+"""Mirror symmetries of a scene, and coordinates in which they split its matrices.
+
+If mirroring x to -x (or y to -y) takes every body, wire, blade and spring onto one with the same numbers, motions that
+are even and odd under the mirror do not couple.  A body's own coordinates are even or odd already; tips of blades
+that are each other's images are combined into even and odd sums.  Elements between coordinates of different parity
+are then set to exactly 0: they are rounding errors.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import PARITY_X, PARITY_Y
+from suspension_cli.design.scene import Array, Scene
+from suspension_cli.mechanics.pose import Layout
+
+ROUNDING = 1e-13
+"""Relative difference of two tensions or loads that are equal but for rounding; everything given must be equal exactly."""
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """What a scene's symmetry says about its coordinates.
+
+    Attributes
+    ----------
+    basis : (N, N) array
+        The named coordinates (rows) in terms of the adapted ones (columns); orthogonal.
+    allowed : (N, N) bool array
+        Elements of a matrix that the symmetry does not forbid.
+    mirrors : tuple of str
+        ``("x", "y")`` for a scene that is symmetric in both.
+    """
+
+    basis: Any
+    allowed: Any
+    mirrors: tuple[str, ...]
+
+    def apply(self, matrix: Any) -> Any:
+        """A symmetric matrix (..., N, N) in adapted coordinates, with exact zeros."""
+        if not np.array_equal(self.basis, np.eye(len(self.basis))):
+            matrix = self.basis.T @ matrix @ self.basis
+            matrix = (matrix + np.swapaxes(matrix, -1, -2)) / 2
+        return np.where(self.allowed, matrix, 0.0)
+
+    def carried(self, flags: Any) -> Any:
+        """A property (N,) that images share, in adapted coordinates."""
+        return (np.abs(self.basis).T @ flags) > 0.5 * np.abs(self.basis).sum(0)
+
+
+def symmetry(scene: Scene, numbering: Layout) -> Symmetry:
+    """Find the mirror symmetries of a scene (of every scene of a batch)."""
+    images = {axis: blade_images(scene, axis) for axis in (0, 1)}
+    mirrors = [axis for axis in (0, 1) if images[axis] is not None]
+    operators = [_operator(scene, numbering, axis, images[axis]) for axis in mirrors]
+    basis, parity = _adapted_basis(numbering.size, operators)
+    allowed = (parity[:, :, None] == parity[:, None, :]).all(0) if mirrors else np.ones((numbering.size,) * 2, dtype=bool)
+    return Symmetry(basis, allowed, tuple("xy"[axis] for axis in mirrors))
+
+
+def _operator(scene: Scene, numbering: Layout, axis: int, image: Any) -> Array:
+    """The mirror as a signed permutation matrix (N, N) of the coordinates."""
+    bodies = len(scene.bodies.name) + 1
+    result = np.zeros((numbering.size,) * 2)
+    np.fill_diagonal(result, np.append(np.tile((PARITY_X, PARITY_Y)[axis], bodies), np.zeros(numbering.size - 6 * bodies)))
+    signs = np.where(np.arange(3) == axis, -1.0, 1.0)
+    for number, other in enumerate(image):
+        moves = scene.blades.axes[number]
+        result[numbering.blade[other, moves], numbering.blade[number, moves]] = signs[moves]
+    return result
+
+
+def _adapted_basis(size: int, operators: list[Array]) -> tuple[Array, Array]:
+    """Common eigenvectors of commuting mirrors (columns), and their parities (mirror, column).
+
+    A coordinate that is its own image stands for itself; others are projected on every combination of signs.
+    Combined tips stand where the first of them stood.
+    """
+    columns: list[Array] = []
+    parities: list[tuple[float, ...]] = []
+    done = np.zeros(size, dtype=bool)
+    unit = np.eye(size)
+    own = np.logical_and.reduce([np.diag(operator) != 0 for operator in operators]) if operators else np.ones(size, dtype=bool)
+    for start in range(size):
+        if own[start]:
+            columns.append(unit[start])
+            parities.append(tuple(operator[start, start] for operator in operators))
+        elif not done[start]:
+            for combination in itertools.product((1.0, -1.0), repeat=len(operators)):
+                vector = unit[start]
+                for sign, operator in zip(combination, operators, strict=True):
+                    vector = (vector + sign * (operator @ vector)) / 2
+                done |= vector != 0
+                if vector.any():
+                    columns.append(vector / np.sqrt((vector**2).sum()))
+                    parities.append(combination)
+    return np.array(columns).T, np.array(parities).T.reshape(len(operators), size)
+
+
+def blade_images(scene: Scene, axis: int) -> Any:
+    """The mirror image of every blade under a mirror in x (axis 0) or y (1); None if the scene has no such mirror."""
+    flip = np.ones(3)
+    flip[axis] = -1.0
+    bodies, blades, wires, springs = scene.bodies, scene.blades, scene.wires, scene.springs
+    odd = np.outer(flip, flip) < 0
+    if (bodies.position[..., axis] != 0).any() or (bodies.inertia[..., odd] != 0).any():
+        return None
+    same = _same(blades.body, blades.axes.T) & _equal(blades.tip, blades.tip * flip) & _equal(blades.stiffness, blades.stiffness)
+    same &= _equal(blades.tip_mass[..., None], blades.tip_mass[..., None]) & _close(blades.load, blades.load * flip)
+    blade = _permutation(same)
+    if blade is None:
+        return None
+    mirrored = np.append(blade, -1)[wires.blade]
+    same = _same(wires.upper) & _same(wires.lower) & (wires.blade[:, None] == mirrored[None, :])
+    same &= _equal(wires.upper_point, wires.upper_point * flip) & _equal(wires.lower_point, wires.lower_point * flip)
+    same &= _equal(wires.stiffness[..., None], wires.stiffness[..., None]) & _close(wires.tension[..., None], wires.tension[..., None])
+    same &= _close(wires.length[..., None], wires.length[..., None])
+    if _permutation(same) is None:
+        return None
+    six = np.array((PARITY_X, PARITY_Y)[axis], dtype=float)
+    # a wrench mirrors as the motions that it works on
+    same = (
+        _same(springs.upper) & _same(springs.lower) & _equal(springs.lower_point, springs.lower_point * flip) & _equal(springs.preload, springs.preload * six)
+    )
+    for matrix in (springs.stiffness, springs.damping):
+        flat = matrix.reshape(*matrix.shape[:-2], 36)
+        same &= _equal(flat, flat * np.outer(six, six).ravel())
+    return blade if _permutation(same) is not None else None
+
+
+def _same(*labels: Any) -> Any:
+    """Pairs (n, n) whose static labels agree."""
+    return np.logical_and.reduce([row[:, None] == row[None, :] for label in labels for row in np.atleast_2d(label)])
+
+
+def _equal(values: Any, images: Any) -> Any:
+    """Pairs (n, n) in which a member (..., n, c) equals the image of another exactly."""
+    return _everywhere(values[..., :, None, :] == images[..., None, :, :])
+
+
+def _close(values: Any, images: Any) -> Any:
+    """Pairs (n, n) in which a member equals the image of another but for rounding."""
+    scale = np.abs(values).max(initial=0.0)
+    return _everywhere(np.abs(values[..., :, None, :] - images[..., None, :, :]) <= ROUNDING * scale)
+
+
+def _everywhere(pairs: Any) -> Any:
+    return pairs.all(-1).all(tuple(range(pairs.ndim - 3)))
+
+
+def _permutation(same: Any) -> Any:
+    """For every member its image, if the pairing is one to one; else None."""
+    if (same.sum(0) != 1).any() or (same.sum(1) != 1).any():
+        return None
+    return same.argmax(1) if len(same) else np.zeros(0, dtype=np.intp)

@@ -1,0 +1,78 @@
+"""The linear model of small motions: what every rung of the ladder gives and every analysis takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.scene import Index
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """M x'' + C x' + K x = f, the support's coordinates included.
+
+    The coordinates are, in this order: six of the support, six of every body, then those of blade tips.  The tips may
+    be combined (sum and difference of two blades that mirror each other) so that motions of different symmetry share no
+    element; the coordinates of bodies always stand for themselves.
+
+    Attributes
+    ----------
+    body : tuple of str
+        Names of the stages.
+    coordinate : tuple of str
+        N names: ``support.x``, ..., ``test.yaw``, ``test.blade1.z``.
+    basis : (N, N) array
+        The named coordinates (rows) in terms of the model's own (columns).
+    massless : (N,) bool array
+        Coordinates without inertia (tips of blades without tip mass).
+    mass, stiffness, damping : (..., N, N) arrays
+        SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling.
+    """
+
+    body: tuple[str, ...]
+    coordinate: tuple[str, ...]
+    basis: Any
+    massless: Any
+    mass: Any
+    stiffness: Any
+    damping: Any
+
+    @property
+    def size(self) -> int:
+        """Number N of coordinates."""
+        return len(self.coordinate)
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the batch axes."""
+        return np.broadcast_shapes(self.mass.shape[:-2], self.stiffness.shape[:-2])
+
+    def index(self, body: str, dof: str) -> int:
+        """The coordinate of a body."""
+        return 6 * (self.body.index(body) + 1) + DOFS.index(dof)
+
+    @cached_property
+    def blocks(self) -> tuple[Index, ...]:
+        """Groups of coordinates that do not couple: the connected parts of the graph of non-zero elements.
+
+        The support is left out.  Ordered by their first coordinate.
+        """
+        joined = np.zeros((self.size, self.size), dtype=bool)
+        for matrix in (self.mass, self.stiffness, self.damping):
+            joined |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
+        left = set(range(6, self.size))
+        found: list[Index] = []
+        while left:
+            group, front = set[int](), {min(left)}
+            while front:
+                group |= front
+                reached = set(np.flatnonzero(joined[sorted(front)].any(0)).tolist())
+                front = (reached & left) - group
+            left -= group
+            found.append(np.array(sorted(group)))
+        return tuple(found)

@@ -1,0 +1,128 @@
+"""Where everything is, and the numbering of the coordinates that small motions are described by.
+
+The generalised coordinates of a scene are, in this order: six of the support, six of every body (displacement of
+the COM in m and a rotation vector in rad, both along the global axes, from the current pose) and one for every
+direction in which a blade's tip can move (m, along the axes of the blade's body).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.scene import Array, Index, Scene
+from suspension_cli.rotations import rotation_matrix
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Numbering of the coordinates of a scene.
+
+    Attributes
+    ----------
+    size : int
+        Number N of coordinates, the support's six included.
+    blade : (b, 3) int array
+        Coordinate of each blade's tip along each axis; N (one past the end) where it is rigid.
+    name : tuple of str
+        ``support.x``, ..., ``test.yaw``, ``upper.blade1.z``.
+    """
+
+    size: int
+    blade: Index
+    name: tuple[str, ...]
+
+
+def layout(scene: Scene) -> Layout:
+    """Number the coordinates of a scene."""
+    bodies = [f"{body}.{dof}" for body in (SUPPORT, *scene.bodies.name) for dof in DOFS]
+    axes = scene.blades.axes
+    size = len(bodies) + int(axes.sum())
+    blade = np.full(axes.shape, size, dtype=np.intp)
+    blade[axes] = np.arange(len(bodies), size)
+    tips = [f"{label}.{DOFS[axis]}" for label, row in zip(scene.blades.label, axes, strict=True) for axis in np.flatnonzero(row)]
+    return Layout(size, blade, (*bodies, *tips))
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A configuration of a scene.
+
+    Attributes
+    ----------
+    shift : (..., n + 1, 3) array
+        Displacement of each COM from its nominal position, m; row 0 is the support.
+    rotation : (..., n + 1, 3, 3) array
+        Rotation matrices from body to global axes.
+    deflection : (..., b, 3) array
+        Of each blade's tip from its nominal position, along the axes of its body, m.
+    """
+
+    shift: Any
+    rotation: Any
+    deflection: Any
+
+    def arms(self, body: Index, point: Any) -> Any:
+        """Vectors (..., k, 3) from the COMs of bodies to points fixed in them, in global axes."""
+        return (self.rotation[..., body, :, :] @ point[..., None])[..., 0]
+
+
+def nominal_pose(scene: Scene) -> Pose:
+    """The pose as drawn."""
+    count = len(scene.bodies.name) + 1
+    return Pose(
+        np.zeros((*scene.batch, count, 3)),
+        np.broadcast_to(np.eye(3), (*scene.batch, count, 3, 3)),
+        np.zeros((*scene.batch, len(scene.blades.label), 3)),
+    )
+
+
+def displaced(numbering: Layout, pose: Pose, step: Any) -> Pose:
+    """The pose after a finite step (..., N) in the generalised coordinates: translations add, rotations multiply."""
+    bodies = pose.shift.shape[-2]
+    motion = step[..., : 6 * bodies].reshape(*step.shape[:-1], bodies, 6)
+    padded = np.concatenate([step, np.zeros_like(step[..., :1])], axis=-1)
+    return replace(
+        pose,
+        shift=pose.shift + motion[..., :3],
+        rotation=rotation_matrix(motion[..., 3:]) @ pose.rotation,
+        deflection=pose.deflection + padded[..., numbering.blade],
+    )
+
+
+def point_jacobian(numbering: Layout, pose: Pose, body: Index, arm: Any, blade: Index | None = None) -> Array:
+    """How points move with the coordinates.
+
+    Parameters
+    ----------
+    numbering : Layout
+    pose : Pose
+    body : (k,) int array
+    arm : (..., k, 3) array
+        From the COM of the body to the point, global axes, m.
+    blade : (k,) int array, optional
+        The blade whose tip carries the point, or -1.
+
+    Returns
+    -------
+    (..., N, k, 3) array
+        Derivative of each point's position with respect to each coordinate.
+    """
+    batch, count = np.broadcast_shapes(arm.shape[:-2], pose.shift.shape[:-2]), len(body)
+    result = np.zeros((*batch, numbering.size + 1, count, 3))
+    points = np.arange(count)
+    for axis in range(3):
+        result[..., 6 * body + axis, points, axis] = 1.0
+    x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
+    # rotation by a small vector t moves the point by t x arm
+    result[..., 6 * body + 3, points, 1], result[..., 6 * body + 3, points, 2] = -z, y
+    result[..., 6 * body + 4, points, 0], result[..., 6 * body + 4, points, 2] = z, -x
+    result[..., 6 * body + 5, points, 0], result[..., 6 * body + 5, points, 1] = -y, x
+    if blade is not None and numbering.blade.size:
+        columns = np.where((blade >= 0)[:, None], numbering.blade[blade], numbering.size)
+        for axis in range(3):
+            result[..., columns[:, axis], points, :] = pose.rotation[..., body, :, axis]
+    return result[..., :-1, :, :]

@@ -1,0 +1,167 @@
+"""The paper's equations for one stage on four wires, symmetric in x and y.
+
+Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), equations 1 to 14: l the loaded length, s the half separation in x,
+t1 and t2 those in y at the upper and lower end, d the height of the lower ends above the COM, Omega the angle of the
+wires from the vertical, sin(Omega) = (t2 - t1) / l.
+
+The paper does not print sideways and roll ("the terms for the other degrees of freedom follow in a similar fashion"):
+they are derived here the same way, see `sideways_roll`.  The paper's tilt is positive against the right-hand rule;
+ours is right-handed, which changes the sign of A12 and A21 and no frequency.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.derive import body_inertia, body_mass, set_geometry, wire_stiffness
+from suspension_cli.design.schema import Design
+from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.rotations import cross_matrix
+
+
+@dataclass(frozen=True)
+class FourWires:
+    """One mass on four wires; every number may be an array.
+
+    Attributes
+    ----------
+    mass : float
+        kg.
+    inertia : tuple of float
+        IX, IY, IZ in kg m^2.
+    l, s, t1, t2, d : float
+        m.
+    k : float
+        Of one wire, N/m.
+    gravity : float
+        m/s^2.
+    """
+
+    mass: Any
+    inertia: tuple[Any, Any, Any]
+    l: Any
+    s: Any
+    t1: Any
+    t2: Any
+    d: Any
+    k: Any
+    gravity: Any = 9.81
+
+    @property
+    def sin(self) -> Any:
+        """sin(Omega)."""
+        return (self.t2 - self.t1) / self.l
+
+    @property
+    def cos(self) -> Any:
+        """cos(Omega)."""
+        return np.sqrt((1.0 - self.sin) * (1.0 + self.sin))
+
+
+def vertical(p: FourWires) -> Any:
+    """omega^2 of the vertical mode, (rad/s)^2; equation 6 (equation 1 for vertical wires)."""
+    return 4 * p.k * p.cos**2 / p.mass + p.gravity * p.sin**2 / (p.l * p.cos)
+
+
+def rotation(p: FourWires) -> Any:
+    """omega^2 of the yaw mode, (rad/s)^2; equation 9 (equation 4 for vertical wires)."""
+    inertia = p.inertia[2]
+    pendulum = p.mass * p.gravity * (p.s**2 * p.cos**2 + p.t1 * p.t2) / (p.l * inertia * p.cos)
+    return pendulum + 4 * p.k * p.s**2 * (p.t2 - p.t1) ** 2 / (p.l**2 * inertia)
+
+
+def longitudinal_tilt(p: FourWires) -> Any:
+    """The matrix A of equations 10 to 14 with right-handed pitch: (x, pitch)'' = A (x, pitch); (..., 2, 2), 1/s^2.
+
+    For d = 0 its diagonal holds equations 7 and 8 (2 and 3 for vertical wires).
+    """
+    inertia = p.inertia[1]
+    over = p.gravity / (p.l * p.cos)
+    a12, a21 = -over * p.d, -p.mass * over * p.d / inertia
+    stretch = 4 * p.k * p.s**2 * p.cos**2 + p.mass * over * p.s**2 * p.sin**2
+    a22 = -(stretch + p.mass * p.gravity * p.d + p.mass * over * p.d**2) / inertia
+    return _matrix(-over, a12, a21, a22)
+
+
+def sideways_roll(p: FourWires) -> Any:
+    """The matrix A with (y, roll)'' = A (y, roll); (..., 2, 2), 1/s^2.
+
+    A wire at (+-s, +-t2, d) below is lengthened by e and swung by w when the mass moves by y and rolls by p,
+
+        e = +-(sin(Omega) (y - d p) - cos(Omega) t2 p),    w = cos(Omega) (y - d p) + sin(Omega) t2 p,
+
+    and its tension T = m g / (4 cos(Omega)) works on the second-order lift of its lower end, p^2 (d cos - t2 sin) / 2,
+    so the energy is 4 [k e^2 / 2 + (T / l) w^2 / 2 + T p^2 (d cos - t2 sin) / 2].
+    """
+    tension = p.mass * p.gravity / (4 * p.cos)
+    e = (p.sin, -p.d * p.sin - p.t2 * p.cos)
+    w = (p.cos, -p.d * p.cos + p.t2 * p.sin)
+    k = [[4 * (p.k * e[i] * e[j] + tension / p.l * w[i] * w[j]) for j in (0, 1)] for i in (0, 1)]
+    k[1][1] = k[1][1] + 4 * tension * (p.d * p.cos - p.t2 * p.sin)
+    return _matrix(-k[0][0] / p.mass, -k[0][1] / p.mass, -k[1][0] / p.inertia[0], -k[1][1] / p.inertia[0])
+
+
+def _matrix(a11: Any, a12: Any, a21: Any, a22: Any) -> Any:
+    rows = np.broadcast_arrays(a11, a12, a21, a22)
+    return np.stack([np.stack(rows[:2], -1), np.stack(rows[2:], -1)], -2)
+
+
+def unsuited(design: Design) -> str:
+    """Why the closed forms do not hold for a design; empty if they do."""
+    stage = design.stage[0]
+    if len(design.stage) > 1:
+        return "it has more than one stage"
+    if stage.wires is None or stage.wires.count != 4:
+        return "it does not hang on one symmetric set of four wires"
+    shape = set_geometry(stage.wires)
+    if shape.s_upper != shape.s_lower:
+        return "its wires are angled in x"
+    if stage.blades is not None:
+        return "it has blades"
+    if stage.spring:
+        return "it has springs"
+    if any(body_inertia(stage.body)[i][j] for i in range(3) for j in range(3) if i != j):
+        return "its inertia has products"
+    return "it is perturbed" if design.perturbation else ""
+
+
+def four_wires(design: Design) -> FourWires:
+    """The parameters of a design for which `unsuited` finds nothing."""
+    stage = design.stage[0]
+    assert stage.wires is not None
+    shape, inertia = set_geometry(stage.wires), body_inertia(stage.body)
+    k = wire_stiffness(design, stage.wires, shape.length)
+    moments = (inertia[0][0], inertia[1][1], inertia[2][2])
+    return FourWires(body_mass(stage.body), moments, shape.length, shape.s_upper, shape.t1, shape.t2, shape.d, k, design.constants.gravity)
+
+
+def linear_model(design: Design) -> LinearModel:
+    """The closed forms as a linear model.
+
+    The coupling to the support follows from the body's own stiffness: moving support and body together as one costs
+    no elastic energy, and turns the force that the wires exert.
+    """
+    p, stage = four_wires(design), design.stage[0]
+    assert stage.wires is not None
+    shape = set_geometry(stage.wires)
+    masses = np.array([p.mass, p.mass, p.mass, *p.inertia])
+    own = np.zeros((6, 6))
+    for dofs, matrix in (((0, 4), longitudinal_tilt(p)), ((1, 3), sideways_roll(p))):
+        block = -masses[list(dofs), None] * matrix
+        own[np.ix_(dofs, dofs)] = (block + block.T) / 2
+    own[2, 2], own[5, 5] = p.mass * vertical(p), p.inertia[2] * rotation(p)
+    stiffness = np.zeros((12, 12))
+    stiffness[6:, 6:] = own
+    together, turned = np.eye(6), np.zeros((6, 6))
+    together[:3, 3:] = -cross_matrix(np.array([0.0, 0.0, -(shape.d_upper + shape.height + shape.d)]))
+    turned[:3, 3:] = -cross_matrix(np.array([0.0, 0.0, -p.mass * p.gravity]))
+    across = turned - own @ together
+    stiffness[6:, :6], stiffness[:6, 6:] = across, across.T
+    mass = np.diag(np.concatenate([np.zeros(6), masses]))
+    names = tuple(f"{body}.{dof}" for body in ("support", stage.name) for dof in DOFS)
+    zero = np.zeros((12, 12))
+    return LinearModel((stage.name,), names, np.eye(12), np.zeros(12, dtype=bool), mass, stiffness, zero)

@@ -1,0 +1,64 @@
+"""Which rung of the ladder of models a design needs, and the linear model on that rung."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from suspension_cli.design.expand import expand
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.mechanics import assemble
+from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.models import closed_form, force
+
+LEVELS = ("auto", "closed-form", "force", "string")
+"""What `--fidelity` takes, from the quickest rung to the most general one."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A rung and why it was taken, in one line for the user."""
+
+    level: str
+    reason: str
+
+
+def choose(design: Design, wanted: str = "auto") -> Choice:
+    """The rung for a design.
+
+    Parameters
+    ----------
+    design : Design
+    wanted : str
+        One of `LEVELS`.
+
+    Raises
+    ------
+    InputError
+        If the rung asked for does not hold for the design.
+    """
+    if wanted == "auto":
+        why = force.unsuited(design)
+        if why:
+            return Choice("string", f"general string model, as {why}")
+        return Choice("force", "force model of a symmetric chain" + _approximation(design))
+    why = {"closed-form": closed_form.unsuited, "force": force.unsuited, "string": lambda _: ""}[wanted](design)
+    if why:
+        raise InputError([Fault("--fidelity", f"does not hold for {design.design.name}: {why}", "take auto or string", shown(wanted))])
+    return Choice(wanted, "as asked" + (_approximation(design) if wanted == "force" else ""))
+
+
+def _approximation(design: Design) -> str:
+    stages = force.series_is_approximate(design)
+    if not stages:
+        return ""
+    return f"; blades under angled wires ({', '.join(stages)}) are taken in series with them, --fidelity string does without that"
+
+
+def linear_model(design: Design, level: str) -> LinearModel:
+    """The linear model of a design on one rung (not ``auto``)."""
+    if level == "closed-form":
+        return closed_form.linear_model(design)
+    if level == "force":
+        return force.linear_model(design)
+    return assemble.linear_model(expand(design))

@@ -1,0 +1,273 @@
+"""The paper's force model: a chain of symmetric stages on straight wires, in four blocks.
+
+Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), sections 3a and 4.  A wire from the upper body (arm a) to the lower one
+(arm b), with unit vector u, tension T and spring constant k, stores for a small relative displacement D of its ends
+
+    k (u . D)^2 / 2 + (T / l) (|D|^2 - (u . D)^2) / 2 + T u . (second-order displacement of b less that of a).
+
+Summed over the wires of a symmetric set, terms odd in x or y cancel, and the chain falls into four blocks that do not
+couple: longitudinal-pitch, transverse-roll, vertical, yaw.  Blades are the paper's approximation: in series with the
+stretching of the wires, along the wires.  That is exact under vertical wires only (`string` has the tips as coordinates).
+Two wires on one blade stretch it together, so the blade counts only in the motions that pull both alike.
+
+Every number may be an array; all functions work on whole batches of chains.  No code of the general assembly is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.derive import blade_stiffness, body_inertia, body_mass, set_geometry, wire_stiffness
+from suspension_cli.design.schema import Design
+from suspension_cli.mechanics.model import LinearModel
+
+BLOCKS = {"longitudinal-pitch": ("x", "pitch"), "transverse-roll": ("y", "roll"), "vertical": ("z",), "yaw": ("yaw",)}
+"""The four blocks and their coordinates of each body."""
+
+CHUNK = 1024
+"""Chains worked on at once: small enough that their matrices stay in the cache."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of a chain; floats may be arrays of the batch shape.
+
+    Attributes
+    ----------
+    mass : float
+        kg.
+    inertia : tuple of float
+        IX, IY, IZ in kg m^2.
+    count : int
+        Wires: 1, 2 (at +-t) or 4.
+    l, s_upper, s_lower, t1, t2, d, d_upper : float
+        m; the paper's symbols, see `design.schema.WireSet`.
+    k : float
+        Of one wire, N/m.
+    blades : int
+        0, or the number of blades that carry the wires.
+    blade_stiffness : float
+        Of one blade, N/m.
+    """
+
+    mass: Any
+    inertia: tuple[Any, Any, Any]
+    count: int
+    l: Any
+    t1: Any = 0.0
+    t2: Any = 0.0
+    s_upper: Any = 0.0
+    s_lower: Any = 0.0
+    d: Any = 0.0
+    d_upper: Any = 0.0
+    k: Any = 1e4
+    blades: int = 0
+    blade_stiffness: Any = field(default=1e3)
+
+    def stretching(self, *, together: bool) -> Any:
+        """Spring constant of one wire with its blade in series, N/m.
+
+        Parameters
+        ----------
+        together : bool
+            Whether the motion stretches the wires that share a blade alike (else their blade stays at rest).
+        """
+        if self.blades == 0:
+            return self.k
+        shared = self.count // self.blades
+        if shared > 1 and not together:
+            return self.k
+        return 1.0 / (1.0 / self.k + shared / self.blade_stiffness)
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Stages from top to bottom, each hanging from the one before."""
+
+    stages: tuple[Stage, ...]
+    gravity: Any = 9.81
+
+
+def stiffness(chain: Chain) -> dict[str, Any]:
+    """Stiffness matrices of the four blocks.
+
+    Returns
+    -------
+    dict of (..., c (n + 1), c (n + 1)) arrays
+        For c coordinates a body, n stages and the support first: N/m, N, N m.
+    """
+    n = len(chain.stages)
+    batch = np.broadcast_shapes(*(np.shape(v) for stage in chain.stages for v in (*vars(stage).values(), *stage.inertia) if not isinstance(v, tuple)))
+    result = {name: np.zeros((*batch, len(dofs) * (n + 1), len(dofs) * (n + 1))) for name, dofs in BLOCKS.items()}
+    load = 0.0
+    for number in range(n, 0, -1):
+        load = load + chain.stages[number - 1].mass * chain.gravity
+        for name, block in _stage_blocks(chain.stages[number - 1], load).items():
+            width = len(BLOCKS[name])
+            place = slice(width * (number - 1), width * (number + 1))
+            for i, row in enumerate(block):
+                for j, value in enumerate(row):
+                    result[name][..., place, place][..., i, j] += value
+    return result
+
+
+def _stage_blocks(p: Stage, load: Any) -> dict[str, list[list[Any]]]:
+    """What the wires of one stage add, in the coordinates (upper body, lower body) of each block."""
+    height = np.sqrt(p.l**2 - (p.t2 - p.t1) ** 2 - (p.s_lower - p.s_upper) ** 2)
+    ux, uy, c = (p.s_lower - p.s_upper) / p.l, (p.t2 - p.t1) / p.l, height / p.l
+    swing, lift = load / (c * p.l), load / c  # count T / l and count T
+    alike = p.count * p.stretching(together=True) - swing
+    apart = p.count * p.stretching(together=False) - swing
+    across = alike if p.count == 4 else apart  # two wires of a pair on one blade pull it apart when the body rolls
+    s1, s2, t1, t2, d, du = p.s_upper, p.s_lower, p.t1, p.t2, p.d, p.d_upper
+    # longitudinal-pitch: horizontal displacement of the ends, and their vertical one (odd in x)
+    level, rise = (-1.0, du, 1.0, d), (0.0, -s1, 0.0, s2)
+    along = tuple(ux * a + c * b for a, b in zip(level, rise, strict=True))
+    x_pitch = _sum((apart, along), (swing, level), (swing, rise))
+    x_pitch[1][1] = x_pitch[1][1] + lift * (ux * s1 + c * du)
+    x_pitch[3][3] = x_pitch[3][3] + lift * (c * d - ux * s2)
+    # transverse-roll: the same seen from the front (right-handed roll lowers the side that pitch lifts)
+    level, rise = (-1.0, -du, 1.0, -d), (0.0, -t1, 0.0, t2)
+    along = tuple(uy * a - c * b for a, b in zip(level, rise, strict=True))
+    y_roll = _sum((across, along), (swing, level), (swing, rise))
+    y_roll[1][1] = y_roll[1][1] + lift * (uy * t1 + c * du)
+    y_roll[3][3] = y_roll[3][3] + lift * (c * d - uy * t2)
+    z = _sum((alike * c**2 + swing, (-1.0, 1.0)))
+    # yaw: displacement of the ends along x and along y
+    sweep, swerve = (-t1, t2), (-s1, s2)
+    along = tuple(uy * b - ux * a for a, b in zip(sweep, swerve, strict=True))
+    yaw = _sum((apart, along), (swing, sweep), (swing, swerve))
+    yaw[0][0] = yaw[0][0] + lift * (ux * s1 + uy * t1)
+    yaw[1][1] = yaw[1][1] - lift * (ux * s2 + uy * t2)
+    return {"longitudinal-pitch": x_pitch, "transverse-roll": y_roll, "vertical": z, "yaw": yaw}
+
+
+def _sum(*terms: tuple[Any, tuple[Any, ...]]) -> list[list[Any]]:
+    """Sum of factor times outer product of a vector with itself, element by element."""
+    size = len(terms[0][1])
+    result: list[list[Any]] = [[0.0] * size for _ in range(size)]
+    for factor, vector in terms:
+        for i in range(size):
+            for j in range(i + 1):
+                result[i][j] = result[i][j] + factor * vector[i] * vector[j]
+    for i in range(size):
+        for j in range(i):
+            result[j][i] = result[i][j]
+    return result
+
+
+def masses(chain: Chain, name: str) -> Any:
+    """Masses and moments of inertia (..., c n) of one block's coordinates, kg and kg m^2."""
+    moments = {"x": 0, "y": 1, "z": 2, "roll": 0, "pitch": 1, "yaw": 2}
+    values = [stage.mass if dof in "xyz" else stage.inertia[moments[dof]] for stage in chain.stages for dof in BLOCKS[name]]
+    return np.stack(np.broadcast_arrays(*values), axis=-1)
+
+
+def dynamics(chain: Chain) -> dict[str, Any]:
+    """M^(-1/2) K M^(-1/2) of the four blocks, without the support: symmetric, 1/s^2."""
+    result = {}
+    for name, matrix in stiffness(chain).items():
+        width, root = len(BLOCKS[name]), 1.0 / np.sqrt(masses(chain, name))
+        result[name] = matrix[..., width:, width:] * root[..., :, None] * root[..., None, :]
+    return result
+
+
+def eigenvalues(chain: Chain) -> dict[str, Any]:
+    """omega^2 of all modes, ascending in each block, (..., c n), (rad/s)^2; negative for an unstable mode.
+
+    Works through large one-dimensional batches in chunks.
+    """
+    sizes = {np.shape(v) for stage in chain.stages for v in (*vars(stage).values(), *stage.inertia) if isinstance(v, np.ndarray) and v.ndim}
+    if len(sizes) != 1 or len(shape := sizes.pop()) != 1 or shape[0] <= CHUNK:
+        return {name: np.linalg.eigvalsh(matrix) for name, matrix in dynamics(chain).items()}
+    parts = [
+        {name: np.linalg.eigvalsh(matrix) for name, matrix in dynamics(_part(chain, slice(start, start + CHUNK))).items()}
+        for start in range(0, shape[0], CHUNK)
+    ]
+    return {name: np.concatenate([part[name] for part in parts]) for name in BLOCKS}
+
+
+def _part(chain: Chain, which: slice) -> Chain:
+    def cut(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(cut(item) for item in value)
+        return value[which] if isinstance(value, np.ndarray) and value.ndim else value
+
+    stages = tuple(Stage(**{key: cut(value) for key, value in vars(stage).items()}) for stage in chain.stages)
+    return Chain(stages, cut(chain.gravity))
+
+
+def unsuited(design: Design) -> str:
+    """Why a design is no symmetric chain; empty if it is one."""
+    above = SUPPORT
+    for stage in design.stage:
+        if stage.wires is None:
+            return f"stage {stage.name} has explicit wires"
+        if stage.hangs_from not in (None, above):
+            return "it branches"
+        if stage.spring:
+            return f"stage {stage.name} has springs"
+        if stage.blades is not None and (stage.blades.tip_mass or stage.blades.lateral_stiffness):
+            return f"the blades of stage {stage.name} have tip masses or lateral compliance"
+        inertia = body_inertia(stage.body)
+        if any(inertia[i][j] for i in range(3) for j in range(3) if i != j):
+            return f"the inertia of stage {stage.name} has products"
+        above = stage.name
+    return "it is perturbed" if design.perturbation else ""
+
+
+def series_is_approximate(design: Design) -> list[str]:
+    """Stages whose blades carry angled wires, where blades in series with wires are an approximation."""
+    found = []
+    for stage in design.stage:
+        if stage.blades is not None and stage.wires is not None:
+            shape = set_geometry(stage.wires)
+            if shape.t1 != shape.t2 or shape.s_upper != shape.s_lower:
+                found.append(stage.name)
+    return found
+
+
+def chain(design: Design) -> Chain:
+    """The chain that a design stands for, if `unsuited` finds nothing."""
+    stages = []
+    for stage in design.stage:
+        assert stage.wires is not None
+        shape, inertia, mass = set_geometry(stage.wires), body_inertia(stage.body), body_mass(stage.body)
+        blades = stage.blades
+        stages.append(
+            Stage(
+                mass=mass,
+                inertia=(inertia[0][0], inertia[1][1], inertia[2][2]),
+                count=shape.count,
+                l=shape.length,
+                t1=shape.t1,
+                t2=shape.t2,
+                s_upper=shape.s_upper,
+                s_lower=shape.s_lower,
+                d=shape.d,
+                d_upper=shape.d_upper,
+                k=wire_stiffness(design, stage.wires, shape.length),
+                blades=0 if blades is None else blades.count,
+                blade_stiffness=1.0 if blades is None else blade_stiffness(design, blades, mass, blades.count),
+            )
+        )
+    return Chain(tuple(stages), design.constants.gravity)
+
+
+def linear_model(design: Design) -> LinearModel:
+    """The four blocks of a design's chain as one linear model."""
+    links = chain(design)
+    bodies = (SUPPORT, *(stage.name for stage in design.stage))
+    size = 6 * len(bodies)
+    whole, mass = np.zeros((size, size)), np.zeros((size, size))
+    for name, matrix in stiffness(links).items():
+        rows = np.array([6 * n + DOFS.index(dof) for n in range(len(bodies)) for dof in BLOCKS[name]])
+        whole[np.ix_(rows, rows)] = matrix
+        inner = rows[len(BLOCKS[name]) :]
+        mass[inner, inner] = masses(links, name)
+    names = tuple(f"{body}.{dof}" for body in bodies for dof in DOFS)
+    return LinearModel(bodies[1:], names, np.eye(size), np.zeros(size, dtype=bool), mass, whole, np.zeros((size, size)))
