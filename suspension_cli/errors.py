@@ -32,10 +32,10 @@ class Fault:
     value: str | None = None
 
     def line(self, file: str) -> str:
-        """The fault as one line of text."""
+        """The fault as one line of text, whatever characters the file holds."""
         where = f"{file}: " if file else ""
         key = self.key if self.value is None else f"{self.key} = {self.value}" if self.key else self.value
-        return f"{where}{key + ': ' if key else ''}{self.problem}; {self.remedy}"
+        return printable(f"{where}{key + ': ' if key else ''}{self.problem}; {self.remedy}")
 
 
 class PendsusError(Exception):
@@ -66,16 +66,39 @@ class InputError(PendsusError):
         return InputError(self.faults, file)
 
 
-def shown(value: object) -> str:
+SHOWN = 60
+"""Longest text of a value in a message."""
+
+
+def shown(value: object, depth: int = 0) -> str:
     """A value as TOML would write it, shortened to one readable line."""
     if isinstance(value, bool):
         text = "true" if value else "false"
     elif isinstance(value, str):
-        text = '"' + value.encode("unicode_escape").decode("ascii") + '"'
+        text = f'"{printable(value[:SHOWN].translate(_QUOTED))}"'
     elif isinstance(value, dict):
-        text = "{" + ", ".join(str(key) for key in value) + "}"
+        text = "{" + ", ".join(key_shown(key) for key in list(value)[:SHOWN]) + "}"
     elif isinstance(value, (list, tuple)):
-        text = "[" + ", ".join(shown(item) for item in value) + "]"
+        text = "[...]" if depth > 3 else "[" + ", ".join(shown(item, depth + 1) for item in value[:SHOWN]) + "]"
+    elif isinstance(value, int) and value.bit_length() > 4096:
+        text = hex(value)  # Python writes no decimal numbers of more than 4300 digits
     else:
         text = str(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."
+
+
+def key_shown(key: str) -> str:
+    """A key as TOML would write it: bare where that is allowed."""
+    bare = key.isascii() and key.replace("-", "").replace("_", "").isalnum()
+    return key if bare and len(key) <= SHOWN else shown(key)
+
+
+def printable(text: str) -> str:
+    """A text with escapes for what would break its line or cannot be printed."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else _ESCAPES.get(c) or (f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}") for c in text)
+
+
+_ESCAPES = {"\n": "\\n", "\t": "\\t", "\r": "\\r"}
+_QUOTED = str.maketrans({'"': '\\"', "\\": "\\\\"})

@@ -11,10 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, WORDS
+from suspension_cli.conventions import WORDS
 from suspension_cli.design.scene import Array, Index
 from suspension_cli.mechanics.model import LinearModel
 
+DAMPING_BAND = (0.5, 5.0)
+"""Hz; every mode that is to be damped from the top mass lies here (Husman et al. 2000, sections 1 and 5a)."""
+COUPLED = 0.01
+"""Share of its kinetic energy that a mode must have in the top mass to be damped from there; the paper says "strongly"."""
 RIGID = 64 * np.finfo(float).eps
 """omega^2 below this share of the largest is a rounding error: the mode costs nothing."""
 DEGENERATE = 1e-9
@@ -35,9 +39,13 @@ class Modes:
     shape : (m, N - 6) array
         Unit modal mass; the largest body coordinate (by kinetic energy) is positive.
     energy : (m, n, 6) array
-        Share of each body's degree of freedom in the mode's kinetic energy; tip masses make up what is missing to 1.
+        Share of each body's degree of freedom in the mode's kinetic energy.
+    tip_energy : (m, N - 6 - 6 n) array
+        Share of each blade tip's motion on its blade; with `energy` it sums to 1.
     block : (m,) int array
         Modes of different blocks do not couple.
+    q : (m,) array
+        Quality factor from the design's loss angles and dampers, to first order; infinite where none acts.
     """
 
     body: tuple[str, ...]
@@ -45,7 +53,9 @@ class Modes:
     omega_squared: Array
     shape: Array
     energy: Array
+    tip_energy: Array
     block: Index
+    q: Array
 
     @property
     def frequency(self) -> Array:
@@ -63,22 +73,57 @@ class Modes:
         return not bool((self.omega_squared < 0).any())
 
     @property
+    def shares(self) -> Array:
+        """Kinetic-energy share of every coordinate in `coordinate`, (m, N - 6)."""
+        return np.concatenate([self.energy.reshape(len(self.energy), -1), self.tip_energy], axis=1)
+
+    @property
     def home(self) -> list[tuple[str, str]]:
-        """Body and degree of freedom that hold most of each mode's kinetic energy."""
-        flat = self.energy.reshape(len(self.energy), -1)
-        # shares that differ by rounding alone (two equal bodies) go to the first
-        first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in flat]
-        return [(self.body[i // 6], DOFS[i % 6]) for i in first]
+        """Body (or blade) and degree of freedom that hold most of each mode's kinetic energy."""
+        # shares that differ by rounding alone (two equal bodies, a pair of blades) go to the first
+        first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in self.shares]
+        return [place(self.coordinate[i]) for i in first]
 
     @property
     def label(self) -> list[str]:
         """``test pitch``, in the field's words."""
-        return [f"{body} {WORDS[dof]}" for body, dof in self.home]
+        return [described(f"{body}.{dof}") for body, dof in self.home]
+
+    @property
+    def top_share(self) -> Array:
+        """Share of each mode's kinetic energy in the top mass, (m,): how strongly it can be damped from there."""
+        return self.energy[:, 0].sum(-1)
+
+    @property
+    def verdict(self) -> list[str]:
+        """The paper's criterion for damping from the top mass, a word a mode."""
+        low, high = DAMPING_BAND
+        words = []
+        for omega2, frequency, share in zip(self.omega_squared, self.frequency, self.top_share, strict=True):
+            if omega2 <= 0:
+                words.append("rigid" if omega2 == 0 else "unstable")
+            elif not low <= frequency <= high:
+                words.append(f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz")
+            else:
+                words.append("can be damped" if share >= COUPLED else "couples weakly")
+        return words
 
     def of(self, dof: str, body: str | None = None) -> list[float]:
         """Frequencies (Hz) of the stable modes that live in a degree of freedom (of one body)."""
         here = [(home[1] == dof) and (body in (None, home[0])) for home in self.home]
         return [float(f) for f, yes in zip(self.frequency, here, strict=True) if yes and np.isfinite(f)]
+
+
+def place(coordinate: str) -> tuple[str, str]:
+    """Body (or blade) and degree of freedom of a coordinate's name."""
+    body, _, dof = coordinate.rpartition(".")
+    return body, dof
+
+
+def described(coordinate: str) -> str:
+    """A coordinate in words: ``test pitch``, ``upper.blade1 tip vertical``."""
+    body, dof = place(coordinate)
+    return f"{body}{' tip' if '.' in body else ''} {WORDS[dof]}"
 
 
 def solve(model: LinearModel) -> Modes:
@@ -105,9 +150,11 @@ def solve(model: LinearModel) -> Modes:
         start = here.stop
     values = np.where(np.abs(values) < RIGID * np.abs(values).max(initial=0.0), 0.0, values)
     order = np.argsort(values, kind="stable")
-    shapes, energy = shapes[order], _energy(model, shapes[order])
-    shapes = _signed(shapes @ model.basis.T, energy)[:, 6:]
-    return Modes(model.body, model.coordinate[6:], values[order], shapes, energy, numbers[order])
+    shapes = shapes[order]
+    q = _quality(model, shapes, values[order])
+    energy, tips = _energy(model, shapes)
+    shapes = _signed(shapes @ model.basis.T, np.concatenate([energy, tips], axis=1))[:, 6:]
+    return Modes(model.body, model.coordinate[6:], values[order], shapes, energy.reshape(len(shapes), -1, 6), tips, numbers[order], q)
 
 
 def condensed(model: LinearModel, block: Index) -> tuple[Index, Any, Any, Any]:
@@ -170,20 +217,35 @@ def _localised(values: Array, vectors: Array) -> Array:
     return result
 
 
-def _energy(model: LinearModel, shapes: Array) -> Array:
-    """Kinetic-energy shares (m, n, 6): squares of M^(1/2) v for the M of each body, so never negative."""
+def _energy(model: LinearModel, shapes: Array) -> tuple[Array, Array]:
+    """Kinetic-energy shares of the bodies' (m, 6 n) and of the tips' coordinates, summing to 1.
+
+    Squares of M^(1/2) v for the M of each body, so never negative; a tip mass carried along counts as its body's.
+    """
     bodies = len(model.body)
-    result = np.zeros((len(shapes), bodies, 6))
+    result = np.zeros((len(shapes), 6 * bodies))
     for n in range(bodies):
         rows = slice(6 * (n + 1), 6 * (n + 2))
         values, vectors = np.linalg.eigh(model.mass[rows, rows])
         root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-        result[:, n, :] = (shapes[:, rows] @ root) ** 2
-    return result
+        result[:, 6 * n : 6 * (n + 1)] = (shapes[:, rows] @ root) ** 2
+    tips = slice(6 * (bodies + 1), model.size)
+    mass = model.basis[tips, tips] @ model.mass[tips, tips] @ model.basis[tips, tips].T
+    own = (shapes @ model.basis.T)[:, tips] ** 2 * np.diag(mass)
+    total = (result.sum(1) + own.sum(1))[:, None]
+    return result / total, own / total
 
 
-def _signed(shapes: Array, energy: Array) -> Array:
-    """Shapes with the sign in which the leading body coordinate is positive."""
-    flat = energy.reshape(len(energy), -1)
-    lead = shapes[np.arange(len(shapes)), 6 + flat.argmax(1)]
+def _quality(model: LinearModel, shapes: Array, values: Array) -> Array:
+    """Q = omega^2 / (v K'' v + omega v C v) for shapes v of unit modal mass."""
+    omega = np.sqrt(np.maximum(values, 0.0))
+    dissipated = omega * np.einsum("mi,ij,mj->m", shapes, model.damping, shapes)
+    if model.lossy is not None:
+        dissipated = dissipated + np.einsum("mi,ij,mj->m", shapes, model.lossy.imag, shapes)
+    return np.where(dissipated > 0, omega**2 / np.where(dissipated > 0, dissipated, 1.0), np.inf)
+
+
+def _signed(shapes: Array, shares: Array) -> Array:
+    """Shapes with the sign in which the leading coordinate is positive."""
+    lead = shapes[np.arange(len(shapes)), 6 + shares.argmax(1)]
     return shapes * np.where(lead < 0, -1.0, 1.0)[:, None]

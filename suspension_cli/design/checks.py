@@ -6,19 +6,29 @@ Each function yields the faults of one kind of table; `of_design` gathers them a
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
-from suspension_cli.conventions import SUPPORT
+from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
-from suspension_cli.design.derive import set_geometry
+from suspension_cli.design.derive import body_inertia, body_mass, set_geometry
 from suspension_cli.design.faults import suggestion
 from suspension_cli.design.schema import Blade, BladeSet, Body, Design, Perturbation, Spring, Stage, Wire, WireSet
-from suspension_cli.errors import Fault, shown
+from suspension_cli.errors import Fault, key_shown, shown
 
 ANALYSES = ("modes", "response", "xcouple", "tolerance", "thermal", "sweep", "tradeoff", "fit", "damp", "optimise", "sensitivity")
 BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}
 """Number of wires in a symmetric set to the numbers of blades that can carry it."""
+LEAST_INERTIA = 1e-30
+"""kg m^2; that of a microgram of less than a nanometre."""
+THINNEST = 1e-12
+"""Least moment of inertia in terms of the largest; that of a rod a millionth as thick as it is long."""
+LEAST_MASS, MOST_MASS = 1e-9, 1e9
+"""kg; bounds on what follows from a density, as the schema has them for a mass that is given."""
+FRAME = "frame"
+"""What results call the motion of a support structure that is not rigid."""
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
 def of_design(design: Design) -> list[Fault]:
@@ -33,9 +43,12 @@ def of_design(design: Design) -> list[Fault]:
     if not found:
         for number, perturbation in enumerate(design.perturbation, 1):
             found += _perturbation(design, perturbation, f"perturbation.{number}")
+    found += _control(design)
+    if design.support is not None and all(getattr(design.support.stiffness, dof) is None for dof in DOFS):
+        found.append(Fault("support.stiffness", "is rigid in every direction", "give z = ... (N/m), or leave [support] out"))
     for command in design.analysis:
         if command not in ANALYSES:
-            found.append(Fault(f"analysis.{command}", "unknown command", suggestion(command, list(ANALYSES))))
+            found.append(Fault(f"analysis.{key_shown(command)}", "unknown command", suggestion(command, list(ANALYSES))))
     return found
 
 
@@ -46,14 +59,21 @@ def _names(design: Design) -> Iterator[Fault]:
         if stage.name in above:
             taken = "is the name of the suspension point" if stage.name == SUPPORT else "is the name of an earlier stage too"
             yield Fault(f"{path}.name", taken, "give each stage a name of its own", shown(stage.name))
+        if stage.name == FRAME and design.support is not None:
+            yield Fault(f"{path}.name", "is the name of the support structure that [support] describes", "give the stage another name", shown(stage.name))
         if stage.hangs_from is not None and stage.hangs_from not in above:
             yield Fault(f"{path}.hangs_from", "names no earlier stage", suggestion(stage.hangs_from, above), shown(stage.hangs_from))
+        against = None if stage.damping is None else stage.damping.against
+        if against is not None and against not in above:
+            yield Fault(f"{path}.damping.against", "names no earlier stage", suggestion(against, above), shown(against))
         above.append(stage.name)
 
 
 def _materials(design: Design) -> Iterator[Fault]:
     for name in design.materials:
-        if materials.resolve(design, name).youngs_modulus is None:
+        if not NAME.fullmatch(name):
+            yield Fault(f"materials.{key_shown(name)}", "no wire can name this material", "call it by letters, digits, _ and -, starting with a letter")
+        elif materials.resolve(design, name).youngs_modulus is None:
             yield Fault(f"materials.{name}.youngs_modulus", "missing", "give Young's modulus in Pa")
 
 
@@ -71,6 +91,21 @@ def _exclusive(path: str, given: dict[str, Any], what: str) -> Iterator[Fault]:
 
 
 def _body(body: Body, path: str) -> Iterator[Fault]:
+    found = [*_body_keys(body, path)]
+    yield from found
+    if found or body.shape is None:
+        return
+    mass, moments = body_mass(body), [row[n] for n, row in enumerate(body_inertia(body))]
+    if not LEAST_MASS <= mass <= MOST_MASS:
+        given = "mass" if body.density is None else "density"
+        yield Fault(
+            f"{path}.{given}", f"the body has {mass:.3g} kg, not {LEAST_MASS:g} to {MOST_MASS:g} kg", "check the sizes, in m", shown(getattr(body, given))
+        )
+    elif min(moments) < max(LEAST_INERTIA, THINNEST * max(moments)):
+        yield Fault(path, f"has moments of inertia of {min(moments):.3g} to {max(moments):.3g} kg m^2, no rigid body's", "check the sizes, in m")
+
+
+def _body_keys(body: Body, path: str) -> Iterator[Fault]:
     if body.shape is None:
         for key in ("axis", "radius", "inner_radius", "length", "size", "density"):
             if getattr(body, key) is not None:
@@ -104,13 +139,15 @@ def _inertia(inertia: list[Any], path: str) -> Iterator[Fault]:
     if not any(rows):
         if min(inertia) <= 0:
             yield Fault(path, "moments of inertia must be positive", "give them in kg m^2", shown(inertia))
+        elif min(inertia) < max(LEAST_INERTIA, THINNEST * max(inertia)):
+            yield Fault(path, "is no rigid body's: one moment is next to nothing", "give all three in kg m^2", shown(inertia))
         return
     import numpy as np
 
     matrix = np.array(inertia)
     if not np.allclose(matrix, matrix.T, rtol=1e-12, atol=0):
         yield Fault(path, "is not symmetric", "make element (i, j) equal to (j, i)", shown(inertia))
-    elif np.linalg.eigvalsh(matrix)[0] <= 0:
+    elif np.linalg.eigvalsh(matrix)[0] < max(LEAST_INERTIA, THINNEST * np.abs(matrix).max()):
         yield Fault(path, "is not positive definite", "check the signs of the products of inertia", shown(inertia))
 
 
@@ -236,3 +273,19 @@ def _perturbation(design: Design, item: Perturbation, path: str) -> Iterator[Fau
         wires = [f"{s.name}.{n}" for s in design.stage for n in range(1, (s.wires.count if s.wires else len(s.wire)) + 1)]
         if item.wire not in wires:
             yield Fault(f"{path}.wire", "names no wire", suggestion(item.wire, wires), shown(item.wire))
+
+
+def _control(design: Design) -> Iterator[Fault]:
+    names: list[str] = []
+    for loop in design.control.loop if design.control is not None else ():
+        path = f"control.loop.{loop.name}"
+        if loop.name in names:
+            yield Fault(f"{path}.name", "is the name of another loop", "give each loop a name of its own", shown(loop.name))
+        names.append(loop.name)
+        yield from _exclusive(path, {"damper": loop.damper, "gain": loop.gain}, "damper, or gain with zeros and poles")
+        if loop.damper is not None and (loop.zeros or loop.poles):
+            key = "zeros" if loop.zeros else "poles"
+            yield Fault(f"{path}.{key}", "a damper has no filter", "give gain instead of damper", shown(getattr(loop, key)))
+        zeros, poles = (sum(2 if isinstance(root, list) else 1 for root in roots) for roots in (loop.zeros, loop.poles))
+        if zeros > poles and loop.damper is None:
+            yield Fault(f"{path}.zeros", f"{zeros} zeros on {poles} poles is no filter that can be built", "add poles", shown(loop.zeros))

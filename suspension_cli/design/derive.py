@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import materials
-from suspension_cli.design.schema import Blade, BladeGeometry, BladeSet, Body, Design, Section, Wire, WireSet
+from suspension_cli.design.schema import Blade, BladeGeometry, BladeSet, Body, Design, Section, Stage, Wire, WireSet
 
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
@@ -135,3 +136,36 @@ def set_geometry(wires: WireSet) -> SetGeometry:
         d=wires.d,
         d_upper=wires.d_upper,
     )
+
+
+def com_offset(stage: Stage) -> tuple[float, float, float]:
+    """From the COM above (or the support point) to the nominal COM of a stage, m."""
+    if stage.wires is None:
+        assert stage.position is not None
+        return stage.position
+    shape = set_geometry(stage.wires)
+    return (0.0, 0.0, -(shape.d_upper + shape.height + shape.d))
+
+
+def com_positions(design: Design) -> dict[str, tuple[float, float, float]]:
+    """Nominal COM of every stage from the suspension point, m."""
+    found = {SUPPORT: (0.0, 0.0, 0.0)}
+    above = SUPPORT
+    for stage in design.stage:
+        x, y, z = found[stage.hangs_from or above]
+        dx, dy, dz = com_offset(stage)
+        found[stage.name] = (x + dx, y + dy, z + dz)
+        above = stage.name
+    return found
+
+
+def wire_loss(design: Design, wire: WireSet | Wire) -> float:
+    """Loss angle of a wire's stretching, rad: its material's, 0 if that gives none."""
+    return 0.0 if wire.material is None else materials.resolve(design, wire.material).loss_angle or 0.0
+
+
+def blade_loss(design: Design, blade: BladeSet | Blade) -> float:
+    """Loss angle of a blade, rad: given, or its material's, 0 if neither is."""
+    if blade.loss_angle is not None:
+        return blade.loss_angle
+    return 0.0 if blade.geometry is None else materials.resolve(design, blade.geometry.material).loss_angle or 0.0

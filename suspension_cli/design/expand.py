@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import perturb, statics
-from suspension_cli.design.derive import SetGeometry, blade_stiffness, body_inertia, body_mass, set_geometry, wire_stiffness
+from suspension_cli.design.derive import SetGeometry, blade_loss, blade_stiffness, body_inertia, body_mass, com_offset, set_geometry, wire_loss, wire_stiffness
 from suspension_cli.design.scene import Array, Blades, Bodies, Scene, Springs, Wires
 from suspension_cli.design.schema import Blade, BladeSet, Design, Spring, Stage
 from suspension_cli.errors import Fault, InputError
@@ -22,6 +22,7 @@ class _Wire:
     lower_point: Array
     span: Array
     stiffness: float
+    loss: float
     blade: str | None
     given: float | None
     """Tension in the nominal pose that the design fixes, N."""
@@ -40,6 +41,7 @@ class _Blade:
     axes: NDArray[np.bool_]
     stiffness: Array
     tip_mass: float
+    loss: float
 
 
 @dataclass
@@ -86,29 +88,32 @@ def nominal(design: Design) -> Scene:
 def _part(design: Design, stage: Stage, parent: int) -> _Part:
     mass = body_mass(stage.body)
     if stage.wires is None:
-        part = _Part(stage, parent, np.array(stage.position))
+        part = _Part(stage, parent, np.array(com_offset(stage)))
         for number, wire in enumerate(stage.wire, 1):
             upper, lower = np.array(wire.upper), np.array(wire.lower)
             span = part.offset + lower - upper
             length = float(np.linalg.norm(span))
             k = wire_stiffness(design, wire, length)
             given = wire.tension if wire.natural_length is None else k * (length - wire.natural_length)
-            part.wires.append(_Wire(f"{stage.name}.{number}", upper, lower, span, k, wire.blade, given, wire.natural_length is not None))
+            part.wires.append(
+                _Wire(f"{stage.name}.{number}", upper, lower, span, k, wire_loss(design, wire), wire.blade, given, wire.natural_length is not None)
+            )
         for blade in stage.blade:
             ends = np.mean([wire.upper_point for wire in part.wires if wire.blade == blade.name], axis=0)
             tip = np.array(blade.at) if blade.at is not None else ends
             part.blades[blade.name] = _blade(design, blade, f"{stage.name}.{blade.name}", tip, mass, len(stage.blade))
         return part
     shape = set_geometry(stage.wires)
-    part = _Part(stage, parent, np.array([0.0, 0.0, -(shape.d_upper + shape.height + shape.d)]))
+    part = _Part(stage, parent, np.array(com_offset(stage)))
     k = wire_stiffness(design, stage.wires, shape.length)
+    loss = wire_loss(design, stage.wires)
     signs = _signs(shape.count)
     for number, (along, across) in enumerate(signs, 1):
         upper = np.array([along * shape.s_upper, across * shape.t1, -shape.d_upper])
         lower = np.array([along * shape.s_lower, across * shape.t2, shape.d])
         span = np.array([along * (shape.s_lower - shape.s_upper), across * (shape.t2 - shape.t1), -shape.height])
         name = _blade_of(stage.blades, number, across)
-        part.wires.append(_Wire(f"{stage.name}.{number}", upper, lower, span, k, name, None, natural=False))
+        part.wires.append(_Wire(f"{stage.name}.{number}", upper, lower, span, k, loss, name, None, natural=False))
     if stage.blades is not None:
         for name, tip in _set_tips(stage.blades, shape):
             part.blades[name] = _blade(design, stage.blades, f"{stage.name}.blade{name}", tip, mass, stage.blades.count)
@@ -144,7 +149,7 @@ def _blade(design: Design, blade: BladeSet | Blade, label: str, tip: Array, mass
     vertical = blade_stiffness(design, blade, mass, count)
     lateral = blade.lateral_stiffness
     stiffness = np.array([0.0, 0.0, vertical] if lateral is None else [*lateral, vertical])
-    return _Blade(label, tip, stiffness > 0, stiffness, blade.tip_mass)
+    return _Blade(label, tip, stiffness > 0, stiffness, blade.tip_mass, blade_loss(design, blade))
 
 
 def _balance(design: Design, parts: list[_Part]) -> list[Fault]:
@@ -263,6 +268,7 @@ def _wires(parts: list[_Part]) -> Wires:
         length=np.sqrt((span**2).sum(-1)),
         tension=np.concatenate([part.tension for part in parts]),
         stiffness=np.array([wire.stiffness for _, _, wire in rows]),
+        loss=np.array([wire.loss for _, _, wire in rows]),
     )
 
 
@@ -276,6 +282,7 @@ def _blades(parts: list[_Part]) -> Blades:
         stiffness=np.array([blade.stiffness for _, _, blade in rows]).reshape(-1, 3),
         load=np.array([part.loads[name] for part, name, _ in rows]).reshape(-1, 3),
         tip_mass=np.array([blade.tip_mass for _, _, blade in rows]),
+        loss=np.array([blade.loss for _, _, blade in rows]),
     )
 
 
@@ -291,6 +298,7 @@ def _springs(parts: list[_Part]) -> Springs:
         stiffness=np.array([_matrix(spring, "stiffness") for _, _, spring in rows]).reshape(-1, 6, 6),
         damping=np.array([_matrix(spring, "damping") for _, _, spring in rows]).reshape(-1, 6, 6),
         preload=np.array([spring.preload for _, _, spring in rows], dtype=float).reshape(-1, 6),
+        loss=np.array([spring.loss_angle or 0.0 for _, _, spring in rows]),
     )
 
 

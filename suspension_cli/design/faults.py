@@ -7,6 +7,7 @@ fails, the same types are walked once more, value by value, and every fault is k
 from __future__ import annotations
 
 import math
+import re
 import types
 from collections.abc import Iterator
 from functools import cache
@@ -15,7 +16,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import msgspec
 
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, shown
+from suspension_cli.errors import Fault, key_shown, shown
 
 _KINDS = {bool: "true or false", str: "a string", int: "an integer", float: "a number"}
 
@@ -40,8 +41,9 @@ def step(path: str, key: object, item: Any = None) -> str:
     """The key path one level down; members of a list go by their name, else by their number from 1."""
     if isinstance(key, int):
         name = item.get("name") if isinstance(item, dict) else None
-        key = name if isinstance(name, str) and name else key + 1
-    return f"{path}.{key}" if path else str(key)
+        key = name if isinstance(name, str) and name else str(key + 1)
+    text = key_shown(str(key))
+    return f"{path}.{text}" if path else text
 
 
 def _walk(kind: Any, value: Any, path: str) -> Iterator[Fault]:
@@ -151,17 +153,36 @@ def _walk_union(kind: Any, meta: msgspec.Meta | None, value: Any, path: str) -> 
 
 def _leaf(kind: Any, meta: msgspec.Meta | None, value: Any, path: str) -> Iterator[Fault]:
     if kind is Any:
+        yield from _anything(value, path)
         return
     described = f"give {_described(kind, meta)}"
     if isinstance(value, float) and not math.isfinite(value):
         yield Fault(path, "must be finite", described, shown(value))
         return
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value) if abs(value) < 10**300 else math.copysign(1e301, value)
+    number = value
+    if isinstance(value, int) and not isinstance(value, bool) and (kind is float or abs(value) >= 2**63):
+        number = float(min(max(value, -(10**301)), 10**301))  # beyond all bounds, but a float
     try:
-        msgspec.convert(value, Annotated[kind, meta] if meta is not None else kind)
+        msgspec.convert(number, Annotated[kind, meta] if meta is not None else kind)
+        good = meta is None or meta.pattern is None or re.search(meta.pattern + r"(?!\n)", number) is not None  # a last newline is none of a name
     except msgspec.ValidationError:
-        yield Fault(path, _problem(kind, meta, value), described, shown(value))
+        good = False
+    if not good:
+        yield Fault(path, _problem(kind, meta, number), described, shown(value))
+
+
+def _anything(value: Any, path: str) -> Iterator[Fault]:
+    """A value whose type the file format leaves open: all that matters is that it can be written again."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _anything(item, step(path, key))
+    elif isinstance(value, list):
+        for number, item in enumerate(value):
+            yield from _anything(item, step(path, number))
+    elif isinstance(value, float) and not math.isfinite(value):
+        yield Fault(path, "must be finite", "give a number, or leave it out", shown(value))
+    elif isinstance(value, int) and abs(value) >= 2**63:
+        yield Fault(path, "is too large an integer", "give a smaller one, or a number with a decimal point", shown(value))
 
 
 def _problem(kind: Any, meta: msgspec.Meta | None, value: Any) -> str:
@@ -179,6 +200,8 @@ def _problem(kind: Any, meta: msgspec.Meta | None, value: Any) -> str:
     ]
     if bounds:
         return "must be " + " and ".join(bounds)
+    if meta.max_length is not None and len(value) > meta.max_length:
+        return f"is longer than {meta.max_length} characters"
     return "is not acceptable"
 
 

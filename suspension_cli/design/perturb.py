@@ -137,6 +137,26 @@ def turn_mass(scene: Scene, number: int, rotation: Any) -> Scene:
     return replace(scene, bodies=replace(scene.bodies, inertia=_with(inertia, number - 1, turned, 2)))
 
 
+def scale_mass(scene: Scene, number: int, factor: Any) -> Scene:
+    """A scene in which one body (from 1) has another mass; wires keep their unstretched lengths.  `factor` has the batch shape."""
+    mass = scene.bodies.mass
+    return replace(scene, bodies=replace(scene.bodies, mass=_with(mass, number - 1, mass[..., number - 1] * np.asarray(factor, dtype=float), 0)))
+
+
+def scale_inertia(scene: Scene, number: int, factor: Any) -> Scene:
+    """A scene in which one body (from 1) has all its inertia times `factor` (batch shape)."""
+    inertia = scene.bodies.inertia
+    scaled = inertia[..., number - 1, :, :] * np.asarray(factor, dtype=float)[..., None, None]
+    return replace(scene, bodies=replace(scene.bodies, inertia=_with(inertia, number - 1, scaled, 2)))
+
+
+def scale_blade(scene: Scene, number: int, factor: Any) -> Scene:
+    """A scene in which one blade (from 0) has another stiffness; it is trimmed to its nominal load in the nominal pose."""
+    stiffness = scene.blades.stiffness
+    scaled = stiffness[..., number, :] * np.asarray(factor, dtype=float)[..., None]
+    return replace(scene, blades=replace(scene.blades, stiffness=_with(stiffness, number, scaled, 1)))
+
+
 def _with(values: Array, number: int, item: Array, inner: int) -> Array:
     """A copy of `values` (..., n, [inner axes]) with member `number` replaced, batch axes broadcast."""
     axis = -1 - inner

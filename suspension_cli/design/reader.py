@@ -16,6 +16,8 @@ from suspension_cli.errors import Fault, InputError, shown
 MAX_BYTES = 4_000_000
 """A design file larger than this is a mistake (a results file, a picture)."""
 
+_TOO_DEEP = Fault("", "tables or arrays are nested too deeply", "write it flatter")
+
 
 @dataclass(frozen=True)
 class Source:
@@ -56,7 +58,10 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         design = convert(raw)
     except InputError as error:
         raise error.in_file(name) from None
-    return Source(design, dump(raw), name)
+    try:
+        return Source(design, dump(raw), name)
+    except RecursionError:
+        raise InputError([_TOO_DEEP], name) from None
 
 
 def parse(text: str) -> Design:
@@ -64,12 +69,19 @@ def parse(text: str) -> Design:
     return convert(_parse(text))
 
 
+def overridden(text: str, overrides: tuple[str, ...]) -> Design:
+    """A checked design from TOML text with overrides applied."""
+    raw = _parse(text)
+    apply_overrides(raw, overrides)
+    return convert(raw)
+
+
 def convert(raw: dict[str, Any]) -> Design:
     """A checked design from a parsed document; raises `InputError` with all its faults."""
     try:
         found = faults.of_table(raw)
     except RecursionError:
-        found = [Fault("", "tables are nested too deeply", "write it flatter")]
+        found = [_TOO_DEEP]
     if found:
         raise InputError(found)
     design = msgspec.convert(raw, Design)
@@ -88,31 +100,34 @@ def dump(raw: dict[str, Any]) -> str:
 
 def _text(path: Path) -> str:
     try:
-        size = path.stat().st_size
         if path.is_dir():
             raise InputError([Fault("", "is a directory", "name a TOML file in it")])
-        if size > MAX_BYTES:
-            raise InputError([Fault("", f"has {size} bytes, too many for a design", "name a TOML design file")])
-        data = path.read_bytes()
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError([Fault("", f"cannot be read ({reason})", "check the path and its permissions")]) from None
+    if len(data) > MAX_BYTES:
+        raise InputError([Fault("", f"has more than {MAX_BYTES} bytes, too many for a design", "name a TOML design file")])
     try:
-        text = data.decode("utf-8")
+        text = data.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError:
         raise InputError([Fault("", "is not text (UTF-8)", "name a TOML design file")]) from None
-    if not text.strip():
-        raise InputError([Fault("", "is empty", "start a design with `pendsus new`")])
     return text
 
 
 def _parse(text: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(text)
+        raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError([Fault("", f"is not TOML: {error}", "mend the line named")]) from None
-    except (RecursionError, ValueError) as error:
-        raise InputError([Fault("", f"is not TOML: {error}", "mend the value named")]) from None
+    except RecursionError:
+        raise InputError([_TOO_DEEP]) from None
+    except ValueError:  # all that Python does not read of TOML's numbers
+        raise InputError([Fault("", "is not TOML: a number has thousands of digits", "write it shorter")]) from None
+    if not raw:
+        raise InputError([Fault("", "is empty", "start a design with `pendsus new`")])
+    return raw
 
 
 def apply_overrides(raw: dict[str, Any], overrides: tuple[str, ...]) -> None:
@@ -127,6 +142,8 @@ def apply_overrides(raw: dict[str, Any], overrides: tuple[str, ...]) -> None:
         where they are missing; a missing member of a list is a fault.
     """
     for override in overrides:
+        if any("\ud800" <= letter <= "\udfff" for letter in override):
+            raise InputError([Fault("--set", "holds bytes that are no text", "write it in UTF-8", shown(override))])
         path, equals, value = override.partition("=")
         keys = [key.strip() for key in path.split(".")]
         if not equals or not all(keys):
@@ -163,3 +180,9 @@ def _member(items: list[Any], key: str, override: str) -> int:
         return int(key) - 1
     names = [str(item.get("name", n)) if isinstance(item, dict) else str(n) for n, item in enumerate(items, 1)]
     raise InputError([Fault("--set", f"there is no {key!r} here", faults.suggestion(key, names), shown(override))])
+
+
+def template(kind: str, name: str) -> str:
+    """A starting design as TOML text, under its own name."""
+    path = Path(__file__).parent / "templates" / f"{kind}.toml"
+    return path.read_text(encoding="utf-8").replace('name = "NAME"', f'name = "{name}"', 1)

@@ -61,6 +61,8 @@ class Wires:
         At that length, N.
     stiffness : (..., w) array
         N/m.
+    loss : (w,) array
+        Loss angle of the stretching, rad.
     """
 
     label: tuple[str, ...]
@@ -73,6 +75,7 @@ class Wires:
     length: Array
     tension: Array
     stiffness: Array
+    loss: Array
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,8 @@ class Blades:
         Force of the blade on its tip in the nominal pose, N.
     tip_mass : (..., b) array
         kg.
+    loss : (b,) array
+        Loss angle, rad.
     """
 
     label: tuple[str, ...]
@@ -103,6 +108,7 @@ class Blades:
     stiffness: Array
     load: Array
     tip_mass: Array
+    loss: Array
 
 
 @dataclass(frozen=True)
@@ -119,6 +125,8 @@ class Springs:
         N/m, N m/rad and mixed; N s/m and so on.
     preload : (..., s, 6) array
         Force (N) and torque (N m) on the lower body in the nominal pose.
+    loss : (s,) array
+        Loss angle, rad.
     """
 
     label: tuple[str, ...]
@@ -129,6 +137,7 @@ class Springs:
     stiffness: Array
     damping: Array
     preload: Array
+    loss: Array
 
 
 @dataclass(frozen=True)
@@ -154,7 +163,13 @@ class Scene:
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the batch axes."""
-        return np.broadcast_shapes(self.bodies.mass.shape[:-1], self.wires.tension.shape[:-1], self.blades.load.shape[:-2], self.springs.preload.shape[:-2])
+        inner = (
+            (self.bodies, {"mass": 1, "inertia": 3, "position": 2}),
+            (self.wires, {"upper_point": 2, "lower_point": 2, "span": 2, "length": 1, "tension": 1, "stiffness": 1}),
+            (self.blades, {"tip": 2, "stiffness": 2, "load": 2, "tip_mass": 1}),
+            (self.springs, {"upper_point": 2, "lower_point": 2, "stiffness": 3, "damping": 3, "preload": 2}),
+        )
+        return np.broadcast_shapes(*(getattr(part, name).shape[:-axes] for part, names in inner for name, axes in names.items()))
 
     @property
     def weight(self) -> Array:

@@ -175,6 +175,56 @@ class Spring(Table, frozen=True):
     loss_angle: LossAngle | None = None
 
 
+Viscous = Annotated[float, Meta(ge=0, le=1e12, description="viscous damping in N s/m or N m s/rad")]
+
+
+class Damping(Table, frozen=True):
+    """Viscous damping of a body's motion relative to another body (or the support), at its COM."""
+
+    x: Viscous = 0.0
+    y: Viscous = 0.0
+    z: Viscous = 0.0
+    roll: Viscous = 0.0
+    pitch: Viscous = 0.0
+    yaw: Viscous = 0.0
+    against: Annotated[Name, Meta(description="support, or a stage above")] = "support"
+
+
+class Compliance(Table, frozen=True):
+    """Stiffness of the support structure; directions left out are rigid."""
+
+    x: Stiffness | None = None
+    y: Stiffness | None = None
+    z: Stiffness | None = None
+    roll: Stiffness | None = None
+    pitch: Stiffness | None = None
+    yaw: Stiffness | None = None
+
+
+class FrameDamping(Table, frozen=True):
+    """Viscous damping of the support structure against the ground."""
+
+    x: Viscous = 0.0
+    y: Viscous = 0.0
+    z: Viscous = 0.0
+    roll: Viscous = 0.0
+    pitch: Viscous = 0.0
+    yaw: Viscous = 0.0
+
+
+class Support(Table, frozen=True):
+    """A support structure that is not rigid: it stands on the ground, and the suspension point moves with it."""
+
+    stiffness: Compliance
+    mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with the suspension point, kg")] = 0.0
+    inertia: Annotated[
+        list[Annotated[float, Meta(ge=0, le=1e15)]],
+        Meta(min_length=3, max_length=3, description="moments of inertia about x, y, z at the suspension point, kg m^2"),
+    ] = field(default_factory=lambda: [0.0] * 3)
+    damping: FrameDamping = FrameDamping()
+    loss_angle: LossAngle = 0.0
+
+
 class Stage(Table, frozen=True):
     """A body and what it hangs on."""
 
@@ -187,6 +237,7 @@ class Stage(Table, frozen=True):
     blades: BladeSet | None = None
     blade: list[Blade] = field(default_factory=list)
     spring: list[Spring] = field(default_factory=list)
+    damping: Damping | None = None
 
 
 class Perturbation(Table, frozen=True):
@@ -203,6 +254,35 @@ class Perturbation(Table, frozen=True):
     rotation: Annotated[Rotation, Meta(description="how the mass is turned relative to the attachments, rad")] | None = None
 
 
+Root = Annotated[
+    list[float | Annotated[list[float], Meta(min_length=2, max_length=2)]],
+    Meta(description="roots in Hz, positive for the left half plane; [re, im] is a conjugate pair"),
+]
+
+
+class Loop(Table, frozen=True):
+    """One local control loop: a sensor, an actuator, and what drives it: u = -H(f) y.
+
+    H is a velocity damper, or gain times the product of (i f + z) over zeros z divided by that of (i f + p) over poles p.
+    """
+
+    name: Name
+    sensor: Annotated[str, Meta(description="a motion: upper.x")]
+    actuator: Annotated[str, Meta(description="a force or torque: upper.force_x")]
+    reference: Literal["support", "inertial"] = "support"
+    damper: Annotated[float, Meta(ge=-1e12, le=1e12, description="force per velocity, N s/m (N m s/rad)")] | None = None
+    gain: Annotated[float, Meta(ge=-1e20, le=1e20, description="N/m (N m/rad) times Hz to the number of poles less that of zeros")] | None = None
+    zeros: Root = field(default_factory=list)
+    poles: Root = field(default_factory=list)
+    sensor_noise: Annotated[float, Meta(ge=0, le=1e3, description="amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz)")] = 0.0
+
+
+class Control(Table, frozen=True):
+    """Local control."""
+
+    loop: Annotated[list[Loop], Meta(min_length=1)]
+
+
 class Design(Table, frozen=True):
     """A whole design file."""
 
@@ -210,7 +290,16 @@ class Design(Table, frozen=True):
     stage: Annotated[list[Stage], Meta(min_length=1, description="bodies, top to bottom")]
     constants: Constants = Constants()
     materials: dict[str, Material] = field(default_factory=dict)
+    support: Support | None = None
+    control: Control | None = None
     perturbation: list[Perturbation] = field(default_factory=list)
     analysis: Annotated[dict[str, dict[str, Any]], Meta(description="defaults for a command's options, under the options' own names")] = field(
         default_factory=dict
     )
+
+
+def json_schema() -> dict[str, Any]:
+    """The file format as JSON Schema (draft 2020-12)."""
+    import msgspec.json
+
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "pendsus design file"} | msgspec.json.schema(Design)

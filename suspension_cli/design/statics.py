@@ -58,9 +58,18 @@ def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array
         The wrench that they cannot balance.
     """
     scaled = compliance / np.trace(compliance)
-    root = np.linalg.inv(np.linalg.cholesky(scaled)).T  # C^-1 = root root^T
+    root = _inverse_root(scaled)
     tension = root @ (np.linalg.pinv(wrenches.T @ root, rcond=1e-10) @ -load)
     return tension, wrenches.T @ tension + load
+
+
+def _inverse_root(matrix: Array) -> Array:
+    """R with R R^T = C^-1 for a positive definite C; wires next to which a blade is all too soft count as rounding lets them."""
+    try:
+        return np.linalg.inv(np.linalg.cholesky(matrix)).T
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(matrix)
+        return vectors / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
 
 
 def compliance(stiffness: Array, direction: Array, blade: Array, axes: Array, blade_stiffness: Array) -> Array:

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design.scene import Scene
-from suspension_cli.mechanics import blade, spring
-from suspension_cli.mechanics.blocks import Symmetry, symmetry
+from suspension_cli.mechanics import blade, spring, string
+from suspension_cli.mechanics.blocks import symmetry, unsplit
 from suspension_cli.mechanics.equilibrium import Equilibrium, solve
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.mechanics.pose import Layout, Pose, layout, point_jacobian
 
 
-def linear_model(scene: Scene, balanced: Equilibrium | None = None) -> LinearModel:
+def linear_model(scene: Scene, balanced: Equilibrium | None = None, *, split: bool = True) -> LinearModel:
     """The linear model of small motions about the equilibrium of a scene.
 
     Parameters
@@ -26,11 +26,13 @@ def linear_model(scene: Scene, balanced: Equilibrium | None = None) -> LinearMod
         With any batch axes.
     balanced : Equilibrium, optional
         As `equilibrium.solve` gives it, if it is known already.
+    split : bool
+        Whether to look for mirror symmetries.  Without, a scene of a batch does not depend on the others.
 
     Returns
     -------
     LinearModel
-        In symmetry-adapted coordinates, so that couplings that a symmetry forbids are exactly 0.
+        If split, in symmetry-adapted coordinates, so that couplings that a symmetry forbids are exactly 0.
 
     Raises
     ------
@@ -42,24 +44,27 @@ def linear_model(scene: Scene, balanced: Equilibrium | None = None) -> LinearMod
         balanced = solve(scene, numbering)
         balanced.demand(scene)
     pose = balanced.pose
-    adapted = symmetry(scene, numbering)
+    adapted = symmetry(scene, numbering) if split else unsplit(numbering)
     tips = np.zeros(numbering.size, dtype=bool)
     weightless = scene.blades.tip_mass == 0
     for number in np.flatnonzero(weightless.all(tuple(range(weightless.ndim - 1)))):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
+    lossy = None
+    if scene.wires.loss.any() or scene.blades.loss.any() or scene.springs.loss.any():
+        lossy = balanced.stiffness + 1j * loss_matrix(scene, numbering, pose)
     damping = damping_matrix(scene, numbering, pose) if scene.springs.damping.any() else np.zeros((numbering.size,) * 2)
-    return _adapted(scene, numbering, adapted, mass_matrix(scene, numbering, pose), balanced.stiffness, damping, tips)
-
-
-def _adapted(scene: Scene, numbering: Layout, adapted: Symmetry, mass: Any, stiffness: Any, damping: Any, massless: Any) -> LinearModel:
     return LinearModel(
         body=scene.bodies.name,
-        coordinate=tuple(numbering.name),
+        coordinate=numbering.name,
         basis=adapted.basis,
-        massless=adapted.carried(massless),
-        mass=adapted.apply(mass),
-        stiffness=adapted.apply(stiffness),
+        massless=adapted.carried(tips),
+        mass=adapted.apply(mass_matrix(scene, numbering, pose)),
+        stiffness=adapted.apply(balanced.stiffness),
         damping=adapted.apply(damping),
+        lossy=None if lossy is None else adapted.apply(lossy),
+        orientation=None if balanced.iterations == 0 else pose.rotation,
+        residual=float(np.max(balanced.residual)),
+        wire=scene.wires.label,
     )
 
 
@@ -86,4 +91,25 @@ def damping_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
     for number in range(len(scene.springs.label)):
         jacobian = spring.strain_jacobian(scene, numbering, pose, now, number)
         result = result + np.swapaxes(jacobian, -1, -2) @ scene.springs.damping[..., number, :, :] @ jacobian
+    return (result + np.swapaxes(result, -1, -2)) / 2
+
+
+def loss_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
+    """Imaginary part (..., N, N) of the stiffness: each elastic constant times its loss angle.
+
+    Tension times geometry is not lossy: only the stretching of wires, the bending of blades and springs are.
+    """
+    result = np.zeros((*scene.batch, numbering.size, numbering.size))
+    if scene.wires.loss.any():
+        now = string.state(scene, pose)
+        along = (string.span_jacobian(scene, numbering, pose, now) * now.direction[..., None, :, :]).sum(-1)
+        result = result + (along * (scene.wires.stiffness * scene.wires.loss)[..., None, :]) @ np.swapaxes(along, -1, -2)
+    if scene.blades.loss.any():
+        rows = numbering.blade[scene.blades.axes]
+        result[..., rows, rows] += (scene.blades.stiffness * scene.blades.loss[:, None])[..., scene.blades.axes]
+    now = spring.state(scene, pose)
+    for number in np.flatnonzero(scene.springs.loss):
+        jacobian = spring.strain_jacobian(scene, numbering, pose, now, number)
+        matrix = scene.springs.stiffness[..., number, :, :] * scene.springs.loss[number]
+        result = result + np.swapaxes(jacobian, -1, -2) @ matrix @ jacobian
     return (result + np.swapaxes(result, -1, -2)) / 2

@@ -62,6 +62,12 @@ def symmetry(scene: Scene, numbering: Layout) -> Symmetry:
     return Symmetry(basis, allowed, tuple("xy"[axis] for axis in mirrors))
 
 
+def unsplit(numbering: Layout) -> Symmetry:
+    """No symmetry: every coordinate for itself, every coupling allowed."""
+    size = numbering.size
+    return Symmetry(np.eye(size), np.ones((size, size), dtype=bool), ())
+
+
 def _operator(scene: Scene, numbering: Layout, axis: int, image: Any) -> Array:
     """The mirror as a signed permutation matrix (N, N) of the coordinates."""
     bodies = len(scene.bodies.name) + 1
@@ -102,25 +108,49 @@ def _adapted_basis(size: int, operators: list[Array]) -> tuple[Array, Array]:
 
 
 def blade_images(scene: Scene, axis: int) -> Any:
-    """The mirror image of every blade under a mirror in x (axis 0) or y (1); None if the scene has no such mirror."""
+    """The mirror image of every blade under a mirror in x (axis 0) or y (1); None unless every scene of a batch has that mirror."""
+    pairs, _ = _blade_pairs(scene, axis)
+    if not np.all(_has_mirror(scene, axis)) or (pairs.ndim > 2 and (pairs != pairs[:1]).any()):
+        return None
+    first = pairs.reshape(-1, *pairs.shape[-2:])[0] if pairs.size else np.zeros((0, 1))
+    return first.argmax(1)
+
+
+def mirrored(scene: Scene) -> Any:
+    """Which scenes of a batch map on themselves when x, or y, is mirrored: (..., 2) bool."""
+    return np.stack([np.broadcast_to(_has_mirror(scene, axis), scene.batch) for axis in (0, 1)], axis=-1)
+
+
+def _flip(axis: int) -> Array:
     flip = np.ones(3)
     flip[axis] = -1.0
-    bodies, blades, wires, springs = scene.bodies, scene.blades, scene.wires, scene.springs
-    odd = np.outer(flip, flip) < 0
-    if (bodies.position[..., axis] != 0).any() or (bodies.inertia[..., odd] != 0).any():
-        return None
+    return flip
+
+
+def _blade_pairs(scene: Scene, axis: int) -> tuple[Any, Any]:
+    """Pairs (..., b, b) of blades that are each other's images, and whether that is one to one."""
+    blades, flip = scene.blades, _flip(axis)
     same = _same(blades.body, blades.axes.T) & _equal(blades.tip, blades.tip * flip) & _equal(blades.stiffness, blades.stiffness)
-    same &= _equal(blades.tip_mass[..., None], blades.tip_mass[..., None]) & _close(blades.load, blades.load * flip)
-    blade = _permutation(same)
-    if blade is None:
-        return None
-    mirrored = np.append(blade, -1)[wires.blade]
-    same = _same(wires.upper) & _same(wires.lower) & (wires.blade[:, None] == mirrored[None, :])
-    same &= _equal(wires.upper_point, wires.upper_point * flip) & _equal(wires.lower_point, wires.lower_point * flip)
-    same &= _equal(wires.stiffness[..., None], wires.stiffness[..., None]) & _close(wires.tension[..., None], wires.tension[..., None])
-    same &= _close(wires.length[..., None], wires.length[..., None])
-    if _permutation(same) is None:
-        return None
+    same = same & _equal(blades.tip_mass[..., None], blades.tip_mass[..., None]) & _close(blades.load, blades.load * flip)
+    return same, _one_to_one(same)
+
+
+def _has_mirror(scene: Scene, axis: int) -> Any:
+    """Whether each scene (...) maps on itself under a mirror in x (axis 0) or y (1)."""
+    bodies, wires, springs, flip = scene.bodies, scene.wires, scene.springs, _flip(axis)
+    odd = np.outer(flip, flip) < 0
+    good = (bodies.position[..., axis] == 0).all(-1) & (bodies.inertia[..., odd] == 0).all((-2, -1))
+    blade, one = _blade_pairs(scene, axis)
+    good = good & one
+    # wires that hang from no blade match each other; others match if their blades do
+    same = _same(wires.upper) & _same(wires.lower) & ((wires.blade[:, None] < 0) == (wires.blade[None, :] < 0))
+    same = same & _equal(wires.upper_point, wires.upper_point * flip) & _equal(wires.lower_point, wires.lower_point * flip)
+    same = same & _equal(wires.stiffness[..., None], wires.stiffness[..., None]) & _close(wires.tension[..., None], wires.tension[..., None])
+    same = same & _close(wires.length[..., None], wires.length[..., None])
+    if len(scene.blades.label):
+        hung = blade[..., wires.blade[:, None], wires.blade[None, :]]
+        same = same & np.where(wires.blade[:, None] >= 0, hung, True)
+    good = good & _one_to_one(same)
     six = np.array((PARITY_X, PARITY_Y)[axis], dtype=float)
     # a wrench mirrors as the motions that it works on
     same = (
@@ -128,8 +158,8 @@ def blade_images(scene: Scene, axis: int) -> Any:
     )
     for matrix in (springs.stiffness, springs.damping):
         flat = matrix.reshape(*matrix.shape[:-2], 36)
-        same &= _equal(flat, flat * np.outer(six, six).ravel())
-    return blade if _permutation(same) is not None else None
+        same = same & _equal(flat, flat * np.outer(six, six).ravel())
+    return good & _one_to_one(same)
 
 
 def _same(*labels: Any) -> Any:
@@ -138,22 +168,16 @@ def _same(*labels: Any) -> Any:
 
 
 def _equal(values: Any, images: Any) -> Any:
-    """Pairs (n, n) in which a member (..., n, c) equals the image of another exactly."""
-    return _everywhere(values[..., :, None, :] == images[..., None, :, :])
+    """Pairs (..., n, n) in which a member (..., n, c) equals the image of another exactly."""
+    return (values[..., :, None, :] == images[..., None, :, :]).all(-1)
 
 
 def _close(values: Any, images: Any) -> Any:
-    """Pairs (n, n) in which a member equals the image of another but for rounding."""
-    scale = np.abs(values).max(initial=0.0)
-    return _everywhere(np.abs(values[..., :, None, :] - images[..., None, :, :]) <= ROUNDING * scale)
+    """Pairs (..., n, n) in which a member equals the image of another but for rounding."""
+    scale = np.abs(values).max((-2, -1), initial=0.0)[..., None, None, None]
+    return (np.abs(values[..., :, None, :] - images[..., None, :, :]) <= ROUNDING * scale).all(-1)
 
 
-def _everywhere(pairs: Any) -> Any:
-    return pairs.all(-1).all(tuple(range(pairs.ndim - 3)))
-
-
-def _permutation(same: Any) -> Any:
-    """For every member its image, if the pairing is one to one; else None."""
-    if (same.sum(0) != 1).any() or (same.sum(1) != 1).any():
-        return None
-    return same.argmax(1) if len(same) else np.zeros(0, dtype=np.intp)
+def _one_to_one(same: Any) -> Any:
+    """Whether each pairing (..., n, n) is a permutation."""
+    return (same.sum(-1) == 1).all(-1) & (same.sum(-2) == 1).all(-1)

@@ -16,12 +16,15 @@ from suspension_cli.design.scene import Scene
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import string
 from suspension_cli.mechanics.pose import Layout, Pose, displaced, layout, nominal_pose
+from suspension_cli.mechanics.spins import free_to_spin, spins
 from suspension_cli.mechanics.tangent import tangent
 
 BALANCED = 1e-14
 """Residual (of the weight) of a nominal pose that needs no search."""
 CONVERGED = 1e-11
 """Residual (of the weight) below which a search has found its equilibrium."""
+SETTLED = 1e-12
+"""Residual (of the weight) at which the search stops."""
 LAST_STEP = 1e-8
 """Step (m or rad) after which the error is below rounding, as convergence is quadratic."""
 ITERATIONS = 60
@@ -63,19 +66,14 @@ class Equilibrium:
             worst = float(np.max(np.nan_to_num(self.residual, nan=np.inf)))
             remedy = "check natural lengths, positions and the size of the perturbations"
             raise InputError([Fault("stage", f"no equilibrium found near the nominal pose (residual {worst:.1e} of the weight)", remedy)])
-        slack = np.flatnonzero((self.tension <= 0).reshape(-1, len(scene.wires.label)).any(0))
-        if slack.size:
-            low = self.tension.reshape(-1, len(scene.wires.label)).min(0)
-            raise InputError(
-                [
-                    Fault(
-                        _key(scene.wires.label[n]),
-                        f"wire {scene.wires.label[n]} is slack in equilibrium (tension {low[n]:.3g} N)",
-                        "shorten it, or leave it out",
-                    )
-                    for n in slack
-                ]
-            )
+        low = self.tension.min(tuple(range(self.tension.ndim - 1)), initial=np.inf)
+        faults = [
+            Fault(_key(label), f"wire {label} is slack in equilibrium (tension {tension:.3g} N)", "shorten it, or leave it out")
+            for label, tension in zip(scene.wires.label, low, strict=True)
+            if not tension > 0
+        ]
+        if faults:
+            raise InputError(faults)
 
 
 def _key(label: str) -> str:
@@ -83,9 +81,10 @@ def _key(label: str) -> str:
 
 
 def lever_arm(scene: Scene) -> Any:
-    """Largest distance of an attachment from a COM, m, at least 1 mm."""
-    points = np.concatenate([scene.wires.upper_point.reshape(-1), scene.wires.lower_point.reshape(-1), scene.springs.lower_point.reshape(-1)])
-    return max(float(np.abs(points).max(initial=0.0)), 1e-3)
+    """Largest distance of an attachment from a COM along an axis, m, at least 1 mm; shape ``batch``."""
+    points = (scene.wires.upper_point, scene.wires.lower_point, scene.springs.lower_point)
+    largest = [np.abs(p).max((-2, -1), initial=1e-3) for p in points]
+    return np.broadcast_to(np.maximum.reduce(np.broadcast_arrays(*largest)), scene.batch)
 
 
 def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = None) -> Equilibrium:
@@ -112,26 +111,26 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     residual = _size(gradient[..., free] / unit)
     if start is None and np.all(residual <= BALANCED):
         return Equilibrium(pose, residual, 0, string.state(scene, pose).tension, hessian)
-    cap = CAP * np.where(_is_rotation(numbering)[free], 1.0, lever_arm(scene))
-    rigid = _has_rigid_modes(hessian[..., free, free], unit)
+    spinning = free_to_spin(scene)
+    cap = CAP * np.where(_is_rotation(numbering)[free], 1.0, lever_arm(scene)[..., None])
     settled = np.zeros(scene.batch, dtype=bool)
     count = 0
     while count < ITERATIONS and not np.all(settled):
-        step = _newton_step(gradient[..., free], hessian[..., free, free], unit, rigid)
+        step = _newton_step(gradient[..., free], hessian[..., free, free], unit, spins(scene, numbering, pose, spinning))
         over = np.maximum(_size(step / cap), 1.0)
         step = np.where(settled[..., None], 0.0, step / over[..., None])
-        settled = settled | (_size(step) < LAST_STEP)
         whole = np.concatenate([np.zeros((*step.shape[:-1], 6)), step], axis=-1)
         pose = displaced(numbering, pose, whole)
         gradient, hessian = tangent(scene, numbering, pose)
+        left = _size(gradient[..., free] / unit)
+        settled = settled | ((_size(step) < LAST_STEP) & (left < SETTLED))
         count += 1
-    residual = _size(gradient[..., free] / unit)
-    return Equilibrium(pose, residual, count, string.state(scene, pose).tension, hessian)
+    return Equilibrium(pose, left, count, string.state(scene, pose).tension, hessian)
 
 
 def _units(scene: Scene, numbering: Layout) -> Any:
     """The weight for forces, weight times lever arm for torques: (..., N - 6)."""
-    scale = np.where(_is_rotation(numbering)[6:], lever_arm(scene), 1.0)
+    scale = np.where(_is_rotation(numbering)[6:], lever_arm(scene)[..., None], 1.0)
     return scene.weight[..., None] * scale
 
 
@@ -143,25 +142,26 @@ def _size(values: Any) -> Any:
     return np.abs(values).max(-1)
 
 
-def _has_rigid_modes(hessian: Any, unit: Any) -> bool:
-    """Whether the first scene of the batch can move without cost (a body that spins on one wire)."""
-    root = np.sqrt(unit).reshape(-1, unit.shape[-1])[0]
-    first = hessian.reshape(-1, *hessian.shape[-2:])[0] / np.outer(root, root)
-    values = np.abs(np.linalg.eigvalsh(first)) if np.isfinite(first).all() else np.ones(1)
-    return bool(values.min() < 1e-12 * values.max())
-
-
-def _newton_step(gradient: Any, hessian: Any, unit: Any, rigid: bool) -> Any:
-    """-K^-1 g; along rigid modes, where K has nothing to say, no step."""
+def _newton_step(gradient: Any, hessian: Any, unit: Any, free: Any) -> Any:
+    """-K^-1 g, without turning where that costs nothing: K bordered by the spins, which are orthogonal to g in any pose."""
     root = np.sqrt(unit)
     scaled = hessian / (root[..., :, None] * root[..., None, :])
     force = gradient / root
-    if not rigid:
-        try:
-            return -np.linalg.solve(scaled, force[..., None])[..., 0] / root
-        except np.linalg.LinAlgError:
-            pass
-    values, vectors = np.linalg.eigh(np.nan_to_num(scaled))
-    small = np.abs(values) < 1e-12 * np.abs(values).max(-1, keepdims=True)
-    inverse = np.where(small, 0.0, 1.0 / np.where(small, 1.0, values))
-    return -(vectors @ (inverse * (np.swapaxes(vectors, -1, -2) @ force[..., None])[..., 0])[..., None])[..., 0] / root
+    rigid = free.shape[-1]
+    if rigid:
+        border = free * root[..., None]
+        border = border / np.sqrt((border**2).sum(-2, keepdims=True))
+        corner = np.zeros((*border.shape[:-2], rigid, rigid))
+        scaled = np.concatenate([np.concatenate([scaled, border], -1), np.concatenate([np.swapaxes(border, -1, -2), corner], -1)], -2)
+        force = np.concatenate([force, np.zeros((*force.shape[:-1], rigid))], -1)
+    return -_solved(scaled, force)[..., : gradient.shape[-1]] / root
+
+
+def _solved(matrix: Any, right: Any) -> Any:
+    """Solutions of many systems; a singular one takes the smallest, and does not touch the others."""
+    try:
+        return np.linalg.solve(matrix, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        if matrix.ndim == 2:
+            return np.linalg.pinv(np.nan_to_num(matrix), rcond=1e-12, hermitian=True) @ right
+        return np.stack([_solved(m, r) for m, r in zip(matrix, right, strict=True)])

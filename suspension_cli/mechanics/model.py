@@ -32,6 +32,14 @@ class LinearModel:
         Coordinates without inertia (tips of blades without tip mass).
     mass, stiffness, damping : (..., N, N) arrays
         SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling.
+    lossy : (..., N, N) complex array or None
+        The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
+    orientation : (..., n + 1, 3, 3) array or None
+        Rotation of each body (support first) from its nominal orientation; None if none is turned.
+    residual : float
+        Largest force left over in the equilibrium, as a share of the weight.
+    wire : tuple of str
+        Names of the wires (string rung).
     """
 
     body: tuple[str, ...]
@@ -41,6 +49,10 @@ class LinearModel:
     mass: Any
     stiffness: Any
     damping: Any
+    lossy: Any = None
+    orientation: Any = None
+    residual: float = 0.0
+    wire: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -63,7 +75,7 @@ class LinearModel:
         The support is left out.  Ordered by their first coordinate.
         """
         joined = np.zeros((self.size, self.size), dtype=bool)
-        for matrix in (self.mass, self.stiffness, self.damping):
+        for matrix in (self.mass, self.stiffness, self.damping, *(() if self.lossy is None else (self.lossy,))):
             joined |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
         left = set(range(6, self.size))
         found: list[Index] = []

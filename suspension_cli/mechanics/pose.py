@@ -124,5 +124,5 @@ def point_jacobian(numbering: Layout, pose: Pose, body: Index, arm: Any, blade: 
     if blade is not None and numbering.blade.size:
         columns = np.where((blade >= 0)[:, None], numbering.blade[blade], numbering.size)
         for axis in range(3):
-            result[..., columns[:, axis], points, :] = pose.rotation[..., body, :, axis]
+            result[..., columns[:, axis], points, :] = pose.rotation[..., body, :, :][..., axis]
     return result[..., :-1, :, :]

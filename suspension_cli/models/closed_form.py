@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS
-from suspension_cli.design.derive import body_inertia, body_mass, set_geometry, wire_stiffness
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.derive import body_inertia, body_mass, com_offset, set_geometry, wire_loss, wire_stiffness
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.rotations import cross_matrix
@@ -129,39 +129,51 @@ def unsuited(design: Design) -> str:
     return "it is perturbed" if design.perturbation else ""
 
 
-def four_wires(design: Design) -> FourWires:
-    """The parameters of a design for which `unsuited` finds nothing."""
+def four_wires(design: Design, *, lossy: bool = False) -> FourWires:
+    """The parameters of a design for which `unsuited` finds nothing; with complex k if `lossy`."""
     stage = design.stage[0]
     assert stage.wires is not None
     shape, inertia = set_geometry(stage.wires), body_inertia(stage.body)
     k = wire_stiffness(design, stage.wires, shape.length)
+    if lossy:
+        k = k * (1 + 1j * wire_loss(design, stage.wires))
     moments = (inertia[0][0], inertia[1][1], inertia[2][2])
     return FourWires(body_mass(stage.body), moments, shape.length, shape.s_upper, shape.t1, shape.t2, shape.d, k, design.constants.gravity)
 
 
 def linear_model(design: Design) -> LinearModel:
-    """The closed forms as a linear model.
+    """The closed forms as a linear model."""
+    stage = design.stage[0]
+    assert stage.wires is not None
+    p = four_wires(design)
+    mass = np.diag(np.concatenate([np.zeros(6), [p.mass] * 3, p.inertia]))
+    return LinearModel(
+        body=(stage.name,),
+        coordinate=tuple(f"{body}.{dof}" for body in (SUPPORT, stage.name) for dof in DOFS),
+        basis=np.eye(12),
+        massless=np.zeros(12, dtype=bool),
+        mass=mass,
+        stiffness=_stiffness(p, com_offset(stage)),
+        damping=np.zeros((12, 12)),
+        lossy=_stiffness(four_wires(design, lossy=True), com_offset(stage)) if wire_loss(design, stage.wires) else None,
+    )
+
+
+def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Any:
+    """Stiffness (12, 12) of support and body.
 
     The coupling to the support follows from the body's own stiffness: moving support and body together as one costs
     no elastic energy, and turns the force that the wires exert.
     """
-    p, stage = four_wires(design), design.stage[0]
-    assert stage.wires is not None
-    shape = set_geometry(stage.wires)
     masses = np.array([p.mass, p.mass, p.mass, *p.inertia])
-    own = np.zeros((6, 6))
+    own = np.zeros((6, 6), dtype=np.result_type(float, np.asarray(p.k)))
     for dofs, matrix in (((0, 4), longitudinal_tilt(p)), ((1, 3), sideways_roll(p))):
         block = -masses[list(dofs), None] * matrix
         own[np.ix_(dofs, dofs)] = (block + block.T) / 2
     own[2, 2], own[5, 5] = p.mass * vertical(p), p.inertia[2] * rotation(p)
-    stiffness = np.zeros((12, 12))
-    stiffness[6:, 6:] = own
     together, turned = np.eye(6), np.zeros((6, 6))
-    together[:3, 3:] = -cross_matrix(np.array([0.0, 0.0, -(shape.d_upper + shape.height + shape.d)]))
+    together[:3, 3:] = -cross_matrix(np.array(offset))
     turned[:3, 3:] = -cross_matrix(np.array([0.0, 0.0, -p.mass * p.gravity]))
     across = turned - own @ together
-    stiffness[6:, :6], stiffness[:6, 6:] = across, across.T
-    mass = np.diag(np.concatenate([np.zeros(6), masses]))
-    names = tuple(f"{body}.{dof}" for body in ("support", stage.name) for dof in DOFS)
-    zero = np.zeros((12, 12))
-    return LinearModel((stage.name,), names, np.eye(12), np.zeros(12, dtype=bool), mass, stiffness, zero)
+    support = -turned - across.T @ together
+    return np.block([[(support + support.T) / 2, across.T], [across, own]])

@@ -10,6 +10,7 @@ from suspension_cli.errors import Fault, InputError, shown
 from suspension_cli.mechanics import assemble
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.models import closed_form, force
+from suspension_cli.models.surroundings import surrounded
 
 LEVELS = ("auto", "closed-form", "force", "string")
 """What `--fidelity` takes, from the quickest rung to the most general one."""
@@ -56,9 +57,11 @@ def _approximation(design: Design) -> str:
 
 
 def linear_model(design: Design, level: str) -> LinearModel:
-    """The linear model of a design on one rung (not ``auto``)."""
+    """The linear model of a design on one rung (not ``auto``), with its dampers and its support structure."""
     if level == "closed-form":
-        return closed_form.linear_model(design)
-    if level == "force":
-        return force.linear_model(design)
-    return assemble.linear_model(expand(design))
+        model = closed_form.linear_model(design)
+    elif level == "force":
+        model = force.linear_model(design)
+    else:
+        model = assemble.linear_model(expand(design))
+    return surrounded(model, design)

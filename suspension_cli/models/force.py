@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.derive import blade_stiffness, body_inertia, body_mass, set_geometry, wire_stiffness
+from suspension_cli.design.derive import blade_loss, blade_stiffness, body_inertia, body_mass, set_geometry, wire_loss, wire_stiffness
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics.model import LinearModel
 
@@ -51,7 +51,7 @@ class Stage:
     blades : int
         0, or the number of blades that carry the wires.
     blade_stiffness : float
-        Of one blade, N/m.
+        Of one blade, N/m.  This and k may be complex, k (1 + i phi).
     """
 
     mass: Any
@@ -102,7 +102,8 @@ def stiffness(chain: Chain) -> dict[str, Any]:
     """
     n = len(chain.stages)
     batch = np.broadcast_shapes(*(np.shape(v) for stage in chain.stages for v in (*vars(stage).values(), *stage.inertia) if not isinstance(v, tuple)))
-    result = {name: np.zeros((*batch, len(dofs) * (n + 1), len(dofs) * (n + 1))) for name, dofs in BLOCKS.items()}
+    kind = complex if any(np.iscomplexobj(v) for stage in chain.stages for v in (stage.k, stage.blade_stiffness)) else float
+    result = {name: np.zeros((*batch, len(dofs) * (n + 1), len(dofs) * (n + 1)), dtype=kind) for name, dofs in BLOCKS.items()}
     load = 0.0
     for number in range(n, 0, -1):
         load = load + chain.stages[number - 1].mass * chain.gravity
@@ -231,13 +232,15 @@ def series_is_approximate(design: Design) -> list[str]:
     return found
 
 
-def chain(design: Design) -> Chain:
-    """The chain that a design stands for, if `unsuited` finds nothing."""
+def chain(design: Design, *, lossy: bool = False) -> Chain:
+    """The chain that a design stands for, if `unsuited` finds nothing; with complex spring constants if `lossy`."""
     stages = []
     for stage in design.stage:
         assert stage.wires is not None
         shape, inertia, mass = set_geometry(stage.wires), body_inertia(stage.body), body_mass(stage.body)
         blades = stage.blades
+        k = wire_stiffness(design, stage.wires, shape.length)
+        per_blade = 1.0 if blades is None else blade_stiffness(design, blades, mass, blades.count)
         stages.append(
             Stage(
                 mass=mass,
@@ -250,9 +253,9 @@ def chain(design: Design) -> Chain:
                 s_lower=shape.s_lower,
                 d=shape.d,
                 d_upper=shape.d_upper,
-                k=wire_stiffness(design, stage.wires, shape.length),
+                k=k * (1 + 1j * wire_loss(design, stage.wires)) if lossy else k,
                 blades=0 if blades is None else blades.count,
-                blade_stiffness=1.0 if blades is None else blade_stiffness(design, blades, mass, blades.count),
+                blade_stiffness=per_blade * (1 + 1j * blade_loss(design, blades)) if lossy and blades is not None else per_blade,
             )
         )
     return Chain(tuple(stages), design.constants.gravity)
@@ -260,14 +263,35 @@ def chain(design: Design) -> Chain:
 
 def linear_model(design: Design) -> LinearModel:
     """The four blocks of a design's chain as one linear model."""
-    links = chain(design)
     bodies = (SUPPORT, *(stage.name for stage in design.stage))
     size = 6 * len(bodies)
-    whole, mass = np.zeros((size, size)), np.zeros((size, size))
-    for name, matrix in stiffness(links).items():
-        rows = np.array([6 * n + DOFS.index(dof) for n in range(len(bodies)) for dof in BLOCKS[name]])
-        whole[np.ix_(rows, rows)] = matrix
-        inner = rows[len(BLOCKS[name]) :]
-        mass[inner, inner] = masses(links, name)
-    names = tuple(f"{body}.{dof}" for body in bodies for dof in DOFS)
-    return LinearModel(bodies[1:], names, np.eye(size), np.zeros(size, dtype=bool), mass, whole, np.zeros((size, size)))
+    links, mass = chain(design), np.zeros((size, size))
+    for name in BLOCKS:
+        rows = _rows(name, len(bodies))[len(BLOCKS[name]) :]
+        mass[rows, rows] = masses(links, name)
+    lossy = any(wire_loss(design, s.wires) or (s.blades is not None and blade_loss(design, s.blades)) for s in design.stage if s.wires is not None)
+    return LinearModel(
+        body=bodies[1:],
+        coordinate=tuple(f"{body}.{dof}" for body in bodies for dof in DOFS),
+        basis=np.eye(size),
+        massless=np.zeros(size, dtype=bool),
+        mass=mass,
+        stiffness=_whole(links, size),
+        damping=np.zeros((size, size)),
+        lossy=_whole(chain(design, lossy=True), size) if lossy else None,
+    )
+
+
+def _rows(name: str, bodies: int) -> Any:
+    """The coordinates of one block among six of every body."""
+    return np.array([6 * n + DOFS.index(dof) for n in range(bodies) for dof in BLOCKS[name]])
+
+
+def _whole(links: Chain, size: int) -> Any:
+    """All four blocks in one matrix."""
+    blocks = stiffness(links)
+    result = np.zeros((size, size), dtype=blocks["vertical"].dtype)
+    for name, matrix in blocks.items():
+        rows = _rows(name, size // 6)
+        result[np.ix_(rows, rows)] = matrix
+    return result

@@ -1,0 +1,37 @@
+"""Frequencies of many triples by the force model, one triple by the string model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from suspension_cli.analysis import modes
+from suspension_cli.design.expand import expand
+from suspension_cli.design.reader import read
+from suspension_cli.mechanics import assemble
+from suspension_cli.models import force
+
+TRIPLE = Path(__file__).parent.parent / "configs" / "husman2000" / "table2.toml"
+
+
+def many_triples(count: int) -> force.Chain:
+    """The prototype triple with every length and stiffness varied by 1 %."""
+    rng = np.random.default_rng(0)
+    chain = force.chain(read(TRIPLE).design)
+    vary = ("mass", "l", "t1", "t2", "d", "d_upper", "k", "s_upper", "s_lower", "blade_stiffness")
+    stages = tuple(
+        force.Stage(**{key: value * (1 + 0.01 * rng.standard_normal(count)) if key in vary else value for key, value in vars(stage).items()})
+        for stage in chain.stages
+    )
+    return force.Chain(stages, chain.gravity)
+
+
+def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
+    """100,000 triples against bare LAPACK on the same blocks; one string build and solve."""
+    chain = many_triples(100_000)
+    blocks = list(force.dynamics(chain).values())
+    ratio("force, frequencies of 100,000 triples / eigvalsh of the blocks", lambda: force.eigenvalues(chain), lambda: [np.linalg.eigvalsh(b) for b in blocks], 3.0, 5)
+    design = read(TRIPLE).design
+    absolute("string, build and solve one triple", lambda: modes.solve(assemble.linear_model(expand(design))), 2.0)

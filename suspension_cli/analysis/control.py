@@ -1,0 +1,319 @@
+"""Local control: loops from sensors to actuators, closed.
+
+Each loop applies u = -H(f) (y + n) with its sensor's motion y and noise n.  A sensor that refers to the support
+measures the motion of the body relative to the support structure, as if that reached there rigidly, and the actuator pushes against the
+same structure.  Closed-loop responses come from the open-loop ones, which are solved directly:
+x = G_e e + G_u u, u = -(1 + H G_yu)^-1 H (G_ye e + n).  Poles come from the state space.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analysis import response, signals, statespace
+from suspension_cli.analysis.signals import Signal
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.derive import com_positions
+from suspension_cli.design.scene import Array
+from suspension_cli.design.schema import Design, Loop
+from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.rotations import cross_matrix
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A model with the sensors and actuators of its loops.
+
+    Attributes
+    ----------
+    model : LinearModel
+    loops : tuple of Loop
+    sensor, actuator : lists of Signal
+    sensed, pushed : (l, N) arrays
+        What the sensors measure and what the actuators push, as linear forms of the coordinates.
+    """
+
+    model: LinearModel
+    loops: tuple[Loop, ...]
+    sensor: list[Signal]
+    actuator: list[Signal]
+    sensed: Array
+    pushed: Array
+
+
+def plant(design: Design, model: LinearModel) -> Plant:
+    """The loops of a design on its model.
+
+    Raises
+    ------
+    InputError
+        If there is no loop, or a sensor or actuator names nothing.
+    """
+    if design.control is None:
+        raise InputError([Fault("control", "missing", "add [[control.loop]] with sensor, actuator and damper or gain")])
+    known, positions = signals.bodies(model), com_positions(design)
+    sensors, actuators, sensed, pushed = [], [], [], []
+    for loop in design.control.loop:
+        key = f"control.loop.{loop.name}"
+        sensor = signals.parse(loop.sensor, f"{key}.sensor", known)
+        actuator = signals.parse(loop.actuator, f"{key}.actuator", known)
+        if sensor.acts or sensor.body not in model.body:
+            raise InputError([Fault(f"{key}.sensor", "is no motion of a stage", "write for example upper.x", shown(loop.sensor))])
+        if not actuator.acts:
+            raise InputError([Fault(f"{key}.actuator", "is no force or torque", "write for example upper.force_x", shown(loop.actuator))])
+        sensors.append(sensor)
+        actuators.append(actuator)
+        sensed.append(_relative(sensor, model, positions, loop.reference))
+        pushed.append(_relative(actuator, model, positions, loop.reference))
+    return Plant(model, tuple(design.control.loop), sensors, actuators, np.array(sensed), np.array(pushed))
+
+
+def _relative(signal: Signal, model: LinearModel, positions: dict[str, Any], reference: str) -> Array:
+    """A motion relative to the support structure (the frame included, where it moves)."""
+    row = signals.row(signal, model)
+    if reference != "support":
+        return row
+    place = np.array(positions[signal.body]) + np.array(signal.point)
+    structure = np.zeros(6)
+    structure[signal.dof] = 1.0
+    if signal.dof < 3:
+        structure[3:] = -cross_matrix(place - np.array(positions[SUPPORT]))[signal.dof]
+    row = row.copy()
+    row[:6] -= structure
+    for n, dof in enumerate(DOFS):
+        if f"frame.{dof}" in model.coordinate:
+            row[model.coordinate.index(f"frame.{dof}")] -= structure[n]
+    return row
+
+
+def filter_response(loop: Loop, frequency: Array) -> Any:
+    """H of one loop at frequencies in Hz: N/m or N m/rad, (f,)."""
+    f = 1j * np.asarray(frequency)
+    if loop.damper is not None:
+        return loop.damper * 2 * np.pi * f
+    zeros, poles = roots(loop.zeros), roots(loop.poles)
+    result = np.full(f.shape, complex(loop.gain or 0.0))
+    for zero in zeros:
+        result = result * (f + zero)
+    for pole in poles:
+        result = result / (f + pole)
+    return result
+
+
+def roots(given: list[Any]) -> list[complex]:
+    """Roots in Hz; a pair [re, im] stands for both conjugates."""
+    result: list[complex] = []
+    for root in given:
+        result += [complex(*root), complex(root[0], -root[1])] if isinstance(root, list) else [complex(root)]
+    return result
+
+
+@dataclass(frozen=True)
+class Closed:
+    """Responses with the loops closed.
+
+    Attributes
+    ----------
+    frequency : (f,) array
+        Hz.
+    value : (f, o, i) complex array
+        Outputs over external inputs.
+    noise : (f, o, l) array
+        Amplitude spectral density at each output from each sensor's noise, m/sqrt(Hz) or rad/sqrt(Hz).
+    loop_gain : (f, l) complex array
+        H G of each loop broken at its actuator, the others closed: it is stable by itself while 1 + H G stays away from 0.
+    """
+
+    frequency: Array
+    value: Any
+    noise: Array
+    loop_gain: Any
+
+
+def closed(plant: Plant, frequency: Array, inputs: list[Signal], outputs: list[Signal]) -> Closed:
+    """Closed-loop responses, sensor noise at the outputs and loop gains."""
+    model, count = plant.model, len(plant.loops)
+    rows = np.concatenate([np.array([signals.row(s, model) for s in outputs]), plant.sensed])
+    drives = np.concatenate([np.array([signals.row(s, model) for s in inputs]), plant.pushed])
+    acts = [*(s.acts for s in inputs), *([True] * count)]
+    g, _ = response.transfer(model, 2 * np.pi * frequency, drives, acts, rows)
+    i, o = len(inputs), len(outputs)
+    h = np.stack([filter_response(loop, frequency) for loop in plant.loops], axis=-1)  # (f, l)
+    to_actuator = np.linalg.solve(np.eye(count) + h[:, :, None] * g[:, o:, i:], h[:, :, None] * np.eye(count))
+    value = g[:, :o, :i] - g[:, :o, i:] @ to_actuator @ g[:, o:, :i]
+    densities = np.array([loop.sensor_noise for loop in plant.loops])
+    noise = np.abs(g[:, :o, i:] @ to_actuator) * densities
+    return Closed(frequency, value, noise, _loop_gains(h, g[:, o:, i:]))
+
+
+def _loop_gains(h: Any, g: Any) -> Any:
+    """Gain of each loop with the others closed, (f, l): H_k times the plant that the others leave."""
+    count = h.shape[1]
+    result = np.zeros(h.shape, dtype=complex)
+    for k in range(count):
+        others = [n for n in range(count) if n != k]
+        left = g[:, k, k]
+        if others:
+            inner = np.eye(len(others)) + h[:, others, None] * g[:, others][:, :, others]
+            back = np.linalg.solve(inner, h[:, others, None] * g[:, others, k][:, :, None])
+            left = left - (g[:, k, others][:, None, :] @ back)[:, 0, 0]
+        result[:, k] = h[:, k] * left
+    return result
+
+
+def closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal]) -> statespace.StateSpace:
+    """State space with the loops closed: the mechanics' states, then those of the filters.
+
+    Without inputs it holds every block that is watched, driven or not (for all poles).
+    """
+    model = plant.model
+    rows = np.concatenate([np.array([signals.row(s, model) for s in outputs]).reshape(-1, model.size), plant.sensed])
+    drives = np.concatenate([np.array([signals.row(s, model) for s in inputs]).reshape(-1, model.size), plant.pushed])
+    bare = statespace.assemble(_with_dampers(plant), drives, [*inputs, *plant.actuator], rows, [*outputs, *plant.sensor], undriven=not inputs)
+    i, o = len(inputs), len(outputs)
+    a, b, c, d = bare.a, bare.b, bare.c, bare.d
+    names, units = list(bare.state), list(bare.state_unit)
+    for n, loop in enumerate(plant.loops):
+        if loop.damper is None:
+            a, b, c, d = _feed_back(a, b, c, d, i + n, o + n, filter_matrices(loop))
+            new = len(a) - len(names)
+            names += [f"loop {loop.name} {k + 1}" for k in range(new)]
+            units += ["1"] * new
+    return statespace.StateSpace(
+        a, b[:, :i], c[:o], d[:o, :i], tuple(names), tuple(units), bare.input[:i], bare.input_unit[:i], bare.output[:o], bare.output_unit[:o]
+    )
+
+
+def _with_dampers(plant: Plant) -> LinearModel:
+    """The model with its velocity dampers as viscous forces; they need not be symmetric."""
+    from dataclasses import replace
+
+    damping = plant.model.damping.copy()
+    for loop, sensed, pushed in zip(plant.loops, plant.sensed, plant.pushed, strict=True):
+        if loop.damper is not None:
+            damping = damping + loop.damper * np.outer(pushed, sensed)
+    return replace(plant.model, damping=damping)
+
+
+def filter_matrices(loop: Loop) -> tuple[Array, Array, Array, Array]:
+    """A, B, C, D of a loop's filter H, from its roots in rad/s."""
+    from scipy.signal import zpk2ss
+
+    zeros, poles = (-2 * np.pi * np.array(roots(given)) for given in (loop.zeros, loop.poles))
+    gain = (loop.gain or 0.0) * (2 * np.pi) ** (len(poles) - len(zeros))
+    if not len(poles):
+        return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]])
+    return zpk2ss(zeros, poles, gain)
+
+
+def _feed_back(a: Array, b: Array, c: Array, d: Array, into: int, out: int, filtered: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+    """Close u = -H y from output `out` to input `into` (an actuator, which feeds nothing through)."""
+    fa, fb, fc, fd = filtered
+    push, see, see_d = b[:, [into]], c[[out]], d[[out]]
+    top = np.concatenate([a - push @ fd @ see, -push @ fc], axis=1)
+    bottom = np.concatenate([fb @ see, fa], axis=1)
+    drive = np.concatenate([b - push @ fd @ see_d, fb @ see_d])
+    return np.concatenate([top, bottom]), drive, np.concatenate([c, np.zeros((len(c), len(fa)))], axis=1), d
+
+
+@dataclass(frozen=True)
+class Poles:
+    """Poles of a closed loop, one of each conjugate pair, ascending in frequency.
+
+    Attributes
+    ----------
+    value : (p,) complex array
+        rad/s.
+    state : tuple of str
+        The state that takes most part in each.
+    """
+
+    value: Any
+    state: tuple[str, ...]
+
+    @property
+    def frequency(self) -> Array:
+        """Modulus over 2 pi, Hz."""
+        return np.abs(self.value) / (2 * np.pi)
+
+    @property
+    def q(self) -> Array:
+        """|p| / (-2 Re p): infinite without damping, 1/2 for a real pole, negative for one that grows."""
+        with np.errstate(divide="ignore"):
+            return np.abs(self.value) / (-2 * self.value.real)
+
+
+def poles(system: statespace.StateSpace) -> Poles:
+    """Poles of a state space, and the state that each lives in (largest participation)."""
+    values, right = np.linalg.eig(system.a)
+    participation = np.abs(right * np.linalg.pinv(right).T)
+    keep = values.imag >= 0
+    order = np.argsort(np.abs(values[keep]), kind="stable")
+    lead = participation[:, keep].argmax(0)[order]
+    return Poles(values[keep][order], tuple(system.state[n].removesuffix(" rate") for n in lead))
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How far a loop is from instability, broken at its actuator with the others closed.
+
+    Attributes
+    ----------
+    phase : float
+        Smallest at any unity-gain frequency, degrees; inf if the gain never reaches 1.
+    phase_frequency : float
+        Hz; NaN if there is none.
+    gain_up, gain_down : float
+        Factors by which the gain may grow or shrink (of 1 + L = 0 at phase -180): inf and 0 without limit.
+    distance : float
+        Smallest |1 + L|.
+    """
+
+    phase: float
+    phase_frequency: float
+    gain_up: float
+    gain_down: float
+    distance: float
+
+
+def margins(frequency: Array, gain: Any) -> Margins:
+    """Margins of a loop gain L (f,) sampled on a fine grid; crossings are interpolated in the logarithm of frequency."""
+    logf, size, angle = np.log(frequency), np.log(np.abs(gain)), np.unwrap(np.angle(gain))
+    unity = _crossings(logf, size)
+    lag = np.interp(unity, logf, angle)
+    phases = np.abs(np.degrees((lag + np.pi + np.pi) % (2 * np.pi) - np.pi))
+    turns = np.concatenate([_crossings(logf, angle - np.pi * k) for k in np.arange(2 * np.floor(angle.min() / (2 * np.pi)) - 1, angle.max() / np.pi + 1, 2)])
+    gains = np.exp(-np.interp(turns, logf, size))
+    where = int(phases.argmin()) if len(phases) else 0
+    return Margins(
+        phase=float(phases[where]) if len(phases) else np.inf,
+        phase_frequency=float(np.exp(unity[where])) if len(phases) else np.nan,
+        gain_up=float(gains[gains > 1].min(initial=np.inf)),
+        gain_down=float(gains[gains < 1].max(initial=0.0)),
+        distance=float(np.abs(1 + gain).min()),
+    )
+
+
+def _crossings(x: Array, y: Array) -> Array:
+    """Where y changes sign, linearly interpolated."""
+    at = np.flatnonzero(np.sign(y[:-1]) * np.sign(y[1:]) < 0)
+    return x[at] - y[at] * (x[at + 1] - x[at]) / (y[at + 1] - y[at])
+
+
+def impulse(system: statespace.StateSpace, time: Array) -> Array:
+    """Response (t, o, i) of a state space to unit impulses (1 N s, 1 m s, ...) at evenly spaced times in s.
+
+    Steps of exp(A dt), so each sample is exact however long the step; a direct feed through is left out (it is a delta at 0).
+    """
+    from scipy.linalg import expm
+
+    step = expm(system.a * (time[1] - time[0])) if len(time) > 1 else np.eye(len(system.a))
+    x, result = expm(system.a * time[0]) @ system.b, []
+    for _ in time:
+        result.append(system.c @ x)
+        x = step @ x
+    return np.array(result)

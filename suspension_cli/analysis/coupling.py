@@ -1,0 +1,200 @@
+"""Cross-coupling of imperfect builds: how much of one motion becomes another (Husman et al. 2000, section 6).
+
+The ratio of two outputs for one input, by default longitudinal over vertical for vertical motion of the support, over the
+product of any number of swept imperfections.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analysis import builds
+from suspension_cli.analysis.builds import Column
+from suspension_cli.analysis.signals import Signal
+from suspension_cli.design import perturb, reader, stack
+from suspension_cli.design.expand import expand
+from suspension_cli.design.scene import Array, Scene
+
+OF_WIRE = {
+    "k": "factor on the wire's spring constant",
+    "offset": "of the wire's upper end along x, m",
+    "offset_y": "of the wire's upper end along y, m",
+    "offset_z": "of the wire's upper end along z, m",
+    "lower_offset": "of the wire's lower end along x, m",
+    "lower_offset_y": "of the wire's lower end along y, m",
+    "lower_offset_z": "of the wire's lower end along z, m",
+    "length": "change of the wire's unstretched length, m",
+}
+OF_BODY = {
+    "mass": "factor on the body's mass",
+    "com": "offset of the body's COM along x, m",
+    "com_y": "offset of the body's COM along y, m",
+    "com_z": "offset of the body's COM along z, m",
+    "inertia": "factor on the body's inertia",
+}
+PARAMETERS = OF_WIRE | OF_BODY
+"""What can be swept by a short name, and what it is; any dotted path of the design file goes too."""
+
+UNITS = {name: "1" if "factor" in text else "m" for name, text in PARAMETERS.items()}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One swept parameter: a name in `PARAMETERS` or a dotted path, and its values."""
+
+    name: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of every build.
+
+    Attributes
+    ----------
+    wire : int
+        The imperfect wire, from 0.
+    body : int
+        The imperfect body, from 1.
+    hold : str
+        See `design.perturb.wire`.
+    input, over, under : Signal
+        The ratio is that of `over` to `under` for the input.
+    frequency : tuple of float
+        Hz.
+    """
+
+    wire: int
+    body: int
+    hold: str
+    input: Signal
+    over: Signal
+    under: Signal
+    frequency: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A product of imperfections, as a job for `batch.run`: the first axis turns slowest.
+
+    Attributes
+    ----------
+    text : str
+        The design as TOML.
+    axes : tuple of Axis
+    question : Question
+    """
+
+    text: str
+    axes: tuple[Axis, ...]
+    question: Question
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the axes."""
+        return tuple(len(axis.values) for axis in self.axes)
+
+    @property
+    def count(self) -> int:
+        """Number of builds."""
+        return int(np.prod(self.shape, dtype=int))
+
+    @property
+    def identity(self) -> str:
+        """What tells this sweep from another of the same design."""
+        return repr((self.axes, self.question))
+
+    @property
+    def wire_label(self) -> str:
+        """The imperfect wire."""
+        return expand(self._design).wires.label[self.question.wire]
+
+    def check(self) -> None:
+        """Raise `InputError` now if a dotted path or one of its values is at fault."""
+        paths = [axis for axis in self.axes if axis.name not in PARAMETERS]
+        for axis in paths:
+            for value in {axis.values[0], axis.values[-1]}:
+                expand(reader.overridden(self.text, (f"{axis.name}={float(value)!r}",)))
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Ratio, both outputs, and how each build went."""
+        count = (len(self.question.frequency),)
+        return (
+            Column("ratio", "c16", count, "1"),
+            Column("over", "c16", count, "SI"),
+            Column("under", "c16", count, "SI"),
+            Column("residual", "f8", (), "1"),
+            Column("status", "u1", (), "1"),
+            Column("slack_wire", "i2", (), "1"),
+        )
+
+    def compute(self, start: int, stop: int) -> dict[str, Any]:
+        """Results of builds start to stop - 1."""
+        chosen = np.unravel_index(np.arange(start, stop), self.shape)
+        values = {axis.name: np.array(axis.values)[pick] for axis, pick in zip(self.axes, chosen, strict=True)}
+        scene = imperfect(self._scenes(values), values, self.question)
+        return answer(scene, self._design, self.question)
+
+    @cached_property
+    def _design(self) -> Any:
+        return reader.parse(self.text)
+
+    def _scenes(self, values: dict[str, Array]) -> Scene:
+        """The designs before the imperfections: one, or one for every combination of dotted paths."""
+        paths = [name for name in values if name not in PARAMETERS]
+        if not paths:
+            return expand(self._design)
+        rows = np.stack([values[name] for name in paths], axis=1)
+        unique, pick = np.unique(rows, axis=0, return_inverse=True)
+        designs = [reader.overridden(self.text, tuple(f"{path}={float(v)!r}" for path, v in zip(paths, row, strict=True))) for row in unique]
+        return stack.stacked([expand(design) for design in designs], pick.ravel())
+
+
+def imperfect(scene: Scene, values: dict[str, Array], question: Question) -> Scene:
+    """A scene with the swept imperfections put in.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without batch axes or with the builds as its first.
+    values : dict of (p,) arrays
+        By parameter name.
+    question : Question
+    """
+    count = len(next(iter(values.values())))
+
+    def vector(stem: str) -> Array:
+        return np.stack([values.get(stem + axis, np.zeros(count)) for axis in ("", "_y", "_z")], axis=-1)
+
+    if any(name in values for name in OF_WIRE):
+        scene = perturb.wire(
+            scene,
+            question.wire,
+            k_factor=values.get("k", np.ones(count)),
+            upper_offset=vector("offset"),
+            lower_offset=vector("lower_offset"),
+            length_change=values.get("length", np.zeros(count)),
+            hold=question.hold,
+        )
+    if any(name in values for name in ("com", "com_y", "com_z")):
+        scene = perturb.move_com(scene, question.body, vector("com"))
+    if "mass" in values:
+        scene = perturb.scale_mass(scene, question.body, values["mass"])
+    if "inertia" in values:
+        scene = perturb.scale_inertia(scene, question.body, values["inertia"])
+    return scene
+
+
+def answer(scene: Scene, design: Any, question: Question) -> dict[str, Any]:
+    """The ratio of every build of a batch, by column name."""
+    found = builds.balance(scene, design)
+    outputs = builds.transfer(found, np.array(question.frequency), [question.input], [question.over, question.under])[..., 0]
+    over, under = outputs[..., 0], outputs[..., 1]
+    with np.errstate(all="ignore"):
+        ratio = np.where(over == 0, np.where(np.isnan(under), np.nan, 0.0), over / under)
+    return {"ratio": ratio, "over": over, "under": under, "residual": found.residual, "status": found.status, "slack_wire": found.wire}

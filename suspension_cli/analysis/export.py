@@ -1,0 +1,137 @@
+"""State space and zero-pole-gain forms for other tools, each with the band in which it is right."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analysis import statespace
+from suspension_cli.analysis.signals import Signal
+from suspension_cli.design.scene import Array
+from suspension_cli.mechanics.model import LinearModel
+
+
+@dataclass(frozen=True)
+class ZeroPoleGain:
+    """Each response as gain times the product of (s - z) over that of (s - p), rad/s.
+
+    Attributes
+    ----------
+    zeros, poles : [output][input] nested tuples of complex arrays
+    gain : (o, i) array
+    """
+
+    zeros: tuple[tuple[Any, ...], ...]
+    poles: tuple[tuple[Any, ...], ...]
+    gain: Array
+
+    def at(self, frequency: Array) -> Any:
+        """The transfer matrix (f, o, i) at frequencies in Hz, as any tool would evaluate it."""
+        s = 2j * np.pi * np.asarray(frequency)
+        result = np.empty((len(s), *self.gain.shape), dtype=complex)
+        for o, row in enumerate(self.zeros):
+            for i, zeros in enumerate(row):
+                poles = self.poles[o][i]
+                value = np.full(s.shape, complex(self.gain[o, i]))
+                for n in range(max(len(zeros), len(poles))):  # in turns, so that nothing overflows
+                    value = value * ((s - zeros[n]) if n < len(zeros) else 1.0) / ((s - poles[n]) if n < len(poles) else 1.0)
+                result[:, o, i] = value
+        return result
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A system ready to be written, with what was measured of it.
+
+    Attributes
+    ----------
+    system : StateSpace
+    zpk : ZeroPoleGain or None
+    band : tuple of float
+        Frequencies in Hz between which it agrees with the direct solution to `tolerance`.
+    tolerance : float
+        Relative.
+    worst : float
+        Largest relative error from 1/100 of the lowest to 100 times the highest mode.
+    """
+
+    system: statespace.StateSpace
+    zpk: ZeroPoleGain | None
+    band: tuple[float, float]
+    tolerance: float
+    worst: float
+
+
+def build(model: LinearModel, inputs: list[Signal], outputs: list[Signal], *, zpk: bool = False) -> Exported:
+    """The system from inputs to outputs, measured against the direct solution.
+
+    State space is held to 1e-9, zero-pole-gain to 1e-3: its zeros come from an eigenvalue problem whose rounding errors are those of the
+    largest one, and far above the modes the errors of all of them add up.
+    """
+    system = statespace.build(model, inputs, outputs)
+    form = zero_pole_gain(system) if zpk else None
+    tolerance = 1e-3 if zpk else 1e-9
+    low, high, worst = statespace.band(form or system, model, inputs, outputs, tolerance)
+    return Exported(system, form, (low, high), tolerance, worst)
+
+
+def zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:
+    """Zeros, poles and gain of every input-output pair.
+
+    Poles are eigenvalues of A; zeros are the finite generalised eigenvalues of [[A, b], [c, d]] (Emami-Naeini and Van Dooren,
+    Automatica 18, 415 (1982)), of which there are as many as the relative degree leaves; the gain is the first non-zero Markov parameter.
+    """
+    rows_z, rows_p = [], []
+    gain = np.zeros((len(system.c), system.b.shape[1]))
+    for o in range(len(system.c)):
+        zeros_row, poles_row = [], []
+        for i in range(system.b.shape[1]):
+            a, b, c = touched(system, o, i)
+            degree, gain[o, i] = _leading(a, b, c, system.d[o, i])
+            zeros_row.append(_zeros(a, b, c, system.d[o, i], degree))
+            poles_row.append(np.linalg.eigvals(a) if gain[o, i] else np.zeros(0, dtype=complex))
+        rows_z.append(tuple(zeros_row))
+        rows_p.append(tuple(poles_row))
+    return ZeroPoleGain(tuple(rows_z), tuple(rows_p), gain)
+
+
+def touched(system: statespace.StateSpace, o: int, i: int) -> tuple[Array, Array, Array]:
+    """The states of the blocks that one input drives and one output sees."""
+    linked = (system.a != 0) | (system.a != 0).T
+    reach = system.b[:, i] != 0
+    while (more := reach | linked[reach].any(0)).sum() > reach.sum():
+        reach = more
+    seen = system.c[o] != 0
+    while (more := seen | linked[seen].any(0)).sum() > seen.sum():
+        seen = more
+    both = reach & seen
+    return system.a[np.ix_(both, both)], system.b[both, i], system.c[o, both]
+
+
+def _leading(a: Array, b: Array, c: Array, d: float) -> tuple[int, float]:
+    """Relative degree and first non-zero Markov parameter c A^(k-1) b, judged against its own rounding errors."""
+    if d != 0:
+        return 0, d
+    vector, size = b, np.abs(b)
+    for degree in range(1, len(a) + 1):
+        value, bound = float(c @ vector), float(np.abs(c) @ size)
+        if abs(value) > 1e-9 * bound:
+            return degree, value
+        vector, size = a @ vector, np.abs(a) @ size
+    return 0, 0.0
+
+
+def _zeros(a: Array, b: Array, c: Array, d: float, degree: int) -> Any:
+    from scipy.linalg import eig
+
+    count = len(a) - degree
+    if count <= 0 or (degree == 0 and d == 0):
+        return np.zeros(0, dtype=complex)
+    pencil = np.block([[a, b[:, None]], [c[None, :], np.array([[d]])]])
+    unit = np.zeros_like(pencil)
+    unit[: len(a), : len(a)] = np.eye(len(a))
+    alpha, beta = eig(pencil, unit, right=False, homogeneous_eigvals=True)
+    order = np.argsort(-np.abs(beta) / (np.abs(alpha) + np.abs(beta) + 1e-300), kind="stable")[:count]
+    return alpha[order] / beta[order]

@@ -1,0 +1,273 @@
+"""One engine for every sweep: points in chunks, chunks on processes or a Dask cluster, results straight to disk.
+
+A job computes any range of its points by itself and gives the same bits whatever the range, so chunk size, number of
+workers and engine do not matter.  Results go to HDF5 datasets that are laid out in full when the file is made; a chunk is then
+written in place, so that a killed run leaves a sound file (``NAME.h5.part``) and, beside it, a journal of what is done
+(``NAME.h5.journal``).  ``resume`` takes both up again.  When all is done the file gets its name and the journal goes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import h5py
+import numpy as np
+
+from suspension_cli.analysis.builds import Column
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.results import Provenance, root_attributes, writing_to
+
+UNIT = 64
+"""Points that the journal counts as one; chunks are multiples of it."""
+SYNC_SECONDS = 2.0
+"""How often results are forced to the disk and entered into the journal."""
+
+
+class Job(Protocol):
+    """What a sweep computes.  It must be picklable, and its results must not depend on how points are grouped."""
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        ...
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """What is stored of each point."""
+        ...
+
+    def compute(self, start: int, stop: int) -> dict[str, Any]:
+        """Results of points start to stop - 1, by column name."""
+        ...
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a job is run.
+
+    Attributes
+    ----------
+    workers : int
+        Processes; 1 computes in this one.
+    scheduler : str or None
+        Address of a Dask scheduler instead.
+    chunk : int
+        Points at once.
+    resume : bool
+        Take up an interrupted run.
+    progress : callable
+        Called with (points done, points in all, points per second).
+    """
+
+    workers: int = 1
+    scheduler: str | None = None
+    chunk: int = 1024
+    resume: bool = False
+    progress: Callable[[int, int, float], None] = field(default=lambda _done, _all, _rate: None)
+
+
+def run(job: Job, path: Path, group: str, origin: Provenance, plan: Plan, fill: Callable[[h5py.Group], None]) -> None:
+    """Compute all points of a job into one HDF5 file.
+
+    Parameters
+    ----------
+    job : Job
+    path : Path
+        Of the finished file.
+    group : str
+        In which the columns stand.
+    origin : Provenance
+    plan : Plan
+    fill : callable
+        Puts what else belongs into the group (axes, names) when the file is made.
+    """
+    chunk = max(UNIT, plan.chunk // UNIT * UNIT)
+    with writing_to(path), _opened(job, path, group, origin, plan.resume, fill) as store:
+        ranges = store.missing(chunk)
+        done, began, fresh = job.count - sum(b - a for a, b in ranges), time.monotonic(), 0
+        plan.progress(done, job.count, 0.0)
+        for (start, stop), values in _results(job, ranges, plan):
+            store.put(start, stop, values)
+            done, fresh = done + stop - start, fresh + stop - start
+            plan.progress(done, job.count, fresh / max(time.monotonic() - began, 1e-9))
+        store.finish(path)
+
+
+def _results(job: Job, ranges: list[tuple[int, int]], plan: Plan) -> Iterator[tuple[tuple[int, int], dict[str, Any]]]:
+    if plan.scheduler is not None:
+        from suspension_cli.cluster import on_cluster
+
+        return on_cluster(job, ranges, plan.scheduler)
+    if plan.workers > 1 and len(ranges) > 1:
+        return _on_processes(job, ranges, plan.workers)
+    return ((part, job.compute(*part)) for part in ranges)
+
+
+_job: Job | None = None
+
+
+def _adopt(job: Job) -> None:
+    global _job  # a worker process serves one job
+    _job = job
+
+
+def _work(part: tuple[int, int]) -> tuple[tuple[int, int], dict[str, Any]]:
+    assert _job is not None
+    return part, _job.compute(*part)
+
+
+def _on_processes(job: Job, ranges: list[tuple[int, int]], workers: int) -> Iterator[tuple[tuple[int, int], dict[str, Any]]]:
+    from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+    from multiprocessing import get_context
+
+    waiting = iter(ranges)
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_adopt, initargs=(job,)) as pool:
+        running = {pool.submit(_work, part) for part, _ in zip(waiting, range(2 * workers), strict=False)}
+        try:
+            while running:
+                finished, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    yield future.result()
+                    following = next(waiting, None)
+                    if following is not None:
+                        running.add(pool.submit(_work, following))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+@dataclass
+class Store:
+    """The file that is being filled, and the journal of what is in it."""
+
+    count: int
+    part: Path
+    journal: Path
+    handle: int
+    record: int
+    done: Any
+    """(units,) uint8: 1 for each unit of points that is safely on the disk."""
+    place: dict[str, tuple[int, np.dtype[Any], tuple[int, ...]]]
+    pending: list[tuple[int, int]]
+    synced: float
+
+    def missing(self, chunk: int) -> list[tuple[int, int]]:
+        """Ranges of points still to be computed, each at most a chunk long."""
+        ranges: list[tuple[int, int]] = []
+        for unit in np.flatnonzero(self.done == 0).tolist():
+            start, stop = unit * UNIT, min((unit + 1) * UNIT, self.count)
+            if ranges and ranges[-1][1] == start and stop - ranges[-1][0] <= chunk:
+                ranges[-1] = (ranges[-1][0], stop)
+            else:
+                ranges.append((start, stop))
+        return ranges
+
+    def put(self, start: int, stop: int, values: dict[str, Any]) -> None:
+        """Write the results of one chunk in place."""
+        for name, (offset, dtype, shape) in self.place.items():
+            data = np.ascontiguousarray(values[name], dtype=dtype)
+            assert data.shape == (stop - start, *shape), name
+            size = int(dtype.itemsize * np.prod(shape, dtype=int))
+            _write_all(self.handle, data.tobytes(), offset + start * size)
+        self.pending.append((start, stop))
+        if time.monotonic() - self.synced > SYNC_SECONDS:
+            self.sync()
+
+    def sync(self) -> None:
+        """Force results to the disk, then say so in the journal: in this order, a power cut loses work but never lies."""
+        os.fsync(self.handle)
+        for start, stop in self.pending:
+            self.done[start // UNIT : -(-stop // UNIT)] = 1
+        _write_all(self.record, self.done.tobytes(), JOURNAL_HEAD)
+        os.fsync(self.record)
+        self.pending.clear()
+        self.synced = time.monotonic()
+
+    def finish(self, path: Path) -> None:
+        """Give the complete file its name."""
+        self.sync()
+        os.replace(self.part, path)
+        self.journal.unlink()
+
+
+JOURNAL_HEAD = 32
+"""Bytes of the journal's head: a digest of the job, so that a changed design is not taken up."""
+
+
+@contextlib.contextmanager
+def _opened(job: Job, path: Path, group: str, origin: Provenance, resume: bool, fill: Callable[[h5py.Group], None]) -> Iterator[Store]:
+    part, journal = path.with_name(path.name + ".part"), path.with_name(path.name + ".journal")
+    digest = hashlib.sha256(repr((job.count, job.columns, origin.design, origin.sweep)).encode()).digest()
+    units = -(-job.count // UNIT)
+    if resume and part.exists() and journal.exists():
+        head = journal.read_bytes()
+        if head[:JOURNAL_HEAD] != digest or len(head) != JOURNAL_HEAD + units:
+            raise InputError(
+                [Fault("--resume", f"{part.name} belongs to another design or sweep", "take the same design and options, or start anew without --resume")]
+            )
+        done = np.frombuffer(head[JOURNAL_HEAD:], dtype=np.uint8).copy()
+    else:
+        _create(job, part, group, origin, fill)
+        done = np.zeros(units, dtype=np.uint8)
+        journal.write_bytes(digest + done.tobytes())
+    place = _places(job, part, group)
+    handle, record = os.open(part, os.O_RDWR), os.open(journal, os.O_RDWR)
+    store = Store(job.count, part, journal, handle, record, done, place, [], time.monotonic())
+    try:
+        yield store
+    except BaseException:
+        with contextlib.suppress(OSError):
+            store.sync()
+        raise
+    finally:
+        os.close(handle)
+        os.close(record)
+
+
+def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Callable[[h5py.Group], None]) -> None:
+    """Lay the whole file out: every dataset contiguous and in its final place."""
+    try:
+        with h5py.File(part, "w") as file:
+            root_attributes(file, origin)
+            home = file.create_group(group)
+            fill(home)
+            for column in job.columns:
+                made = _contiguous(home, column, job.count)
+                made.attrs["units"] = column.units
+        size = max(offset + job.count * dtype.itemsize * int(np.prod(shape, dtype=int)) for offset, dtype, shape in _places(job, part, group).values())
+        with part.open("r+b") as stream:
+            os.posix_fallocate(stream.fileno(), 0, max(size, part.stat().st_size))  # a full disk is told now, not in the night
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+
+
+def _contiguous(home: h5py.Group, column: Column, count: int) -> h5py.Dataset:
+    layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    layout.set_layout(h5py.h5d.CONTIGUOUS)
+    layout.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    layout.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    space = h5py.h5s.create_simple((count, *column.shape))
+    kind = h5py.h5t.py_create(np.dtype(column.dtype), logical=True)
+    return h5py.Dataset(h5py.h5d.create(home.id, column.name.encode(), kind, space, dcpl=layout))
+
+
+def _places(job: Job, part: Path, group: str) -> dict[str, tuple[int, np.dtype[Any], tuple[int, ...]]]:
+    """Where in the file each column begins."""
+    with h5py.File(part, "r") as file:
+        home: Any = file[group]
+        return {column.name: (home[column.name].id.get_offset(), np.dtype(column.dtype), column.shape) for column in job.columns}
+
+
+def _write_all(handle: int, data: bytes, offset: int) -> None:
+    view = memoryview(data)
+    while view:
+        written = os.pwrite(handle, view, offset)
+        view, offset = view[written:], offset + written

@@ -1,0 +1,132 @@
+"""What every analysis command does before and after its own work."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.cli import options
+
+if TYPE_CHECKING:
+    from suspension_cli.design.schema import Design
+    from suspension_cli.mechanics.model import LinearModel
+    from suspension_cli.models.fidelity import Choice
+    from suspension_cli.results import Provenance
+
+
+@dataclass(frozen=True)
+class Read:
+    """A design that was read: the design, its TOML text with overrides, and the file's name."""
+
+    design: Design
+    text: str
+    file: str
+
+    @contextlib.contextmanager
+    def faults(self) -> Iterator[None]:
+        """Tell faults found while solving as faults of this file."""
+        from suspension_cli.errors import InputError
+
+        try:
+            yield
+        except InputError as error:
+            raise error if error.file else error.in_file(self.file) from None
+
+
+def prepared(ctx: click.Context, file: str, overrides: tuple[str, ...], extra: tuple[str, ...] = ()) -> tuple[Read, dict[str, Any]]:
+    """Read a design, and the command's options with the defaults that its `[analysis]` table gives."""
+    from suspension_cli.design.reader import read
+
+    source = read(file, overrides)
+    table = source.design.analysis.get(str(ctx.command.name), {})
+    return Read(source.design, source.text, source.file), options.with_analysis_table(ctx, table, source.file, extra)
+
+
+def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.Voice) -> tuple[Choice, LinearModel]:
+    """The linear model on the rung that the design needs.
+
+    Raises
+    ------
+    InputError
+        If the equilibrium is unstable and that is not allowed.
+    """
+    from suspension_cli.analysis import modes
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.models import fidelity as ladder
+
+    choice = ladder.choose(source.design, fidelity)
+    model = ladder.linear_model(source.design, choice.level)
+    voice.detail(f"{source.design.design.name}: {choice.level}: {choice.reason}; balanced to {model.residual:.0e} of the weight")
+    found = modes.solve(model)
+    if not found.stable:
+        worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
+        if not allow_unstable:
+            raise InputError([Fault("stage", f"the equilibrium is unstable: {worst}", "make it stable (raise d, say), or give --allow-unstable")])
+        voice.warn(f"{source.design.design.name} is unstable: {worst}")
+    return choice, model
+
+
+def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
+    """What a results file says of where it comes from."""
+    from suspension_cli.results import Provenance
+
+    return Provenance(source.text, options.command_line(argv), choice.level, choice.reason)
+
+
+def draw(figure: Any, path: Path, voice: options.Voice) -> None:
+    """Write a figure."""
+    from suspension_cli.plots.style import save
+    from suspension_cli.results import writing_to
+
+    with writing_to(path):
+        save(figure, path)
+    voice.say(f"wrote {path}")
+
+
+HOW = {
+    "--workers": 1,
+    "--scheduler": 1,
+    "--chunk": 1,
+    "--out": 1,
+    "--resume": 0,
+    "--json": 0,
+    "--plot": 0,
+    "--no-plot": 0,
+    "-q": 0,
+    "--quiet": 0,
+    "-v": 0,
+    "--verbose": 0,
+}
+"""Options (and how many words follow each) that say how to run a sweep, not what it finds: they are not recorded."""
+
+
+def what(argv: list[str]) -> str:
+    """The command line without the options in `HOW`, so that the same sweep writes the same file however it was run."""
+    kept: list[str] = []
+    words = iter(argv[1:])
+    for word in words:
+        name, equals, _ = word.partition("=")
+        if name in HOW:
+            for _skipped in range(0 if equals else HOW[name]):
+                next(words, None)
+        else:
+            kept.append(word)
+    return "pendsus " + " ".join(kept)
+
+
+def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, setting: dict[str, Any], voice: options.Voice, fill: Any) -> None:
+    """Run a sweep into its file, with a progress bar on stderr if it takes more than a second."""
+    from suspension_cli.batch import Plan, run
+    from suspension_cli.cli.progress import Bar
+    from suspension_cli.results import Provenance
+
+    origin = Provenance(source.text, what(sys.argv), choice.level, choice.reason, sweep=job.identity)
+    with Bar(enabled=not voice.quiet) as bar:
+        run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill)
+    voice.say(f"wrote {path}")

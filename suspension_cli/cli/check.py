@@ -1,0 +1,81 @@
+"""`pendsus check`: is a design sound, and what do its wires carry?"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.cli import options
+
+if TYPE_CHECKING:
+    from suspension_cli.analysis.statics import Carried
+
+
+@click.command("check")
+@options.designs
+@options.overrides
+@options.as_json_only
+def command(designs: tuple[str, ...], overrides: tuple[str, ...], as_json: bool) -> None:
+    """Check each DESIGN and show what its wires and blades carry; writes nothing.
+
+    All faults of all designs are told, each on a line with file, key, value and remedy.
+    """
+    from suspension_cli.analysis import statics
+    from suspension_cli.design.reader import read
+    from suspension_cli.errors import InputError
+    from suspension_cli.models import fidelity
+
+    good, bad, documents = [], [], []
+    for file in designs:
+        try:
+            source = read(file, overrides)
+            good.append((source, fidelity.choose(source.design), statics.solve(source.design)))
+        except InputError as error:
+            bad.append(error if error.file else error.in_file(file))
+    for source, choice, carried in good:
+        name = source.design.design.name
+        if as_json:
+            documents.append(_document(name, source.file, carried))
+        else:
+            click.echo(f"{source.file}: good; {choice.level}: {choice.reason}\n{_table(carried)}")
+    if bad:
+        raise InputError([fault for error in bad for fault in error.faults]) if len(bad) == 1 and not bad[0].file else _joined(bad)
+    if as_json:
+        import json
+
+        click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
+
+
+def _joined(errors: list[Any]) -> Exception:
+    """Several files' faults as one error."""
+    from suspension_cli.errors import InputError
+
+    joined = InputError([fault for error in errors for fault in error.faults])
+    joined.args = ("\n".join(str(error) for error in errors),)
+    return joined
+
+
+def _document(name: str, file: str, carried: Carried) -> dict[str, Any]:
+    return {
+        "command": "check",
+        "design": name,
+        "file": file,
+        "residual": carried.residual,
+        "wires": [{"wire": w.label, "tension_n": w.tension, "stretch_m": w.stretch, "stress_pa": w.stress} for w in carried.wires],
+        "bodies": [{"stage": b.name, "shift_m": list(b.shift), "rotation_rad": list(b.rotation)} for b in carried.bodies],
+    }
+
+
+def _table(carried: Carried) -> str:
+    lines = ["  wire            tension   stretch    stress"]
+    for wire in carried.wires:
+        stress = "" if wire.stress is None else f"{wire.stress / 1e6:6.0f} MPa"
+        lines.append(f"  {wire.label:12} {wire.tension:8.2f} N {wire.stretch * 1e3:6.3f} mm {stress}")
+    for body in carried.bodies:
+        if any(body.shift) or any(body.rotation):
+            shift = ", ".join(f"{1e3 * value:.4f}" for value in body.shift)
+            turn = ", ".join(f"{1e3 * value:.4f}" for value in body.rotation)
+            lines.append(f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose")
+    lines.append(f"  balanced to {carried.residual:.0e} of the weight")
+    return "\n".join(lines)

@@ -1,0 +1,78 @@
+"""`pendsus export`: the model as state space for control tools."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.cli import options
+
+if TYPE_CHECKING:
+    from suspension_cli.analysis.export import Exported
+
+FORMATS = ("mat", "npz", "hdf5", "zpk", "control")
+SUFFIX = {"mat": ".mat", "npz": ".npz", "hdf5": ".h5", "zpk": "-zpk.h5", "control": "-control.json"}
+
+
+@click.command("export")
+@options.design
+@click.option(
+    "--format", "form", type=click.Choice(FORMATS), default="mat", show_default=True, help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control."
+)
+@click.option("--input", "inputs", multiple=True, metavar="SIGNAL", help="Repeatable.  [default: the support's six motions and six forces on the first stage]")
+@click.option("--output", "outputs", multiple=True, metavar="SIGNAL", help="Repeatable.  [default: the six motions of the first and of the last stage]")
+@options.allow_unstable
+@options.overrides
+@options.out
+@options.fidelity
+@options.as_json_only
+@options.quiet
+@options.verbose
+@click.pass_context
+def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
+    """Write the model from inputs to outputs as DIR/NAME-statespace.*.
+
+    States, inputs and outputs have names and units.  The band in which the export agrees with the direct solution is measured
+    and stands in its metadata.
+    """
+    from suspension_cli.analysis import export, signals
+    from suspension_cli.cli import analyses
+    from suspension_cli.results import export as files
+
+    voice = options.Voice(quiet, verbose)
+    source, setting = analyses.prepared(ctx, design, overrides)
+    with source.faults():
+        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice)
+        known = signals.bodies(model)
+        drives, motions = signals.everything(model)
+        inputs = [signals.drive(text, known) for text in setting["inputs"] or drives]
+        outputs = [signals.motion(text, known) for text in setting["outputs"] or motions]
+        made = export.build(model, inputs, outputs, zpk=setting["form"] == "zpk")
+    path = options.folder(out) / f"{source.design.design.name}-statespace{SUFFIX[setting['form']]}"
+    files.save(path, setting["form"], made, analyses.provenance(source, choice, sys.argv))
+    voice.say(f"wrote {path}")
+    if as_json:
+        import json
+
+        click.echo(json.dumps(document(source.design.design.name, choice.level, setting["form"], str(path), made)))
+    else:
+        click.echo(
+            f"{choice.level}: {choice.reason}\n{len(made.system.state)} states, {len(made.system.input)} inputs, {len(made.system.output)} outputs; "
+            f"agrees with the direct solution to {made.tolerance:g} from {made.band[0]:.3g} to {made.band[1]:.4g} Hz (worst {made.worst:.1e} up to 100 times the highest mode)"
+        )
+
+
+def document(name: str, level: str, form: str, path: str, made: Exported) -> dict[str, Any]:
+    """The JSON document."""
+    system = made.system
+    head = {"command": "export", "design": name, "fidelity": level, "format": form, "file": path}
+    return head | {
+        "state": list(system.state),
+        "input": list(system.input),
+        "output": list(system.output),
+        "band_hz": list(made.band),
+        "tolerance": made.tolerance,
+        "worst_error": made.worst,
+    }

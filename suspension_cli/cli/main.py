@@ -1,0 +1,69 @@
+"""The `pendsus` command.  Each subcommand is a module of its own, imported only when it runs."""
+
+from __future__ import annotations
+
+import importlib
+
+import click
+
+from suspension_cli import __version__
+
+COMMANDS = {
+    "modes": "Frequencies and shapes of the normal modes.",
+    "response": "Transfer functions from the support or a force to any motion.",
+    "xcouple": "Cross-coupling of imperfect builds, over any imperfections.",
+    "damp": "Local control: closed-loop poles, margins, impulse response, sensor noise.",
+    "export": "State space for control: mat, npz, hdf5, zpk, python-control.",
+    "check": "Check designs and show what their wires carry.",
+    "draw": "Draw a design to scale, side on and face on.",
+    "new": "Start a design: a commented, valid file to edit.",
+    "schema": "Print the JSON Schema of the design file.",
+    "plot": "Redraw the plot of a results file.",
+}
+"""Name and one line of help of every subcommand; each lives in ``suspension_cli.cli.NAME`` as ``command``."""
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called, and whose errors are one line each."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order in which a user meets them."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import one command."""
+        if cmd_name not in COMMANDS:
+            return None
+        return importlib.import_module(f"suspension_cli.cli.{cmd_name}").command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command, or say which one may have been meant."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            from suspension_cli.design.faults import suggestion
+
+            ctx.fail(f"No such command {args[0]!r}; {suggestion(args[0], list(COMMANDS))}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Run a command; faults of the input become lines on stderr and exit code 2."""
+        from suspension_cli.errors import PendsusError
+
+        try:
+            return super().invoke(ctx)
+        except PendsusError as error:
+            click.echo(str(error), err=True)
+            ctx.exit(error.exit_code)
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="pendsus")
+def main() -> None:
+    """Linear models of the pendulums that hang mirrors, from one TOML file a design.
+
+    Start with `pendsus new triple my.toml`, then `pendsus modes my.toml`.
+    """

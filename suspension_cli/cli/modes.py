@@ -1,0 +1,136 @@
+"""`pendsus modes`: frequencies and shapes of the normal modes."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.cli import options
+
+if TYPE_CHECKING:
+    from suspension_cli.analysis.modes import Modes
+    from suspension_cli.design.reader import Source
+    from suspension_cli.models.fidelity import Choice
+
+
+@click.command("modes")
+@options.designs
+@options.analysis
+@click.pass_context
+def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
+    """Frequencies and shapes of the normal modes.
+
+    Prints a table (or JSON), writes DIR/NAME-modes.h5 and .png for each DESIGN.  An unstable equilibrium is told with
+    its growth rates; a rigid mode (a body free to spin on one wire) has frequency 0.
+    """
+    voice = options.Voice(quiet, verbose)
+    sources = _read_all(designs, overrides)
+    settings = [options.with_analysis_table(ctx, source.design.analysis.get("modes", {}), source.file) for source in sources]
+    solved = [_solve(source, setting["fidelity"]) for source, setting in zip(sources, settings, strict=True)]
+    folder = options.folder(out)
+    documents = []
+    for number, (source, setting, (choice, modes)) in enumerate(zip(sources, settings, solved, strict=True)):
+        _write(source, choice, modes, folder, not as_json if setting["plot"] is None else setting["plot"], voice)
+        if as_json:
+            documents.append(document(source.design.design.name, choice, modes))
+            voice.say(f"{source.design.design.name}: {choice.level}: {choice.reason}")
+        else:
+            click.echo(("\n" if number else "") + table(source, choice, modes))
+        for label, rate in zip(modes.label, modes.growth_rate, strict=True):
+            if rate > 0:
+                voice.warn(f"{source.design.design.name} is unstable: {label} grows at {rate:.4g} 1/s")
+    if as_json:
+        import json
+
+        click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
+
+
+def _read_all(files: tuple[str, ...], overrides: tuple[str, ...]) -> list[Source]:
+    from suspension_cli.design.reader import read
+    from suspension_cli.errors import Fault, InputError, shown
+
+    sources = [read(file, overrides) for file in files]
+    names = [source.design.design.name for source in sources]
+    for n, name in enumerate(names):
+        if name in names[:n]:
+            raise InputError([Fault("design.name", "is the name of another design of this run", "give each a name of its own", shown(name))], sources[n].file)
+    return sources
+
+
+def _solve(source: Source, fidelity: str) -> tuple[Choice, Modes]:
+    from suspension_cli.analysis import modes
+    from suspension_cli.errors import InputError
+    from suspension_cli.models import fidelity as ladder
+
+    try:
+        choice = ladder.choose(source.design, fidelity)
+        return choice, modes.solve(ladder.linear_model(source.design, choice.level))
+    except InputError as error:
+        raise error.in_file(source.file) from None
+
+
+def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool, voice: options.Voice) -> None:
+    from suspension_cli.results import Provenance, modes as files
+
+    path = folder / f"{source.design.design.name}-modes.h5"
+    files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason))
+    voice.say(f"wrote {path}")
+    if plot:
+        from suspension_cli.design.expand import expand
+        from suspension_cli.plots import modes as picture
+        from suspension_cli.plots.style import save
+        from suspension_cli.results import writing_to
+
+        path = path.with_suffix(".png")
+        with writing_to(path):
+            save(picture.draw(modes, source.design, expand(source.design)), path)
+        voice.say(f"wrote {path}")
+
+
+def document(name: str, choice: Choice, modes: Modes) -> dict[str, Any]:
+    """The JSON document of one design."""
+    import numpy as np
+
+    rows, labels, verdicts = [], modes.label, modes.verdict
+    for n, (body, dof) in enumerate(modes.home):
+        unstable = modes.growth_rate[n] > 0
+        row: dict[str, Any] = {
+            "frequency_hz": None if unstable else float(modes.frequency[n]),
+            "dof": dof,
+            "stage": body,
+            "q": float(modes.q[n]) if np.isfinite(modes.q[n]) else None,
+        }
+        if unstable:
+            row["growth_rate_per_s"] = float(modes.growth_rate[n])
+        share = {"label": labels[n], "share": float(modes.shares[n].max()), "top_mass_share": float(modes.top_share[n]), "verdict": verdicts[n]}
+        rows.append(row | share)
+    return {"command": "modes", "design": name, "fidelity": choice.level, "stable": modes.stable, "modes": rows}
+
+
+def table(source: Source, choice: Choice, modes: Modes) -> str:
+    """The modes of one design as a table for people."""
+    import numpy as np
+
+    from suspension_cli.analysis.modes import described
+
+    head = source.design.design
+    lines = [f"{head.title or head.name}" + (f"  [{head.name}]" if head.title else ""), f"{choice.level}: {choice.reason}", ""]
+    lossy = bool(np.isfinite(modes.q).any())
+    lines.append(f"  #    frequency  {'       Q  ' if lossy else ''}{'from the top mass':24}  mode, by share of kinetic energy")
+    for n, shares in enumerate(modes.shares):
+        leading = [i for i in np.argsort(-shares.round(9), kind="stable")[:3] if shares[i] > 0.02]
+        where = ", ".join(f"{described(modes.coordinate[i])} {100 * shares[i]:.0f} %" for i in leading)
+        quality = "" if not lossy else f"{modes.q[n]:8.4g}  " if np.isfinite(modes.q[n]) else "       -  "
+        top = f"{100 * modes.top_share[n]:.1f} %, {modes.verdict[n]}"
+        lines.append(f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{top:24}  {where}")
+    return "\n".join(lines)
+
+
+def _frequency(modes: Modes, n: int) -> str:
+    if modes.growth_rate[n] > 0:
+        return "unstable"
+    if modes.omega_squared[n] == 0:
+        return "rigid"
+    return f"{modes.frequency[n]:#.5g} Hz"

@@ -1,0 +1,148 @@
+"""Options that commands share, and what they do with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+LEVELS = ("auto", "closed-form", "force", "string")
+"""As `models.fidelity.LEVELS`, which is not imported just to print help."""
+
+designs = click.argument("designs", nargs=-1, required=True, metavar="DESIGN...")
+design = click.argument("design", metavar="DESIGN")
+overrides = click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Override a value, e.g. stage.test.wires.d=0.002 (repeatable).")
+out = click.option("--out", default="results", show_default=True, metavar="DIR", help="Folder for the files written.")
+fidelity = click.option("--fidelity", type=click.Choice(LEVELS), default="auto", show_default=True, help="Rung of the ladder of models.")
+as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout; no plot unless --plot is given.")
+as_json_only = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout.")
+plot = click.option("--plot/--no-plot", "plot", default=None, help="Whether to draw the PNG.  [default: --plot, with --json --no-plot]")
+allow_unstable = click.option("--allow-unstable", is_flag=True, help="Go on about an unstable equilibrium.")
+quiet = click.option("-q", "--quiet", is_flag=True, help="Say nothing on stderr but warnings.")
+verbose = click.option("-v", "--verbose", is_flag=True, help="Say more on stderr.")
+
+
+def batch(function: F) -> F:
+    """Give a command the options of every sweep."""
+    import os
+
+    choices = [
+        click.option("--workers", type=click.IntRange(1, 4096), default=os.cpu_count() or 1, show_default="all cores", help="Processes."),
+        click.option("--scheduler", metavar="tcp://HOST:PORT", help="A Dask scheduler instead of processes (pendsus[cluster])."),
+        click.option("--chunk", type=click.IntRange(1, 1_000_000), default=1024, show_default=True, help="Builds computed at once."),
+        click.option("--resume", is_flag=True, help="Take up an interrupted run."),
+    ]
+    for option in reversed(choices):
+        function = option(function)
+    return function
+
+
+def analysis(function: F) -> F:
+    """Give a command the options of every analysis."""
+    for option in reversed([overrides, out, fidelity, as_json, plot, quiet, verbose]):
+        function = option(function)
+    return function
+
+
+@dataclass(frozen=True)
+class Voice:
+    """What goes to stderr."""
+
+    quiet: bool
+    verbose: bool
+
+    def say(self, text: str) -> None:
+        """Something worth knowing."""
+        if not self.quiet:
+            click.echo(text, err=True)
+
+    def detail(self, text: str) -> None:
+        """Something for who asked for more."""
+        if self.verbose:
+            click.echo(text, err=True)
+
+    def warn(self, text: str) -> None:
+        """Something that must not be missed."""
+        click.echo(f"warning: {text}", err=True)
+
+
+def with_analysis_table(ctx: click.Context, table: dict[str, Any], file: str, extra: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The options of a command, with defaults from the design's `[analysis.COMMAND]` table.
+
+    What is given on the command line wins.  Keys in `extra` are the command's own business.
+
+    Raises
+    ------
+    InputError
+        If the table has a key that is no option of the command, or a value that the option does not take.
+    """
+    from suspension_cli.design.faults import step, suggestion
+    from suspension_cli.errors import Fault, InputError, shown
+
+    params = {
+        _long_name(p): p
+        for p in ctx.command.params
+        if isinstance(p, click.Option) and p.name not in ("overrides", "out", "as_json", "quiet", "verbose", "help")
+    }
+    result, faults = dict(ctx.params), []
+    for key, value in table.items():
+        if key in extra:
+            continue
+        where = step(f"analysis.{ctx.command.name}", key)
+        param = params.get(key)
+        if param is None or param.name is None:
+            faults.append(Fault(where, "no option of this command", suggestion(key, [*params, *extra]), shown(value)))
+            continue
+        if ctx.get_parameter_source(param.name) is click.core.ParameterSource.COMMANDLINE:
+            continue
+        try:
+            result[param.name] = param.type_cast_value(ctx, _as_typed(param, value))
+        except click.BadParameter as error:
+            faults.append(Fault(where, error.message.rstrip("."), f"see pendsus {ctx.command.name} --help", shown(value)))
+    if faults:
+        raise InputError(faults, file)
+    return result
+
+
+def _as_typed(option: click.Option, value: Any) -> Any:
+    """A value of an `[analysis]` table as it would have come from the command line."""
+    if option.is_flag:
+        if not isinstance(value, bool):
+            raise click.BadParameter("must be true or false")
+        return value
+    items = value if isinstance(value, list) else [value]
+    if any(isinstance(item, (bool, dict, list)) for item in items):
+        raise click.BadParameter("must be a string or a number")
+    texts = [str(item) for item in items]
+    return texts if option.multiple or option.nargs != 1 else ",".join(texts)
+
+
+def _long_name(option: click.Option) -> str:
+    return max(option.opts, key=len).lstrip("-").replace("-", "_") if option.name != "plot" else "plot"
+
+
+def command_line(argv: list[str]) -> str:
+    """The command as it was typed, for results to tell: quoted for a shell, with escapes for what is no text."""
+    import shlex
+
+    return shlex.join(["pendsus", *argv[1:]]).encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def folder(path: str) -> Path:
+    """The folder for results, made if it is missing.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    from suspension_cli.results import writing_to
+
+    with writing_to(path):
+        Path(path).mkdir(parents=True, exist_ok=True)
+    return Path(path)

@@ -1,0 +1,73 @@
+"""`pendsus plot`: redraw from a results file alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+
+@click.command("plot")
+@click.argument("files", nargs=-1, required=True, metavar="FILE.h5...")
+@click.option("--out", metavar="DIR", help="Folder for the PNG; default: beside the file.")
+@click.option("-q", "--quiet", is_flag=True, help="Do not say which files were written.")
+def command(files: tuple[str, ...], out: str | None, quiet: bool) -> None:
+    """Redraw the plot of each results FILE, from the file alone."""
+    from pathlib import Path
+
+    from suspension_cli.cli.options import folder
+    from suspension_cli.plots.style import save
+    from suspension_cli.results import writing_to
+
+    for file in files:
+        figure = _figure(file)
+        path = (folder(out) if out else Path(file).parent) / f"{Path(file).stem}.png"
+        with writing_to(path):
+            save(figure, path)
+        if not quiet:
+            click.echo(f"wrote {path}", err=True)
+
+
+def _figure(file: str) -> Any:
+    """The figure of whichever analysis a file holds."""
+    from suspension_cli.design.reader import parse
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.results import open_results
+
+    try:
+        with open_results(file) as results:
+            design = parse(str(results.attrs["design"]))
+            known = [name for name in _DRAWN if name in results]
+            if not known:
+                raise InputError([Fault("", "holds nothing that has a plot", f"name a file of pendsus {', '.join(_DRAWN)}")])
+            return _DRAWN[known[0]](results, design)
+    except KeyError as error:
+        raise InputError([Fault("", f"is incomplete: {error.args[0]}", "run the analysis again")], file) from None
+    except InputError as error:
+        raise error if error.file else error.in_file(file) from None
+
+
+def _modes(results: Any, design: Any) -> Any:
+    from suspension_cli.design.expand import expand
+    from suspension_cli.plots import modes as picture
+    from suspension_cli.results import modes as stored
+
+    return picture.draw(stored.load(results), design, expand(design))
+
+
+def _response(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import response as picture
+    from suspension_cli.results import response as stored
+
+    return picture.draw(stored.load(results["response"]), design.design.title or design.design.name)
+
+
+def _damp(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import damp as picture
+    from suspension_cli.results import damp as stored
+
+    return picture.draw(stored.load(results["damp"]), design.design.title or design.design.name)
+
+
+_DRAWN = {"modes": _modes, "response": _response, "damp": _damp}
+"""Group of a results file to its figure."""

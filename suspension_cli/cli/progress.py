@@ -1,0 +1,44 @@
+"""A progress bar on stderr for anything over a second."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+
+WIDTH = 30
+PATIENCE = 1.0
+"""Seconds before the bar shows."""
+EVERY = 0.2
+"""Seconds between two drawings."""
+
+
+class Bar:
+    """Call it with (done, all, rate); it draws bar, rate and time left."""
+
+    def __init__(self, *, enabled: bool) -> None:
+        self.enabled = enabled
+        self.began = time.monotonic()
+        self.drawn = 0.0
+
+    def __enter__(self) -> Bar:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self.drawn:
+            sys.stderr.write("\n")
+
+    def __call__(self, done: int, count: int, rate: float) -> None:
+        """Draw, if it is time to."""
+        now = time.monotonic()
+        last = done == count and self.drawn
+        if not self.enabled or now - self.began < PATIENCE or (now - self.drawn < EVERY and not last):
+            return
+        self.drawn = now
+        filled = int(WIDTH * done / count)
+        left = f"{(count - done) / rate:.0f} s left" if rate else ""
+        end = "\r" if sys.stderr.isatty() else "\n"
+        sys.stderr.write(f"{'#' * filled}{'.' * (WIDTH - filled)} {done:,} of {count:,}  {rate:,.0f}/s  {left:12}{end}")
+        sys.stderr.flush()
+        if not sys.stderr.isatty():
+            self.drawn = now + 10 - EVERY  # a log gets a line every ten seconds

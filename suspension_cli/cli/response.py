@@ -1,0 +1,97 @@
+"""`pendsus response`: transfer functions, solved frequency by frequency."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.cli import options
+
+if TYPE_CHECKING:
+    from suspension_cli.analysis.response import Response
+
+DEFAULT_GRID = "0.1:100:2000"
+
+
+@click.command("response")
+@options.design
+@click.option(
+    "--input", "inputs", multiple=True, metavar="SIGNAL", help="support.x, upper.force_x, upper.torque_pitch, ... (repeatable).  [default: support.x]"
+)
+@click.option(
+    "--output", "outputs", multiple=True, metavar="SIGNAL", help="test.x, test.pitch, test.x@0,0,0.001, ... (repeatable).  [default: x of the last stage]"
+)
+@click.option("--frequency", default=DEFAULT_GRID, show_default=True, metavar="GRID", help="start:stop:count[:log|lin], a comma list or a number; Hz.")
+@click.option("--scale", type=click.Choice(["db", "absolute"]), default="db", show_default=True, help="Magnitude axis of the plot.")
+@options.allow_unstable
+@options.analysis
+@click.pass_context
+def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
+    """Frequency responses of motions to motions of the support and to forces.
+
+    Several inputs and outputs give a matrix.  Writes DIR/NAME-response.h5 and .png.
+    """
+    from suspension_cli.cli import analyses
+    from suspension_cli.results import response as files
+
+    voice = options.Voice(quiet, verbose)
+    source, setting = analyses.prepared(ctx, design, overrides)
+    with source.faults():
+        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice)
+        answer = _solved(model, setting)
+    path = options.folder(out) / f"{source.design.design.name}-response.h5"
+    origin = analyses.provenance(source, choice, sys.argv)
+    files.save(path, answer, origin)
+    voice.say(f"wrote {path}")
+    if setting["plot"] or (setting["plot"] is None and not as_json):
+        from suspension_cli.plots import response as picture
+
+        analyses.draw(picture.draw(answer, source.design.design.title or source.design.design.name, setting["scale"]), path.with_suffix(".png"), voice)
+    if as_json:
+        import json
+
+        click.echo(json.dumps(document(source.design.design.name, choice.level, answer)))
+    else:
+        click.echo(summary(answer, choice))
+
+
+def _solved(model: Any, setting: dict[str, Any]) -> Response:
+    import numpy as np
+
+    from suspension_cli.analysis import response, signals
+    from suspension_cli.grids import grid
+
+    bodies = (*signals.bodies(model),)
+    inputs = [signals.drive(text, bodies) for text in setting["inputs"] or ("support.x",)]
+    outputs = [signals.motion(text, bodies) for text in setting["outputs"] or (f"{model.body[-1]}.x",)]
+    frequency = np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+    return response.solve(model, frequency, inputs, outputs)
+
+
+def document(name: str, level: str, answer: Response) -> dict[str, Any]:
+    """The JSON document: one response flat, several in a list."""
+    pairs = [
+        {"input": into, "output": out, "unit": answer.unit[o][i], "real": answer.value[:, o, i].real.tolist(), "imag": answer.value[:, o, i].imag.tolist()}
+        for o, out in enumerate(answer.output)
+        for i, into in enumerate(answer.input)
+    ]
+    head = {"command": "response", "design": name, "fidelity": level, "frequency_hz": answer.frequency.tolist()}
+    return head | (pairs[0] if len(pairs) == 1 else {"responses": pairs})
+
+
+def summary(answer: Response, choice: Any) -> str:
+    """A few lines for people: the ends of every response and its peak."""
+    import numpy as np
+
+    lines = [f"{choice.level}: {choice.reason}"]
+    first, last = answer.frequency[0], answer.frequency[-1]
+    for o, out in enumerate(answer.output):
+        for i, into in enumerate(answer.input):
+            size = np.abs(answer.value[:, o, i])
+            peak = int(size.argmax())
+            lines.append(
+                f"{out} / {into} ({answer.unit[o][i]}): {size[0]:.4g} at {first:.4g} Hz, {size[-1]:.4g} at {last:.4g} Hz, largest {size[peak]:.4g} at {answer.frequency[peak]:.4g} Hz"
+            )
+    return "\n".join(lines)

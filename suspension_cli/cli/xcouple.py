@@ -1,0 +1,229 @@
+"""`pendsus xcouple`: cross-coupling of imperfect builds."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.cli import options
+
+if TYPE_CHECKING:
+    from suspension_cli.analysis.coupling import Axis, Question
+    from suspension_cli.mechanics.model import LinearModel
+
+DEFAULT_GRID = {"k": "0.6:1.4:41", "mass": "0.9:1.1:41", "inertia": "0.9:1.1:41"}
+OTHER_GRID = "-2e-3:2e-3:5"
+
+
+@click.command("xcouple")
+@options.design
+@click.option(
+    "--sweep",
+    default="k,offset",
+    show_default=True,
+    metavar="NAME[=GRID],...",
+    help="Imperfections (k, offset, lower_offset, length, mass, com, ...) or dotted paths.",
+)
+@click.option("--wire", metavar="STAGE.N", help="The imperfect wire.  [default: the first of the last stage]")
+@click.option("--body", metavar="STAGE", help="The imperfect body.  [default: the wire's]")
+@click.option(
+    "--hold", type=click.Choice(["loaded-length", "natural-length"]), default="loaded-length", show_default=True, help="What stays as the wire changes."
+)
+@click.option("--input", "drive", default="support.z", show_default=True, metavar="SIGNAL")
+@click.option("--observe", metavar="STAGE@X,Y,Z", help="The point watched: its x over its z.  [default: last stage, 1 mm below its COM]")
+@click.option("--over", metavar="SIGNAL", help="Numerator of the ratio, instead of the point's x.")
+@click.option("--under", metavar="SIGNAL", help="Denominator of the ratio, instead of the point's z.")
+@click.option("--frequency", default="50", show_default=True, metavar="GRID", help="Hz.")
+@click.option("--matrix", is_flag=True, help="The six-by-six table of couplings of this one design instead of a sweep.")
+@options.batch
+@options.allow_unstable
+@options.analysis
+@click.pass_context
+def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
+    """How much of one motion becomes another in imperfect builds.
+
+    Sweeps the product of any number of imperfections; writes DIR/NAME-xcouple.h5 and .png.
+    """
+    from suspension_cli.cli import analyses
+
+    voice = options.Voice(quiet, verbose)
+    source, setting = analyses.prepared(ctx, design, overrides, extra=_parameter_names())
+    with source.faults():
+        choice, model = analyses.modelled(source, "string", setting["allow_unstable"], voice)
+        question = _question(model, setting)
+    if setting["matrix"]:
+        _matrix(source, choice, model, question, setting, out, as_json, voice)
+        return
+    _sweep(source, choice, question, setting, out, as_json, voice)
+
+
+def _parameter_names() -> tuple[str, ...]:
+    from suspension_cli.analysis.coupling import PARAMETERS
+
+    return tuple(PARAMETERS)
+
+
+def _question(model: LinearModel, setting: dict[str, Any]) -> Question:
+    from suspension_cli.analysis import signals
+    from suspension_cli.analysis.coupling import Question
+    from suspension_cli.design.faults import suggestion
+    from suspension_cli.errors import Fault, InputError, shown
+    from suspension_cli.grids import grid
+
+    known, labels = signals.bodies(model), list(model.wire)
+    wire = setting["wire"] or next((label for label in labels if label.startswith(f"{model.body[-1]}.")), "")
+    if wire not in labels:
+        raise InputError([Fault("--wire", "names no wire", suggestion(wire, labels), shown(wire))])
+    body = setting["body"] or wire.rsplit(".", 1)[0]
+    if body not in model.body:
+        raise InputError([Fault("--body", "names no stage", suggestion(body, list(model.body)), shown(body))])
+    watched, _, point = (setting["observe"] or f"{model.body[-1]}@0,0,-0.001").partition("@")
+    at = f"@{point}" if point else ""
+    return Question(
+        wire=labels.index(wire),
+        body=model.body.index(body) + 1,
+        hold=setting["hold"],
+        input=signals.drive(setting["drive"], known),
+        over=signals.motion(setting["over"] or f"{watched}.x{at}", known),
+        under=signals.motion(setting["under"] or f"{watched}.z{at}", known),
+        frequency=tuple(grid(setting["frequency"], "--frequency", "log", lowest=0.0)),
+    )
+
+
+def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:
+    """The axes that `--sweep` asks for; grids left out come from the design's table, then from the defaults."""
+    from suspension_cli.analysis.coupling import PARAMETERS, Axis
+    from suspension_cli.design.faults import suggestion
+    from suspension_cli.errors import Fault, InputError, shown
+    from suspension_cli.grids import grid
+
+    parts: list[str] = []
+    for piece in text.split(","):
+        if parts and _is_number(piece):
+            parts[-1] += f",{piece}"  # one more value of a list
+        else:
+            parts.append(piece)
+    result = []
+    for part in parts:
+        name, equals, values = (piece.strip() for piece in part.partition("="))
+        if name not in PARAMETERS and "." not in name:
+            raise InputError([Fault("--sweep", f"there is no imperfection {name!r}", suggestion(name, list(PARAMETERS)) + " or a dotted path", shown(text))])
+        if "." in name and not equals:
+            raise InputError([Fault("--sweep", f"{name} has no grid", f"write {name}=start:stop:count", shown(text))])
+        given = values or str(table.get(name, DEFAULT_GRID.get(name, OTHER_GRID)))
+        result.append(Axis(name, tuple(grid(given, f"--sweep {name}"))))
+    if len({axis.name for axis in result}) < len(result):
+        raise InputError([Fault("--sweep", "names a parameter twice", "give each once", shown(text))])
+    return tuple(result)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any], out: str, as_json: bool, voice: options.Voice) -> None:
+    from suspension_cli.analysis.coupling import Sweep
+    from suspension_cli.cli import analyses
+    from suspension_cli.results import coupling as files
+
+    table = source.design.analysis.get("xcouple", {})
+    with source.faults():
+        job = Sweep(source.text, axes(setting["sweep"], table), question)
+        job.check()
+    path = options.folder(out) / f"{source.design.design.name}-xcouple.h5"
+    analyses.swept(job, path, "xcouple", source, choice, setting, voice, lambda group: files.fill(group, job))
+    answer = files.load(path)
+    bad = {reason: count for reason, count in answer.failures.items() if count}
+    if bad:
+        voice.warn("; ".join(f"{count} of {job.count} builds failed: {reason}" for reason, count in bad.items()))
+    if setting["plot"] or (setting["plot"] is None and not as_json):
+        from suspension_cli.plots import coupling as picture
+
+        analyses.draw(picture.draw(answer, source.design.design.title or source.design.design.name), path.with_suffix(".png"), voice)
+    if as_json:
+        import json
+
+        click.echo(json.dumps(document(source.design.design.name, answer)))
+    else:
+        click.echo(summary(answer))
+
+
+def document(name: str, answer: Any) -> dict[str, Any]:
+    """The JSON document: first axis first; a failed build is null."""
+    import numpy as np
+
+    def plain(values: Any) -> Any:
+        return np.where(np.isnan(values), None, values).tolist()
+
+    single = len(answer.frequency) == 1
+    ratio = answer.ratio[..., 0] if single else answer.ratio
+    return {
+        "command": "xcouple",
+        "design": name,
+        "axes": [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes],
+        "ratio_real": plain(ratio.real),
+        "ratio_imag": plain(ratio.imag),
+        "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
+        "input": answer.input,
+        "over": answer.over,
+        "under": answer.under,
+        "hold": answer.hold,
+        "failures": answer.failures,
+    }
+
+
+def summary(answer: Any) -> str:
+    """A few lines for people."""
+    import numpy as np
+
+    size = np.abs(answer.ratio)
+    if not np.isfinite(size).any():
+        return "no build has an equilibrium on taut wires"
+    where = np.unravel_index(int(np.nanargmax(size)), size.shape)
+    at = ", ".join(f"{axis.name} = {axis.values[n]:.6g}" for axis, n in zip(answer.axes, where[:-1], strict=True))
+    return (
+        f"{size[..., 0].size} builds of wire {answer.wire}, {answer.hold} held\n"
+        f"|{answer.over} / {answer.under}| for {answer.input}: largest {np.nanmax(size):.4g} at {at}, {answer.frequency[where[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
+    )
+
+
+def _matrix(source: Any, choice: Any, model: LinearModel, question: Question, setting: dict[str, Any], out: str, as_json: bool, voice: options.Voice) -> None:
+    import numpy as np
+
+    from suspension_cli.analysis import response, signals
+    from suspension_cli.cli import analyses
+    from suspension_cli.conventions import DOFS
+    from suspension_cli.results import response as files
+
+    known, watched = signals.bodies(model), question.over
+    body, _, point = (setting["observe"] or watched.body).partition("@")
+    at = f"@{point}" if point else ""
+    inputs = [signals.drive(f"support.{dof}", known) for dof in DOFS]
+    outputs = [signals.motion(f"{body}.{dof}{at if dof in 'xyz' else ''}", known) for dof in DOFS]
+    answer = response.solve(model, np.array(question.frequency), inputs, outputs)
+    path = options.folder(out) / f"{source.design.design.name}-xcouple-matrix.h5"
+    files.save(path, answer, analyses.provenance(source, choice, sys.argv))
+    voice.say(f"wrote {path}")
+    if as_json:
+        import json
+
+        head = {
+            "command": "xcouple",
+            "design": source.design.design.name,
+            "frequency_hz": list(question.frequency),
+            "input": answer.input,
+            "output": answer.output,
+        }
+        click.echo(json.dumps(head | {"matrix_real": answer.value.real.tolist(), "matrix_imag": answer.value.imag.tolist()}))
+        return
+    for frequency, matrix in zip(answer.frequency, answer.value, strict=True):
+        click.echo(f"|motion of {body}{at} for motion of the support| at {frequency:.4g} Hz (SI)")
+        click.echo(" " * 8 + "".join(f"{dof:>11}" for dof in DOFS))
+        for dof, row in zip(DOFS, matrix, strict=True):
+            click.echo(f"{dof:>8}" + "".join(f"{'0' if value == 0 else f'{abs(value):.3e}':>11}" for value in row))

@@ -1,0 +1,90 @@
+"""What a design adds around its bodies on every rung: viscous dampers, and a support structure that gives way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.derive import com_positions
+from suspension_cli.design.schema import Design
+from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.rotations import cross_matrix
+
+FRAME = "frame"
+"""The support structure's own motion relative to the ground, where it is not rigid: ``frame.z`` and so on."""
+
+
+def surrounded(model: LinearModel, design: Design) -> LinearModel:
+    """The model with the design's dampers and its support structure."""
+    return with_frame(with_dampers(model, design), design)
+
+
+def with_dampers(model: LinearModel, design: Design) -> LinearModel:
+    """Add `[stage.damping]`: forces -c times the velocity of a body relative to another, at the body's COM.
+
+    The other body (or the support) is taken as one rigid thing that reaches there, so that moving everything as one
+    costs nothing.
+    """
+    if all(stage.damping is None for stage in design.stage):
+        return model
+    positions = com_positions(design)
+    damping = model.damping.copy()
+    for stage in design.stage:
+        if stage.damping is None:
+            continue
+        against = stage.damping.against
+        relative = np.zeros((6, model.size))
+        here = model.index(stage.name, "x")
+        there = 0 if against == SUPPORT else model.index(against, "x")
+        arm = np.array(positions[stage.name]) - np.array(positions[against])
+        relative[:, here : here + 6] = np.eye(6)
+        relative[:, there : there + 6] -= np.eye(6)
+        relative[:3, there + 3 : there + 6] += cross_matrix(arm)
+        coefficients = np.array([getattr(stage.damping, dof) for dof in DOFS])
+        damping = damping + relative.T @ (coefficients[:, None] * relative)
+    return replace(model, damping=(damping + np.swapaxes(damping, -1, -2)) / 2)
+
+
+def with_frame(model: LinearModel, design: Design) -> LinearModel:
+    """Add `[support]`: the suspension point moves by what the ground does plus its own deflection.
+
+    ``support.x`` stays the input, now the motion of the ground; ``frame.x`` is the deflection, for every direction
+    that has a stiffness.  Husman et al. (2000), section 4c: their frame "still couples with the pendulum".
+    """
+    support = design.support
+    if support is None:
+        return model
+    moving = [n for n, dof in enumerate(DOFS) if getattr(support.stiffness, dof) is not None]
+    names = [DOFS[n] for n in moving]
+    size, count = model.size, len(moving)
+    spread = np.zeros((size, size + count))  # old coordinates from new ones
+    spread[:, :size] = np.eye(size)
+    spread[moving, size + np.arange(count)] = 1.0
+    weights = np.array([support.mass] * 3 + list(support.inertia))
+    mass = np.zeros((size, size))
+    mass[np.arange(6), np.arange(6)] = weights
+    own = {"stiffness": [getattr(support.stiffness, d) for d in names], "damping": [getattr(support.damping, d) for d in names]}
+
+    def widened(matrix: Any, diagonal: Any) -> Any:
+        wide = spread.T @ matrix @ spread
+        wide[..., size + np.arange(count), size + np.arange(count)] += np.asarray(diagonal)
+        return wide
+
+    lossy = model.lossy
+    if support.loss_angle or lossy is not None:
+        lossy = widened(model.stiffness.astype(complex) if lossy is None else lossy, np.array(own["stiffness"]) * (1 + 1j * support.loss_angle))
+    basis = np.eye(size + count)
+    basis[:size, :size] = model.basis
+    return replace(
+        model,
+        coordinate=(*model.coordinate, *(f"{FRAME}.{dof}" for dof in names)),
+        basis=basis,
+        massless=np.append(model.massless, (weights[moving] == 0) & (np.array(own["damping"]) == 0)),
+        mass=widened(model.mass + mass, np.zeros(count)),
+        stiffness=widened(model.stiffness, own["stiffness"]),
+        damping=widened(model.damping, own["damping"]),
+        lossy=lossy,
+    )

@@ -1,0 +1,124 @@
+"""The shape a body is drawn with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.scene import Array, Scene
+from suspension_cli.design.schema import Body, Design
+
+SMALLEST = 0.012
+"""Least half extent of a body, as a share of the suspension's size: a smaller one would not be seen."""
+ROUND = 97
+"""Points on a circle, the first one repeated."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A body as it is drawn, in its own frame, the COM at the origin.
+
+    Attributes
+    ----------
+    half : (3,) array
+        Half extents along x, y, z, m.
+    axis : int or None
+        The axis (0, 1, 2) of a cylinder; None for a box.
+    inner : float
+        Radius of a cylinder's bore, m.
+    """
+
+    half: Array
+    axis: int | None = None
+    inner: float = 0.0
+
+    def section(self, normal: int) -> Array:
+        """The body cut through its COM, across an axis.
+
+        Parameters
+        ----------
+        normal : int
+            The axis (0, 1, 2) that is normal to the cut.
+
+        Returns
+        -------
+        (p, 3) array
+            A closed line: a circle where a cylinder is cut across its axis, a rectangle otherwise, m.
+        """
+        first, second = (axis for axis in range(3) if axis != normal)
+        if self.axis == normal:
+            angle = np.linspace(0, 2 * np.pi, ROUND)
+            u, v = np.cos(angle), np.sin(angle)
+        else:
+            u, v = np.array([1.0, -1.0, -1.0, 1.0, 1.0]), np.array([1.0, 1.0, -1.0, -1.0, 1.0])
+        line = np.zeros((len(u), 3))
+        line[:, first], line[:, second] = u * self.half[first], v * self.half[second]
+        return line
+
+    def bore(self, normal: int) -> Array | None:
+        """The edge (p, 3) of a cylinder's bore, m, where `section` is its circle."""
+        if self.axis != normal or not self.inner:
+            return None
+        return self.section(normal) * (self.inner / float(np.max(np.delete(self.half, normal))))
+
+    def nearest(self, point: Any) -> Array:
+        """The points (..., 3) of the body nearest to given points (..., 3) in its frame, m."""
+        point = np.asarray(point, dtype=float)
+        result = np.clip(point, -self.half, self.half)
+        if self.axis is not None:
+            across = [axis for axis in range(3) if axis != self.axis]
+            distance = np.linalg.norm(point[..., across], axis=-1, keepdims=True)
+            radius = self.half[across[0]]
+            result[..., across] = point[..., across] * np.minimum(1.0, radius / np.maximum(distance, 1e-300))
+        return result
+
+
+def outline(body: Body, mass: float, inertia: Any, least: float = 0.0) -> Outline:
+    """The shape to draw a body with.
+
+    Parameters
+    ----------
+    body : Body
+        Its table in the design.
+    mass : float
+        kg.
+    inertia : (3, 3) array
+        About the COM, kg m^2.
+    least : float
+        Half extents are grown to this where they are smaller, m.
+
+    Returns
+    -------
+    Outline
+        The cylinder or box of the design; for a body given by its inertia the homogeneous box of the same mass
+        and moments, Lx^2 = 6 (Iy + Iz - Ix) / m, taken as 0 where no such box exists.
+    """
+    if body.shape == "box":
+        assert body.size is not None
+        return Outline(np.maximum(np.array(body.size) / 2, least))
+    if body.shape == "cylinder":
+        assert body.radius is not None and body.length is not None
+        axis = "xyz".index(body.axis or "x")
+        half = np.full(3, max(body.radius, least))
+        half[axis] = max(body.length / 2, least)
+        return Outline(half, axis, body.inner_radius or 0.0)
+    moments = np.diagonal(np.asarray(inertia, dtype=float))
+    squares = np.maximum(6 * (moments.sum() - 2 * moments) / mass, 0.0)
+    return Outline(np.maximum(np.sqrt(squares) / 2, least))
+
+
+def outlines(design: Design, scene: Scene) -> list[Outline]:
+    """The outlines of all bodies of a scene without batch axes, none too small to be seen."""
+    bodies = scene.bodies
+    least = SMALLEST * size(scene)
+    return [outline(stage.body, float(m), i, least) for stage, m, i in zip(design.stage, bodies.mass, bodies.inertia, strict=True)]
+
+
+def size(scene: Scene) -> float:
+    """How large a suspension without batch axes is, m: its height, half its width or the size of a body, whichever is most."""
+    wires, position = scene.wires, scene.bodies.position
+    points = np.concatenate([position, position[wires.upper] + wires.upper_point, position[wires.lower] + wires.lower_point])
+    gyration = np.sqrt(np.trace(scene.bodies.inertia, axis1=-2, axis2=-1) / scene.bodies.mass)
+    return float(max((np.ptp(points, axis=0) * (0.5, 0.5, 1.0)).max(), gyration.max()))

@@ -1,0 +1,59 @@
+"""Tables I and II of the paper, from the shipped designs."""
+
+import csv
+import subprocess
+import sys
+
+import pytest
+from golden import ROOT
+
+sys.path.insert(0, str(ROOT / "tools"))
+import tables
+
+
+@pytest.fixture(scope="module")
+def first():
+    return tables.table1()
+
+
+@pytest.fixture(scope="module")
+def second():
+    return tables.table2()
+
+
+def test_table1_has_every_value_of_the_paper(first):
+    assert len(first) == 24
+    worst, median = tables.extremes(first)
+    assert worst < 0.043
+    assert median < 0.007
+
+
+def test_table1_cases_share_one_set_of_inferred_parameters():
+    from suspension_cli.design.reader import read
+
+    designs = [read(ROOT / "configs" / "husman2000" / f"table1-case{n}.toml").design for n in (1, 2, 3, 4)]
+    assert len({(tuple(d.stage[0].body.inertia), d.stage[0].wires.radius) for d in designs}) == 1
+
+
+def test_table2_has_all_18_frequencies_within_2_percent(second):
+    assert len(second) == 18
+    assert tables.extremes(second)[0] < 0.02
+
+
+def test_table2_parameters_are_believable():
+    from suspension_cli.design.expand import expand
+    from suspension_cli.design.reader import read
+
+    scene = expand(read(ROOT / "configs" / "husman2000" / "table2.toml").design)
+    assert ((scene.bodies.mass > 5.0) & (scene.bodies.mass < 6.5)).all()
+    assert scene.bodies.mass[-1] == 5.6
+    assert -1.1 < scene.bodies.position[-1, 2] < -0.5
+    assert ((scene.blades.stiffness[:, 2] > 300) & (scene.blades.stiffness[:, 2] < 4000)).all()
+
+
+def test_make_tables_writes_what_it_prints(first):
+    run = subprocess.run([sys.executable, str(ROOT / "tools" / "tables.py")], capture_output=True, text=True, check=True)
+    text = (ROOT / "results" / "table1.md").read_text()
+    assert text in run.stdout
+    rows = list(csv.DictReader((ROOT / "results" / "table1.csv").open()))
+    assert [float(row["ours"]) for row in rows] == pytest.approx([row["ours"] for row in first], rel=1e-5)
