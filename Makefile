@@ -5,7 +5,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: help tables test lint bench golden clean
+
+.PHONY: help tables fig5 fig6 blades support test lint bench golden clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 12
@@ -18,6 +19,18 @@ $(READY): pyproject.toml
 
 tables: $(READY) ## Tables I and II of the paper, into results/
 	$(BIN)/python tools/tables.py
+
+fig5: $(READY)   ## Figure 5: the triple's longitudinal transfer function
+	$(BIN)/python tools/figure5.py
+
+fig6: $(READY)   ## Figure 6: cross-coupling of the fused-silica stage
+	$(BIN)/python tools/figure6.py
+
+blades: $(READY) ## what taking blades in series with angled wires costs
+	$(BIN)/python tools/blades.py
+
+support: $(READY) ## what a support that gives way does to Table I
+	$(BIN)/python tools/support.py
 
 test: $(READY)   ## run the tests
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto

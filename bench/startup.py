@@ -16,4 +16,10 @@ def run(ratio: Callable[..., None], shell: Callable[..., Callable[[], object]]) 
     ratio("pendsus --help / python -c 'import click'", shell(pendsus, "--help"), shell(sys.executable, "-c", "import click"), 1.5, 15)
     with tempfile.TemporaryDirectory() as folder:
         ours = shell(pendsus, "modes", str(TRIPLE), "--json", "--out", folder)
-        ratio("pendsus modes --json / import numpy, scipy.linalg, h5py, msgspec", ours, shell(sys.executable, "-c", "import numpy, scipy.linalg, h5py, msgspec"), 1.6, 15)
+        ratio(
+            "pendsus modes --json / import numpy, scipy.linalg, h5py, msgspec",
+            ours,
+            shell(sys.executable, "-c", "import numpy, scipy.linalg, h5py, msgspec"),
+            1.6,
+            15,
+        )

@@ -32,6 +32,12 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
     """100,000 triples against bare LAPACK on the same blocks; one string build and solve."""
     chain = many_triples(100_000)
     blocks = list(force.dynamics(chain).values())
-    ratio("force, frequencies of 100,000 triples / eigvalsh of the blocks", lambda: force.eigenvalues(chain), lambda: [np.linalg.eigvalsh(b) for b in blocks], 3.0, 5)
+    ratio(
+        "force, frequencies of 100,000 triples / eigvalsh of the blocks",
+        lambda: force.eigenvalues(chain),
+        lambda: [np.linalg.eigvalsh(b) for b in blocks],
+        3.0,
+        5,
+    )
     design = read(TRIPLE).design
     absolute("string, build and solve one triple", lambda: modes.solve(assemble.linear_model(expand(design))), 2.0)

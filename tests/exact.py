@@ -11,7 +11,7 @@ import numpy as np
 from suspension_cli.analysis import response, signals
 from suspension_cli.mechanics.model import LinearModel
 
-MP = mpmath.mp.clone() if hasattr(mpmath.mp, "clone") else mpmath.MPContext()
+MP = mpmath.mp.clone()
 MP.dps = 50
 
 

@@ -161,6 +161,7 @@ BLADES = [
         base="rich",
     ),
     Case("blade-idle", {("stage", 0, "wire", 1, "blade"): MISSING}, "stage.upper.blade.right: carries no wire", 'blade = "right"', "rich"),
+    Case("tip-light", {(*BLADE, "tip_mass"): 1e-30}, "stage.upper.blade.left.tip_mass = 1e-30: is too small", "give 0", "rich"),
     Case("tip-mass", {(*BLADE, "tip_mass"): -1.0}, "stage.upper.blade.left.tip_mass = -1.0: must be at least 0", "kg", "rich"),
 ]
 
@@ -205,6 +206,8 @@ AROUND = [
     Case("frame-rigid", {("support", "stiffness"): {}}, "support.stiffness: is rigid in every direction", "leave [support] out", "rich"),
     Case("frame-stage", {("stage", 2, "name"): "frame"}, 'stage.frame.name = "frame": is the name of the support structure', "another", "rich"),
     Case("frame-mass", {("support", "mass"): -1.0}, "support.mass = -1.0: must be at least 0", "kg", "rich"),
+    Case("frame-light", {("support", "mass"): 1e-300}, "support.mass = 1e-300: is too small", "give 0", "rich"),
+    Case("frame-thin", {("support", "inertia"): [0.0, 1e-99, 0.0]}, "support.inertia = [0.0, 1e-99, 0.0]: is too small", "give 0", "rich"),
     Case("damped-against", {(*STAGE, "damping", "against"): "suport"}, 'stage.upper.damping.against = "suport": names no', "did you mean 'support'?", "rich"),
     Case("damped-negative", {(*STAGE, "damping", "x"): -0.1}, "stage.upper.damping.x = -0.1: must be at least 0", "N s/m", "rich"),
     Case("no-loop", {("control", "loop"): []}, "control.loop = []: has 0 elements", "", "rich"),

@@ -15,34 +15,6 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.reader import template
 from suspension_cli.models import fidelity
 
-QUADRUPLE = """\
-[design]
-name = "quadruple"
-
-[[stage]]
-name = "top"
-body = { mass = 22.0, inertia = [0.47, 0.07, 0.46] }
-wires = { count = 2, l = 0.445, t1 = 0.1, t2 = 0.03, d = 0.001, k = 2.4e5 }
-blades = { count = 2, uncoupled_frequency = 2.4 }
-
-[[stage]]
-name = "upper"
-body = { mass = 22.0, inertia = [0.52, 0.07, 0.49] }
-wires = { count = 4, l = 0.311, s_upper = 0.06, s_lower = 0.05, t1 = 0.18, t2 = 0.16, d = 0.001, d_upper = 0.001, k = 1.5e5 }
-blades = { count = 2, uncoupled_frequency = 2.6 }
-
-[[stage]]
-name = "middle"
-body = { shape = "cylinder", axis = "x", radius = 0.17, length = 0.2, mass = 39.6 }
-wires = { count = 4, l = 0.341, s = 0.03, t1 = 0.14, t2 = 0.1765, d = 0.001, d_upper = 0.001, k = 8.4e4 }
-blades = { count = 4, uncoupled_frequency = 2.1 }
-
-[[stage]]
-name = "test"
-body = { shape = "cylinder", axis = "x", radius = 0.17, length = 0.2, mass = 39.6 }
-wires = { count = 4, l = 0.602, s = 0.0045, t1 = 0.1765, t2 = 0.1765, d = 0.001, d_upper = 0.001, material = "fused-silica", radius = 2e-4 }
-"""
-
 FIVE = """\
 [design]
 name = "five-wires"
@@ -69,9 +41,9 @@ CONFIGS = Path(__file__).parent.parent / "configs"
 
 @cache
 def _parsed(kind: str) -> dict[str, Any]:
-    if kind == "quadruple" and (shipped := CONFIGS / "quadruple.toml").exists():
-        return tomllib.loads(shipped.read_text())
-    return tomllib.loads({"quadruple": QUADRUPLE, "five": FIVE}.get(kind) or template(kind, kind))
+    if kind == "quadruple":
+        return tomllib.loads((CONFIGS / "quadruple.toml").read_text())
+    return tomllib.loads(FIVE if kind == "five" else template(kind, kind))
 
 
 def raw(kind: str, *, loss: bool = False, damping: bool = False, tips: bool = False) -> dict[str, Any]:

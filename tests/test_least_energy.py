@@ -135,3 +135,16 @@ def test_mirrored_wires_under_a_lopsided_load(preload):
     assert found.residual < 1e-13
     assert np.abs(found.pose.shift).max() < 1e-12
     assert np.abs(found.pose.rotation - np.eye(3)).max() < 1e-12
+
+
+@pytest.mark.parametrize("blades", [(), ({"name": "shared", "stiffness": 6e3},)], ids=["no blades", "shared blade"])
+def test_giving_a_tension_that_would_come_about_changes_nothing(blades):
+    """Even where the wire shares a blade with one whose tension is left open."""
+    wires = vertical_wires(np.random.default_rng(21), 6)
+    for wire in wires[:2] if blades else ():
+        wire["blade"] = "shared"
+    expected = least_energy(wires, blades)
+    assert expected.min() > 0
+    wires[0]["tension"] = float(expected[0])
+    found = scenes.scene_of(stage_of(wires, **({"blade": list(blades)} if blades else {}))).wires.tension
+    np.testing.assert_allclose(found, expected, rtol=1e-10)

@@ -128,7 +128,7 @@ def three_wires(rng=None, noise=0.0):
         point = np.array([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
         if rng is not None:
             point += noise * rng.uniform(-1, 1, 3)
-        wires.append({"upper": point * [0.7, 0.7, 1.0], "lower": point + [0.0, 0.0, 0.01], "k": 2e4, "natural_length": 0.4})  # noqa: RUF005
+        wires.append({"upper": point * [0.7, 0.7, 1.0], "lower": [*point[:2], point[2] + 0.01], "k": 2e4, "natural_length": 0.4})
     body = {"mass": 5.0, "inertia": [0.02, 0.02, 0.03]}
     return scenes.raw_of({"name": "test", "body": body, "position": [0, 0, -0.41], "wire": wires})
 

@@ -7,6 +7,7 @@ Writes `results/figure5.png` and `.h5`.  Run by `make fig5`.
 from __future__ import annotations
 
 import numpy as np
+from tables import PAPER, ROOT
 
 from suspension_cli.analysis import modes, response, signals
 from suspension_cli.design.reader import read
@@ -15,7 +16,6 @@ from suspension_cli.plots.response import curve
 from suspension_cli.plots.style import NOTE, PALE, PALETTE, house, new_figure, save
 from suspension_cli.results import Provenance
 from suspension_cli.results import response as files
-from tables import PAPER, ROOT
 
 POINTS = 4000
 

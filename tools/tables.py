@@ -42,7 +42,16 @@ def table1() -> list[Row]:
         for n, word in enumerate(columns):
             (frequency,) = ours.of(DOF[word])
             theory = case["theory"][n]
-            rows.append({"case": case["case"], "mode": word, "experiment": case["experimental"][n], "theory": theory, "ours": frequency, "difference": frequency / theory - 1})
+            rows.append(
+                {
+                    "case": case["case"],
+                    "mode": word,
+                    "experiment": case["experimental"][n],
+                    "theory": theory,
+                    "ours": frequency,
+                    "difference": frequency / theory - 1,
+                }
+            )
     return rows
 
 

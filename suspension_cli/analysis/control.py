@@ -249,7 +249,8 @@ class Poles:
 
 def poles(system: statespace.StateSpace) -> Poles:
     """Poles of a state space, and the state that each lives in (largest participation)."""
-    values, right = np.linalg.eig(system.a)
+    found: Any = np.linalg.eig(system.a)
+    values, right = found.eigenvalues.astype(complex), found.eigenvectors
     participation = np.abs(right * np.linalg.pinv(right).T)
     keep = values.imag >= 0
     order = np.argsort(np.abs(values[keep]), kind="stable")

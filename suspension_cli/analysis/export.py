@@ -132,6 +132,6 @@ def _zeros(a: Array, b: Array, c: Array, d: float, degree: int) -> Any:
     pencil = np.block([[a, b[:, None]], [c[None, :], np.array([[d]])]])
     unit = np.zeros_like(pencil)
     unit[: len(a), : len(a)] = np.eye(len(a))
-    alpha, beta = eig(pencil, unit, right=False, homogeneous_eigvals=True)
+    alpha, beta = np.asarray(eig(pencil, unit, right=False, homogeneous_eigvals=True))
     order = np.argsort(-np.abs(beta) / (np.abs(alpha) + np.abs(beta) + 1e-300), kind="stable")[:count]
     return alpha[order] / beta[order]

@@ -43,10 +43,10 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     with source.faults():
         choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice)
         output = setting["output"] or f"{model.body[-1]}.x"
-        body, _, dof = output.partition("@")[0].rpartition(".")
-        drive = setting["impulse"] or (f"{body}.{FORCES[DOFS.index(dof)]}" if dof in DOFS and body in model.body else "support.x")
+        body, dof = output.partition("@")[0].rpartition(".")[::2]
+        push: str = setting["impulse"] or (f"{body}.{FORCES[DOFS.index(dof)]}" if dof in DOFS and body in model.body else "support.x")
         frequency = np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-        answer = damp.solve(source.design, model, output, drive, frequency, setting["duration"])
+        answer = damp.solve(source.design, model, output, push, frequency, setting["duration"])
     path = options.folder(out) / f"{source.design.design.name}-damp.h5"
     files.save(path, answer, analyses.provenance(source, choice, sys.argv))
     voice.say(f"wrote {path}")

@@ -60,7 +60,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     else:
         click.echo(
             f"{choice.level}: {choice.reason}\n{len(made.system.state)} states, {len(made.system.input)} inputs, {len(made.system.output)} outputs; "
-            f"agrees with the direct solution to {made.tolerance:g} from {made.band[0]:.3g} to {made.band[1]:.4g} Hz (worst {made.worst:.1e} up to 100 times the highest mode)"
+            f"agrees with the direct solution to {made.tolerance:g} from {made.band[0]:.3g} to {made.band[1]:.4g} Hz\n"
+            f"(worst {made.worst:.1e}, up to 100 times the highest mode)"
         )
 
 

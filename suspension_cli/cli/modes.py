@@ -72,7 +72,8 @@ def _solve(source: Source, fidelity: str) -> tuple[Choice, Modes]:
 
 
 def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool, voice: options.Voice) -> None:
-    from suspension_cli.results import Provenance, modes as files
+    from suspension_cli.results import Provenance
+    from suspension_cli.results import modes as files
 
     path = folder / f"{source.design.design.name}-modes.h5"
     files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason))

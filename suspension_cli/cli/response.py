@@ -92,6 +92,7 @@ def summary(answer: Response, choice: Any) -> str:
             size = np.abs(answer.value[:, o, i])
             peak = int(size.argmax())
             lines.append(
-                f"{out} / {into} ({answer.unit[o][i]}): {size[0]:.4g} at {first:.4g} Hz, {size[-1]:.4g} at {last:.4g} Hz, largest {size[peak]:.4g} at {answer.frequency[peak]:.4g} Hz"
+                f"{out} / {into} ({answer.unit[o][i]}): {size[0]:.4g} at {first:.4g} Hz, {size[-1]:.4g} at {last:.4g} Hz, "
+                f"largest {size[peak]:.4g} at {answer.frequency[peak]:.4g} Hz"
             )
     return "\n".join(lines)

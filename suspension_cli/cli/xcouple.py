@@ -31,7 +31,7 @@ OTHER_GRID = "-2e-3:2e-3:5"
 @click.option(
     "--hold", type=click.Choice(["loaded-length", "natural-length"]), default="loaded-length", show_default=True, help="What stays as the wire changes."
 )
-@click.option("--input", "drive", default="support.z", show_default=True, metavar="SIGNAL")
+@click.option("--input", "drive", default="support.z", show_default=True, metavar="SIGNAL", help="What drives: a motion of the support, or a force.")
 @click.option("--observe", metavar="STAGE@X,Y,Z", help="The point watched: its x over its z.  [default: last stage, 1 mm below its COM]")
 @click.option("--over", metavar="SIGNAL", help="Numerator of the ratio, instead of the point's x.")
 @click.option("--under", metavar="SIGNAL", help="Denominator of the ratio, instead of the point's z.")
@@ -159,7 +159,7 @@ def document(name: str, answer: Any) -> dict[str, Any]:
     import numpy as np
 
     def plain(values: Any) -> Any:
-        return np.where(np.isnan(values), None, values).tolist()
+        return np.where(np.isnan(values), None, values).tolist()  # pyright: ignore[reportAttributeAccessIssue]
 
     single = len(answer.frequency) == 1
     ratio = answer.ratio[..., 0] if single else answer.ratio
@@ -189,7 +189,8 @@ def summary(answer: Any) -> str:
     at = ", ".join(f"{axis.name} = {axis.values[n]:.6g}" for axis, n in zip(answer.axes, where[:-1], strict=True))
     return (
         f"{size[..., 0].size} builds of wire {answer.wire}, {answer.hold} held\n"
-        f"|{answer.over} / {answer.under}| for {answer.input}: largest {np.nanmax(size):.4g} at {at}, {answer.frequency[where[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
+        f"|{answer.over} / {answer.under}| for {answer.input}: largest {np.nanmax(size):.4g} at {at}, {answer.frequency[where[-1]]:.4g} Hz; "
+        f"median {np.nanmedian(size):.3g}"
     )
 
 

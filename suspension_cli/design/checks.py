@@ -8,24 +8,18 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from typing import Any
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design import materials
-from suspension_cli.design.derive import body_inertia, body_mass, set_geometry
+from suspension_cli.design import bodies, materials
+from suspension_cli.design.bodies import LEAST_MASS, exclusive
+from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.faults import suggestion
-from suspension_cli.design.schema import Blade, BladeSet, Body, Design, Perturbation, Spring, Stage, Wire, WireSet
+from suspension_cli.design.schema import Blade, BladeSet, Design, Perturbation, Spring, Stage, Support, Wire, WireSet
 from suspension_cli.errors import Fault, key_shown, shown
 
 ANALYSES = ("modes", "response", "xcouple", "tolerance", "thermal", "sweep", "tradeoff", "fit", "damp", "optimise", "sensitivity")
 BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}
 """Number of wires in a symmetric set to the numbers of blades that can carry it."""
-LEAST_INERTIA = 1e-30
-"""kg m^2; that of a microgram of less than a nanometre."""
-THINNEST = 1e-12
-"""Least moment of inertia in terms of the largest; that of a rod a millionth as thick as it is long."""
-LEAST_MASS, MOST_MASS = 1e-9, 1e9
-"""kg; bounds on what follows from a density, as the schema has them for a mass that is given."""
 FRAME = "frame"
 """What results call the motion of a support structure that is not rigid."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
@@ -36,7 +30,7 @@ def of_design(design: Design) -> list[Fault]:
     found = [*_names(design), *_materials(design)]
     for stage in design.stage:
         path = f"stage.{stage.name}"
-        found += _body(stage.body, f"{path}.body")
+        found += bodies.of_body(stage.body, f"{path}.body")
         found += _suspension(design, stage, path)
         for number, spring in enumerate(stage.spring, 1):
             found += _spring(spring, f"{path}.spring.{number}")
@@ -44,8 +38,8 @@ def of_design(design: Design) -> list[Fault]:
         for number, perturbation in enumerate(design.perturbation, 1):
             found += _perturbation(design, perturbation, f"perturbation.{number}")
     found += _control(design)
-    if design.support is not None and all(getattr(design.support.stiffness, dof) is None for dof in DOFS):
-        found.append(Fault("support.stiffness", "is rigid in every direction", "give z = ... (N/m), or leave [support] out"))
+    if design.support is not None:
+        found += _frame(design.support)
     for command in design.analysis:
         if command not in ANALYSES:
             found.append(Fault(f"analysis.{key_shown(command)}", "unknown command", suggestion(command, list(ANALYSES))))
@@ -80,75 +74,6 @@ def _materials(design: Design) -> Iterator[Fault]:
 def _material(design: Design, name: str, key: str) -> Iterator[Fault]:
     if name not in materials.known(design):
         yield Fault(key, "unknown material", suggestion(name, materials.known(design)) + " or define it as [materials.NAME]", shown(name))
-
-
-def _exclusive(path: str, given: dict[str, Any], what: str) -> Iterator[Fault]:
-    """Exactly one of some keys must be given."""
-    present = [key for key, value in given.items() if value is not None]
-    if len(present) != 1:
-        have = "none of " + ", ".join(given) if not present else " and ".join(present) + " are both given"
-        yield Fault(path, have, f"give exactly one: {what}")
-
-
-def _body(body: Body, path: str) -> Iterator[Fault]:
-    found = [*_body_keys(body, path)]
-    yield from found
-    if found or body.shape is None:
-        return
-    mass, moments = body_mass(body), [row[n] for n, row in enumerate(body_inertia(body))]
-    if not LEAST_MASS <= mass <= MOST_MASS:
-        given = "mass" if body.density is None else "density"
-        yield Fault(
-            f"{path}.{given}", f"the body has {mass:.3g} kg, not {LEAST_MASS:g} to {MOST_MASS:g} kg", "check the sizes, in m", shown(getattr(body, given))
-        )
-    elif min(moments) < max(LEAST_INERTIA, THINNEST * max(moments)):
-        yield Fault(path, f"has moments of inertia of {min(moments):.3g} to {max(moments):.3g} kg m^2, no rigid body's", "check the sizes, in m")
-
-
-def _body_keys(body: Body, path: str) -> Iterator[Fault]:
-    if body.shape is None:
-        for key in ("axis", "radius", "inner_radius", "length", "size", "density"):
-            if getattr(body, key) is not None:
-                yield Fault(f"{path}.{key}", "goes with a shape", 'add shape = "cylinder" or "box"', shown(getattr(body, key)))
-        if body.mass is None:
-            yield Fault(f"{path}.mass", "missing", "give mass in kg")
-        if body.inertia is None:
-            yield Fault(f"{path}.inertia", "missing", "give inertia = [Ix, Iy, Iz] in kg m^2, or a shape")
-        else:
-            yield from _inertia(body.inertia, f"{path}.inertia")
-        return
-    if body.inertia is not None:
-        yield Fault(f"{path}.inertia", "a shape has its own inertia", "give either inertia or shape", shown(body.inertia))
-    yield from _exclusive(path, {"mass": body.mass, "density": body.density}, "mass in kg or density in kg/m^3")
-    needed = ("radius", "length") if body.shape == "cylinder" else ("size",)
-    for key in ("axis", "radius", "inner_radius", "length", "size"):
-        value = getattr(body, key)
-        if key in needed and value is None:
-            yield Fault(f"{path}.{key}", f"missing for a {body.shape}", "give it in m")
-        if value is not None and ((body.shape == "box") != (key == "size")):
-            yield Fault(f"{path}.{key}", f"does not describe a {body.shape}", "remove it", shown(value))
-    if body.inner_radius is not None and body.radius is not None and body.inner_radius >= body.radius:
-        yield Fault(f"{path}.inner_radius", f"not smaller than the radius {body.radius:g} m", "give a smaller hole", shown(body.inner_radius))
-
-
-def _inertia(inertia: list[Any], path: str) -> Iterator[Fault]:
-    rows = [isinstance(row, list) for row in inertia]
-    if any(rows) and not all(rows):
-        yield Fault(path, "mixes numbers and rows", "give three numbers or three rows of three", shown(inertia))
-        return
-    if not any(rows):
-        if min(inertia) <= 0:
-            yield Fault(path, "moments of inertia must be positive", "give them in kg m^2", shown(inertia))
-        elif min(inertia) < max(LEAST_INERTIA, THINNEST * max(inertia)):
-            yield Fault(path, "is no rigid body's: one moment is next to nothing", "give all three in kg m^2", shown(inertia))
-        return
-    import numpy as np
-
-    matrix = np.array(inertia)
-    if not np.allclose(matrix, matrix.T, rtol=1e-12, atol=0):
-        yield Fault(path, "is not symmetric", "make element (i, j) equal to (j, i)", shown(inertia))
-    elif np.linalg.eigvalsh(matrix)[0] < max(LEAST_INERTIA, THINNEST * np.abs(matrix).max()):
-        yield Fault(path, "is not positive definite", "check the signs of the products of inertia", shown(inertia))
 
 
 def _suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault]:
@@ -235,9 +160,11 @@ def _blade_set(design: Design, stage: Stage, blades: BladeSet, path: str) -> Ite
 
 def _blade(design: Design, blade: BladeSet | Blade, path: str) -> Iterator[Fault]:
     ways = {"stiffness": blade.stiffness, "uncoupled_frequency": blade.uncoupled_frequency, "geometry": blade.geometry}
-    yield from _exclusive(path, ways, "stiffness in N/m, uncoupled_frequency in Hz or geometry")
+    yield from exclusive(path, ways, "stiffness in N/m, uncoupled_frequency in Hz or geometry")
     if blade.geometry is not None:
         yield from _material(design, blade.geometry.material, f"{path}.geometry.material")
+    if 0 < blade.tip_mass < LEAST_MASS:
+        yield Fault(f"{path}.tip_mass", "is too small for its motion to be computed", f"give 0, or at least {LEAST_MASS:g} kg", shown(blade.tip_mass))
 
 
 def _spring(spring: Spring, path: str) -> Iterator[Fault]:
@@ -275,6 +202,15 @@ def _perturbation(design: Design, item: Perturbation, path: str) -> Iterator[Fau
             yield Fault(f"{path}.wire", "names no wire", suggestion(item.wire, wires), shown(item.wire))
 
 
+def _frame(support: Support) -> Iterator[Fault]:
+    if all(getattr(support.stiffness, dof) is None for dof in DOFS):
+        yield Fault("support.stiffness", "is rigid in every direction", "give z = ... (N/m), or leave [support] out")
+    if 0 < support.mass < LEAST_MASS:
+        yield Fault("support.mass", "is too small for its motion to be computed", f"give 0, or at least {LEAST_MASS:g} kg", shown(support.mass))
+    if any(0 < moment < LEAST_MASS for moment in support.inertia):
+        yield Fault("support.inertia", "is too small for its motion to be computed", f"give 0, or at least {LEAST_MASS:g} kg m^2", shown(support.inertia))
+
+
 def _control(design: Design) -> Iterator[Fault]:
     names: list[str] = []
     for loop in design.control.loop if design.control is not None else ():
@@ -282,7 +218,7 @@ def _control(design: Design) -> Iterator[Fault]:
         if loop.name in names:
             yield Fault(f"{path}.name", "is the name of another loop", "give each loop a name of its own", shown(loop.name))
         names.append(loop.name)
-        yield from _exclusive(path, {"damper": loop.damper, "gain": loop.gain}, "damper, or gain with zeros and poles")
+        yield from exclusive(path, {"damper": loop.damper, "gain": loop.gain}, "damper, or gain with zeros and poles")
         if loop.damper is not None and (loop.zeros or loop.poles):
             key = "zeros" if loop.zeros else "poles"
             yield Fault(f"{path}.{key}", "a damper has no filter", "give gain instead of damper", shown(getattr(loop, key)))

@@ -177,9 +177,7 @@ def _carry(part: _Part, load: Array, gravity: float) -> list[Fault]:
     if not wires:
         return statics.imbalance(load, weight, f"{key}.spring", "give the springs a preload that carries the body")
     direction = np.array([wire.direction for wire in wires])
-    stiffness = np.array([wire.stiffness for wire in wires])
-    lower, upper = np.array([wire.lower_point for wire in wires]), np.array([wire.upper_point for wire in wires])
-    wrenches = statics.wire_wrenches(direction, lower)
+    wrenches = statics.wire_wrenches(direction, np.array([wire.lower_point for wire in wires]))
     solves_pose = any(wire.natural for wire in wires)
     fixed = np.array([wire.given is not None and not wire.natural for wire in wires])
     tension = np.array([wire.given if wire.given is not None else 0.0 for wire in wires])
@@ -190,20 +188,31 @@ def _carry(part: _Part, load: Array, gravity: float) -> list[Fault]:
             carrying[:] = -load[2] / (len(wires) * -direction[:, 2])
             left_over = load + wrenches.T @ carrying
         else:
-            names = list(part.blades)
-            blade = np.array([names.index(wire.blade) if wire.blade else -1 for wire in wires])
-            axes = np.array([part.blades[name].axes for name in names]).reshape(-1, 3)
-            springs = np.array([part.blades[name].stiffness for name in names]).reshape(-1, 3)
-            c = statics.compliance(stiffness, direction, blade, axes, springs)
-            free = ~fixed
-            carrying[free], left_over = statics.least_energy(wrenches[free], left_over, c[np.ix_(free, free)])
-            carrying = statics.evened(carrying, upper, lower, stiffness)
+            carrying, left_over = _share(part, wrenches, left_over, carrying, fixed)
     part.tension = np.where([wire.natural for wire in wires], tension, carrying)
     part.loads = {name: _blade_load(part, name, carrying, gravity) for name in part.blades}
     if solves_pose:
         return []
     remedy = "move the attachments or the COM, or give wires a natural_length to have the pose solved for"
     return statics.imbalance(left_over, weight, key, remedy) or _slack(part)
+
+
+def _share(part: _Part, wrenches: Array, load: Array, given: Array, fixed: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Tensions of least elastic energy of the wires that are free to share a load, beside those that are given; and what is left over."""
+    wires, names, free = part.wires, list(part.blades), ~fixed
+    stiffness = np.array([wire.stiffness for wire in wires])
+    blade = np.array([names.index(wire.blade) if wire.blade else -1 for wire in wires])
+    axes = np.array([part.blades[name].axes for name in names]).reshape(-1, 3)
+    springs = np.array([part.blades[name].stiffness for name in names]).reshape(-1, 3)
+    c = statics.compliance(stiffness, np.array([wire.direction for wire in wires]), blade, axes, springs)
+    own = c[np.ix_(free, free)]
+    # a given wire on a free wire's blade pulls it down already: minimise about the tensions that it would call for
+    shift = np.linalg.solve(own, c[np.ix_(free, fixed)] @ given[fixed])
+    carried, left_over = statics.least_energy(wrenches[free], load - wrenches[free].T @ shift, own)
+    result = given.copy()
+    result[free] = carried - shift
+    lower, upper = np.array([wire.lower_point for wire in wires]), np.array([wire.upper_point for wire in wires])
+    return statics.evened(result, upper, lower, stiffness), left_over
 
 
 def _slack(part: _Part) -> list[Fault]:

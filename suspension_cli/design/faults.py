@@ -164,7 +164,7 @@ def _leaf(kind: Any, meta: msgspec.Meta | None, value: Any, path: str) -> Iterat
         number = float(min(max(value, -(10**301)), 10**301))  # beyond all bounds, but a float
     try:
         msgspec.convert(number, Annotated[kind, meta] if meta is not None else kind)
-        good = meta is None or meta.pattern is None or re.search(meta.pattern + r"(?!\n)", number) is not None  # a last newline is none of a name
+        good = meta is None or meta.pattern is None or re.search(meta.pattern + r"(?!\n)", str(number)) is not None  # a last newline is none of a name
     except msgspec.ValidationError:
         good = False
     if not good:

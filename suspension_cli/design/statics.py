@@ -6,6 +6,8 @@ and where balance leaves a choice, from the least elastic energy (Castigliano's 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from suspension_cli.design.scene import Array
@@ -13,6 +15,9 @@ from suspension_cli.errors import Fault
 
 BALANCE = 1e-9
 """Force (over weight) and torque (over weight and metre) that count as balanced."""
+
+ROUNDING = 1e-12
+"""Relative difference of tensions that are equal but for rounding."""
 
 _NAMES = ("force along x", "force along y", "force along z", "roll torque", "pitch torque", "yaw torque")
 
@@ -66,13 +71,13 @@ def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array
 def _inverse_root(matrix: Array) -> Array:
     """R with R R^T = C^-1 for a positive definite C; wires next to which a blade is all too soft count as rounding lets them."""
     try:
-        return np.linalg.inv(np.linalg.cholesky(matrix)).T
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(matrix)).T, dtype=np.float64)
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(matrix)
         return vectors / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
 
 
-def compliance(stiffness: Array, direction: Array, blade: Array, axes: Array, blade_stiffness: Array) -> Array:
+def compliance(stiffness: Array, direction: Array, blade: Array, axes: Any, blade_stiffness: Array) -> Array:
     """Elongation per tension of wires in series with their blades, (w, w), m/N.
 
     Two wires on one blade share its deflection, which is why this is a matrix.
@@ -87,7 +92,7 @@ def compliance(stiffness: Array, direction: Array, blade: Array, axes: Array, bl
 
 
 def evened(tension: Array, upper: Array, lower: Array, stiffness: Array) -> Array:
-    """Tensions made equal to the last bit between wires that mirror each other in x or in y."""
+    """Tensions made equal to the last bit between wires that mirror each other in x or in y, where they are equal but for rounding."""
     for axis in (0, 1):
         flip = np.ones(3)
         flip[axis] = -1.0
@@ -95,7 +100,9 @@ def evened(tension: Array, upper: Array, lower: Array, stiffness: Array) -> Arra
         images = np.concatenate([upper * flip, lower * flip, stiffness[:, None]], axis=1)
         same = (wires[:, None, :] == images[None, :, :]).all(-1)
         if (same.sum(0) == 1).all():
-            tension = (tension + tension[same.argmax(0)]) / 2
+            even = (tension + tension[same.argmax(0)]) / 2
+            if np.abs(even - tension).max() <= ROUNDING * np.abs(tension).max():
+                tension = even
     return tension
 
 

@@ -108,7 +108,7 @@ def loss_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
         rows = numbering.blade[scene.blades.axes]
         result[..., rows, rows] += (scene.blades.stiffness * scene.blades.loss[:, None])[..., scene.blades.axes]
     now = spring.state(scene, pose)
-    for number in np.flatnonzero(scene.springs.loss):
+    for number in np.flatnonzero(scene.springs.loss).tolist():
         jacobian = spring.strain_jacobian(scene, numbering, pose, now, number)
         matrix = scene.springs.stiffness[..., number, :, :] * scene.springs.loss[number]
         result = result + np.swapaxes(jacobian, -1, -2) @ matrix @ jacobian

@@ -8,19 +8,24 @@ blocks, done for all P systems at once with the system axis last:
 
 with B_c the block between parent (rows) and child.  Transmission from the support to the mirror is thereby a product
 of the stages' own transmissions: nothing cancels, so its digits survive however far it falls (block LU of a graded
-matrix; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 13).  Where an S_i is nearly singular (a
-part resonates by itself) block elimination without pivoting could lose digits: those systems are solved densely.
+matrix; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 13).  Where a part resonates by itself its
+S_c is nearly singular, and subtracting a large B_c S_c^-1 B_c^T buries the digits of D_i: those systems are solved densely.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-GROWTH = 1e4
-"""Norm of S_i^-1 times that of D_i above which a system is solved densely instead."""
+GROWTH = 10.0
+"""What a child takes from a diagonal element of D_i, against that element, above which a system is solved densely instead.
+
+A ratio of like to like, so it does not depend on units (a norm over metres and radians would).  So many times the rounding
+error of the dense solve is what block elimination may lose.
+"""
 
 
 @dataclass(frozen=True)
@@ -77,18 +82,31 @@ def solve(matrix: Any, rhs: Any, structure: Tree | None) -> Any:
     """
     if structure is None or len(structure.nodes) < 2:
         return dense(matrix, rhs)
-    result, growth = _by_body(matrix, rhs, structure)
-    doubtful = ~(growth < GROWTH)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a singular part: not finite, hence doubtful
+        result, growth = _by_body(matrix, rhs, structure)
+    doubtful = ~(growth < GROWTH) | ~np.isfinite(result).all((0, 1))
     if doubtful.any():
         result[..., doubtful] = dense(matrix[..., doubtful], rhs[..., doubtful])
     return result
 
 
 def dense(matrix: Any, rhs: Any) -> Any:
-    """Solve by LU with partial pivoting, one system at a time (LAPACK)."""
+    """Solve by LU with partial pivoting, one system at a time (LAPACK); what is singular to the last bit gives no finite number."""
     if len(matrix) <= 2:
-        return multiply(inverse(matrix), rhs)
-    return np.moveaxis(np.linalg.solve(np.moveaxis(matrix, -1, 0), np.moveaxis(rhs, -1, 0)), 0, -1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return multiply(inverse(matrix), rhs)
+    return _stacked(np.linalg.solve, matrix, rhs)
+
+
+def _stacked(function: Callable[..., Any], matrix: Any, *rhs: Any) -> Any:
+    """A function of stacks (P, ., .) on arrays (., ., P); NaN for a matrix that is singular to the last bit, where LAPACK gives up on all."""
+    stack, right = np.moveaxis(matrix, -1, 0), [np.moveaxis(part, -1, 0) for part in rhs]
+    try:
+        result = function(stack, *right)
+    except np.linalg.LinAlgError:
+        singular = np.linalg.slogdet(stack)[0] == 0
+        result = function(np.where(singular[:, None, None], np.nan, stack), *right)
+    return np.moveaxis(result, 0, -1)
 
 
 def _by_body(matrix: Any, rhs: Any, structure: Tree) -> tuple[Any, Any]:
@@ -100,11 +118,12 @@ def _by_body(matrix: Any, rhs: Any, structure: Tree) -> tuple[Any, Any]:
     growth = np.zeros(matrix.shape[-1])
     for n in range(len(nodes) - 1, -1, -1):
         inverted[n] = inverse(schur[n])
-        growth = np.maximum(growth, _norm(inverted[n]) * _norm(matrix[np.ix_(nodes[n], nodes[n])]))
         above = parent[n]
         if above >= 0:
             across = matrix[np.ix_(nodes[above], nodes[n])]
             upward[n] = multiply(across, inverted[n])
+            taken, own = np.abs(upward[n] * across).sum(1), np.abs(matrix[nodes[above], nodes[above]])
+            growth = np.maximum(growth, (taken / own).max(0))
             schur[above] = schur[above] - multiply(upward[n], np.swapaxes(across, 0, 1))
             if right[n] is not None:
                 pushed = multiply(upward[n], right[n])
@@ -116,11 +135,6 @@ def _by_body(matrix: Any, rhs: Any, structure: Tree) -> tuple[Any, Any]:
             own = own - multiply(np.swapaxes(upward[n], 0, 1), result[nodes[parent[n]]])
         result[node] = own
     return result, growth
-
-
-def _norm(matrix: Any) -> Any:
-    """Largest absolute row sum, (P,)."""
-    return np.abs(matrix).sum(1).max(0)
 
 
 def multiply(a: Any, b: Any) -> Any:
@@ -141,4 +155,4 @@ def inverse(matrix: Any) -> Any:
         (a, b), (c, d) = matrix
         determinant = a * d - b * c
         return np.stack([np.stack([d, -b]), np.stack([-c, a])]) / determinant
-    return np.moveaxis(np.linalg.inv(np.moveaxis(matrix, -1, 0)), 0, -1)
+    return _stacked(np.linalg.inv, matrix)

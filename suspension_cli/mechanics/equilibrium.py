@@ -24,7 +24,7 @@ BALANCED = 1e-14
 CONVERGED = 1e-11
 """Residual (of the weight) below which a search has found its equilibrium."""
 SETTLED = 1e-12
-"""Residual (of the weight) at which the search stops."""
+"""Residual (of the weight) at which the search stops; it stops too where rounding lets the residual fall no further."""
 LAST_STEP = 1e-8
 """Step (m or rad) after which the error is below rounding, as convergence is quadratic."""
 ITERATIONS = 60
@@ -108,12 +108,10 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     unit = _units(scene, numbering)
     free = slice(6, None)
     gradient, hessian = tangent(scene, numbering, pose)
-    residual = _size(gradient[..., free] / unit)
-    if start is None and np.all(residual <= BALANCED):
-        return Equilibrium(pose, residual, 0, string.state(scene, pose).tension, hessian)
+    left = _size(gradient[..., free] / unit)
+    settled = (left <= BALANCED) & (start is None)
     spinning = free_to_spin(scene)
     cap = CAP * np.where(_is_rotation(numbering)[free], 1.0, lever_arm(scene)[..., None])
-    settled = np.zeros(scene.batch, dtype=bool)
     count = 0
     while count < ITERATIONS and not np.all(settled):
         step = _newton_step(gradient[..., free], hessian[..., free, free], unit, spins(scene, numbering, pose, spinning))
@@ -122,8 +120,8 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
         whole = np.concatenate([np.zeros((*step.shape[:-1], 6)), step], axis=-1)
         pose = displaced(numbering, pose, whole)
         gradient, hessian = tangent(scene, numbering, pose)
-        left = _size(gradient[..., free] / unit)
-        settled = settled | ((_size(step) < LAST_STEP) & (left < SETTLED))
+        before, left = left, _size(gradient[..., free] / unit)
+        settled = settled | ((_size(step) < LAST_STEP) & ((left < SETTLED) | (left > before / 2)))
         count += 1
     return Equilibrium(pose, left, count, string.state(scene, pose).tension, hessian)
 

@@ -126,7 +126,7 @@ def dataset(group: h5py.Group, name: str, values: Any, units: str, *axes: h5py.D
     made.attrs["units"] = units
     for axis, of in zip(made.dims, axes, strict=bool(axes)):
         axis.attach_scale(of)
-        axis.label = of.name.rsplit("/", 1)[1]
+        axis.label = str(of.name).rsplit("/", 1)[1]
     return made
 
 

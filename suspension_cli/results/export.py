@@ -27,7 +27,8 @@ def save(path: Path, form: str, made: Exported, origin: Provenance) -> None:
         cells = {key: np.array(value, dtype=object).reshape(-1, 1) if isinstance(value, tuple) else value for key, value in fields.items()}
         savemat(stream, {"pendsus": cells}, oned_as="column", long_field_names=True)
     elif form == "npz":
-        np.savez(stream, **{key: np.array(value) for key, value in fields.items()})
+        arrays: dict[str, Any] = {key: np.array(value) for key, value in fields.items()}
+        np.savez(stream, **arrays)
     else:
         plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in fields.items()}
         stream.write(json.dumps(plain, indent=1).encode())
