@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import itertools
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -129,7 +130,7 @@ def _on_processes(job: Job, ranges: list[tuple[int, int]], workers: int) -> Iter
 
     waiting = iter(ranges)
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_adopt, initargs=(job,)) as pool:
-        running = {pool.submit(_work, part) for part, _ in zip(waiting, range(2 * workers), strict=False)}
+        running = {pool.submit(_work, part) for part in itertools.islice(waiting, 2 * workers)}
         try:
             while running:
                 finished, running = wait(running, return_when=FIRST_COMPLETED)
@@ -193,6 +194,7 @@ class Store:
     def finish(self, path: Path) -> None:
         """Give the complete file its name."""
         self.sync()
+        assert self.done.all(), "every unit must have been written"
         os.replace(self.part, path)
         self.journal.unlink()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -38,7 +39,7 @@ def on_cluster(job: Any, ranges: list[tuple[int, int]], scheduler: str) -> Itera
         sent = client.scatter(job, broadcast=True, hash=False)
         waiting = iter(ranges)
         most = 4 * max(1, sum(client.nthreads().values()))
-        first = [client.submit(_compute, sent, part, pure=False) for part, _ in zip(waiting, range(most), strict=False)]
+        first = [client.submit(_compute, sent, part, pure=False) for part in itertools.islice(waiting, most)]
         running = as_completed(first)
         for future in running:
             yield future.result()

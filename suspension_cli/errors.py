@@ -70,6 +70,13 @@ SHOWN = 60
 """Longest text of a value in a message."""
 
 
+def joined(errors: list[InputError]) -> InputError:
+    """The faults of several files as one error."""
+    whole = InputError([fault for error in errors for fault in error.faults])
+    whole.args = ("\n".join(str(error) for error in errors),)
+    return whole
+
+
 def shown(value: object, depth: int = 0) -> str:
     """A value as TOML would write it, shortened to one readable line."""
     if isinstance(value, bool):

@@ -40,7 +40,10 @@ def grid(text: str, option: str, default: str = "lin", *, lowest: float = -math.
 
 
 def _colon(text: str, default: str) -> list[float]:
-    start, stop, number, *spacing = text.split(":")
+    parts = text.split(":")
+    if len(parts) < 3:
+        raise ValueError("the count is missing")
+    start, stop, number, *spacing = parts
     if len(spacing) > 1 or (spacing and spacing[0] not in ("lin", "log")):
         raise ValueError("spacing is lin or log")
     first, last, count = float(start), float(stop), int(number)

@@ -37,7 +37,14 @@ def ratios(hold: str) -> tuple[Sweep, Any]:
 def main() -> None:
     """Draw the figure and tell its largest ratios."""
     printed = PAPER["figure6"]
-    lines = ["# Figure 6", "", "Largest |x / z| at 50 Hz on the figure's grid, 1 mm below the centre of mass.", "", "| held | largest | at k/k0 | at offset (mm) |", "|---|---:|---:|---:|"]
+    lines = [
+        "# Figure 6",
+        "",
+        "Largest |x / z| at 50 Hz on the figure's grid, 1 mm below the centre of mass.",
+        "",
+        "| held | largest | at k/k0 | at offset (mm) |",
+        "|---|---:|---:|---:|",
+    ]
     with house():
         figure = new_figure(7.2, 3.6)
         for axes, hold in zip(figure.subplots(1, 2, sharey=True), HOLDS, strict=True):

@@ -283,7 +283,7 @@ class Margins:
 
 def margins(frequency: Array, gain: Any) -> Margins:
     """Margins of a loop gain L (f,) sampled on a fine grid; crossings are interpolated in the logarithm of frequency."""
-    logf, size, angle = np.log(frequency), np.log(np.abs(gain)), np.unwrap(np.angle(gain))
+    logf, size, angle = np.log(frequency), np.log(np.maximum(np.abs(gain), np.finfo(float).tiny)), np.unwrap(np.angle(gain))
     unity = _crossings(logf, size)
     lag = np.interp(unity, logf, angle)
     phases = np.abs(np.degrees((lag + np.pi + np.pi) % (2 * np.pi) - np.pi))

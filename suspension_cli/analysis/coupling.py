@@ -186,7 +186,7 @@ def imperfect(scene: Scene, values: dict[str, Array], question: Question) -> Sce
     if "mass" in values:
         scene = perturb.scale_mass(scene, question.body, values["mass"])
     if "inertia" in values:
-        scene = perturb.scale_inertia(scene, question.body, values["inertia"])
+        scene = perturb.scale_inertia(scene, question.body, values["inertia"][:, None] * np.ones(3))
     return scene
 
 

@@ -12,8 +12,8 @@ from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics.model import LinearModel
 
-LINEWIDTHS = np.concatenate([-np.geomspace(30, 0.03, 25), [0.0], np.geomspace(0.03, 30, 25)])
-"""Offsets from each pole, in its half widths, at which loop gains are sampled."""
+LINEWIDTHS = np.concatenate([-np.geomspace(30, 0.03, 25), np.geomspace(0.03, 30, 25)])
+"""Offsets from each pole, in its half widths, at which loop gains are sampled; not 0, where without loss they are infinite."""
 
 
 @dataclass(frozen=True)

@@ -64,15 +64,19 @@ class Exported:
     worst: float
 
 
-def build(model: LinearModel, inputs: list[Signal], outputs: list[Signal], *, zpk: bool = False) -> Exported:
-    """The system from inputs to outputs, measured against the direct solution.
+TOLERANCE = 1e-9
+"""Relative error within which a state space agrees with the direct solution in its band."""
+TOLERANCE_ZPK = 1e-3
+"""The same for zero-pole-gain: its zeros come from an eigenvalue problem with the rounding errors of the largest one."""
+TOLERANCE_LOSSY = 1e-2
+"""The same with loss angles, which no finite state space has: modes get the viscous damping that gives them the same Q."""
 
-    State space is held to 1e-9, zero-pole-gain to 1e-3: its zeros come from an eigenvalue problem whose rounding errors are those of the
-    largest one, and far above the modes the errors of all of them add up.
-    """
+
+def build(model: LinearModel, inputs: list[Signal], outputs: list[Signal], *, zpk: bool = False) -> Exported:
+    """The system from inputs to outputs, measured against the direct solution."""
     system = statespace.build(model, inputs, outputs)
     form = zero_pole_gain(system) if zpk else None
-    tolerance = 1e-3 if zpk else 1e-9
+    tolerance = TOLERANCE_LOSSY if model.lossy is not None else TOLERANCE_ZPK if zpk else TOLERANCE
     low, high, worst = statespace.band(form or system, model, inputs, outputs, tolerance)
     return Exported(system, form, (low, high), tolerance, worst)
 

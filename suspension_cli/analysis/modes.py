@@ -20,7 +20,7 @@ DAMPING_BAND = (0.5, 5.0)
 COUPLED = 0.01
 """Share of its kinetic energy that a mode must have in the top mass to be damped from there; the paper says "strongly"."""
 RIGID = 64 * np.finfo(float).eps
-"""omega^2 below this share of the largest is a rounding error: the mode costs nothing."""
+"""omega^2 below this share of the largest of its block is a rounding error: the mode costs nothing."""
 DEGENERATE = 1e-9
 """Relative difference of omega^2 below which modes of one block are one degenerate group."""
 
@@ -139,6 +139,7 @@ def solve(model: LinearModel) -> Modes:
     Modes
     """
     found = [_solve_block(model, block) for block in model.blocks]
+    found = [(np.where(np.abs(part) < RIGID * np.abs(part).max(initial=0.0), 0.0, part), vectors) for part, vectors in found]
     values = np.concatenate([values for values, _ in found])
     shapes = np.zeros((len(values), model.size))
     numbers = np.zeros(len(values), dtype=np.intp)
@@ -148,7 +149,6 @@ def solve(model: LinearModel) -> Modes:
         shapes[here, block] = vectors.T
         numbers[here] = number
         start = here.stop
-    values = np.where(np.abs(values) < RIGID * np.abs(values).max(initial=0.0), 0.0, values)
     order = np.argsort(values, kind="stable")
     shapes = shapes[order]
     q = _quality(model, shapes, values[order])

@@ -14,6 +14,7 @@ import numpy as np
 from suspension_cli.analysis import signals
 from suspension_cli.analysis.signals import Signal
 from suspension_cli.design.scene import Array, Index
+from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import elimination
 from suspension_cli.mechanics.model import LinearModel
 
@@ -62,6 +63,11 @@ def solve(model: LinearModel, frequency: Array, inputs: list[Signal], outputs: l
     Returns
     -------
     Response
+
+    Raises
+    ------
+    InputError
+        At a frequency that is a lossless resonance to the last bit.
     """
     rows = np.array([signals.row(signal, model) for signal in outputs])
     drives = np.array([signals.row(signal, model) for signal in inputs])
@@ -99,11 +105,20 @@ def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], 
         for start in range(0, len(omega), CHUNK):
             now = slice(start, start + CHUNK)
             x = part.solve(omega[now], moves[:, touched], forces[:, touched])
+            _demand_finite(x, omega[now])
             seen = rows[np.ix_(watched, part.keep)] + rows[np.ix_(watched, part.drop)] @ part.recover.T
             result[(*here, now)] += np.einsum("oc,cif->oif", seen, x)
         at_once = part.yielding @ (forces[part.drop] - part.pulled @ moves)
         result[here] += (rows[np.ix_(watched, part.drop)] @ at_once[:, touched])[..., None]
     return np.moveaxis(result, -1, 0), count
+
+
+def _demand_finite(x: Any, omega: Array) -> None:
+    finite = np.isfinite(x).all((0, 1))
+    if not finite.all():
+        where = omega[~finite][0] / (2 * np.pi)
+        remedy = "move it a little, or give the design loss angles or dampers"
+        raise InputError([Fault("--frequency", "is a resonance without loss, where the response is infinite", remedy, f"{where:.9g}")])
 
 
 @dataclass(frozen=True)
@@ -158,7 +173,7 @@ def condensed_blocks(model: LinearModel) -> list[Block]:
 
 
 def _block(model: LinearModel, block: Index) -> Block:
-    light = model.massless[block]
+    light = model.massless[block] & ~(model.damping[block] != 0).any(1)
     keep, drop = block[~light], block[light]
     both = np.concatenate([np.arange(6), keep])
     full = model.stiffness if model.lossy is None else model.lossy

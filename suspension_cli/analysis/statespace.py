@@ -50,10 +50,18 @@ class StateSpace:
     output_unit: tuple[str, ...]
 
     def at(self, frequency: Array) -> Any:
-        """The transfer matrix (f, o, i) by a dense solve at every frequency in Hz."""
+        """The transfer matrix (f, o, i) by a dense solve at every frequency in Hz.
+
+        States are scaled for it by powers of 2 so that A is balanced, as MATLAB does: rates in SI are some omega times larger than
+        displacements, and pivoting that takes this for a difference in weight loses up to 9 digits far above the modes.
+        """
+        from scipy.linalg import matrix_balance
+
         s = 2j * np.pi * np.asarray(frequency)
-        unit = np.eye(len(self.a))
-        return self.c @ np.linalg.solve(s[:, None, None] * unit - self.a, np.broadcast_to(self.b.astype(complex), (len(s), *self.b.shape))) + self.d
+        scale = matrix_balance(self.a, permute=False, separate=True)[1][0] if len(self.a) else np.ones(0)
+        dynamic = s[:, None, None] * np.eye(len(scale)) - self.a * scale / scale[:, None]
+        drive = np.broadcast_to((self.b / scale[:, None]).astype(complex), (len(s), *self.b.shape))
+        return (self.c * scale) @ np.linalg.solve(dynamic, drive) + self.d
 
 
 def build(model: LinearModel, inputs: list[Signal], outputs: list[Signal]) -> StateSpace:
@@ -132,8 +140,8 @@ def _block(block: response.Block, moves: Array, forces: Array, rows: Array) -> t
         damping = damping + equivalent_damping(mass, stiffness, block.stiffness[:, 6:].imag)
         damping_support = damping_support + 0.0
     shift = -np.linalg.solve(mass, mass_support)  # q = z + shift s
-    pulled = stiffness_support + stiffness @ shift
-    dragged = damping_support + damping @ shift
+    pulled = _sum(stiffness_support, stiffness, shift)
+    dragged = _sum(damping_support, damping, shift)
     a, b = np.zeros((2 * count, 2 * count)), np.zeros((2 * count, moves.shape[1]))
     a[:count, :count] = -np.linalg.solve(mass, damping)
     a[:count, count:] = np.eye(count)
@@ -144,6 +152,12 @@ def _block(block: response.Block, moves: Array, forces: Array, rows: Array) -> t
     at_once = block.yielding.real @ (forces[block.drop] - block.pulled.real @ moves)
     c = np.concatenate([seen, np.zeros_like(seen)], axis=1)
     return a, b, c, seen @ shift @ moves + rows[:, block.drop] @ at_once
+
+
+def _sum(direct: Array, matrix: Array, shift: Array) -> Array:
+    """direct + matrix @ shift, exactly 0 where the summands cancel (a spurious 1e-16 would pose as a coupling and add zeros)."""
+    total, size = direct + matrix @ shift, np.abs(direct) + np.abs(matrix) @ np.abs(shift)
+    return np.where(np.abs(total) > 64 * np.finfo(float).eps * size, total, 0.0)
 
 
 def equivalent_damping(mass: Array, stiffness: Array, loss: Array) -> Array:

@@ -14,6 +14,7 @@ import click
 from suspension_cli.cli import options
 
 if TYPE_CHECKING:
+    from suspension_cli.analysis.coupling import Question
     from suspension_cli.design.schema import Design
     from suspension_cli.mechanics.model import LinearModel
     from suspension_cli.models.fidelity import Choice
@@ -130,3 +131,31 @@ def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, settin
     with Bar(enabled=not voice.quiet) as bar:
         run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill)
     voice.say(f"wrote {path}")
+
+
+def question(model: LinearModel, setting: dict[str, Any]) -> Question:
+    """What a sweep asks of every build: the ratio of two outputs for one input, and which wire and body are imperfect."""
+    from suspension_cli.analysis import signals
+    from suspension_cli.analysis.coupling import Question
+    from suspension_cli.design.faults import suggestion
+    from suspension_cli.errors import Fault, InputError, shown
+    from suspension_cli.grids import grid
+
+    known, labels = signals.bodies(model), list(model.wire)
+    wire = setting.get("wire") or next((label for label in labels if label.startswith(f"{model.body[-1]}.")), "")
+    if wire not in labels:
+        raise InputError([Fault("--wire", "names no wire", suggestion(wire, labels), shown(wire))])
+    body = setting.get("body") or wire.rsplit(".", 1)[0]
+    if body not in model.body:
+        raise InputError([Fault("--body", "names no stage", suggestion(body, list(model.body)), shown(body))])
+    watched, _, point = (setting["observe"] or f"{model.body[-1]}@0,0,-0.001").partition("@")
+    at = f"@{point}" if point else ""
+    return Question(
+        wire=labels.index(wire),
+        body=model.body.index(body) + 1,
+        hold=setting.get("hold", ""),
+        input=signals.drive(setting["drive"], known),
+        over=signals.motion(setting["over"] or f"{watched}.x{at}", known),
+        under=signals.motion(setting["under"] or f"{watched}.z{at}", known),
+        frequency=tuple(grid(setting["frequency"], "--frequency", "log", lowest=0.0)),
+    )

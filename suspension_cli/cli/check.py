@@ -23,7 +23,7 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], as_json: bool)
     """
     from suspension_cli.analysis import statics
     from suspension_cli.design.reader import read
-    from suspension_cli.errors import InputError
+    from suspension_cli.errors import InputError, joined
     from suspension_cli.models import fidelity
 
     good, bad, documents = [], [], []
@@ -40,20 +40,11 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], as_json: bool)
         else:
             click.echo(f"{source.file}: good; {choice.level}: {choice.reason}\n{_table(carried)}")
     if bad:
-        raise InputError([fault for error in bad for fault in error.faults]) if len(bad) == 1 and not bad[0].file else _joined(bad)
+        raise joined(bad)
     if as_json:
         import json
 
         click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
-
-
-def _joined(errors: list[Any]) -> Exception:
-    """Several files' faults as one error."""
-    from suspension_cli.errors import InputError
-
-    joined = InputError([fault for error in errors for fault in error.faults])
-    joined.args = ("\n".join(str(error) for error in errors),)
-    return joined
 
 
 def _document(name: str, file: str, carried: Carried) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +25,7 @@ SUFFIX = {"mat": ".mat", "npz": ".npz", "hdf5": ".h5", "zpk": "-zpk.h5", "contro
 )
 @click.option("--input", "inputs", multiple=True, metavar="SIGNAL", help="Repeatable.  [default: the support's six motions and six forces on the first stage]")
 @click.option("--output", "outputs", multiple=True, metavar="SIGNAL", help="Repeatable.  [default: the six motions of the first and of the last stage]")
+@click.option("--loss/--no-loss", default=True, show_default=True, help="With loss angles as viscous damping of each mode, or without them.")
 @options.allow_unstable
 @options.overrides
 @options.out
@@ -45,6 +48,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
         choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice)
+        if not setting["loss"]:
+            model = dataclasses.replace(model, lossy=None)
         known = signals.bodies(model)
         drives, motions = signals.everything(model)
         inputs = [signals.drive(text, known) for text in setting["inputs"] or drives]
@@ -53,6 +58,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     path = options.folder(out) / f"{source.design.design.name}-statespace{SUFFIX[setting['form']]}"
     files.save(path, setting["form"], made, analyses.provenance(source, choice, sys.argv))
     voice.say(f"wrote {path}")
+    if model.lossy is not None:
+        voice.warn("loss angles went in as viscous damping of each mode: Q is right, isolation far above the modes is not (see the band, or give --no-loss)")
     if as_json:
         import json
 
@@ -75,5 +82,5 @@ def document(name: str, level: str, form: str, path: str, made: Exported) -> dic
         "output": list(system.output),
         "band_hz": list(made.band),
         "tolerance": made.tolerance,
-        "worst_error": made.worst,
+        "worst_error": made.worst if math.isfinite(made.worst) else None,
     }

@@ -49,9 +49,16 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
 
 def _read_all(files: tuple[str, ...], overrides: tuple[str, ...]) -> list[Source]:
     from suspension_cli.design.reader import read
-    from suspension_cli.errors import Fault, InputError, shown
+    from suspension_cli.errors import Fault, InputError, joined, shown
 
-    sources = [read(file, overrides) for file in files]
+    sources, bad = [], []
+    for file in files:
+        try:
+            sources.append(read(file, overrides))
+        except InputError as error:
+            bad.append(error)
+    if bad:
+        raise joined(bad)
     names = [source.design.design.name for source in sources]
     for n, name in enumerate(names):
         if name in names[:n]:

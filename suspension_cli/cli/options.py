@@ -27,6 +27,20 @@ quiet = click.option("-q", "--quiet", is_flag=True, help="Say nothing on stderr 
 verbose = click.option("-v", "--verbose", is_flag=True, help="Say more on stderr.")
 
 
+def question(function: F) -> F:
+    """Give a command the options that say which cross-coupling is asked for."""
+    choices = [
+        click.option("--input", "drive", default="support.z", show_default=True, metavar="SIGNAL", help="What drives: a motion of the support, or a force."),
+        click.option("--observe", metavar="STAGE@X,Y,Z", help="The point watched: its x over its z.  [default: last stage, 1 mm below its COM]"),
+        click.option("--over", metavar="SIGNAL", help="Numerator of the ratio, instead of the point's x."),
+        click.option("--under", metavar="SIGNAL", help="Denominator of the ratio, instead of the point's z."),
+        click.option("--frequency", default="50", show_default=True, metavar="GRID", help="Hz."),
+    ]
+    for option in reversed(choices):
+        function = option(function)
+    return function
+
+
 def batch(function: F) -> F:
     """Give a command the options of every sweep."""
     import os

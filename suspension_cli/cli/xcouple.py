@@ -31,11 +31,7 @@ OTHER_GRID = "-2e-3:2e-3:5"
 @click.option(
     "--hold", type=click.Choice(["loaded-length", "natural-length"]), default="loaded-length", show_default=True, help="What stays as the wire changes."
 )
-@click.option("--input", "drive", default="support.z", show_default=True, metavar="SIGNAL", help="What drives: a motion of the support, or a force.")
-@click.option("--observe", metavar="STAGE@X,Y,Z", help="The point watched: its x over its z.  [default: last stage, 1 mm below its COM]")
-@click.option("--over", metavar="SIGNAL", help="Numerator of the ratio, instead of the point's x.")
-@click.option("--under", metavar="SIGNAL", help="Denominator of the ratio, instead of the point's z.")
-@click.option("--frequency", default="50", show_default=True, metavar="GRID", help="Hz.")
+@options.question
 @click.option("--matrix", is_flag=True, help="The six-by-six table of couplings of this one design instead of a sweep.")
 @options.batch
 @options.allow_unstable
@@ -52,7 +48,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     source, setting = analyses.prepared(ctx, design, overrides, extra=_parameter_names())
     with source.faults():
         choice, model = analyses.modelled(source, "string", setting["allow_unstable"], voice)
-        question = _question(model, setting)
+        question = analyses.question(model, setting)
     if setting["matrix"]:
         _matrix(source, choice, model, question, setting, out, as_json, voice)
         return
@@ -63,33 +59,6 @@ def _parameter_names() -> tuple[str, ...]:
     from suspension_cli.analysis.coupling import PARAMETERS
 
     return tuple(PARAMETERS)
-
-
-def _question(model: LinearModel, setting: dict[str, Any]) -> Question:
-    from suspension_cli.analysis import signals
-    from suspension_cli.analysis.coupling import Question
-    from suspension_cli.design.faults import suggestion
-    from suspension_cli.errors import Fault, InputError, shown
-    from suspension_cli.grids import grid
-
-    known, labels = signals.bodies(model), list(model.wire)
-    wire = setting["wire"] or next((label for label in labels if label.startswith(f"{model.body[-1]}.")), "")
-    if wire not in labels:
-        raise InputError([Fault("--wire", "names no wire", suggestion(wire, labels), shown(wire))])
-    body = setting["body"] or wire.rsplit(".", 1)[0]
-    if body not in model.body:
-        raise InputError([Fault("--body", "names no stage", suggestion(body, list(model.body)), shown(body))])
-    watched, _, point = (setting["observe"] or f"{model.body[-1]}@0,0,-0.001").partition("@")
-    at = f"@{point}" if point else ""
-    return Question(
-        wire=labels.index(wire),
-        body=model.body.index(body) + 1,
-        hold=setting["hold"],
-        input=signals.drive(setting["drive"], known),
-        over=signals.motion(setting["over"] or f"{watched}.x{at}", known),
-        under=signals.motion(setting["under"] or f"{watched}.z{at}", known),
-        frequency=tuple(grid(setting["frequency"], "--frequency", "log", lowest=0.0)),
-    )
 
 
 def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:

@@ -14,7 +14,7 @@ from suspension_cli.design import bodies, materials
 from suspension_cli.design.bodies import LEAST_MASS, exclusive
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.faults import suggestion
-from suspension_cli.design.schema import Blade, BladeSet, Design, Perturbation, Spring, Stage, Support, Wire, WireSet
+from suspension_cli.design.schema import Blade, BladeSet, Design, Distribution, Perturbation, Spring, Stage, Support, Wire, WireSet
 from suspension_cli.errors import Fault, key_shown, shown
 
 ANALYSES = ("modes", "response", "xcouple", "tolerance", "thermal", "sweep", "tradeoff", "fit", "damp", "optimise", "sensitivity")
@@ -37,7 +37,7 @@ def of_design(design: Design) -> list[Fault]:
     if not found:
         for number, perturbation in enumerate(design.perturbation, 1):
             found += _perturbation(design, perturbation, f"perturbation.{number}")
-    found += _control(design)
+    found += [*_control(design), *_tolerance(design)]
     if design.support is not None:
         found += _frame(design.support)
     for command in design.analysis:
@@ -197,7 +197,7 @@ def _perturbation(design: Design, item: Perturbation, path: str) -> Iterator[Fau
     if item.body is not None and item.body not in names:
         yield Fault(f"{path}.body", "names no stage", suggestion(item.body, names), shown(item.body))
     if item.wire is not None:
-        wires = [f"{s.name}.{n}" for s in design.stage for n in range(1, (s.wires.count if s.wires else len(s.wire)) + 1)]
+        wires = _wires_of(design)
         if item.wire not in wires:
             yield Fault(f"{path}.wire", "names no wire", suggestion(item.wire, wires), shown(item.wire))
 
@@ -225,3 +225,32 @@ def _control(design: Design) -> Iterator[Fault]:
         zeros, poles = (sum(2 if isinstance(root, list) else 1 for root in roots) for roots in (loop.zeros, loop.poles))
         if zeros > poles and loop.damper is None:
             yield Fault(f"{path}.zeros", f"{zeros} zeros on {poles} poles is no filter that can be built", "add poles", shown(loop.zeros))
+
+
+def _tolerance(design: Design) -> Iterator[Fault]:
+    if design.tolerance is None:
+        return
+    names = [stage.name for stage in design.stage]
+    tables = [(kind, n, item) for kind in ("wire", "body", "blade") for n, item in enumerate(getattr(design.tolerance, kind), 1)]
+    if not tables:
+        yield Fault("tolerance", "holds no distribution", "add [[tolerance.wire]], [[tolerance.body]] or [[tolerance.blade]]")
+    for kind, n, item in tables:
+        path = f"tolerance.{kind}.{n}"
+        if kind == "wire" and (item.stage is None) == (item.wire is None):
+            yield Fault(path, "must name a stage or one wire", 'give stage = "test" or wire = "test.1"')
+        if item.stage is not None and item.stage not in names:
+            yield Fault(f"{path}.stage", "names no stage", suggestion(item.stage, names), shown(item.stage))
+        if kind == "wire" and item.wire is not None and item.wire not in _wires_of(design):
+            yield Fault(f"{path}.wire", "names no wire", suggestion(item.wire, _wires_of(design)), shown(item.wire))
+        spreads = {key: getattr(item, key) for key in item.__struct_fields__ if isinstance(getattr(item, key), Distribution)}
+        if not spreads:
+            yield Fault(path, "scatters nothing", "give a distribution")
+        for key, spread in spreads.items():
+            yield from exclusive(f"{path}.{key}", {"normal": spread.normal, "uniform": spread.uniform}, "normal (standard deviation) or uniform (half width)")
+            if spread.truncate is not None and not (spread.normal and spread.truncate > 0):
+                yield Fault(f"{path}.{key}.truncate", "goes with a normal distribution and must be positive", "give normal too", shown(spread.truncate))
+
+
+def _wires_of(design: Design) -> list[str]:
+    """Names of all wires."""
+    return [f"{s.name}.{n}" for s in design.stage for n in range(1, (s.wires.count if s.wires else len(s.wire)) + 1)]

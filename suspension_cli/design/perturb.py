@@ -144,9 +144,9 @@ def scale_mass(scene: Scene, number: int, factor: Any) -> Scene:
 
 
 def scale_inertia(scene: Scene, number: int, factor: Any) -> Scene:
-    """A scene in which one body (from 1) has all its inertia times `factor` (batch shape)."""
-    inertia = scene.bodies.inertia
-    scaled = inertia[..., number - 1, :, :] * np.asarray(factor, dtype=float)[..., None, None]
+    """A scene in which one body (from 1) has its moments of inertia times `factor` (..., 3), each by itself; products of inertia go along."""
+    inertia, root = scene.bodies.inertia, np.sqrt(np.asarray(factor, dtype=float))
+    scaled = inertia[..., number - 1, :, :] * root[..., :, None] * root[..., None, :]
     return replace(scene, bodies=replace(scene.bodies, inertia=_with(inertia, number - 1, scaled, 2)))
 
 

@@ -12,7 +12,7 @@ from msgspec import Meta, Struct, field
 
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=60, description="letters, digits, _ and -, starting with a letter")]
 Stem = Annotated[
-    str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100, description="letters, digits, . _ and -; also the stem of the files written")
+    str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100, description="letters, digits, . _ and - (it is also the stem of the files written)")
 ]
 Length = Annotated[float, Meta(ge=1e-9, le=1e5, description="length in m")]
 Separation = Annotated[float, Meta(ge=0, le=1e5, description="length in m, zero allowed")]
@@ -254,9 +254,10 @@ class Perturbation(Table, frozen=True):
     rotation: Annotated[Rotation, Meta(description="how the mass is turned relative to the attachments, rad")] | None = None
 
 
+Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
 Root = Annotated[
-    list[float | Annotated[list[float], Meta(min_length=2, max_length=2)]],
-    Meta(description="roots in Hz, positive for the left half plane; [re, im] is a conjugate pair"),
+    list[Hertz | Annotated[list[Hertz], Meta(min_length=2, max_length=2)]],
+    Meta(description="roots in Hz, positive for the left half plane, or [re, im] for a conjugate pair"),
 ]
 
 
@@ -283,6 +284,54 @@ class Control(Table, frozen=True):
     loop: Annotated[list[Loop], Meta(min_length=1)]
 
 
+Spread = Annotated[float, Meta(ge=0, le=1e3)]
+
+
+class Distribution(Table, frozen=True):
+    """How builds scatter about the nominal value, independently of each other."""
+
+    normal: Annotated[Spread, Meta(description="standard deviation")] | None = None
+    uniform: Annotated[Spread, Meta(description="half width")] | None = None
+    truncate: Annotated[Spread, Meta(description="largest deviation of a normal distribution")] | None = None
+
+
+class WireTolerance(Table, frozen=True):
+    """Scatter of one wire, or of every wire of a stage by itself."""
+
+    stage: Name | None = None
+    wire: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$")] | None = None
+    k: Annotated[Distribution, Meta(description="of the spring constant, as a share of it")] | None = None
+    radius: Annotated[Distribution, Meta(description="of the radius, as a share of it; k goes with its square")] | None = None
+    length: Annotated[Distribution, Meta(description="of the unstretched length after trimming, m")] | None = None
+    upper: Annotated[Distribution, Meta(description="of the upper attachment along x, y and z each, m")] | None = None
+    lower: Annotated[Distribution, Meta(description="of the lower attachment along x, y and z each, m")] | None = None
+    hold: Hold = "loaded-length"
+
+
+class BodyTolerance(Table, frozen=True):
+    """Scatter of one body."""
+
+    stage: Name
+    mass: Annotated[Distribution, Meta(description="as a share of the mass")] | None = None
+    inertia: Annotated[Distribution, Meta(description="of each moment, as a share of it")] | None = None
+    com: Annotated[Distribution, Meta(description="of the COM along x, y and z each, m")] | None = None
+
+
+class BladeTolerance(Table, frozen=True):
+    """Scatter of every blade of a stage by itself."""
+
+    stage: Name
+    stiffness: Annotated[Distribution, Meta(description="as a share of the stiffness")]
+
+
+class Tolerance(Table, frozen=True):
+    """What builds get wrong."""
+
+    wire: list[WireTolerance] = field(default_factory=list)
+    body: list[BodyTolerance] = field(default_factory=list)
+    blade: list[BladeTolerance] = field(default_factory=list)
+
+
 class Design(Table, frozen=True):
     """A whole design file."""
 
@@ -292,6 +341,7 @@ class Design(Table, frozen=True):
     materials: dict[str, Material] = field(default_factory=dict)
     support: Support | None = None
     control: Control | None = None
+    tolerance: Tolerance | None = None
     perturbation: list[Perturbation] = field(default_factory=list)
     analysis: Annotated[dict[str, dict[str, Any]], Meta(description="defaults for a command's options, under the options' own names")] = field(
         default_factory=dict

@@ -16,6 +16,8 @@ from suspension_cli.errors import Fault
 BALANCE = 1e-9
 """Force (over weight) and torque (over weight and metre) that count as balanced."""
 
+TORQUES = 1e-3
+"""Weight (1/m) of torques against forces in what is balanced first."""
 ROUNDING = 1e-12
 """Relative difference of tensions that are equal but for rounding."""
 
@@ -65,7 +67,12 @@ def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array
     scaled = compliance / np.trace(compliance)
     root = _inverse_root(scaled)
     tension = root @ (np.linalg.pinv(wrenches.T @ root, rcond=1e-10) @ -load)
-    return tension, wrenches.T @ tension + load
+    left_over = wrenches.T @ tension + load
+    if np.abs(left_over).max() > BALANCE * np.abs(load).max():  # not all can be balanced: tell it with the forces balanced first
+        rows = np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES])
+        best = root @ (np.linalg.pinv(rows[:, None] * (wrenches.T @ root), rcond=1e-10) @ -(rows * load))
+        left_over = wrenches.T @ best + load
+    return tension, left_over
 
 
 def _inverse_root(matrix: Array) -> Array:
@@ -111,7 +118,7 @@ def imbalance(left_over: Array, weight: float, key: str, remedy: str) -> list[Fa
     found = [
         f"{left_over[axis]:.3g} {'N' if axis < 3 else 'N m'} of {_NAMES[axis]}"
         for axis in np.argsort(-np.abs(left_over))
-        if abs(left_over[axis]) > BALANCE * weight
+        if abs(left_over[axis]) > max(BALANCE * weight, 1e-3 * np.abs(left_over).max())
     ]
     if not found:
         return []

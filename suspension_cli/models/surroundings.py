@@ -82,7 +82,7 @@ def with_frame(model: LinearModel, design: Design) -> LinearModel:
         model,
         coordinate=(*model.coordinate, *(f"{FRAME}.{dof}" for dof in names)),
         basis=basis,
-        massless=np.append(model.massless, (weights[moving] == 0) & (np.array(own["damping"]) == 0)),
+        massless=np.append(model.massless, weights[moving] == 0),
         mass=widened(model.mass + mass, np.zeros(count)),
         stiffness=widened(model.stiffness, own["stiffness"]),
         damping=widened(model.damping, own["damping"]),

@@ -140,8 +140,8 @@ def open_results(path: str | Path) -> h5py.File:
     """
     try:
         file = h5py.File(path, "r")
-    except OSError as error:
-        reason = "is missing" if not Path(path).exists() else f"is not HDF5 ({str(error).splitlines()[0][:60]})"
+    except OSError:
+        reason = "is missing" if not Path(path).exists() else "is not HDF5"
         raise InputError([Fault("", reason, "name a file that pendsus wrote")], str(path)) from None
     if file.attrs.get("format") != "pendsus" or file.attrs.get("format_version", 0) > FORMAT_VERSION:
         found = file.attrs.get("format_version", "no pendsus file")
