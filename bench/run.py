@@ -19,12 +19,11 @@ Work = Callable[[], object]
 
 
 def interleaved(works: list[Work], repetitions: int) -> list[list[float]]:
-    """Seconds of every repetition of each work, taking turns so that drifts hit all alike."""
-    for work in works:
-        work()
+    """Seconds of every repetition of each work, taking turns so that drifts hit all alike; each runs once untimed before."""
     times: list[list[float]] = [[] for _ in works]
     for _ in range(repetitions):
         for work, row in zip(works, times, strict=True):
+            work()
             start = time.perf_counter()
             work()
             row.append(time.perf_counter() - start)
@@ -54,10 +53,12 @@ def shell(*command: str) -> Work:
 
 def main() -> None:
     """Run every benchmark."""
+    import responses
     import startup
     import stiffness
 
     stiffness.run(ratio, absolute)
+    responses.run(ratio, absolute)
     startup.run(ratio, shell)
 
 

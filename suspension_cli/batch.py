@@ -3,17 +3,22 @@
 A job computes any range of its points by itself and gives the same bits whatever the range, so chunk size, number of
 workers and engine do not matter.  Results go to HDF5 datasets that are laid out in full when the file is made; a chunk is then
 written in place, so that a killed run leaves a sound file (``NAME.h5.part``) and, beside it, a journal of what is done
-(``NAME.h5.journal``).  ``resume`` takes both up again.  When all is done the file gets its name and the journal goes.
+(``NAME.h5.journal``).  ``resume`` takes both up again.  When all is done the file gets its name and the journal goes.  The journal
+is locked while a run lasts, so that two runs never write one file.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
+import fcntl
 import hashlib
 import itertools
 import os
+import signal
+import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -21,6 +26,7 @@ from typing import Any, Protocol
 import h5py
 import numpy as np
 
+from suspension_cli import __version__
 from suspension_cli.analysis.builds import Column
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.results import Provenance, root_attributes, writing_to
@@ -37,6 +43,16 @@ class Job(Protocol):
     @property
     def count(self) -> int:
         """Number of points."""
+        ...
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """What the points run over, the last axis fastest; its product is `count`."""
+        ...
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """The datasets that are the scales of `shape`: columns, or what `fill` puts into the group."""
         ...
 
     @property
@@ -90,24 +106,37 @@ def run(job: Job, path: Path, group: str, origin: Provenance, plan: Plan, fill: 
         Puts what else belongs into the group (axes, names) when the file is made.
     """
     chunk = max(UNIT, plan.chunk // UNIT * UNIT)
-    with writing_to(path), _opened(job, path, group, origin, plan.resume, fill) as store:
+    with _connected(plan) as client, _opened(job, path, group, origin, plan.resume, fill) as store:
         ranges = store.missing(chunk)
         done, began, fresh = job.count - sum(b - a for a, b in ranges), time.monotonic(), 0
         plan.progress(done, job.count, 0.0)
-        for (start, stop), values in _results(job, ranges, plan):
-            store.put(start, stop, values)
-            done, fresh = done + stop - start, fresh + stop - start
-            plan.progress(done, job.count, fresh / max(time.monotonic() - began, 1e-9))
-        store.finish(path)
+        with contextlib.closing(_results(job, ranges, plan.workers, client)) as results:
+            for (start, stop), values in results:
+                store.put(start, stop, values)
+                done, fresh = done + stop - start, fresh + stop - start
+                plan.progress(done, job.count, fresh / max(time.monotonic() - began, 1e-9))
+        store.finish()
 
 
-def _results(job: Job, ranges: list[tuple[int, int]], plan: Plan) -> Iterator[tuple[tuple[int, int], dict[str, Any]]]:
-    if plan.scheduler is not None:
+Results = Generator[tuple[tuple[int, int], dict[str, Any]], None, None]
+
+
+def _connected(plan: Plan) -> contextlib.AbstractContextManager[Any]:
+    """The client of the plan's scheduler, if it has one."""
+    if plan.scheduler is None:
+        return contextlib.nullcontext()
+    from suspension_cli.cluster import connected
+
+    return connected(plan.scheduler)
+
+
+def _results(job: Job, ranges: list[tuple[int, int]], workers: int, client: Any) -> Results:
+    if client is not None:
         from suspension_cli.cluster import on_cluster
 
-        return on_cluster(job, ranges, plan.scheduler)
-    if plan.workers > 1 and len(ranges) > 1:
-        return _on_processes(job, ranges, plan.workers)
+        return on_cluster(job, ranges, client)
+    if workers > 1 and len(ranges) > 1:
+        return _on_processes(job, ranges, workers)
     return ((part, job.compute(*part)) for part in ranges)
 
 
@@ -117,6 +146,18 @@ _job: Job | None = None
 def _adopt(job: Job) -> None:
     global _job  # a worker process serves one job
     _job = job
+    threading.Thread(target=_follow_parent, daemon=True).start()
+
+
+def _follow_parent() -> None:
+    """End this worker when the process that it works for is killed."""
+    from multiprocessing import parent_process
+    from multiprocessing.connection import wait
+
+    parent = parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
 
 
 def _work(part: tuple[int, int]) -> tuple[tuple[int, int], dict[str, Any]]:
@@ -124,24 +165,34 @@ def _work(part: tuple[int, int]) -> tuple[tuple[int, int], dict[str, Any]]:
     return part, _job.compute(*part)
 
 
-def _on_processes(job: Job, ranges: list[tuple[int, int]], workers: int) -> Iterator[tuple[tuple[int, int], dict[str, Any]]]:
+def _on_processes(job: Job, ranges: list[tuple[int, int]], workers: int) -> Results:
     from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
     from multiprocessing import get_context
 
     waiting = iter(ranges)
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_adopt, initargs=(job,)) as pool:
-        running = {pool.submit(_work, part) for part in itertools.islice(waiting, 2 * workers)}
         try:
+            with _uninterrupted():
+                running = {pool.submit(_work, part) for part in itertools.islice(waiting, 2 * workers)}
             while running:
                 finished, running = wait(running, return_when=FIRST_COMPLETED)
                 for future in finished:
                     yield future.result()
-                    following = next(waiting, None)
-                    if following is not None:
-                        running.add(pool.submit(_work, following))
+                    with _uninterrupted():
+                        running |= {pool.submit(_work, part) for part in itertools.islice(waiting, 1)}
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Put Ctrl-C off; processes that are started meanwhile never get it: they are told to end by this one."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @dataclass
@@ -149,8 +200,8 @@ class Store:
     """The file that is being filled, and the journal of what is in it."""
 
     count: int
-    part: Path
-    journal: Path
+    path: Path
+    """Of the finished file."""
     handle: int
     record: int
     done: Any
@@ -172,31 +223,42 @@ class Store:
 
     def put(self, start: int, stop: int, values: dict[str, Any]) -> None:
         """Write the results of one chunk in place."""
-        for name, (offset, dtype, shape) in self.place.items():
-            data = np.ascontiguousarray(values[name], dtype=dtype)
-            assert data.shape == (stop - start, *shape), name
-            size = int(dtype.itemsize * np.prod(shape, dtype=int))
-            _write_all(self.handle, data.tobytes(), offset + start * size)
+        with writing_to(self.path):
+            for name, (offset, dtype, shape) in self.place.items():
+                data = np.ascontiguousarray(values[name], dtype=dtype)
+                assert data.shape == (stop - start, *shape), name
+                size = int(dtype.itemsize * np.prod(shape, dtype=int))
+                _write_all(self.handle, data.tobytes(), offset + start * size)
         self.pending.append((start, stop))
         if time.monotonic() - self.synced > SYNC_SECONDS:
             self.sync()
 
     def sync(self) -> None:
         """Force results to the disk, then say so in the journal: in this order, a power cut loses work but never lies."""
-        os.fsync(self.handle)
-        for start, stop in self.pending:
-            self.done[start // UNIT : -(-stop // UNIT)] = 1
-        _write_all(self.record, self.done.tobytes(), JOURNAL_HEAD)
-        os.fsync(self.record)
+        with writing_to(self.path):
+            os.fsync(self.handle)
+            for start, stop in self.pending:
+                self.done[start // UNIT : -(-stop // UNIT)] = 1
+            _write_all(self.record, self.done.tobytes(), JOURNAL_HEAD)
+            os.fsync(self.record)
         self.pending.clear()
         self.synced = time.monotonic()
 
-    def finish(self, path: Path) -> None:
+    def finish(self) -> None:
         """Give the complete file its name."""
         self.sync()
         assert self.done.all(), "every unit must have been written"
-        os.replace(self.part, path)
-        self.journal.unlink()
+        with writing_to(self.path):
+            os.replace(_part(self.path), self.path)
+            _journal(self.path).unlink()
+
+
+def _part(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
+
+
+def _journal(path: Path) -> Path:
+    return path.with_name(path.name + ".journal")
 
 
 JOURNAL_HEAD = 32
@@ -205,32 +267,65 @@ JOURNAL_HEAD = 32
 
 @contextlib.contextmanager
 def _opened(job: Job, path: Path, group: str, origin: Provenance, resume: bool, fill: Callable[[h5py.Group], None]) -> Iterator[Store]:
-    part, journal = path.with_name(path.name + ".part"), path.with_name(path.name + ".journal")
-    digest = hashlib.sha256(repr((job.count, job.columns, origin.design, origin.sweep)).encode()).digest()
-    units = -(-job.count // UNIT)
-    if resume and part.exists() and journal.exists():
-        head = journal.read_bytes()
-        if head[:JOURNAL_HEAD] != digest or len(head) != JOURNAL_HEAD + units:
-            raise InputError(
-                [Fault("--resume", f"{part.name} belongs to another design or sweep", "take the same design and options, or start anew without --resume")]
-            )
-        done = np.frombuffer(head[JOURNAL_HEAD:], dtype=np.uint8).copy()
-    else:
-        _create(job, part, group, origin, fill)
-        done = np.zeros(units, dtype=np.uint8)
-        journal.write_bytes(digest + done.tobytes())
-    place = _places(job, part, group)
-    handle, record = os.open(part, os.O_RDWR), os.open(journal, os.O_RDWR)
-    store = Store(job.count, part, journal, handle, record, done, place, [], time.monotonic())
+    with contextlib.ExitStack() as stack:
+        with writing_to(path):
+            record = os.open(_journal(path), os.O_RDWR | os.O_CREAT, 0o666)
+            stack.callback(os.close, record)
+            _lock(record, path)
+            done = _taken_up(job, path, origin, record) if resume else None
+            if done is None:
+                done = _begun(job, path, group, origin, record, fill)
+            handle = os.open(_part(path), os.O_RDWR)
+            stack.callback(os.close, handle)
+        store = Store(job.count, path, handle, record, done, _places(job, _part(path), group), [], time.monotonic())
+        try:
+            yield store
+        except BaseException:
+            with contextlib.suppress(OSError, InputError):
+                store.sync()
+            raise
+
+
+def _lock(record: int, path: Path) -> None:
     try:
-        yield store
+        fcntl.flock(record, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError([Fault("--out", "another run is writing this file", "wait for it, or name another folder", str(path))]) from None
+    except OSError:
+        pass  # a file system without locks
+
+
+def _taken_up(job: Job, path: Path, origin: Provenance, record: int) -> Any:
+    """What an interrupted run has done; None if there is nothing to take up."""
+    head = os.pread(record, JOURNAL_HEAD + _units(job) + 1, 0)
+    if len(head) < JOURNAL_HEAD or not _part(path).exists():
+        return None
+    if head[:JOURNAL_HEAD] != _digest(job, origin) or len(head) != JOURNAL_HEAD + _units(job):
+        remedy = "take the same design and options, or start anew without --resume"
+        raise InputError([Fault("--resume", f"{_part(path).name} belongs to another design or sweep", remedy)])
+    return np.frombuffer(head[JOURNAL_HEAD:], dtype=np.uint8).copy()
+
+
+def _begun(job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Callable[[h5py.Group], None]) -> Any:
+    """Lay out a new file; the journal of an older one must not outlive it."""
+    try:
+        os.ftruncate(record, 0)
+        _create(job, _part(path), group, origin, fill)
+        done = np.zeros(_units(job), dtype=np.uint8)
+        _write_all(record, _digest(job, origin) + done.tobytes(), 0)
     except BaseException:
-        with contextlib.suppress(OSError):
-            store.sync()
+        _part(path).unlink(missing_ok=True)
+        _journal(path).unlink(missing_ok=True)
         raise
-    finally:
-        os.close(handle)
-        os.close(record)
+    return done
+
+
+def _units(job: Job) -> int:
+    return -(-job.count // UNIT)
+
+
+def _digest(job: Job, origin: Provenance) -> bytes:
+    return hashlib.sha256(repr((__version__, job.count, job.columns, origin.design, origin.sweep)).encode()).digest()
 
 
 def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Callable[[h5py.Group], None]) -> None:
@@ -240,23 +335,40 @@ def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Callable
             root_attributes(file, origin)
             home = file.create_group(group)
             fill(home)
-            for column in job.columns:
-                made = _contiguous(home, column, job.count)
-                made.attrs["units"] = column.units
+            made = [_contiguous(home, column, job.shape) for column in job.columns]
+            for name in job.scales:
+                if not home[name].is_scale:
+                    home[name].make_scale(name)
+            for column, values in zip(job.columns, made, strict=True):
+                values.attrs["units"] = column.units
+                for axis, name in zip(values.dims, (*job.scales, *column.axes), strict=True):
+                    axis.label = name
+                    if name != column.name:  # a scale has none itself
+                        axis.attach_scale(home[name])
         size = max(offset + job.count * dtype.itemsize * int(np.prod(shape, dtype=int)) for offset, dtype, shape in _places(job, part, group).values())
-        with part.open("r+b") as stream:
-            os.posix_fallocate(stream.fileno(), 0, max(size, part.stat().st_size))  # a full disk is told now, not in the night
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+        _allocate(part, size)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise OSError(error.errno, os.strerror(error.errno)) from None  # HDF5 tells a long story
 
 
-def _contiguous(home: h5py.Group, column: Column, count: int) -> h5py.Dataset:
+def _allocate(part: Path, size: int) -> None:
+    """Claim the space now: a full disk is told at once, not in the night."""
+    with part.open("r+b") as stream:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(stream.fileno(), 0, max(size, part.stat().st_size))
+        elif os.statvfs(part).f_bavail * os.statvfs(part).f_frsize < size:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def _contiguous(home: h5py.Group, column: Column, shape: tuple[int, ...]) -> h5py.Dataset:
     layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     layout.set_layout(h5py.h5d.CONTIGUOUS)
     layout.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     layout.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-    space = h5py.h5s.create_simple((count, *column.shape))
+    layout.set_obj_track_times(False)  # the same run writes the same bytes
+    space = h5py.h5s.create_simple((*shape, *column.shape))
     kind = h5py.h5t.py_create(np.dtype(column.dtype), logical=True)
     return h5py.Dataset(h5py.h5d.create(home.id, column.name.encode(), kind, space, dcpl=layout))
 

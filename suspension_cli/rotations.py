@@ -16,6 +16,12 @@ def cross_matrix(vector: Any) -> Any:
     return result
 
 
+def cross(a: Any, b: Any) -> Any:
+    """Vector products (..., 3); several times quicker than `numpy.cross` on a few vectors."""
+    a1, a2, a3, b1, b2, b3 = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
+
+
 def rotation_matrix(vector: Any) -> Any:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in rad: the exponential of `cross_matrix`.
 

@@ -9,6 +9,7 @@ import numpy as np
 import plants
 import pytest
 import scenes
+from scipy.linalg import eigh
 
 from suspension_cli.analysis import export, modes, response, signals, statespace
 from suspension_cli.analysis.control import poles
@@ -17,6 +18,14 @@ from suspension_cli.models import fidelity
 EPS = 2.0**-53
 LIMIT = 1024
 FRAME = {"stiffness": {"x": 1e6, "y": 2e6, "z": 3e6, "roll": 1e5}, "mass": 80.0, "inertia": [3.0, 4.0, 5.0], "damping": {"z": 100.0, "x": 30.0}}
+
+
+def one_damper(raw):
+    """Along x at the second body, so that a structure below which it reaches is dragged in x and pitch at once."""
+    raw["stage"][1]["damping"] = {"x": 50.0}
+    return raw
+
+
 SYSTEMS = {
     "triple": ("force", plants.raw("triple")),
     "triple-string": ("string", plants.raw("triple")),
@@ -27,6 +36,9 @@ SYSTEMS = {
     "dampers-five": ("string", plants.raw("five", damping=True)),
     "frame": ("force", plants.raw("triple") | {"support": FRAME}),
     "massless-frame": ("force", plants.raw("triple") | {"support": {"stiffness": {"x": 1e6, "z": 3e6}}}),
+    "damped-massless-frame": ("force", plants.raw("triple") | {"support": {"stiffness": {"x": 1e6, "z": 3e6}, "damping": {"x": 300.0}}}),
+    "dampers-massless-frame": ("string", plants.raw("five", damping=True) | {"support": {"stiffness": {"x": 2e4, "pitch": 6e3, "yaw": 1e3}}}),
+    "damper-massless-frame": ("force", one_damper(plants.raw("triple")) | {"support": {"stiffness": {"x": 1e5, "pitch": 3e4}}}),
     "tips": ("string", plants.raw("triple", tips=True)),
     "everything": ("string", plants.raw("triple", tips=True, damping=True) | {"support": FRAME}),
     "everything-five": ("string", plants.raw("five", tips=True, damping=True) | {"support": FRAME}),
@@ -133,13 +145,11 @@ def test_loss_becomes_the_damping_of_each_mode(kind, level):
         mass, stiffness, loss = block.mass[:, 6:], block.stiffness[:, 6:].real, block.stiffness[:, 6:].imag
         damping = statespace.equivalent_damping(mass, stiffness, loss)
         np.testing.assert_allclose(damping, damping.T, atol=1e-12 * np.abs(damping).max())
-        values, shapes = np.linalg.eigh(np.linalg.solve(np.linalg.cholesky(mass), np.linalg.solve(np.linalg.cholesky(mass), stiffness).T))
-        shapes = np.linalg.inv(np.linalg.cholesky(mass)).T @ shapes
+        values, shapes = eigh(stiffness, mass)
         q = np.sqrt(values) / np.diag(shapes.T @ damping @ shapes)
         for frequency, one in zip(np.sqrt(values) / (2 * np.pi), q, strict=True):
             assert one == pytest.approx(found.q[np.abs(found.frequency - frequency).argmin()], rel=1e-6)
-    system = statespace.build(model, [], plants.all_motions(model)) if False else statespace.build(model, *ends(model))
-    closed = poles(system)
+    closed = poles(statespace.build(model, *ends(model)))
     assert len(closed.value) == len(found.q)
     order = np.argsort(found.frequency)
     np.testing.assert_allclose(closed.frequency, found.frequency[order], rtol=1e-6)
@@ -166,16 +176,28 @@ def test_names_and_units():
     assert system.output_unit == ("m", "rad", "m", "m")
     assert system.d[3].tolist() == [1.0, 0.0, 0.0]
     assert len(system.state) == len(set(system.state)) == len(system.a)
-    touched = {
-        name
-        for block in model.blocks
-        for name in (model.coordinate[n] for n in block)
-        if {"test.x", "test.z", "test.yaw"} & {model.coordinate[n] for n in block}
-    }
+    blocks = [{model.coordinate[n] for n in block} for block in model.blocks]
+    touched = set().union(*(block for block in blocks if block & {"test.x", "test.z", "test.yaw"}))
     assert {name.removesuffix(" rate") for name in system.state} == touched
     for name, unit in zip(system.state, system.state_unit, strict=True):
         angle = name.removesuffix(" rate").rsplit(".", 1)[1] in ("roll", "pitch", "yaw")
         assert unit == ("rad" if angle else "m") + ("/s" if name.endswith(" rate") else "")
+
+
+def test_dampers_on_what_has_no_mass_are_states_too():
+    """A spring and a damper without a mass: a lag of first order, one state a damper; whatever else has no mass is no state."""
+    model = MODELS["damped-massless-frame"]
+    system = statespace.build(model, plants.drives(model, "support.x"), plants.motions(model, "frame.x", "test.x"))
+    assert system.state[-1] == "frame.x momentum"
+    assert system.state_unit[-1] == "N s"
+    assert len(system.state) == 13
+    lag = np.linalg.eigvals(system.a)
+    assert np.sort(lag[np.abs(lag.imag) < 1e-9].real)[0] == pytest.approx(-1e6 / 300, rel=0.01)
+    for name, count in (("dampers-massless-frame", 3), ("damper-massless-frame", 1)):
+        model = MODELS[name]
+        system = statespace.build(model, *ends(model))
+        assert len([state for state in system.state if state.endswith("momentum")]) == count
+        assert len(system.state) == len(set(system.state)) == 12 * len(model.body) + count
 
 
 def test_signals_that_nothing_joins():

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from suspension_cli.analysis.modes import RIGID
 from suspension_cli.analysis.signals import Signal, row
 from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.scene import Array, Scene
@@ -21,14 +22,16 @@ from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.mechanics.pose import layout
 from suspension_cli.models.surroundings import surrounded
 
-GOOD, SLACK, UNBALANCED, UNSTABLE = 0, 1, 2, 3
-STATUS = ("good", "a wire is slack", "no equilibrium near the nominal pose", "the equilibrium is unstable")
+GOOD, SLACK, UNBALANCED, UNSTABLE, IMPOSSIBLE = 0, 1, 2, 3, 4
+STATUS = ("good", "a wire is slack", "no equilibrium near the nominal pose", "the equilibrium is unstable", "the design is not possible")
 """What the status of a build means."""
+NOTHING = complex(np.nan, np.nan)
+"""Response of a build that failed."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """One dataset that a job fills, first axis the points.
+    """One dataset that a job fills, first axes the points.
 
     Attributes
     ----------
@@ -37,12 +40,15 @@ class Column:
     shape : tuple of int
         Of one point.
     units : str
+    axes : tuple of str
+        Names of the datasets that are the scales of `shape`.
     """
 
     name: str
     dtype: str
     shape: tuple[int, ...]
     units: str
+    axes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,21 +75,41 @@ class Builds:
     mirrors: Any
 
 
-def balance(scene: Scene, design: Design) -> Builds:
-    """Equilibrium and linear model of every scene of a batch with one axis."""
+def balance(scene: Scene, design: Design, *, allow_unstable: bool = False) -> Builds:
+    """Equilibrium and linear model of every scene of a batch with one axis; an unstable one is a failure unless that is allowed."""
     numbering = layout(scene)
     with np.errstate(all="ignore"):
         found = solve(scene, numbering)
         model = surrounded(assemble.linear_model(scene, found, split=False), design)
         slack = found.tension <= 0
         status = np.full(scene.batch, GOOD, dtype=np.uint8)
-        own = model.stiffness[..., 6:, 6:]
-        status[np.linalg.slogdet(np.nan_to_num(own))[0] < 0] = UNSTABLE
+        if not allow_unstable:
+            status[grows(model)] = UNSTABLE
         status[slack.any(-1)] = SLACK
         status[~(found.residual < CONVERGED)] = UNBALANCED
     wire = np.where(status == SLACK, slack.argmax(-1), -1).astype(np.int16)
     orientation = model.orientation if model.orientation is not None else found.pose.rotation
     return Builds(replace(model, orientation=orientation), status, wire, found.residual, mirrored(scene))
+
+
+def grows(model: LinearModel) -> Any:
+    """Models (p,) of which a mode grows, by more than rounding makes of a rigid one: K + c M is not positive definite for a tiny c."""
+    stiffness, mass = np.nan_to_num(model.stiffness[..., 6:, 6:]), model.mass[..., 6:, 6:]
+    k, m = (np.diagonal(matrix, axis1=-2, axis2=-1) for matrix in (stiffness, mass))
+    largest = np.where(m > 0, np.abs(k) / np.where(m > 0, m, 1.0), 0.0).sum(-1)
+    return ~_positive(stiffness + np.nan_to_num(RIGID * largest[..., None, None] * mass))
+
+
+def _positive(matrix: Any) -> Any:
+    """Which matrices (p, n, n) are positive definite, each by itself."""
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        if len(matrix) == 1:
+            return np.zeros(1, dtype=bool)
+        middle = len(matrix) // 2
+        return np.concatenate([_positive(matrix[:middle]), _positive(matrix[middle:])])
+    return np.ones(len(matrix), dtype=bool)
 
 
 def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: list[Signal]) -> Any:
@@ -109,7 +135,7 @@ def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: li
             dynamic = dynamic + 1j * omega * model.damping[..., 6:, :]
         x = solved(dynamic[..., 6:], forces - dynamic[..., :6] @ moves)
         result[..., n, :, :] = rows[..., 6:] @ x + rows[..., :6] @ moves
-    result[builds.status != GOOD] = np.nan
+    result[builds.status != GOOD] = NOTHING
     for o, out in enumerate(outputs):
         for i, into in enumerate(inputs):
             result[..., o, i] = np.where((forbidden(builds.mirrors, out, into) & (builds.status == GOOD))[..., None], 0.0, result[..., o, i])

@@ -211,13 +211,20 @@ def filter_matrices(loop: Loop) -> tuple[Array, Array, Array, Array]:
 
 
 def _feed_back(a: Array, b: Array, c: Array, d: Array, into: int, out: int, filtered: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
-    """Close u = -H y from output `out` to input `into` (an actuator, which feeds nothing through)."""
+    """Close u = -H y from output `out` to input `into`.
+
+    With y = C x + D e + d u (d is 0 but where an actuator pushes something without mass) and H in state space,
+    u = -(1 + D_H d)^-1 (C_H x_H + D_H (C x + D e)).
+    """
     fa, fb, fc, fd = filtered
-    push, see, see_d = b[:, [into]], c[[out]], d[[out]]
-    top = np.concatenate([a - push @ fd @ see, -push @ fc], axis=1)
-    bottom = np.concatenate([fb @ see, fa], axis=1)
-    drive = np.concatenate([b - push @ fd @ see_d, fb @ see_d])
-    return np.concatenate([top, bottom]), drive, np.concatenate([c, np.zeros((len(c), len(fa)))], axis=1), d
+    push, see, see_e, at_once = b[:, [into]], c[[out]], d[[out]], d[out, into]
+    share = 1.0 / (1.0 + fd * at_once)
+    from_x, from_f, from_e = -share @ fd @ see, -share @ fc, -share @ fd @ see_e  # u, term by term
+    top = np.concatenate([a + push @ from_x, push @ from_f], axis=1)
+    bottom = np.concatenate([fb @ (see + at_once * from_x), fa + at_once * fb @ from_f], axis=1)
+    drive = np.concatenate([b + push @ from_e, fb @ (see_e + at_once * from_e)])
+    feed = d[:, [into]]
+    return np.concatenate([top, bottom]), drive, np.concatenate([c + feed @ from_x, feed @ from_f], axis=1), d + feed @ from_e
 
 
 @dataclass(frozen=True)
@@ -243,8 +250,8 @@ class Poles:
     @property
     def q(self) -> Array:
         """|p| / (-2 Re p): infinite without damping, 1/2 for a real pole, negative for one that grows."""
-        with np.errstate(divide="ignore"):
-            return np.abs(self.value) / (-2 * self.value.real)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.value == 0, np.inf, np.abs(self.value) / (-2 * self.value.real))
 
 
 def poles(system: statespace.StateSpace) -> Poles:
@@ -314,7 +321,8 @@ def impulse(system: statespace.StateSpace, time: Array) -> Array:
 
     step = expm(system.a * (time[1] - time[0])) if len(time) > 1 else np.eye(len(system.a))
     x, result = expm(system.a * time[0]) @ system.b, []
-    for _ in time:
-        result.append(system.c @ x)
-        x = step @ x
+    with np.errstate(over="ignore", invalid="ignore"):  # what grows without end
+        for _ in time:
+            result.append(system.c @ x)
+            x = step @ x
     return np.array(result)

@@ -6,6 +6,7 @@ product of any number of swept imperfections.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -18,6 +19,8 @@ from suspension_cli.analysis.signals import Signal
 from suspension_cli.design import perturb, reader, stack
 from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import InputError
 
 OF_WIRE = {
     "k": "factor on the wire's spring constant",
@@ -87,11 +90,14 @@ class Sweep:
         The design as TOML.
     axes : tuple of Axis
     question : Question
+    allow_unstable : bool
+        Whether a build with an unstable equilibrium is as good as any.
     """
 
     text: str
     axes: tuple[Axis, ...]
     question: Question
+    allow_unstable: bool = False
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -104,9 +110,14 @@ class Sweep:
         return int(np.prod(self.shape, dtype=int))
 
     @property
+    def scales(self) -> tuple[str, ...]:
+        """Datasets that hold the values of the axes."""
+        return tuple(scale_name(axis.name) for axis in self.axes)
+
+    @property
     def identity(self) -> str:
         """What tells this sweep from another of the same design."""
-        return repr((self.axes, self.question))
+        return repr((self.axes, self.question, self.allow_unstable))
 
     @property
     def wire_label(self) -> str:
@@ -123,11 +134,12 @@ class Sweep:
     @property
     def columns(self) -> tuple[Column, ...]:
         """Ratio, both outputs, and how each build went."""
-        count = (len(self.question.frequency),)
+        asked, count = self.question, (len(self.question.frequency),)
+        axes = ("frequency",)
         return (
-            Column("ratio", "c16", count, "1"),
-            Column("over", "c16", count, "SI"),
-            Column("under", "c16", count, "SI"),
+            Column("ratio", "c16", count, over_unit(asked.over, asked.under), axes),
+            Column("over", "c16", count, over_unit(asked.over, asked.input), axes),
+            Column("under", "c16", count, over_unit(asked.under, asked.input), axes),
             Column("residual", "f8", (), "1"),
             Column("status", "u1", (), "1"),
             Column("slack_wire", "i2", (), "1"),
@@ -137,22 +149,74 @@ class Sweep:
         """Results of builds start to stop - 1."""
         chosen = np.unravel_index(np.arange(start, stop), self.shape)
         values = {axis.name: np.array(axis.values)[pick] for axis, pick in zip(self.axes, chosen, strict=True)}
-        scene = imperfect(self._scenes(values), values, self.question)
-        return answer(scene, self._design, self.question)
+        imperfections = {name: value for name, value in values.items() if name in PARAMETERS}
+        if len(imperfections) == len(values):
+            return answer(imperfect(expand(self._design), values, self.question), self._design, self.question, self.allow_unstable)
+        result = {column.name: _nothing(column, stop - start) for column in self.columns}
+        for scene, design, here in self._variants({name: value for name, value in values.items() if name not in PARAMETERS}):
+            part = {name: value[here] for name, value in imperfections.items()}
+            found = answer(imperfect(scene, part, self.question) if part else scene, design, self.question, self.allow_unstable)
+            for name, value in found.items():
+                result[name][here] = value
+        return result
 
     @cached_property
     def _design(self) -> Any:
         return reader.parse(self.text)
 
-    def _scenes(self, values: dict[str, Array]) -> Scene:
-        """The designs before the imperfections: one, or one for every combination of dotted paths."""
-        paths = [name for name in values if name not in PARAMETERS]
-        if not paths:
-            return expand(self._design)
-        rows = np.stack([values[name] for name in paths], axis=1)
-        unique, pick = np.unique(rows, axis=0, return_inverse=True)
-        designs = [reader.overridden(self.text, tuple(f"{path}={float(v)!r}" for path, v in zip(paths, row, strict=True))) for row in unique]
-        return stack.stacked([expand(design) for design in designs], pick.ravel())
+    def _variants(self, values: dict[str, Array]) -> Iterator[tuple[Scene, Design, Any]]:
+        """The designs that dotted paths make, in batches of those that differ in nothing but the arrays of their scenes.
+
+        Yields
+        ------
+        scene : Scene
+            With the builds as its first axis.
+        design : Design
+            One of them.
+        here : (p,) int array
+            Which builds they are.  One whose design is at fault is in no batch.
+        """
+        rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
+        alike: dict[tuple[Any, ...], list[tuple[int, Scene, Design]]] = {}
+        for n, row in enumerate(rows):
+            try:
+                design = reader.overridden(self.text, tuple(f"{path}={float(v)!r}" for path, v in zip(values, row, strict=True)))
+                scene = expand(design)
+            except InputError:
+                continue
+            alike.setdefault(_common(scene, design, n), []).append((n, scene, design))
+        for members in alike.values():
+            place = np.full(len(rows), -1)
+            place[[n for n, _, _ in members]] = np.arange(len(members))
+            here = np.flatnonzero(place[pick.ravel()] >= 0)
+            yield stack.stacked([scene for _, scene, _ in members], place[pick.ravel()[here]]), members[0][2], here
+
+
+def scale_name(axis: str) -> str:
+    """The dataset that holds the values of an axis."""
+    return f"axis {axis}".replace("/", "_")
+
+
+def over_unit(out: Signal, into: Signal) -> str:
+    """Unit of the ratio of two signals."""
+    return "1" if out.unit == into.unit else f"{out.unit}/{into.unit}".replace("/N m", "/(N m)")
+
+
+def _nothing(column: Column, count: int) -> Any:
+    """What stands for builds of which there is no design."""
+    shape = (count, *column.shape)
+    if column.dtype == "u1":
+        return np.full(shape, builds.IMPOSSIBLE, dtype=column.dtype)
+    return np.full(shape, {"i2": -1, "f8": np.nan, "c16": builds.NOTHING}[column.dtype], dtype=column.dtype)
+
+
+def _common(scene: Scene, design: Design, number: int) -> tuple[Any, ...]:
+    """What scenes of one batch have in common; `number` where dampers or a support that gives way make each design a case of its own."""
+    static = [getattr(group, name) for group in (scene.bodies, scene.wires, scene.blades, scene.springs) for name in stack.STATIC if hasattr(group, name)]
+    kinds = [np.array(item).tobytes() if isinstance(item, np.ndarray) else item for item in static]
+    light, damped = (scene.blades.tip_mass == 0).tobytes(), bool(scene.springs.damping.any())
+    alone = design.support is not None or any(stage.damping is not None for stage in design.stage)
+    return (scene.gravity, *kinds, light, damped, number if alone else -1)
 
 
 def imperfect(scene: Scene, values: dict[str, Array], question: Question) -> Scene:
@@ -190,11 +254,11 @@ def imperfect(scene: Scene, values: dict[str, Array], question: Question) -> Sce
     return scene
 
 
-def answer(scene: Scene, design: Any, question: Question) -> dict[str, Any]:
+def answer(scene: Scene, design: Design, question: Question, allow_unstable: bool = False) -> dict[str, Any]:
     """The ratio of every build of a batch, by column name."""
-    found = builds.balance(scene, design)
+    found = builds.balance(scene, design, allow_unstable=allow_unstable)
     outputs = builds.transfer(found, np.array(question.frequency), [question.input], [question.over, question.under])[..., 0]
     over, under = outputs[..., 0], outputs[..., 1]
     with np.errstate(all="ignore"):
-        ratio = np.where(over == 0, np.where(np.isnan(under), np.nan, 0.0), over / under)
+        ratio = np.where((over == 0) & (np.abs(under) > 0), 0.0, over / under)
     return {"ratio": ratio, "over": over, "under": under, "residual": found.residual, "status": found.status, "slack_wire": found.wire}

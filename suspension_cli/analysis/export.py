@@ -128,14 +128,19 @@ def _leading(a: Array, b: Array, c: Array, d: float) -> tuple[int, float]:
 
 
 def _zeros(a: Array, b: Array, c: Array, d: float, degree: int) -> Any:
-    from scipy.linalg import eig
+    """Finite eigenvalues of the pencil, all but `degree`; it is balanced first, and b and c brought to the size of A."""
+    from scipy.linalg import eig, matrix_balance
 
     count = len(a) - degree
     if count <= 0 or (degree == 0 and d == 0):
         return np.zeros(0, dtype=complex)
-    pencil = np.block([[a, b[:, None]], [c[None, :], np.array([[d]])]])
+    scale = matrix_balance(a, permute=False, separate=True)[1][0]
+    a, b, c = a * scale / scale[:, None], b / scale, c * scale
+    size = np.linalg.norm(a)
+    size_b, size_c = size / np.linalg.norm(b), size / np.linalg.norm(c)
+    pencil = np.block([[a, size_b * b[:, None]], [size_c * c[None, :], np.array([[size_b * size_c * d]])]])
     unit = np.zeros_like(pencil)
     unit[: len(a), : len(a)] = np.eye(len(a))
     alpha, beta = np.asarray(eig(pencil, unit, right=False, homogeneous_eigvals=True))
-    order = np.argsort(-np.abs(beta) / (np.abs(alpha) + np.abs(beta) + 1e-300), kind="stable")[:count]
+    order = np.argsort(-np.abs(beta) / (np.abs(alpha) / size + np.abs(beta) + 1e-300), kind="stable")[:count]
     return alpha[order] / beta[order]

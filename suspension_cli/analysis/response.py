@@ -7,6 +7,7 @@ Only the blocks that the asked inputs and outputs both touch are solved, each bo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,8 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import elimination
 from suspension_cli.mechanics.model import LinearModel
 
-CHUNK = 2048
-"""Frequencies solved at once: small enough that their blocks stay in the cache."""
+CHUNK = 1 << 17
+"""Numbers (coordinates times inputs times frequencies) worked on at once: few enough to stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -93,32 +94,106 @@ def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], 
     moves = np.array([np.zeros_like(d[:6]) if act else d[:6] for d, act in zip(drives, acts, strict=True)]).T  # (6, i)
     forces = np.array([d if act else np.zeros_like(d) for d, act in zip(drives, acts, strict=True)]).T  # (N, i)
     result = np.zeros((len(rows), drives.shape[0], len(omega)), dtype=complex)
-    result += (rows[:, :6] @ moves)[..., None]
-    count = 0
-    for part in condensed_blocks(model):
-        touched = part.driven(moves, forces)
-        watched = rows[:, part.keep].any(1) | rows[:, part.drop].any(1)
-        if not touched.any() or not watched.any():
+    _add(result, rows[:, :6] @ moves)
+    reached = rows[:, :6] @ moves != 0  # memory that nothing has reached stays untouched
+    count, pulled, moved = 0, _pulled(model), moves.any(1)
+    for number, group in enumerate(model.blocks):
+        watched = np.flatnonzero(rows[:, group].any(1))
+        if not len(watched) or not (forces[group].any() or pulled[group][:, moved].any()):
             continue
+        part = _prepared(model, number)
+        touched = np.flatnonzero(part.driven(moves, forces))
         count += 1
-        here = np.ix_(watched, touched)
-        for start in range(0, len(omega), CHUNK):
-            now = slice(start, start + CHUNK)
+        seen = rows[np.ix_(watched, part.keep)] + rows[np.ix_(watched, part.drop)] @ part.recover.T
+        step = min(max(CHUNK // (len(part.keep) * len(touched)), 256), 4096)
+        for start in range(0, len(omega), step):
+            now = slice(start, start + step)
             x = part.solve(omega[now], moves[:, touched], forces[:, touched])
             _demand_finite(x, omega[now])
-            seen = rows[np.ix_(watched, part.keep)] + rows[np.ix_(watched, part.drop)] @ part.recover.T
-            result[(*here, now)] += np.einsum("oc,cif->oif", seen, x)
+            for row, form in zip(watched, seen, strict=True):
+                motion = _combined(form, x)
+                for column, i in enumerate(touched):
+                    if reached[row, i]:
+                        result[row, i, now] += motion[column]
+                    else:
+                        result[row, i, now] = motion[column]
+        reached[np.ix_(watched, touched)] = True
         at_once = part.yielding @ (forces[part.drop] - part.pulled @ moves)
-        result[here] += (rows[np.ix_(watched, part.drop)] @ at_once[:, touched])[..., None]
+        _add(result, _scattered(rows[np.ix_(watched, part.drop)] @ at_once, watched, len(rows)))
     return np.moveaxis(result, -1, 0), count
 
 
 def _demand_finite(x: Any, omega: Array) -> None:
-    finite = np.isfinite(x).all((0, 1))
-    if not finite.all():
-        where = omega[~finite][0] / (2 * np.pi)
-        remedy = "move it a little, or give the design loss angles or dampers"
-        raise InputError([Fault("--frequency", "is a resonance without loss, where the response is infinite", remedy, f"{where:.9g}")])
+    """Raise `InputError` where a system was singular to the last bit."""
+    bad = ~np.isfinite(x).all((0, 1))
+    if bad.any():
+        at = float(omega[bad][0]) / (2 * np.pi)
+        raise InputError(
+            [Fault("--frequency", "is a resonance without loss, where the response is infinite", "move it, or give loss_angle or damping", f"{at!r}")]
+        )
+
+
+def _pulled(model: LinearModel) -> Any:
+    """Which of the support's motions pull on which coordinates: (N, 6) bool."""
+    full = model.stiffness if model.lossy is None else model.lossy
+    return (full[:, :6] != 0) | (model.damping[:, :6] != 0) | (model.mass[:, :6] != 0)
+
+
+def _combined(form: Array, x: Any) -> Any:
+    """A linear form (c,) of coordinates (c, i, f); just the coordinate where it is one."""
+    chosen = np.flatnonzero(form)
+    if len(chosen) == 1 and form[chosen[0]] == 1.0:
+        return x[chosen[0]]
+    return sum(form[c] * x[c] for c in chosen)
+
+
+def _add(result: Any, constant: Any) -> None:
+    """Add what does not depend on frequency (o, i), where it is not 0."""
+    for o, i in np.argwhere(constant != 0):
+        result[o, i] += constant[o, i]
+
+
+def _scattered(values: Any, rows: Any, count: int) -> Any:
+    """Rows of values placed among `count` rows of zeros."""
+    result = np.zeros((count, values.shape[1]), dtype=values.dtype)
+    result[rows] = values
+    return result
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some rows and columns of K + i omega C - omega^2 M; arrays (r, s)."""
+
+    stiffness: Any
+    mass: Any
+    damping: Any
+
+    def at(self, omega: Array, square: Array) -> Any:
+        """Its value (r, s, f), or (r, s, 1) where it does not depend on frequency; real where it can be."""
+        if not self.moving and not self.resisting:
+            return self.stiffness[..., None]
+        result = np.empty((*self.stiffness.shape, len(omega)), dtype=complex if self.resisting else self.stiffness.dtype)
+        result[:] = self.stiffness[..., None]
+        for r, c in self.moving:
+            result[r, c] -= self.mass[r, c] * square
+        for r, c in self.resisting:
+            result[r, c] += (1j * self.damping[r, c]) * omega
+        return result
+
+    @cached_property
+    def moving(self) -> list[Any]:
+        """Where mass is."""
+        return np.argwhere(self.mass).tolist()
+
+    @cached_property
+    def resisting(self) -> list[Any]:
+        """Where damping is."""
+        return np.argwhere(self.damping).tolist()
+
+    @cached_property
+    def empty(self) -> bool:
+        """Whether it is 0 at any frequency."""
+        return not (self.stiffness.any() or self.mass.any() or self.damping.any())
 
 
 @dataclass(frozen=True)
@@ -137,7 +212,10 @@ class Block:
         The massless coordinates, and how a force on them acts on those that are kept: -K_ab K_bb^-1.
     yielding, pulled : (m, m) array, (m, 6) array
         K_bb^-1, and K_bs towards the support.
-    structure : Tree or None
+    tree : Tree
+        The coordinates by body; one node if they form no tree.
+    own, link, support : tuples of Piece
+        Of every node: itself, towards its parent (None for a root), towards the support.
     """
 
     keep: Index
@@ -148,28 +226,39 @@ class Block:
     recover: Any
     yielding: Any
     pulled: Any
-    structure: elimination.Tree | None
+    tree: elimination.Tree
+    own: tuple[Piece, ...]
+    link: tuple[Piece | None, ...]
+    support: tuple[Piece, ...]
 
     def driven(self, moves: Any, forces: Any) -> Any:
         """Which inputs (i,) drive this block."""
         joined = (self.stiffness[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
         return (joined.astype(float) @ np.abs(moves) != 0).any(0) | forces[self.keep].any(0) | forces[self.drop].any(0)
 
-    def dynamic(self, omega: Array) -> Any:
-        """K + i omega C - omega^2 M, (c, 6 + c, f); real where it can be."""
-        square = self.stiffness[..., None] - self.mass[..., None] * omega**2
-        return square + 1j * self.damping[..., None] * omega if self.damping.any() else square
-
     def solve(self, omega: Array, moves: Any, forces: Any) -> Any:
         """Coordinates (c, i, f) for support motions (6, i) and forces (N, i)."""
-        dynamic = self.dynamic(omega)
-        right = (forces[self.keep] + self.recover @ forces[self.drop])[..., None] - np.einsum("csf,si->cif", dynamic[:, :6], moves)
-        return elimination.solve(dynamic[:, 6:], right, self.structure)
+        square = omega**2
+        pushed = (forces[self.keep] + self.recover @ forces[self.drop])[..., None]
+        diagonal = [np.broadcast_to(piece.at(omega, square), (*piece.stiffness.shape, len(omega))) for piece in self.own]
+        links = [None if piece is None else piece.at(omega, square) for piece in self.link]
+        right = [
+            pushed[node] if piece.empty else pushed[node] - elimination.multiply(piece.at(omega, square), moves[..., None])
+            for node, piece in zip(self.tree.nodes, self.support, strict=True)
+        ]
+        return elimination.solve_nodes(diagonal, links, right, self.tree)
 
 
 def condensed_blocks(model: LinearModel) -> list[Block]:
     """All blocks of a model, massless coordinates eliminated (exactly: K_bb does not depend on frequency)."""
-    return [_block(model, block) for block in model.blocks]
+    return [_prepared(model, number) for number in range(len(model.blocks))]
+
+
+def _prepared(model: LinearModel, number: int) -> Block:
+    """One block of a model, worked out once."""
+    if number not in model.prepared:
+        model.prepared[number] = _block(model, model.blocks[number])
+    return model.prepared[number]
 
 
 def _block(model: LinearModel, block: Index) -> Block:
@@ -191,17 +280,25 @@ def _block(model: LinearModel, block: Index) -> Block:
     order = np.argsort([_rank(model, name) for name in owner], kind="stable")
     keep, owner = keep[order], [owner[n] for n in order]
     columns = np.concatenate([np.arange(6), 6 + order])
-    structure = elimination.tree(owner, coupled[np.ix_(order, order)])
+    tree = elimination.tree(owner, coupled[np.ix_(order, order)]) or elimination.Tree((np.arange(len(keep)),), (-1,))
+    mass, damping, stiffness = (matrix[order[:, None], columns] for matrix in (mass, damping, stiffness))
+
+    def piece(rows: Index, columns: Index) -> Piece:
+        return Piece(*(matrix[rows[:, None], columns] for matrix in (stiffness, mass, damping)))
+
     return Block(
-        keep,
-        mass[np.ix_(order, columns)],
-        damping[np.ix_(order, columns)],
-        stiffness[np.ix_(order, columns)],
-        drop,
-        recover[order],
-        yielding,
-        full[np.ix_(drop, np.arange(6))],
-        structure,
+        keep=keep,
+        mass=mass,
+        damping=damping,
+        stiffness=stiffness,
+        drop=drop,
+        recover=recover[order],
+        yielding=yielding,
+        pulled=full[np.ix_(drop, np.arange(6))],
+        tree=tree,
+        own=tuple(piece(node, node + 6) for node in tree.nodes),
+        link=tuple(None if above < 0 else piece(tree.nodes[above], node + 6) for node, above in zip(tree.nodes, tree.parent, strict=True)),
+        support=tuple(piece(node, np.arange(6)) for node in tree.nodes),
     )
 
 

@@ -124,8 +124,11 @@ def deviations(chosen: tuple[Factor, ...], seed: int, start: int, stop: int) -> 
             continue
         sigma = spread.normal or 0.0
         tail = ndtr(-spread.truncate / sigma) if spread.truncate and sigma else 0.0
-        # the middle of the interval that a 53-bit number stands for: never 0 or 1
-        result[:, n] = sigma * ndtri(tail + (1 - 2 * tail) * (u[:, n] + 2.0**-54))
+        # the middle of the interval that a 53-bit number stands for; the last one rounds to 1, whose deviation is infinite
+        middle = np.minimum(u[:, n] + 2.0**-54, 1 - 2.0**-53)
+        result[:, n] = sigma * ndtri(tail + (1 - 2 * tail) * middle)
+        if spread.truncate:
+            result[:, n] = np.clip(result[:, n], -spread.truncate, spread.truncate)
     return result
 
 

@@ -23,7 +23,8 @@ import numpy as np
 
 from suspension_cli.analysis import response, signals
 from suspension_cli.analysis.signals import Signal
-from suspension_cli.design.scene import Array
+from suspension_cli.design.scene import Array, Index
+from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics.model import LinearModel
 
 
@@ -101,11 +102,11 @@ def assemble(model: LinearModel, drives: Array, inputs: list[Signal], rows: Arra
         if (not undriven and not block.driven(moves, forces).any()) or not rows[:, [*block.keep, *block.drop]].any():
             continue
         part = _block(block, moves, forces, rows)
-        a.append(part[0])
-        b.append(part[1])
-        c.append(part[2])
-        feed = feed + part[3]
-        names += [model.coordinate[n] for n in block.keep] + [f"{model.coordinate[n]} rate" for n in block.keep]
+        a.append(part.a)
+        b.append(part.b)
+        c.append(part.c)
+        feed = feed + part.d
+        names += [f"{model.coordinate[n]}{kind}" for kind, coordinates in part.states for n in coordinates]
     size = sum(len(part) for part in a)
     whole, place = np.zeros((size, size)), 0
     for part in a:
@@ -126,38 +127,93 @@ def assemble(model: LinearModel, drives: Array, inputs: list[Signal], rows: Arra
 
 
 def _unit(state: str) -> str:
-    name, _, rate = state.partition(" ")
-    return ("m" if name.rsplit(".", 1)[1] in "xyz" else "rad") + ("/s" if rate else "")
+    name, _, kind = state.partition(" ")
+    linear = name.rsplit(".", 1)[1] in "xyz"
+    if kind == "momentum":
+        return "N s" if linear else "N m s"
+    return ("m" if linear else "rad") + ("/s" if kind else "")
 
 
-def _block(block: response.Block, moves: Array, forces: Array, rows: Array) -> tuple[Array, Array, Array, Array]:
-    """A, B, C and the direct feed of one block."""
-    count = len(block.keep)
-    mass, mass_support = block.mass[:, 6:], block.mass[:, :6]
-    stiffness, stiffness_support = block.stiffness[:, 6:].real, block.stiffness[:, :6].real
-    damping, damping_support = block.damping[:, 6:], block.damping[:, :6]
+@dataclass(frozen=True)
+class _Part:
+    """One block: x' = A x + B u, y = C x + D u, and the kept coordinates that its states belong to, by kind of state."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    states: tuple[tuple[str, Index], ...]
+
+
+def _block(block: response.Block, moves: Array, forces: Array, rows: Array) -> _Part:
+    """One block; `moves` (6, i) and `forces` (N, i) are what unit inputs do, `rows` (o, N) the outputs.
+
+    Coordinates b without mass that a damper holds (a support structure told by its stiffness alone) add momenta p of that damper:
+
+        p = U^T (C_ba a + C_bb b + C_bs s),    p' = U^T (f - K_ba a - K_bb b - K_bs s),
+
+    with U the directions that dampers resist; in the others the forces of springs balance.  Both together give b.
+    """
+    from scipy.linalg import qr
+
+    heavy = np.flatnonzero((block.mass[:, 6:] != 0).any(1))
+    light = np.setdiff1d(np.arange(len(block.keep)), heavy)
+    mass = block.mass[np.ix_(heavy, 6 + heavy)]
+    stiffness, damping = block.stiffness.real, block.damping.copy()
     if np.iscomplexobj(block.stiffness):
-        damping = damping + equivalent_damping(mass, stiffness, block.stiffness[:, 6:].imag)
-        damping_support = damping_support + 0.0
-    shift = -np.linalg.solve(mass, mass_support)  # q = z + shift s
-    pulled = _sum(stiffness_support, stiffness, shift)
-    dragged = _sum(damping_support, damping, shift)
-    a, b = np.zeros((2 * count, 2 * count)), np.zeros((2 * count, moves.shape[1]))
-    a[:count, :count] = -np.linalg.solve(mass, damping)
-    a[:count, count:] = np.eye(count)
-    a[count:, :count] = -np.linalg.solve(mass, stiffness)
-    b[:count] = -np.linalg.solve(mass, dragged @ moves)
-    b[count:] = np.linalg.solve(mass, forces[block.keep] + block.recover.real @ forces[block.drop] - pulled @ moves)
+        damping[np.ix_(heavy, 6 + heavy)] += _equivalent(block, mass, heavy, light)
+    push = forces[block.keep] + block.recover.real @ forces[block.drop]
+    k, c = stiffness[:, 6:], damping[:, 6:]
+    k_s, c_s = stiffness[:, :6] @ moves, damping[:, :6] @ moves
+    shift = -np.linalg.solve(mass, block.mass[heavy, :6] @ moves)  # a = z + shift u
+    resisted, _, _ = np.linalg.svd(c[np.ix_(light, light)])
+    rank = np.linalg.matrix_rank(c[np.ix_(light, light)], tol=1e-12 * np.abs(c).max(initial=0.0)) if len(light) else 0
+    held, free = resisted[:, :rank].T, resisted[:, rank:].T
+    if np.abs(free @ damping[light]).max(initial=0.0) > 1e-12 * np.abs(damping).max(initial=0.0):
+        remedy = "give [support] a mass and inertia"
+        raise InputError([Fault("control.loop", "a damper pushes a support structure without mass along what it does not sense", remedy)])
+    solve = np.linalg.inv(np.concatenate([held @ c[np.ix_(light, light)], free @ k[np.ix_(light, light)]]))
+    follow = -solve @ np.concatenate([held @ c[np.ix_(light, heavy)], free @ k[np.ix_(light, heavy)]])
+    # coordinates q = of_z z + of_p p + of_u u
+    of_z, of_p, of_u = np.zeros((len(k), len(heavy))), np.zeros((len(k), rank)), np.zeros((len(k), moves.shape[1]))
+    of_z[heavy], of_z[light] = np.eye(len(heavy)), follow
+    of_p[light] = solve[:, :rank]
+    of_u[heavy], of_u[light] = shift, follow @ shift + solve @ np.concatenate([-held @ c_s[light], free @ (push[light] - k_s[light])])
+    z, w, p = (slice(n, m) for n, m in ((0, len(heavy)), (len(heavy), 2 * len(heavy)), (2 * len(heavy), 2 * len(heavy) + rank)))
+    a, b = np.zeros((p.stop, p.stop)), np.zeros((p.stop, moves.shape[1]))
+    a[z, w] = np.eye(len(heavy))
+    a[z, z] = -np.linalg.solve(mass, _sum(c[np.ix_(heavy, heavy)], c[np.ix_(heavy, light)], follow))
+    a[w, z] = -np.linalg.solve(mass, _sum(k[np.ix_(heavy, heavy)], k[np.ix_(heavy, light)], follow))
+    a[p, z] = -held @ _sum(k[np.ix_(light, heavy)], k[np.ix_(light, light)], follow)
+    a[z, p], a[w, p], a[p, p] = -np.linalg.solve(mass, c[heavy] @ of_p), -np.linalg.solve(mass, k[heavy] @ of_p), -held @ k[light] @ of_p
+    b[z] = -np.linalg.solve(mass, _sum(c_s[heavy], c[heavy], of_u))
+    b[w] = np.linalg.solve(mass, push[heavy] - _sum(k_s[heavy], k[heavy], of_u))
+    b[p] = held @ (push[light] - _sum(k_s[light], k[light], of_u))
     seen = rows[:, block.keep] + rows[:, block.drop] @ block.recover.real.T
     at_once = block.yielding.real @ (forces[block.drop] - block.pulled.real @ moves)
-    c = np.concatenate([seen, np.zeros_like(seen)], axis=1)
-    return a, b, c, seen @ shift @ moves + rows[:, block.drop] @ at_once
+    seen_z, seen_p = seen @ of_z, seen @ of_p
+    leading = light[qr(held, mode="r", pivoting=True)[1][:rank]] if rank else light[:0]
+    return _Part(
+        a,
+        b,
+        np.concatenate([seen_z, np.zeros_like(seen_z), seen_p], axis=1),
+        seen @ of_u + rows[:, block.drop] @ at_once,
+        (("", block.keep[heavy]), (" rate", block.keep[heavy]), (" momentum", block.keep[leading])),
+    )
 
 
 def _sum(direct: Array, matrix: Array, shift: Array) -> Array:
     """direct + matrix @ shift, exactly 0 where the summands cancel (a spurious 1e-16 would pose as a coupling and add zeros)."""
     total, size = direct + matrix @ shift, np.abs(direct) + np.abs(matrix) @ np.abs(shift)
     return np.where(np.abs(total) > 64 * np.finfo(float).eps * size, total, 0.0)
+
+
+def _equivalent(block: response.Block, mass: Array, heavy: Index, light: Index) -> Array:
+    """Viscous damping of a block's coordinates with mass, for the loss angles of all."""
+    stiffness = block.stiffness[:, 6:]
+    across = stiffness[np.ix_(light, heavy)]
+    whole = stiffness[np.ix_(heavy, heavy)] - across.T @ np.linalg.solve(stiffness[np.ix_(light, light)], across)
+    return equivalent_damping(mass, whole.real, whole.imag)
 
 
 def equivalent_damping(mass: Array, stiffness: Array, loss: Array) -> Array:

@@ -5,7 +5,7 @@ Modes are followed from the nominal design by their shapes: each nominal mode ta
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from suspension_cli.analysis import builds, modes, sampling
 from suspension_cli.analysis.builds import Column
-from suspension_cli.analysis.coupling import Question
+from suspension_cli.analysis.coupling import Question, over_unit
 from suspension_cli.design import reader
 from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
@@ -33,24 +33,39 @@ class Tolerances:
     seed : int
     question : Question
         Whose ratio is the cross-coupling; its wire and body do not matter.
+    allow_unstable : bool
+        Whether a build with an unstable equilibrium is as good as any.
     """
 
     text: str
     count: int
     seed: int
     question: Question
+    allow_unstable: bool = False
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """One axis: the builds."""
+        return (self.count,)
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """Dataset that numbers the builds."""
+        return ("build",)
 
     @property
     def identity(self) -> str:
         """What tells this job from another of the same design."""
-        return repr((self.count, self.seed, self.question))
+        return repr((self.count, self.seed, self.question, self.allow_unstable))
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Frequencies, cross-coupling, and how each build went."""
+        """Number, frequencies, cross-coupling, and how each build went."""
+        ratio = over_unit(self.question.over, self.question.under)
         return (
-            Column("frequency", "f8", (len(self.nominal.omega_squared),), "Hz"),
-            Column("ratio", "c16", (len(self.question.frequency),), "1"),
+            Column("build", "u4", (), "1"),
+            Column("frequency", "f8", (len(self.nominal.omega_squared),), "Hz", ("mode",)),
+            Column("ratio", "c16", (len(self.question.frequency),), ratio, ("coupling_frequency",)),
             Column("residual", "f8", (), "1"),
             Column("status", "u1", (), "1"),
             Column("slack_wire", "i2", (), "1"),
@@ -97,18 +112,15 @@ class Tolerances:
     def compute(self, start: int, stop: int) -> dict[str, Any]:
         """Results of builds start to stop - 1."""
         scene = sampling.imperfect(self.scene, self.factors, self.deviations(start, stop))
-        found = builds.balance(scene, self.design)
-        status = found.status.copy()
+        found = builds.balance(scene, self.design, allow_unstable=self.allow_unstable)
         with np.errstate(all="ignore"):
             omega_squared = followed(found, self._start[1], self._start[2])
-            if self.nominal.stable:
-                status[(status == builds.GOOD) & (omega_squared < 0).any(-1)] = builds.UNSTABLE
-            found = replace(found, status=status)
             outputs = builds.transfer(found, np.array(self.question.frequency), [self.question.input], [self.question.over, self.question.under])[..., 0]
             ratio = outputs[..., 0] / outputs[..., 1]
-            frequency = np.sqrt(omega_squared) / (2 * np.pi)
-        frequency[status != builds.GOOD] = np.nan
-        return {"frequency": frequency, "ratio": ratio, "residual": found.residual, "status": status, "slack_wire": found.wire}
+            frequency = np.sqrt(omega_squared if self.allow_unstable else np.maximum(omega_squared, 0.0)) / (2 * np.pi)
+        frequency[found.status != builds.GOOD] = np.nan
+        number = np.arange(start, stop, dtype=np.uint32)
+        return {"build": number, "frequency": frequency, "ratio": ratio, "residual": found.residual, "status": found.status, "slack_wire": found.wire}
 
 
 def kept(model: LinearModel) -> Any:
@@ -138,6 +150,7 @@ def followed(found: builds.Builds, shapes: Array, keep: Any) -> Array:
     inverse = np.linalg.inv(np.linalg.cholesky(mass))
     dynamic = inverse @ np.where(bad[:, None, None], 0.0, stiffness) @ np.swapaxes(inverse, -1, -2)
     values, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
+    values = np.where(np.abs(values) < modes.RIGID * np.abs(values).max(-1, keepdims=True), 0.0, values)
     overlap = (shapes @ vectors) ** 2  # (p, m, m): nominal, build
     choice = overlap.argmax(-1)
     clash = (np.sort(choice, axis=-1) != np.arange(choice.shape[-1])).any(-1)

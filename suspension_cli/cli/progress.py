@@ -25,7 +25,7 @@ class Bar:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if self.drawn:
+        if self.drawn and sys.stderr.isatty():
             sys.stderr.write("\n")
 
     def __call__(self, done: int, count: int, rate: float) -> None:

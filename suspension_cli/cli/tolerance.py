@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -35,7 +36,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
         choice, model = analyses.modelled(source, "string", setting["allow_unstable"], voice)
-        job = Tolerances(source.text, setting["builds"], setting["seed"], analyses.question(model, setting))
+        job = Tolerances(source.text, setting["builds"], setting["seed"], analyses.question(model, setting), setting["allow_unstable"])
         voice.detail(f"{len(job.factors)} numbers scatter")
     path = options.folder(out) / f"{source.design.design.name}-tolerance.h5"
     analyses.swept(job, path, "tolerance", source, choice, setting, voice, lambda group: files.fill(group, job))
@@ -60,12 +61,12 @@ def document(name: str, level: str, seed: int, ratio: str, summary: Summary) -> 
     from suspension_cli.analysis.scatter import LEVELS, leading
 
     def plain(value: float) -> float | None:
-        return float(value) if value == value else None
+        return float(value) if math.isfinite(value) else None
 
     modes = [
         {
             "label": label,
-            "nominal_hz": float(summary.nominal[n]),
+            "nominal_hz": plain(summary.nominal[n]),
             "mean_hz": plain(summary.mean[n]),
             "std_hz": plain(summary.spread[n]),
             "quantiles_hz": [plain(value) for value in summary.quantiles[n]],
@@ -102,7 +103,7 @@ def table(choice: Any, ratio: str, summary: Summary) -> str:
     low, high = LEVELS.index(0.05), LEVELS.index(0.95)
     for n, label in enumerate(summary.label):
         what = ", ".join(f"{name} {value:+.2f}" for name, value in leading(summary.mode_rank[n], summary.factor, 2))
-        spread = 100 * summary.spread[n] / summary.nominal[n]
+        spread = 100 * summary.spread[n] / summary.nominal[n] if summary.nominal[n] else math.nan
         lines.append(f"{summary.nominal[n]:#9.5g} {summary.quantiles[n, low]:#9.5g} {summary.quantiles[n, high]:#9.5g} Hz {spread:5.2f} %  {label}: {what}")
     lines += [
         "",

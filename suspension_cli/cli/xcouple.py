@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -63,7 +64,7 @@ def _parameter_names() -> tuple[str, ...]:
 
 def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:
     """The axes that `--sweep` asks for; grids left out come from the design's table, then from the defaults."""
-    from suspension_cli.analysis.coupling import PARAMETERS, Axis
+    from suspension_cli.analysis.coupling import PARAMETERS, UNITS, Axis
     from suspension_cli.design.faults import suggestion
     from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.grids import grid
@@ -81,11 +82,17 @@ def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:
             raise InputError([Fault("--sweep", f"there is no imperfection {name!r}", suggestion(name, list(PARAMETERS)) + " or a dotted path", shown(text))])
         if "." in name and not equals:
             raise InputError([Fault("--sweep", f"{name} has no grid", f"write {name}=start:stop:count", shown(text))])
-        given = values or str(table.get(name, DEFAULT_GRID.get(name, OTHER_GRID)))
-        result.append(Axis(name, tuple(grid(given, f"--sweep {name}"))))
+        given = values or _grid_text(table.get(name, DEFAULT_GRID.get(name, OTHER_GRID)))
+        lowest = 0.0 if UNITS.get(name) == "1" else -math.inf  # factors
+        result.append(Axis(name, tuple(grid(given, f"--sweep {name}", lowest=lowest))))
     if len({axis.name for axis in result}) < len(result):
         raise InputError([Fault("--sweep", "names a parameter twice", "give each once", shown(text))])
     return tuple(result)
+
+
+def _grid_text(value: Any) -> str:
+    """A grid of the design's table as it would have come from the command line."""
+    return ",".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def _is_number(text: str) -> bool:
@@ -103,7 +110,7 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
 
     table = source.design.analysis.get("xcouple", {})
     with source.faults():
-        job = Sweep(source.text, axes(setting["sweep"], table), question)
+        job = Sweep(source.text, axes(setting["sweep"], table), question, setting["allow_unstable"])
         job.check()
     path = options.folder(out) / f"{source.design.design.name}-xcouple.h5"
     analyses.swept(job, path, "xcouple", source, choice, setting, voice, lambda group: files.fill(group, job))
@@ -128,7 +135,7 @@ def document(name: str, answer: Any) -> dict[str, Any]:
     import numpy as np
 
     def plain(values: Any) -> Any:
-        return np.where(np.isnan(values), None, values).tolist()  # pyright: ignore[reportAttributeAccessIssue]
+        return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
 
     single = len(answer.frequency) == 1
     ratio = answer.ratio[..., 0] if single else answer.ratio

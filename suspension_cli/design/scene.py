@@ -9,6 +9,7 @@ its centre of mass; at the nominal pose all frames are parallel to x, y, z.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,7 +161,7 @@ class Scene:
     blades: Blades
     springs: Springs
 
-    @property
+    @cached_property
     def batch(self) -> tuple[int, ...]:
         """Shape of the batch axes."""
         inner = (

@@ -12,6 +12,7 @@ import numpy as np
 
 from suspension_cli.design.scene import Array
 from suspension_cli.errors import Fault
+from suspension_cli.rotations import cross
 
 BALANCE = 1e-9
 """Force (over weight) and torque (over weight and metre) that count as balanced."""
@@ -27,7 +28,7 @@ _NAMES = ("force along x", "force along y", "force along z", "roll torque", "pit
 def moved(wrench: Array, offset: Array) -> Array:
     """A wrench (..., 6) about a point, told about another point that lies at -offset (m) from it."""
     force = wrench[..., :3]
-    return np.concatenate([force, wrench[..., 3:] + np.cross(offset, force)], axis=-1)
+    return np.concatenate([force, wrench[..., 3:] + cross(offset, force)], axis=-1)
 
 
 def wire_wrenches(direction: Array, point: Array) -> Array:
@@ -40,7 +41,7 @@ def wire_wrenches(direction: Array, point: Array) -> Array:
     point : (w, 3) array
         Lower ends from the COM, m.
     """
-    return np.concatenate([-direction, np.cross(point, -direction)], axis=-1)
+    return np.concatenate([-direction, cross(point, -direction)], axis=-1)
 
 
 def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array, Array]:

@@ -84,33 +84,34 @@ def _adapted_basis(size: int, operators: list[Array]) -> tuple[Array, Array]:
     """Common eigenvectors of commuting mirrors (columns), and their parities (mirror, column).
 
     A coordinate that is its own image stands for itself; others are projected on every combination of signs.
-    Combined tips stand where the first of them stood.
+    Combined tips stand in the places of those that they are made of.
     """
-    columns: list[Array] = []
-    parities: list[tuple[float, ...]] = []
-    done = np.zeros(size, dtype=bool)
-    unit = np.eye(size)
-    own = np.logical_and.reduce([np.diag(operator) != 0 for operator in operators]) if operators else np.ones(size, dtype=bool)
-    for start in range(size):
-        if own[start]:
-            columns.append(unit[start])
-            parities.append(tuple(operator[start, start] for operator in operators))
-        elif not done[start]:
-            for combination in itertools.product((1.0, -1.0), repeat=len(operators)):
-                vector = unit[start]
-                for sign, operator in zip(combination, operators, strict=True):
-                    vector = (vector + sign * (operator @ vector)) / 2
-                done |= vector != 0
-                if vector.any():
-                    columns.append(vector / np.sqrt((vector**2).sum()))
-                    parities.append(combination)
-    return np.array(columns).T, np.array(parities).T.reshape(len(operators), size)
+    basis, parities = np.eye(size), np.zeros((size, len(operators)))
+    own = np.ones(size, dtype=bool)
+    for n, operator in enumerate(operators):
+        parities[:, n] = np.diag(operator)
+        own &= parities[:, n] != 0
+    done, unit, place = own.copy(), np.eye(size), 0
+    others = np.flatnonzero(~own)
+    for start in others:
+        if done[start]:
+            continue
+        for combination in itertools.product((1.0, -1.0), repeat=len(operators)):
+            vector = unit[start]
+            for sign, operator in zip(combination, operators, strict=True):
+                vector = (vector + sign * (operator @ vector)) / 2
+            done |= vector != 0
+            if vector.any():
+                basis[:, others[place]] = vector / np.sqrt((vector**2).sum())
+                parities[others[place]] = combination
+                place += 1
+    return basis, parities.T
 
 
 def blade_images(scene: Scene, axis: int) -> Any:
     """The mirror image of every blade under a mirror in x (axis 0) or y (1); None unless every scene of a batch has that mirror."""
-    pairs, _ = _blade_pairs(scene, axis)
-    if not np.all(_has_mirror(scene, axis)) or (pairs.ndim > 2 and (pairs != pairs[:1]).any()):
+    pairs, one = _blade_pairs(scene, axis)
+    if not np.all(_has_mirror(scene, axis, pairs, one)) or (pairs.ndim > 2 and (pairs != pairs[:1]).any()):
         return None
     first = pairs.reshape(-1, *pairs.shape[-2:])[0] if pairs.size else np.zeros((0, 1))
     return first.argmax(1)
@@ -118,7 +119,7 @@ def blade_images(scene: Scene, axis: int) -> Any:
 
 def mirrored(scene: Scene) -> Any:
     """Which scenes of a batch map on themselves when x, or y, is mirrored: (..., 2) bool."""
-    return np.stack([np.broadcast_to(_has_mirror(scene, axis), scene.batch) for axis in (0, 1)], axis=-1)
+    return np.stack([np.broadcast_to(_has_mirror(scene, axis, *_blade_pairs(scene, axis)), scene.batch) for axis in (0, 1)], axis=-1)
 
 
 def _flip(axis: int) -> Array:
@@ -135,13 +136,14 @@ def _blade_pairs(scene: Scene, axis: int) -> tuple[Any, Any]:
     return same, _one_to_one(same)
 
 
-def _has_mirror(scene: Scene, axis: int) -> Any:
-    """Whether each scene (...) maps on itself under a mirror in x (axis 0) or y (1)."""
+def _has_mirror(scene: Scene, axis: int, blade: Any, one: Any) -> Any:
+    """Whether each scene (...) maps on itself under a mirror in x (axis 0) or y (1); its blades pair as `_blade_pairs` says."""
     bodies, wires, springs, flip = scene.bodies, scene.wires, scene.springs, _flip(axis)
     odd = np.outer(flip, flip) < 0
     good = (bodies.position[..., axis] == 0).all(-1) & (bodies.inertia[..., odd] == 0).all((-2, -1))
-    blade, one = _blade_pairs(scene, axis)
     good = good & one
+    if not np.any(good):
+        return good
     # wires that hang from no blade match each other; others match if their blades do
     same = _same(wires.upper) & _same(wires.lower) & ((wires.blade[:, None] < 0) == (wires.blade[None, :] < 0))
     same = same & _equal(wires.upper_point, wires.upper_point * flip) & _equal(wires.lower_point, wires.lower_point * flip)
@@ -151,6 +153,8 @@ def _has_mirror(scene: Scene, axis: int) -> Any:
         hung = blade[..., wires.blade[:, None], wires.blade[None, :]]
         same = same & np.where(wires.blade[:, None] >= 0, hung, True)
     good = good & _one_to_one(same)
+    if not springs.label:
+        return good
     six = np.array((PARITY_X, PARITY_Y)[axis], dtype=float)
     # a wrench mirrors as the motions that it works on
     same = (

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-GROWTH = 10.0
+GROWTH = 30.0
 """What a child takes from a diagonal element of D_i, against that element, above which a system is solved densely instead.
 
 A ratio of like to like, so it does not depend on units (a norm over metres and radians would).  So many times the rounding
@@ -80,14 +80,58 @@ def solve(matrix: Any, rhs: Any, structure: Tree | None) -> Any:
     -------
     (c, k, P) array
     """
-    if structure is None or len(structure.nodes) < 2:
+    if structure is None:
         return dense(matrix, rhs)
+    diagonal = [matrix[np.ix_(node, node)] for node in structure.nodes]
+    links = [None if up < 0 else matrix[np.ix_(structure.nodes[up], node)] for node, up in zip(structure.nodes, structure.parent, strict=True)]
+    return solve_nodes(diagonal, links, [rhs[node] for node in structure.nodes], structure)
+
+
+def solve_nodes(diagonal: list[Any], links: list[Any], rhs: list[Any], structure: Tree) -> Any:
+    """The same from the pieces of D that are not 0.
+
+    Parameters
+    ----------
+    diagonal : list of (s, s, P) arrays
+        Of each node.
+    links : list of (s above, s, P) arrays or None
+        Between each node's parent (rows) and the node; the last axis may be 1 where they are constant.
+    rhs : list of (s, k, P) arrays
+        The last axis may be 1.
+    structure : Tree
+
+    Returns
+    -------
+    (c, k, P) array
+    """
+    if len(structure.nodes) < 2:
+        result = np.empty((len(diagonal[0]), rhs[0].shape[1], diagonal[0].shape[-1]), dtype=np.result_type(diagonal[0], rhs[0]))
+        result[structure.nodes[0]] = dense(diagonal[0], np.broadcast_to(rhs[0], (*rhs[0].shape[:2], diagonal[0].shape[-1])))
+        return result
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a singular part: not finite, hence doubtful
-        result, growth = _by_body(matrix, rhs, structure)
-    doubtful = ~(growth < GROWTH) | ~np.isfinite(result).all((0, 1))
+        result, growth = _by_body(diagonal, links, rhs, structure)
+    doubtful = ~(growth < GROWTH) | ~np.isfinite(result[0]).all(0) | ~np.isfinite(result[-1]).all(0)
     if doubtful.any():
-        result[..., doubtful] = dense(matrix[..., doubtful], rhs[..., doubtful])
+        result[..., doubtful] = _densely(diagonal, links, rhs, structure, doubtful)
     return result
+
+
+def _densely(diagonal: list[Any], links: list[Any], rhs: list[Any], structure: Tree, which: Any) -> Any:
+    """Some of the systems, put together and solved densely."""
+    size, count = sum(len(part) for part in diagonal), int(which.sum())
+    whole = np.zeros((size, size, count), dtype=np.result_type(*diagonal, *(link for link in links if link is not None)))
+    right = np.zeros((size, rhs[0].shape[1], count), dtype=np.result_type(*rhs))
+
+    def some(values: Any) -> Any:
+        return values[..., which] if values.shape[-1] == len(which) else values
+
+    for node, up, own, link, b in zip(structure.nodes, structure.parent, diagonal, links, rhs, strict=True):
+        whole[np.ix_(node, node)] = some(own)
+        right[node] = some(b)
+        if up >= 0:
+            whole[np.ix_(structure.nodes[up], node)] = some(link)
+            whole[np.ix_(node, structure.nodes[up])] = np.swapaxes(some(link), 0, 1)
+    return dense(whole, right)
 
 
 def dense(matrix: Any, rhs: Any) -> Any:
@@ -109,32 +153,75 @@ def _stacked(function: Callable[..., Any], matrix: Any, *rhs: Any) -> Any:
     return np.moveaxis(result, 0, -1)
 
 
-def _by_body(matrix: Any, rhs: Any, structure: Tree) -> tuple[Any, Any]:
+def _by_body(diagonal: list[Any], links: list[Any], rhs: list[Any], structure: Tree) -> tuple[Any, Any]:
     nodes, parent = structure.nodes, structure.parent
-    schur = [matrix[np.ix_(node, node)] for node in nodes]
-    right: list[Any] = [rhs[node] if rhs[node].any() else None for node in nodes]
+    schur = list(diagonal)
+    right = [_Columns.of(b) for b in rhs]
     upward: list[Any] = [None] * len(nodes)
     inverted: list[Any] = [None] * len(nodes)
-    growth = np.zeros(matrix.shape[-1])
+    growth = np.zeros(diagonal[0].shape[-1])
     for n in range(len(nodes) - 1, -1, -1):
         inverted[n] = inverse(schur[n])
-        above = parent[n]
-        if above >= 0:
-            across = matrix[np.ix_(nodes[above], nodes[n])]
-            upward[n] = multiply(across, inverted[n])
-            taken, own = np.abs(upward[n] * across).sum(1), np.abs(matrix[nodes[above], nodes[above]])
-            growth = np.maximum(growth, (taken / own).max(0))
-            schur[above] = schur[above] - multiply(upward[n], np.swapaxes(across, 0, 1))
-            if right[n] is not None:
-                pushed = multiply(upward[n], right[n])
-                right[above] = -pushed if right[above] is None else right[above] - pushed
-    result = np.zeros(rhs.shape, dtype=np.result_type(matrix, rhs))
+        above, across = parent[n], links[n]
+        if above < 0:
+            continue
+        upward[n] = multiply(across, inverted[n])
+        schur[above], taken = _less(schur[above], upward[n], across)
+        for row, part in enumerate(taken):
+            np.maximum(growth, part / np.abs(diagonal[above][row, row]), out=growth)
+        right[above] = right[above].less(right[n], upward[n])
+    size = sum(len(node) for node in nodes)
+    kind = np.result_type(*diagonal, *rhs, *(link for link in links if link is not None))
+    result = np.zeros((size, rhs[0].shape[1], len(growth)), dtype=kind)
     for n, node in enumerate(nodes):
-        own = 0.0 if right[n] is None else multiply(inverted[n], right[n])
+        where = slice(node[0], node[-1] + 1) if node[-1] - node[0] + 1 == len(node) else node
         if parent[n] >= 0:
-            own = own - multiply(np.swapaxes(upward[n], 0, 1), result[nodes[parent[n]]])
-        result[node] = own
+            result[where] = -multiply(np.swapaxes(upward[n], 0, 1), result[nodes[parent[n]]])
+        if len(right[n].which):
+            own = multiply(inverted[n], right[n].value)
+            for place, column in enumerate(right[n].which):
+                result[where, column] += own[:, place]
     return result, growth
+
+
+def _less(matrix: Any, upward: Any, across: Any) -> tuple[Any, list[Any]]:
+    """A symmetric D less U B^T, and for each row the sizes of what is taken from its diagonal, summed."""
+    result, taken = np.empty((*matrix.shape[:2], upward.shape[-1]), dtype=np.result_type(matrix, upward)), []
+    for row in range(len(matrix)):
+        for column in range(row, len(matrix)):
+            terms = [upward[row, q] * across[column, q] for q in range(across.shape[1])]
+            total = terms[0] if len(terms) == 1 else sum(terms[1:], terms[0])
+            np.subtract(matrix[row, column], total, out=result[row, column])
+            if column != row:
+                result[column, row] = result[row, column]
+            else:
+                sizes = [np.abs(term) for term in terms]
+                taken.append(sum(sizes[1:], sizes[0]))
+    return result, taken
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Right-hand sides of one node, only those that are not 0: (s, columns, P), and which they are."""
+
+    which: Any
+    value: Any
+
+    @staticmethod
+    def of(rhs: Any) -> _Columns:
+        which = np.flatnonzero(rhs.any((0, 2)))
+        return _Columns(which, rhs[:, which])
+
+    def less(self, child: _Columns, upward: Any) -> _Columns:
+        """These, less what a child pushes up."""
+        if not len(child.which):
+            return self
+        pushed = multiply(upward, child.value)
+        which = np.union1d(self.which, child.which)
+        value = np.zeros((len(upward), len(which), pushed.shape[-1]), dtype=np.result_type(self.value, pushed))
+        value[:, np.searchsorted(which, self.which)] = self.value
+        value[:, np.searchsorted(which, child.which)] -= pushed
+        return _Columns(which, value)
 
 
 def multiply(a: Any, b: Any) -> Any:
@@ -148,11 +235,16 @@ def multiply(a: Any, b: Any) -> Any:
 
 
 def inverse(matrix: Any) -> Any:
-    """Inverses (s, s, P), in closed form for s of 1 and 2."""
+    """Inverses (s, s, P) of symmetric matrices, in closed form for s of 1 and 2."""
     if len(matrix) == 1:
         return 1.0 / matrix
     if len(matrix) == 2:
-        (a, b), (c, d) = matrix
-        determinant = a * d - b * c
-        return np.stack([np.stack([d, -b]), np.stack([-c, a])]) / determinant
+        a, b, d = matrix[0, 0], matrix[0, 1], matrix[1, 1]
+        over = 1.0 / (a * d - b * b)
+        result = np.empty(matrix.shape, dtype=over.dtype)
+        np.multiply(d, over, out=result[0, 0])
+        np.multiply(a, over, out=result[1, 1])
+        np.multiply(b, -over, out=result[0, 1])
+        result[1, 0] = result[0, 1]
+        return result
     return _stacked(np.linalg.inv, matrix)

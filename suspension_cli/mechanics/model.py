@@ -69,6 +69,11 @@ class LinearModel:
         return 6 * (self.body.index(body) + 1) + DOFS.index(dof)
 
     @cached_property
+    def prepared(self) -> dict[int, Any]:
+        """What a solver works out once for each block and keeps here for its next call."""
+        return {}
+
+    @cached_property
     def blocks(self) -> tuple[Index, ...]:
         """Groups of coordinates that do not couple: the connected parts of the graph of non-zero elements.
 

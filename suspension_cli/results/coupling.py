@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.analysis import builds
-from suspension_cli.analysis.coupling import UNITS, Axis, Sweep
+from suspension_cli.analysis.coupling import UNITS, Axis, Sweep, scale_name
 from suspension_cli.design.scene import Array
 from suspension_cli.results import open_results, scale
 
@@ -49,10 +49,10 @@ class Coupling:
 def fill(group: h5py.Group, job: Sweep) -> None:
     """What stands beside the columns: axes, frequencies and the question.
 
-    The columns have one row a build; `axis_order` names the axes that their product runs over, the last turning fastest.
+    The columns have the axes that `axis_order` names, then that of frequency.
     """
     for axis in job.axes:
-        scale(group, f"axis {axis.name}".replace("/", "_"), np.array(axis.values), UNITS.get(axis.name, "SI"))
+        scale(group, scale_name(axis.name), np.array(axis.values), UNITS.get(axis.name, "SI"))
     scale(group, "frequency", np.array(job.question.frequency), "Hz")
     group.attrs["axis_order"] = [axis.name for axis in job.axes]
     group.attrs["status_meaning"] = list(builds.STATUS)
@@ -71,13 +71,11 @@ def load(path: Path | str) -> Coupling:
 def read(group: Any) -> Coupling:
     """A finished sweep from its group."""
     names = [str(name) for name in group.attrs["axis_order"]]
-    axes = tuple(Axis(name, tuple(group[f"axis {name}".replace("/", "_")][:].tolist())) for name in names)
-    shape = tuple(len(axis.values) for axis in axes)
-    frequency = group["frequency"][:]
+    axes = tuple(Axis(name, tuple(group[scale_name(name)][:].tolist())) for name in names)
     return Coupling(
         axes=axes,
-        frequency=frequency,
-        ratio=group["ratio"][:].reshape(*shape, len(frequency)),
-        status=group["status"][:].reshape(shape),
+        frequency=group["frequency"][:],
+        ratio=group["ratio"][:],
+        status=group["status"][:],
         **{name: str(group.attrs[name]) for name in ("wire", "hold", "input", "over", "under")},
     )

@@ -1,0 +1,191 @@
+"""What README.md and docs/ say is so: commands run, links lead somewhere, keys and datasets are those of the program."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import click
+import h5py
+import pytest
+from commandline import run
+
+from suspension_cli.cli.main import COMMANDS, main
+from suspension_cli.design import schema
+
+ROOT = Path(__file__).parent.parent
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TEXT = {document.name: document.read_text() for document in DOCUMENTS}
+
+TABLES = {
+    "[design]": [schema.Header],
+    "[constants]": [schema.Constants],
+    "[materials.NAME]": [schema.Material],
+    "[[stage]]": [schema.Stage],
+    "body": [schema.Body],
+    "[stage.wires]": [schema.WireSet],
+    "[stage.blades]": [schema.BladeSet],
+    "[[stage.wire]]": [schema.Wire],
+    "[[stage.blade]]": [schema.Blade],
+    "[[stage.spring]]": [schema.Spring],
+    "[stage.damping]": [schema.Damping],
+    "[support]": [schema.Support],
+    "[[control.loop]]": [schema.Loop],
+    "[[perturbation]]": [schema.Perturbation],
+    "[[tolerance.wire]]": [schema.WireTolerance, schema.BodyTolerance, schema.BladeTolerance],
+}
+"""Heading of docs/design-file.md to the types that it describes."""
+
+MAKES = {
+    "modes": ["modes", "configs/double.toml"],
+    "response": ["response", "configs/double.toml", "--frequency", "1,2"],
+    "xcouple": ["xcouple", "configs/husman2000/figure6.toml", "--sweep", "k=1,1.1", "--workers", "1"],
+    "tolerance": ["tolerance", "configs/triple-tolerance.toml", "--builds", "3", "--workers", "1"],
+    "damp": ["damp", "configs/triple-damped.toml", "--frequency", "1,2", "--duration", "1"],
+    "statespace": ["export", "configs/double.toml", "--format", "hdf5"],
+    "zpk": ["export", "configs/double.toml", "--format", "zpk", "--input", "support.x", "--output", "test.x"],
+}
+"""Group of a results file to a command that writes it."""
+
+
+def blocks(text: str, language: str) -> list[list[str]]:
+    """Lines of the fenced blocks of one language."""
+    return [block.splitlines() for block in re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)]
+
+
+def commands(lines: list[str]) -> list[str]:
+    """The lines of a block that call pendsus."""
+    return [line for line in lines if re.match(r"(\.venv/bin/)?pendsus ", line)]
+
+
+CALLS = [(name, block, n) for name, text in TEXT.items() for block in map(commands, blocks(text, "sh")) for n in range(len(block))]
+
+
+def sections(name: str) -> dict[str, str]:
+    """Headings of the second level, without backticks, and what stands under them."""
+    parts = re.split(r"^## (.*)\n", TEXT[name], flags=re.MULTILINE)[1:]
+    return {head.replace("`", ""): body for head, body in zip(parts[::2], parts[1::2], strict=True)}
+
+
+def rows(body: str) -> list[list[str]]:
+    """Cells of all table rows of a section that name something in backticks first."""
+    return [[cell.strip() for cell in re.split(r"(?<!\\)\|", row)] for row in re.findall(r"^\|(.*)\|$", body, re.MULTILINE) if row.lstrip().startswith("`")]
+
+
+def named(cell: str) -> list[str]:
+    """Everything in backticks."""
+    return re.findall(r"`([^`]*)`", cell)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder to run in, with the designs that we ship."""
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def called(line: str) -> None:
+    """Run one line of a block as a shell would, without its plot where it has one."""
+    words = shlex.split(line, comments=True)[1:]
+    target = words[words.index(">") + 1] if ">" in words else None
+    words = words[: words.index(">")] if target else words
+    plots = any(param.name == "plot" for param in main.get_command(click.Context(main), words[0]).params)
+    result = run(*words, *(["--no-plot"] if plots and "--plot" not in words else []))
+    assert result.exit_code == 0, f"{line}\n{result.stderr}"
+    assert "Traceback" not in result.stderr
+    if target:
+        Path(target).write_text(result.stdout)
+
+
+@pytest.mark.parametrize(("document", "block", "number"), CALLS, ids=[f"{name}: {block[n].partition('#')[0].strip()}" for name, block, n in CALLS])
+def test_every_line_runs(document, block, number, folder):
+    """Lines that make a file which this one reads are run first."""
+    line = block[number]
+    wanted = [word for word in shlex.split(line, comments=True) if word.endswith((".toml", ".h5")) and "=" not in word]
+    for earlier in block[:number]:
+        if any(not Path(word).exists() for word in wanted):
+            called(earlier)
+    called(line)
+
+
+def test_every_command_is_in_the_reference():
+    found = sections("commands.md")
+    assert [head.removeprefix("pendsus ") for head in found] == list(COMMANDS)
+    for head, body in found.items():
+        assert any(line.startswith(head) for block in blocks(body, "sh") for line in commands(block)), f"{head} has no example"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_options_in_the_reference_exist(name):
+    known = {option for param in main.get_command(click.Context(main), name).params for option in (*param.opts, *param.secondary_opts)}
+    body = sections("commands.md")[f"pendsus {name}"]
+    assert set(re.findall(r"`(--[a-z-]+)", body)) <= known | {"--fidelity"}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_somewhere(document):
+    for link in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
+        path, _, anchor = link.partition("#")
+        if "://" in link:
+            continue
+        target = document.parent / path if path else document
+        assert target.exists(), link
+        if anchor:
+            heads = re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)
+            assert anchor in [re.sub(r"[^\w -]", "", head).lower().replace(" ", "-") for head in heads], link
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_files_named_exist(document):
+    for name in re.findall(r"`((?:docs|tools|tests|configs|suspension_cli)/[^`\s*]+)`", document.read_text()):
+        assert (ROOT / name).exists(), name
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_designs_in_toml_are_tables_of_the_format(document):
+    """Every example in TOML parses, and its tables are known."""
+    import tomllib
+
+    for block in blocks(document.read_text(), "toml"):
+        assert set(tomllib.loads("\n".join(block))) <= set(schema.Design.__struct_fields__)
+
+
+@pytest.mark.parametrize("heading", TABLES)
+def test_keys_of_the_design_file(heading):
+    (body,) = [body for head, body in sections("design-file.md").items() if head.split(", ")[0] == heading]
+    keys = {key for kind in TABLES[heading] for key in kind.__struct_fields__}
+    assert {key for row in rows(body) for key in named(row[0])} == keys
+
+
+def test_every_table_of_the_design_file_is_described():
+    heads = [head.split(", ")[0] for head in sections("design-file.md")]
+    assert set(TABLES) <= set(heads)
+    described = {re.sub(r"[][]", "", head).split(".")[0] for head in heads}
+    assert set(schema.Design.__struct_fields__) <= described
+
+
+def datasets(group: h5py.Group) -> list[h5py.Dataset]:
+    """All datasets of a group and of the groups in it."""
+    return [found for item in group.values() for found in (datasets(item) if isinstance(item, h5py.Group) else [item])]
+
+
+@pytest.mark.parametrize("group", MAKES)
+def test_datasets_of_a_results_file(group, folder):
+    """Names, units and axes of a group are those of docs/format.md, and none is left out."""
+    called(shlex.join(["pendsus", *MAKES[group], "--out", "out"]))
+    (path,) = (folder / "out").glob("*.h5")
+    described = {name: row[1:3] for row in rows(sections("format.md")[f"Group {group}"]) for name in named(row[0])}
+    found = set()
+    with h5py.File(path) as file:
+        assert set(file[group].attrs) <= set(named(TEXT["format.md"]))
+        for dataset in datasets(file[group]):
+            name = re.sub("^axis .*", "axis NAME", dataset.name.rsplit("/", 1)[1])
+            found.add(name)
+            axes, units = described[name]
+            assert dataset.attrs["units"] == units or units == "its own", name
+            labels = ", ".join(axis.label for axis in dataset.dims)
+            assert re.sub("(axis [^,]*(, )?)+", r"axis NAME, ...\2", labels) == axes, name
+            assert dataset.is_scale or all(len(axis) for axis in dataset.dims), name
+    assert found == set(described)
