@@ -66,7 +66,8 @@ def on_cluster(job: Any, ranges: list[tuple[int, int]], client: Any) -> Generato
     sent = client.scatter(job, broadcast=True, hash=False)
     waiting = iter(ranges)
     most = 4 * max(1, sum(client.nthreads().values()))
-    running = as_completed([client.submit(_compute, sent, part, pure=False) for part in itertools.islice(waiting, most)])
+    first = [client.submit(_compute, sent, part, pure=False) for part in itertools.islice(waiting, most)]
+    running = as_completed(first, loop=client.loop)
     for future in running:
         yield future.result()
         for part in itertools.islice(waiting, 1):

@@ -250,7 +250,6 @@ def test_impulse_starts_with_the_momentum():
     np.testing.assert_allclose(control.impulse(system, time)[:, 0, 0], time / 3.0, rtol=1e-5)
 
 
-@pytest.mark.xfail(strict=True, reason="LinearModel.blocks follows a one-sided coupling from its row only: joined |= joined.T is missing")
 def test_a_damper_from_one_block_into_another():
     closed = plant(plants.raw("triple"), [loop("upper.x", "upper.force_y", damper=20.0)])
     inputs, outputs = plants.drives(closed.model, "support.x"), plants.motions(closed.model, "test.y")

@@ -96,7 +96,6 @@ def test_zero_pole_gain(origin, tmp_path):
                 assert pair["zeros"].attrs["units"] == pair["poles"].attrs["units"] == "rad/s"
 
 
-@pytest.mark.xfail(strict=True, reason="python-control takes no names with dots: they have to be replaced")
 def test_python_control(made, origin, tmp_path):
     control = pytest.importorskip("control")
     path = tmp_path / "triple-control.json"

@@ -15,8 +15,7 @@ from suspension_cli.analysis import export, modes, response, signals, statespace
 from suspension_cli.analysis.control import poles
 from suspension_cli.models import fidelity
 
-EPS = 2.0**-53
-LIMIT = 1024
+ROUNDING = 1e-12
 FRAME = {"stiffness": {"x": 1e6, "y": 2e6, "z": 3e6, "roll": 1e5}, "mass": 80.0, "inertia": [3.0, 4.0, 5.0], "damping": {"z": 100.0, "x": 30.0}}
 
 
@@ -53,12 +52,12 @@ def ends(model):
 
 
 def error_of(system, model, frequency, inputs, outputs):
-    """Relative error of each response, with what no solution can avoid taken off: LIMIT roundings of every element of K, C and M."""
+    """Relative errors; and 0 instead where they are no more than what an error of ROUNDING in each element of K, C and M makes."""
     compared = exact.compare(model, frequency, inputs, outputs)
     found = system.at(frequency)
     assert (found[compared.exact == 0] == 0).all()
     error = np.abs(found - compared.exact) / np.where(compared.exact == 0, 1, np.abs(compared.exact))
-    return np.where(error <= LIMIT * EPS * compared.condition, 0.0, error), error
+    return np.where(error <= ROUNDING * compared.condition, 0.0, error), error
 
 
 @pytest.mark.parametrize("name", MODELS)

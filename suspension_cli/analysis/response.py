@@ -105,8 +105,8 @@ def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], 
         touched = np.flatnonzero(part.driven(moves, forces))
         count += 1
         seen = rows[np.ix_(watched, part.keep)] + rows[np.ix_(watched, part.drop)] @ part.recover.T
-        step = min(max(CHUNK // (len(part.keep) * len(touched)), 256), 4096)
-        for start in range(0, len(omega), step):
+        step = min(max(CHUNK // max(len(part.keep) * len(touched), 1), 256), 4096)
+        for start in range(0, len(omega) if len(part.keep) else 0, step):
             now = slice(start, start + step)
             x = part.solve(omega[now], moves[:, touched], forces[:, touched])
             _demand_finite(x, omega[now])

@@ -173,7 +173,8 @@ def _block(block: response.Block, moves: Array, forces: Array, rows: Array) -> _
         remedy = "give [support] a mass and inertia"
         raise InputError([Fault("control.loop", "a damper pushes a support structure without mass along what it does not sense", remedy)])
     solve = np.linalg.inv(np.concatenate([held @ c[np.ix_(light, light)], free @ k[np.ix_(light, light)]]))
-    follow = -solve @ np.concatenate([held @ c[np.ix_(light, heavy)], free @ k[np.ix_(light, heavy)]])
+    given = np.concatenate([held @ c[np.ix_(light, heavy)], free @ k[np.ix_(light, heavy)]])
+    follow = _sum(np.zeros_like(given), -solve, given)
     # coordinates q = of_z z + of_p p + of_u u
     of_z, of_p, of_u = np.zeros((len(k), len(heavy))), np.zeros((len(k), rank)), np.zeros((len(k), moves.shape[1]))
     of_z[heavy], of_z[light] = np.eye(len(heavy)), follow

@@ -105,7 +105,7 @@ def solve_nodes(diagonal: list[Any], links: list[Any], rhs: list[Any], structure
     (c, k, P) array
     """
     if len(structure.nodes) < 2:
-        result = np.empty((len(diagonal[0]), rhs[0].shape[1], diagonal[0].shape[-1]), dtype=np.result_type(diagonal[0], rhs[0]))
+        result: Any = np.empty((len(diagonal[0]), rhs[0].shape[1], diagonal[0].shape[-1]), dtype=np.result_type(diagonal[0], rhs[0]))
         result[structure.nodes[0]] = dense(diagonal[0], np.broadcast_to(rhs[0], (*rhs[0].shape[:2], diagonal[0].shape[-1])))
         return result
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a singular part: not finite, hence doubtful

@@ -82,6 +82,7 @@ class LinearModel:
         joined = np.zeros((self.size, self.size), dtype=bool)
         for matrix in (self.mass, self.stiffness, self.damping, *(() if self.lossy is None else (self.lossy,))):
             joined |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
+        joined |= joined.T  # a damper may sense one body and push another
         left = set(range(6, self.size))
         found: list[Index] = []
         while left:

@@ -82,12 +82,16 @@ def _fill(file: h5py.File, made: Exported) -> None:
 
 
 def python_control(path: str | Path) -> Any:
-    """A `control.StateSpace` from a file that ``pendsus export --format control`` wrote (needs python-control)."""
+    """A `control.StateSpace` from a file that ``pendsus export --format control`` wrote (needs python-control).
+
+    Names have an underscore for every dot, which python-control does not take.
+    """
     import control  # pyright: ignore[reportMissingImports]
 
     given = json.loads(Path(path).read_text())
     matrices = [np.array(given[name]).reshape(shape) for name, shape in _shapes(given).items()]
-    return control.ss(*matrices, states=given["state"], inputs=given["input"], outputs=given["output"])
+    states, inputs, outputs = ([name.replace(".", "_") for name in given[key]] for key in ("state", "input", "output"))
+    return control.ss(*matrices, states=states, inputs=inputs, outputs=outputs)
 
 
 def _shapes(given: dict[str, Any]) -> dict[str, tuple[int, int]]:
