@@ -28,7 +28,7 @@ import numpy as np
 
 from suspension_cli import __version__
 from suspension_cli.analysis.builds import Column
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import Fault, InputError, PendsusError
 from suspension_cli.results import Provenance, root_attributes, writing_to
 
 UNIT = 64
@@ -167,6 +167,7 @@ def _work(part: tuple[int, int]) -> tuple[tuple[int, int], dict[str, Any]]:
 
 def _on_processes(job: Job, ranges: list[tuple[int, int]], workers: int) -> Results:
     from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+    from concurrent.futures.process import BrokenProcessPool
     from multiprocessing import get_context
 
     waiting = iter(ranges)
@@ -180,6 +181,8 @@ def _on_processes(job: Job, ranges: list[tuple[int, int]], workers: int) -> Resu
                     yield future.result()
                     with _uninterrupted():
                         running |= {pool.submit(_work, part) for part in itertools.islice(waiting, 1)}
+        except BrokenProcessPool:
+            raise PendsusError("a worker died, out of memory perhaps; give fewer --workers or a smaller --chunk and go on with --resume") from None
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise

@@ -7,7 +7,7 @@ import itertools
 from collections.abc import Generator, Iterator
 from typing import Any
 
-from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.errors import Fault, InputError, PendsusError, shown
 
 PATIENCE = 5.0
 """Seconds in which a scheduler must answer and have a worker."""
@@ -32,6 +32,10 @@ def connected(scheduler: str) -> Iterator[Any]:
     except ImportError:
         raise InputError([Fault("--scheduler", "needs Dask", "pip install 'pendsus[cluster]'", shown(scheduler))]) from None
     import asyncio
+    import logging
+
+    for name in ("distributed", "distributed.client"):  # what matters is raised
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
     async def knock() -> None:
         (await comm.connect(scheduler, timeout=PATIENCE)).abort()
@@ -60,7 +64,26 @@ def on_cluster(job: Any, ranges: list[tuple[int, int]], client: Any) -> Generato
         Sent to the workers once.
     ranges : list of (start, stop)
     client : distributed.Client
+
+    Raises
+    ------
+    PendsusError
+        If the scheduler is lost, or chunk after chunk kills its worker.
     """
+    from concurrent.futures import CancelledError
+
+    from distributed import KilledWorker  # pyright: ignore[reportMissingImports]
+    from distributed.comm import CommClosedError  # pyright: ignore[reportMissingImports]
+
+    try:
+        yield from _computed(job, ranges, client)
+    except (CancelledError, CommClosedError) as error:
+        raise PendsusError(f"the scheduler was lost ({str(error).splitlines()[0]}); start it again and go on with --resume") from None
+    except KilledWorker:
+        raise PendsusError("the cluster's workers die, out of memory perhaps; give a smaller --chunk and go on with --resume") from None
+
+
+def _computed(job: Any, ranges: list[tuple[int, int]], client: Any) -> Iterator[tuple[tuple[int, int], dict[str, Any]]]:
     from distributed import as_completed  # pyright: ignore[reportMissingImports]
 
     sent = client.scatter(job, broadcast=True, hash=False)

@@ -87,7 +87,7 @@ def test_on_resonance(kind, loss):
     """At the frequencies that `modes` tells, where a lossless system has no digits but its lossy twin has all but those that Q takes."""
     model = plants.model(kind, "string", loss=loss)
     found = modes.solve(model)
-    compared = assert_exact(model, found.frequency[::2])
+    compared = assert_exact(model, found.frequency[::2] * (1.0 if loss else 1 + 1e-13))  # not on a pole to the last bit
     if loss:
         worst = compared.error.reshape(len(compared.error), -1).max(1)
         assert np.median(worst) < 1e-9

@@ -227,6 +227,10 @@ def _feed_back(a: Array, b: Array, c: Array, d: Array, into: int, out: int, filt
     return np.concatenate([top, bottom]), drive, np.concatenate([c + feed @ from_x, feed @ from_f], axis=1), d + feed @ from_e
 
 
+NAMED = 0.2
+"""Share of a pole's participation that mechanical states must have for it to be named after one of them."""
+
+
 @dataclass(frozen=True)
 class Poles:
     """Poles of a closed loop, one of each conjugate pair, ascending in frequency.
@@ -255,12 +259,18 @@ class Poles:
 
 
 def poles(system: statespace.StateSpace) -> Poles:
-    """Poles of a state space, and the state that each lives in (largest participation)."""
+    """Poles of a state space, and the state that each lives in (largest participation).
+
+    A pole of which the mechanics holds a fifth is named after the mechanics, not after a filter.
+    """
     found: Any = np.linalg.eig(system.a)
     values, right = found.eigenvalues.astype(complex), found.eigenvectors
     participation = np.abs(right * np.linalg.pinv(right).T)
     keep = values.imag >= 0
     order = np.argsort(np.abs(values[keep]), kind="stable")
+    mechanical = np.array([not name.startswith("loop ") for name in system.state])[:, None]
+    held = (participation * mechanical).sum(0) / participation.sum(0)
+    participation = np.where(mechanical | (held < NAMED), participation, 0.0)
     lead = participation[:, keep].argmax(0)[order]
     return Poles(values[keep][order], tuple(system.state[n].removesuffix(" rate") for n in lead))
 

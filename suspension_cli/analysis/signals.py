@@ -124,7 +124,7 @@ def row(signal: Signal, model: LinearModel) -> Array:
         name = f"frame.{DOFS[signal.dof]}"
         if name not in model.coordinate:
             raise InputError(
-                [Fault("signal", "the support structure is rigid in this direction", "give it a stiffness in [support.stiffness]", shown(signal.text))]
+                [Fault("--output", "the support structure is rigid in this direction", "give it a stiffness in [support.stiffness]", shown(signal.text))]
             )
         result[..., model.coordinate.index(name)] = 1.0
         return result

@@ -193,7 +193,7 @@ def _block(block: response.Block, moves: Array, forces: Array, rows: Array) -> _
     seen = rows[:, block.keep] + rows[:, block.drop] @ block.recover.real.T
     at_once = block.yielding.real @ (forces[block.drop] - block.pulled.real @ moves)
     seen_z, seen_p = seen @ of_z, seen @ of_p
-    leading = light[qr(held, mode="r", pivoting=True)[1][:rank]] if rank else light[:0]
+    leading = light[qr(held, mode="r", pivoting=True)[-1][:rank]] if rank else light[:0]
     return _Part(
         a,
         b,

@@ -73,6 +73,21 @@ def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.V
     return choice, model
 
 
+def imperfect(fidelity: str) -> str:
+    """The rung for imperfect builds, which only the general model has.
+
+    Raises
+    ------
+    InputError
+        If another is asked for.
+    """
+    from suspension_cli.errors import Fault, InputError, shown
+
+    if fidelity not in ("auto", "string"):
+        raise InputError([Fault("--fidelity", "does not hold for imperfect builds", "take auto or string", shown(fidelity))])
+    return "string"
+
+
 def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
     """What a results file says of where it comes from."""
     from suspension_cli.results import Provenance

@@ -38,6 +38,7 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
             voice.say(f"{source.design.design.name}: {choice.level}: {choice.reason}")
         else:
             click.echo(("\n" if number else "") + table(source, choice, modes))
+        _warn_of_series(source, choice, modes, voice)
         for label, rate in zip(modes.label, modes.growth_rate, strict=True):
             if rate > 0:
                 voice.warn(f"{source.design.design.name} is unstable: {label} grows at {rate:.4g} 1/s")
@@ -45,6 +46,18 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
         import json
 
         click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
+
+
+def _warn_of_series(source: Source, choice: Choice, modes: Modes, voice: options.Voice) -> None:
+    """Say with a number what blades in series with angled wires cost, where that is more than the tolerance."""
+    from suspension_cli.analysis import rungs
+
+    apart = rungs.series_error(source.design, modes) if choice.level == "force" else None
+    if apart is not None and abs(apart.share) > options.TOLERANCE:
+        voice.warn(
+            f"{source.design.design.name}: blades under angled wires are taken in series with them: "
+            f"{apart.label} {apart.quick:.4g} Hz is {apart.general:.4g} Hz with --fidelity string ({100 * apart.share:+.2g} %)"
+        )
 
 
 def _read_all(files: tuple[str, ...], overrides: tuple[str, ...]) -> list[Source]:

@@ -14,6 +14,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 LEVELS = ("auto", "closed-form", "force", "string")
 """As `models.fidelity.LEVELS`, which is not imported just to print help."""
 
+TOLERANCE = 1e-3
+"""Relative difference between two rungs that is worth a warning."""
+
 designs = click.argument("designs", nargs=-1, required=True, metavar="DESIGN...")
 design = click.argument("design", metavar="DESIGN")
 overrides = click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Override a value, e.g. stage.test.wires.d=0.002 (repeatable).")

@@ -35,7 +35,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice, model = analyses.modelled(source, "string", setting["allow_unstable"], voice)
+        choice, model = analyses.modelled(source, analyses.imperfect(setting["fidelity"]), setting["allow_unstable"], voice)
         job = Tolerances(source.text, setting["builds"], setting["seed"], analyses.question(model, setting), setting["allow_unstable"])
         voice.detail(f"{len(job.factors)} numbers scatter")
     path = options.folder(out) / f"{source.design.design.name}-tolerance.h5"

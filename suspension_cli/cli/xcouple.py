@@ -48,7 +48,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides, extra=_parameter_names())
     with source.faults():
-        choice, model = analyses.modelled(source, "string", setting["allow_unstable"], voice)
+        choice, model = analyses.modelled(source, analyses.imperfect(setting["fidelity"]), setting["allow_unstable"], voice)
         question = analyses.question(model, setting)
     if setting["matrix"]:
         _matrix(source, choice, model, question, setting, out, as_json, voice)

@@ -43,10 +43,10 @@ def _impulse(axes: Axes, damped: Damped) -> None:
     axes.plot(damped.time, damped.undamped, color=PALE, label="loops open", linewidth=0.7)
     axes.plot(damped.time, damped.impulse, color=PALETTE[0], label="loops closed")
     axes.set_xlabel("time (s)")
-    axes.set_ylabel(f"{damped.output} after a unit impulse of {damped.drive} (SI)")
-    axes.yaxis.label.set_fontsize(7)
-    axes.margins(x=0)
-    axes.legend()
+    axes.set_ylabel(f"{damped.output} (SI)")
+    axes.set_title(f"after a unit impulse of {damped.drive}", fontsize=7.5, loc="left")
+    axes.margins(x=0, y=0.2)
+    axes.legend(ncols=2, loc="upper right", fontsize=6.5)
 
 
 def _gains(axes: Axes, damped: Damped) -> None:
