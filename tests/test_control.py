@@ -7,7 +7,7 @@ import plants
 import pytest
 import scenes
 
-from suspension_cli.analysis import control, modes
+from suspension_cli.analysis import control, modes, poles
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.derive import com_positions
 from suspension_cli.errors import InputError
@@ -52,7 +52,7 @@ def test_a_damped_pendulum_by_hand(c):
     closed = simple(c)
     system = control.closed_loop(closed, plants.drives(closed.model, "support.x"), plants.motions(closed.model, "test.x"))
     expected = np.roots([mass, c, mass * 9.81 / length])
-    found = control.poles(system)
+    found = poles.poles(system)
     expected = expected[expected.imag >= 0]
     np.testing.assert_allclose(np.sort_complex(found.value), np.sort_complex(expected), rtol=1e-10)
     assert set(found.state) == {"test.x"}
@@ -138,7 +138,7 @@ def characteristic(closed, s):
 def test_poles_are_zeros_of_the_determinant(name):
     closed = built(name)
     system = control.closed_loop(closed, [], plants.all_motions(closed.model))
-    found = control.poles(system)
+    found = poles.poles(system)
     order = sum(len(control.roots(one.poles)) for one in closed.loops)
     assert len(system.a) == 2 * (closed.model.size - 6 - closed.model.massless.sum()) + order
     for pole in found.value:
@@ -157,7 +157,7 @@ def gains_at(closed, s):
 def test_poles_where_the_loop_gain_is_minus_one(name):
     """det(1 + H G) = 0 for every pole that the loops moved."""
     closed = built(name)
-    found = control.poles(control.closed_loop(closed, [], plants.all_motions(closed.model))).value
+    found = poles.poles(control.closed_loop(closed, [], plants.all_motions(closed.model))).value
     bare = 2 * np.pi * modes.solve(closed.model).frequency
 
     def determinant(s):
@@ -238,7 +238,7 @@ def test_impulse_response_is_the_inverse_transform():
     frequency = np.arange(count // 2 + 1) / duration
     value = control.closed(closed, frequency, inputs, outputs).value[:, :, 0]
     expected = np.fft.irfft(value, axis=0) * count / duration
-    found = control.impulse(control.closed_loop(closed, inputs, outputs), np.arange(1500) / (2 * highest))[:, :, 0]
+    found = poles.impulse(control.closed_loop(closed, inputs, outputs), np.arange(1500) / (2 * highest))[:, :, 0]
     assert (np.abs(found - expected[:1500]).max(0) < 1e-4 * np.abs(found).max(0)).all()
     assert np.abs(expected[-10:]).max() < 1e-4 * np.abs(found).max()  # it has died away
 
@@ -247,7 +247,7 @@ def test_impulse_starts_with_the_momentum():
     closed = simple(0.4)
     system = control.closed_loop(closed, plants.drives(closed.model, "test.force_x"), plants.motions(closed.model, "test.x"))
     time = np.array([0.0, 1e-6])
-    np.testing.assert_allclose(control.impulse(system, time)[:, 0, 0], time / 3.0, rtol=1e-5)
+    np.testing.assert_allclose(poles.impulse(system, time)[:, 0, 0], time / 3.0, rtol=1e-5)
 
 
 def test_a_damper_from_one_block_into_another():

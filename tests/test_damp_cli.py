@@ -8,7 +8,7 @@ import plants
 import pytest
 from commandline import assert_refused, run, strict_json, written
 
-from suspension_cli.analysis import control
+from suspension_cli.analysis import control, poles
 from suspension_cli.results import damp as files
 from suspension_cli.results import open_results
 
@@ -101,7 +101,7 @@ def test_results_are_those_of_the_library(done):
     np.testing.assert_array_equal(loaded.gain, answer.loop_gain)
     np.testing.assert_array_equal(loaded.noise, answer.noise[:, 0])
     system = control.closed_loop(closed, inputs, outputs)
-    np.testing.assert_allclose(loaded.impulse, control.impulse(system, loaded.time)[:, 0, 0], rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(loaded.impulse, poles.impulse(system, loaded.time)[:, 0, 0], rtol=1e-12, atol=1e-18)
 
 
 def test_options_of_the_run(tmp_path):

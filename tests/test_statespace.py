@@ -12,7 +12,8 @@ import scenes
 from scipy.linalg import eigh
 
 from suspension_cli.analysis import export, modes, response, signals, statespace
-from suspension_cli.analysis.control import poles
+from suspension_cli.analysis.poles import poles
+from suspension_cli.mechanics import condensed
 from suspension_cli.models import fidelity
 
 ROUNDING = 1e-12
@@ -140,7 +141,7 @@ def test_isolation_is_the_relative_degree():
 def test_loss_becomes_the_damping_of_each_mode(kind, level):
     model = plants.model(kind, level, loss=True)
     found = modes.solve(model)
-    for block in response.condensed_blocks(model):
+    for block in condensed.condensed_blocks(model):
         mass, stiffness, loss = block.mass[:, 6:], block.stiffness[:, 6:].real, block.stiffness[:, 6:].imag
         damping = statespace.equivalent_damping(mass, stiffness, loss)
         np.testing.assert_allclose(damping, damping.T, atol=1e-12 * np.abs(damping).max())

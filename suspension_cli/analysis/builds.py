@@ -12,10 +12,10 @@ import numpy as np
 
 from suspension_cli.analysis.modes import RIGID
 from suspension_cli.analysis.signals import Signal, row
-from suspension_cli.conventions import PARITY_X, PARITY_Y
+from suspension_cli.conventions import PARITY_X, PARITY_Y, SUPPORT
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
-from suspension_cli.mechanics import assemble
+from suspension_cli.mechanics import assemble, elimination
 from suspension_cli.mechanics.blocks import mirrored
 from suspension_cli.mechanics.equilibrium import CONVERGED, solve
 from suspension_cli.mechanics.model import LinearModel
@@ -27,6 +27,8 @@ STATUS = ("good", "a wire is slack", "no equilibrium near the nominal pose", "th
 """What the status of a build means."""
 NOTHING = complex(np.nan, np.nan)
 """Response of a build that failed."""
+SYSTEMS = 4096
+"""Systems (builds times frequencies) solved at once, at most, unless there are more builds."""
 
 
 @dataclass(frozen=True)
@@ -122,24 +124,96 @@ def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: li
         Hz.
     inputs, outputs : list of Signal
     """
-    model = builds.model
-    full = model.stiffness if model.lossy is None else model.lossy
+    model, acts = builds.model, np.array([signal.acts for signal in inputs])
     rows = np.stack([row(signal, model) for signal in outputs], axis=-2)  # (p, o, N)
     drives = np.stack([row(signal, model) for signal in inputs], axis=-1)  # (p, N, i)
-    acts = np.array([signal.acts for signal in inputs])
     moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives[..., 6:, :], 0.0)
-    result = np.empty((*builds.status.shape, len(frequency), len(outputs), len(inputs)), dtype=complex)
-    for n, omega in enumerate(2 * np.pi * np.asarray(frequency)):
-        dynamic = full[..., 6:, :] - omega**2 * model.mass[..., 6:, :]
-        if model.damping.any():
-            dynamic = dynamic + 1j * omega * model.damping[..., 6:, :]
-        x = solved(dynamic[..., 6:], forces - dynamic[..., :6] @ moves)
-        result[..., n, :, :] = rows[..., 6:] @ x + rows[..., :6] @ moves
-    result[builds.status != GOOD] = NOTHING
+    omega = 2 * np.pi * np.asarray(frequency)
+    result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
+    good = np.flatnonzero(builds.status == GOOD)
+    step = max(1, SYSTEMS // max(len(good), 1))
+    systems = _Systems.of(model, good)
+    for start in range(0, len(omega) if len(good) else 0, step):
+        now = slice(start, start + step)
+        x = systems.solve(omega[now], moves[good], forces[good])
+        result[good, now] = rows[good][:, None, :, 6:] @ x + (rows[good][..., :6] @ moves[good])[:, None]
     for o, out in enumerate(outputs):
         for i, into in enumerate(inputs):
             result[..., o, i] = np.where((forbidden(builds.mirrors, out, into) & (builds.status == GOOD))[..., None], 0.0, result[..., o, i])
     return result
+
+
+@dataclass(frozen=True)
+class _Systems:
+    """K + i omega C - omega^2 M of builds, coordinates grouped by body; those without mass or damping (tips of blades) are eliminated.
+
+    Attributes
+    ----------
+    keep, drop : (c,) and (m,) int arrays
+        Coordinates of the model, the support's left out: parents before children, tips of blades with the stage that hangs on them.
+    structure : Tree
+        Of the coordinates kept.
+    stiffness, mass, damping : (p, c, 6 + c) arrays
+        Against the support's coordinates and their own.
+    yielding, follow : (p, m, m), (p, m, 6 + c) arrays
+        K_bb^-1 of the coordinates dropped, and K_bb^-1 times their stiffness against the others.
+    """
+
+    keep: Any
+    drop: Any
+    structure: elimination.Tree
+    stiffness: Any
+    mass: Any
+    damping: Any
+    yielding: Any
+    follow: Any
+
+    @staticmethod
+    def of(model: LinearModel, which: Any) -> _Systems:
+        """The systems of some builds."""
+        owner, known = [name.split(".", 1)[0] for name in model.coordinate], (SUPPORT, "frame", *model.body)
+        order = np.argsort([known.index(name) for name in owner], kind="stable")[6:]
+        damped = (model.damping != 0).any(-1).reshape(-1, model.size).any(0)
+        light = (model.massless & ~damped)[order]
+        keep, drop = order[~light], order[light]
+        both = np.concatenate([np.arange(6), keep])
+
+        def some(matrix: Any, rows: Any, columns: Any) -> Any:
+            whole = np.broadcast_to(matrix, (*model.batch, model.size, model.size))
+            return whole[which[:, None, None], rows[:, None], columns]
+
+        full = model.stiffness if model.lossy is None else model.lossy
+        stiffness, mass, damping = (some(matrix, keep, both) for matrix in (full, model.mass, model.damping))
+        yielding = solved(some(full, drop, drop), np.eye(len(drop)))
+        follow = yielding @ some(full, drop, both)
+        if len(drop):
+            stiffness = stiffness - some(full, keep, drop) @ follow
+            stiffness[..., 6:] = (stiffness[..., 6:] + np.swapaxes(stiffness[..., 6:], -1, -2)) / 2
+        coupled = np.logical_or.reduce([(matrix[..., 6:] != 0).any(0) for matrix in (stiffness, mass, damping)])
+        structure = elimination.tree([owner[n] for n in keep], coupled) or elimination.Tree((np.arange(len(keep)),), (-1,))
+        return _Systems(keep - 6, drop - 6, structure, stiffness, mass, damping, yielding, follow)
+
+    def solve(self, omega: Array, moves: Any, forces: Any) -> Any:
+        """Coordinates (p, f, n, i), in the model's order, for motions (p, 6, i) of the support and forces (p, n, i)."""
+        dynamic = self.stiffness[:, None] - (omega**2)[:, None, None] * self.mass[:, None]
+        if self.damping.any():
+            dynamic = dynamic + (1j * omega)[:, None, None] * self.damping[:, None]
+        pushed = forces[:, self.keep] - np.swapaxes(self.follow[..., 6:], -1, -2) @ forces[:, self.drop]
+        right = pushed[:, None] - dynamic[..., :6] @ moves[:, None]
+        kept = self._kept(dynamic[..., 6:], right)
+        result = np.empty((*right.shape[:2], len(self.keep) + len(self.drop), right.shape[-1]), dtype=kept.dtype)
+        result[:, :, self.keep] = kept
+        given = np.concatenate([np.broadcast_to(moves[:, None], (*right.shape[:2], *moves.shape[1:])), kept], axis=-2)
+        result[:, :, self.drop] = (self.yielding @ forces[:, self.drop])[:, None] - self.follow[:, None] @ given
+        return result
+
+    def _kept(self, dynamic: Any, right: Any) -> Any:
+        """Solutions of systems (p, f, c, c) and right-hand sides (p, f, c, i)."""
+        count = right.shape[0] * right.shape[1]
+        parts = [np.moveaxis(part.reshape(count, *part.shape[2:]), 0, -1) for part in (dynamic, right)]
+        # never one system alone: sums over an axis of another kind may be rounded otherwise
+        together = [np.concatenate([part, part], axis=-1) if count == 1 else np.ascontiguousarray(part) for part in parts]
+        return np.moveaxis(elimination.solve(*together, self.structure), -1, 0)[:count].reshape(right.shape)
 
 
 def solved(matrix: Any, right: Any) -> Any:

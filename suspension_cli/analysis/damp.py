@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspension_cli.analysis import control, signals
-from suspension_cli.analysis.control import Margins, Poles
+from suspension_cli.analysis import control, poles, signals
+from suspension_cli.analysis.poles import Margins, Poles
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics.model import LinearModel
@@ -79,8 +79,8 @@ def solve(design: Design, model: LinearModel, output: str, drive: str, frequency
     everything = control.closed_loop(plant, [], _all_motions(model))
     open_plant = control.Plant(model, (), [], [], np.zeros((0, model.size)), np.zeros((0, model.size)))
     open_system = control.closed_loop(open_plant, [driven], [watched])
-    closed = control.poles(everything)
-    bare = control.poles(control.closed_loop(open_plant, [], _all_motions(model)))
+    closed = poles.poles(everything)
+    bare = poles.poles(control.closed_loop(open_plant, [], _all_motions(model)))
     fine = fine_grid(frequency, closed, bare)
     answer = control.closed(plant, frequency, [driven], [watched])
     gains = control.closed(plant, fine, [driven], [watched]).loop_gain
@@ -89,12 +89,12 @@ def solve(design: Design, model: LinearModel, output: str, drive: str, frequency
         loop=tuple(loop.name for loop in plant.loops),
         open=bare,
         closed=closed,
-        margin=tuple(control.margins(fine, gains[:, n]) for n in range(gains.shape[1])),
+        margin=tuple(poles.margins(fine, gains[:, n]) for n in range(gains.shape[1])),
         output=output,
         drive=drive,
         time=time,
-        impulse=control.impulse(closed_system, time)[:, 0, 0],
-        undamped=control.impulse(open_system, time)[:, 0, 0],
+        impulse=poles.impulse(closed_system, time)[:, 0, 0],
+        undamped=poles.impulse(open_system, time)[:, 0, 0],
         frequency=frequency,
         noise=answer.noise[:, 0],
         gain=answer.loop_gain,

@@ -25,6 +25,7 @@ from suspension_cli.analysis import response, signals
 from suspension_cli.analysis.signals import Signal
 from suspension_cli.design.scene import Array, Index
 from suspension_cli.errors import Fault, InputError
+from suspension_cli.mechanics import condensed
 from suspension_cli.mechanics.model import LinearModel
 
 
@@ -98,7 +99,7 @@ def assemble(model: LinearModel, drives: Array, inputs: list[Signal], rows: Arra
     c: list[Array] = []
     feed = rows[:, :6] @ moves
     names: list[str] = []
-    for block in response.condensed_blocks(model):
+    for block in condensed.condensed_blocks(model):
         if (not undriven and not block.driven(moves, forces).any()) or not rows[:, [*block.keep, *block.drop]].any():
             continue
         part = _block(block, moves, forces, rows)
@@ -145,7 +146,7 @@ class _Part:
     states: tuple[tuple[str, Index], ...]
 
 
-def _block(block: response.Block, moves: Array, forces: Array, rows: Array) -> _Part:
+def _block(block: condensed.Block, moves: Array, forces: Array, rows: Array) -> _Part:
     """One block; `moves` (6, i) and `forces` (N, i) are what unit inputs do, `rows` (o, N) the outputs.
 
     Coordinates b without mass that a damper holds (a support structure told by its stiffness alone) add momenta p of that damper:
@@ -209,7 +210,7 @@ def _sum(direct: Array, matrix: Array, shift: Array) -> Array:
     return np.where(np.abs(total) > 64 * np.finfo(float).eps * size, total, 0.0)
 
 
-def _equivalent(block: response.Block, mass: Array, heavy: Index, light: Index) -> Array:
+def _equivalent(block: condensed.Block, mass: Array, heavy: Index, light: Index) -> Array:
     """Viscous damping of a block's coordinates with mass, for the loss angles of all."""
     stiffness = block.stiffness[:, 6:]
     across = stiffness[np.ix_(light, heavy)]

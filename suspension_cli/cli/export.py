@@ -25,7 +25,7 @@ SUFFIX = {"mat": ".mat", "npz": ".npz", "hdf5": ".h5", "zpk": "-zpk.h5", "contro
 )
 @click.option("--input", "inputs", multiple=True, metavar="SIGNAL", help="Repeatable.  [default: the support's six motions and six forces on the first stage]")
 @click.option("--output", "outputs", multiple=True, metavar="SIGNAL", help="Repeatable.  [default: the six motions of the first and of the last stage]")
-@click.option("--loss/--no-loss", default=True, show_default=True, help="With loss angles as viscous damping of each mode, or without them.")
+@click.option("--loss/--no-loss", default=False, show_default=True, help="Whether loss angles go in, as viscous damping of each mode.")
 @options.allow_unstable
 @options.overrides
 @options.out
@@ -48,6 +48,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
         choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice)
+        lossy = model.lossy is not None
         if not setting["loss"]:
             model = dataclasses.replace(model, lossy=None)
         known = signals.bodies(model)
@@ -58,8 +59,10 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     path = options.folder(out) / f"{source.design.design.name}-statespace{SUFFIX[setting['form']]}"
     files.save(path, setting["form"], made, analyses.provenance(source, choice, sys.argv))
     voice.say(f"wrote {path}")
-    if model.lossy is not None:
-        voice.warn("loss angles went in as viscous damping of each mode: Q is right, isolation far above the modes is not (see the band, or give --no-loss)")
+    if lossy and setting["loss"]:
+        voice.warn("loss angles went in as viscous damping of each mode: Q is right, isolation far above the modes is not (see the band)")
+    elif lossy:
+        voice.warn("loss angles were left out: isolation is right, Q is infinite (with --loss it is the other way round)")
     if as_json:
         import json
 

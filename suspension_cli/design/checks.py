@@ -205,6 +205,10 @@ def _perturbation(design: Design, item: Perturbation, path: str) -> Iterator[Fau
 def _frame(support: Support) -> Iterator[Fault]:
     if all(getattr(support.stiffness, dof) is None for dof in DOFS):
         yield Fault("support.stiffness", "is rigid in every direction", "give z = ... (N/m), or leave [support] out")
+        return
+    for dof in DOFS:
+        if getattr(support.damping, dof) and getattr(support.stiffness, dof) is None:
+            yield Fault(f"support.damping.{dof}", "damps a rigid direction", f"give support.stiffness.{dof} too", shown(getattr(support.damping, dof)))
     if 0 < support.mass < LEAST_MASS:
         yield Fault("support.mass", "is too small for its motion to be computed", f"give 0, or at least {LEAST_MASS:g} kg", shown(support.mass))
     if any(0 < moment < LEAST_MASS for moment in support.inertia):

@@ -2,60 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from numpy.typing import NDArray
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import perturb, statics
-from suspension_cli.design.derive import SetGeometry, blade_loss, blade_stiffness, body_inertia, body_mass, com_offset, set_geometry, wire_loss, wire_stiffness
-from suspension_cli.design.scene import Array, Blades, Bodies, Scene, Springs, Wires
-from suspension_cli.design.schema import Blade, BladeSet, Design, Spring, Stage
+from suspension_cli.design.derive import SetGeometry, blade_loss, blade_stiffness, body_mass, com_offset, set_geometry, wire_loss, wire_stiffness
+from suspension_cli.design.parts import BladePart, StagePart, WirePart, packed
+from suspension_cli.design.scene import Array, Scene
+from suspension_cli.design.schema import Blade, BladeSet, Design, Stage
 from suspension_cli.errors import Fault, InputError
-
-
-@dataclass(frozen=True)
-class _Wire:
-    label: str
-    upper_point: Array
-    lower_point: Array
-    span: Array
-    stiffness: float
-    loss: float
-    blade: str | None
-    given: float | None
-    """Tension in the nominal pose that the design fixes, N."""
-    natural: bool
-    """Whether it is fixed by a natural length, so that the pose has to be solved for."""
-
-    @property
-    def direction(self) -> Array:
-        return self.span / np.linalg.norm(self.span)
-
-
-@dataclass(frozen=True)
-class _Blade:
-    label: str
-    tip: Array
-    axes: NDArray[np.bool_]
-    stiffness: Array
-    tip_mass: float
-    loss: float
-
-
-@dataclass
-class _Part:
-    """One stage on its way into a scene."""
-
-    stage: Stage
-    parent: int
-    offset: Array
-    """From the COM above to this COM, m."""
-    wires: list[_Wire] = field(default_factory=list)
-    blades: dict[str, _Blade] = field(default_factory=dict)
-    tension: Array = field(default_factory=lambda: np.zeros(0))
-    loads: dict[str, Array] = field(default_factory=dict)
 
 
 def expand(design: Design) -> Scene:
@@ -75,20 +31,20 @@ def expand(design: Design) -> Scene:
 def nominal(design: Design) -> Scene:
     """The scene of a design as drawn, without its imperfections."""
     numbers = {SUPPORT: 0} | {stage.name: n for n, stage in enumerate(design.stage, 1)}
-    parts: list[_Part] = []
+    parts: list[StagePart] = []
     for n, stage in enumerate(design.stage, 1):
         parent = n - 1 if stage.hangs_from is None else numbers[stage.hangs_from]
         parts.append(_part(design, stage, parent))
     faults = _balance(design, parts)
     if faults:
         raise InputError(faults)
-    return _scene(design, parts)
+    return packed(design, parts)
 
 
-def _part(design: Design, stage: Stage, parent: int) -> _Part:
+def _part(design: Design, stage: Stage, parent: int) -> StagePart:
     mass = body_mass(stage.body)
     if stage.wires is None:
-        part = _Part(stage, parent, np.array(com_offset(stage)))
+        part = StagePart(stage, parent, np.array(com_offset(stage)))
         for number, wire in enumerate(stage.wire, 1):
             upper, lower = np.array(wire.upper), np.array(wire.lower)
             span = part.offset + lower - upper
@@ -96,7 +52,7 @@ def _part(design: Design, stage: Stage, parent: int) -> _Part:
             k = wire_stiffness(design, wire, length)
             given = wire.tension if wire.natural_length is None else k * (length - wire.natural_length)
             part.wires.append(
-                _Wire(f"{stage.name}.{number}", upper, lower, span, k, wire_loss(design, wire), wire.blade, given, wire.natural_length is not None)
+                WirePart(f"{stage.name}.{number}", upper, lower, span, k, wire_loss(design, wire), wire.blade, given, wire.natural_length is not None)
             )
         for blade in stage.blade:
             ends = np.mean([wire.upper_point for wire in part.wires if wire.blade == blade.name], axis=0)
@@ -104,7 +60,7 @@ def _part(design: Design, stage: Stage, parent: int) -> _Part:
             part.blades[blade.name] = _blade(design, blade, f"{stage.name}.{blade.name}", tip, mass, len(stage.blade))
         return part
     shape = set_geometry(stage.wires)
-    part = _Part(stage, parent, np.array(com_offset(stage)))
+    part = StagePart(stage, parent, np.array(com_offset(stage)))
     k = wire_stiffness(design, stage.wires, shape.length)
     loss = wire_loss(design, stage.wires)
     signs = _signs(shape.count)
@@ -113,7 +69,7 @@ def _part(design: Design, stage: Stage, parent: int) -> _Part:
         lower = np.array([along * shape.s_lower, across * shape.t2, shape.d])
         span = np.array([along * (shape.s_lower - shape.s_upper), across * (shape.t2 - shape.t1), -shape.height])
         name = _blade_of(stage.blades, number, across)
-        part.wires.append(_Wire(f"{stage.name}.{number}", upper, lower, span, k, loss, name, None, natural=False))
+        part.wires.append(WirePart(f"{stage.name}.{number}", upper, lower, span, k, loss, name, None, natural=False))
     if stage.blades is not None:
         for name, tip in _set_tips(stage.blades, shape):
             part.blades[name] = _blade(design, stage.blades, f"{stage.name}.blade{name}", tip, mass, stage.blades.count)
@@ -145,14 +101,14 @@ def _set_tips(blades: BladeSet, shape: SetGeometry) -> list[tuple[str, Array]]:
     return [("1", np.array([0.0, 0.0, z]))]
 
 
-def _blade(design: Design, blade: BladeSet | Blade, label: str, tip: Array, mass: float, count: int) -> _Blade:
+def _blade(design: Design, blade: BladeSet | Blade, label: str, tip: Array, mass: float, count: int) -> BladePart:
     vertical = blade_stiffness(design, blade, mass, count)
     lateral = blade.lateral_stiffness
     stiffness = np.array([0.0, 0.0, vertical] if lateral is None else [*lateral, vertical])
-    return _Blade(label, tip, stiffness > 0, stiffness, blade.tip_mass, blade_loss(design, blade))
+    return BladePart(label, tip, stiffness > 0, stiffness, blade.tip_mass, blade_loss(design, blade))
 
 
-def _balance(design: Design, parts: list[_Part]) -> list[Fault]:
+def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
     """Tensions and blade loads of every stage, from the bottom up; the faults of what cannot balance."""
     g = design.constants.gravity
     loads = [np.array([0.0, 0.0, -g * body_mass(part.stage.body), 0.0, 0.0, 0.0]) for part in parts]
@@ -168,7 +124,7 @@ def _balance(design: Design, parts: list[_Part]) -> list[Fault]:
     return faults
 
 
-def _carry(part: _Part, load: Array, gravity: float) -> list[Fault]:
+def _carry(part: StagePart, load: Array, gravity: float) -> list[Fault]:
     """Find the tensions of one stage under its load (about its COM)."""
     stage, wires = part.stage, part.wires
     key, weight = f"stage.{stage.name}", max(float(np.abs(load).max()), 1e-12)
@@ -197,7 +153,7 @@ def _carry(part: _Part, load: Array, gravity: float) -> list[Fault]:
     return statics.imbalance(left_over, weight, key, remedy) or _slack(part)
 
 
-def _share(part: _Part, wrenches: Array, load: Array, given: Array, fixed: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _share(part: StagePart, wrenches: Array, load: Array, given: Array, fixed: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Tensions of least elastic energy of the wires that are free to share a load, beside those that are given; and what is left over."""
     wires, names, free = part.wires, list(part.blades), ~fixed
     stiffness = np.array([wire.stiffness for wire in wires])
@@ -215,7 +171,7 @@ def _share(part: _Part, wrenches: Array, load: Array, given: Array, fixed: NDArr
     return statics.evened(result, upper, lower, stiffness), left_over
 
 
-def _slack(part: _Part) -> list[Fault]:
+def _slack(part: StagePart) -> list[Fault]:
     where = "wires" if part.stage.wires is not None else "wire"
     return [
         Fault(
@@ -228,92 +184,9 @@ def _slack(part: _Part) -> list[Fault]:
     ]
 
 
-def _blade_load(part: _Part, name: str, tension: Array, gravity: float) -> Array:
+def _blade_load(part: StagePart, name: str, tension: Array, gravity: float) -> Array:
     """Force of a blade on its tip: it holds up its wires and its own tip mass."""
     blade = part.blades[name]
     pull = [t * wire.direction for t, wire in zip(tension, part.wires, strict=True) if wire.blade == name]
     total = np.sum(pull, axis=0) + np.array([0.0, 0.0, -gravity * blade.tip_mass])
     return np.where(blade.axes, -total, 0.0)
-
-
-def _scene(design: Design, parts: list[_Part]) -> Scene:
-    """Pack the parts into arrays."""
-    position = [np.zeros(3)]
-    for part in parts:
-        position.append(position[part.parent] + part.offset)
-    bodies = Bodies(
-        name=tuple(part.stage.name for part in parts),
-        mass=np.array([body_mass(part.stage.body) for part in parts]),
-        inertia=np.array([body_inertia(part.stage.body) for part in parts]),
-        position=np.array(position),
-    )
-    return Scene(
-        name=design.design.name,
-        gravity=design.constants.gravity,
-        bodies=bodies,
-        wires=_wires(parts),
-        blades=_blades(parts),
-        springs=_springs(parts),
-    )
-
-
-def _wires(parts: list[_Part]) -> Wires:
-    first: dict[int, int] = {}
-    count = 0
-    for n, part in enumerate(parts):
-        first[n] = count
-        count += len(part.blades)
-    rows = [(n, part, wire) for n, part in enumerate(parts) for wire in part.wires]
-    blade = [first[n] + list(part.blades).index(wire.blade) if wire.blade else -1 for n, part, wire in rows]
-    span = np.array([wire.span for _, _, wire in rows]).reshape(-1, 3)
-    return Wires(
-        label=tuple(wire.label for _, _, wire in rows),
-        upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
-        lower=np.array([n + 1 for n, _, _ in rows], dtype=np.intp),
-        blade=np.array(blade, dtype=np.intp),
-        upper_point=np.array([wire.upper_point for _, _, wire in rows]).reshape(-1, 3),
-        lower_point=np.array([wire.lower_point for _, _, wire in rows]).reshape(-1, 3),
-        span=span,
-        length=np.sqrt((span**2).sum(-1)),
-        tension=np.concatenate([part.tension for part in parts]),
-        stiffness=np.array([wire.stiffness for _, _, wire in rows]),
-        loss=np.array([wire.loss for _, _, wire in rows]),
-    )
-
-
-def _blades(parts: list[_Part]) -> Blades:
-    rows = [(part, name, blade) for part in parts for name, blade in part.blades.items()]
-    return Blades(
-        label=tuple(blade.label for _, _, blade in rows),
-        body=np.array([part.parent for part, _, _ in rows], dtype=np.intp),
-        axes=np.array([blade.axes for _, _, blade in rows], dtype=bool).reshape(-1, 3),
-        tip=np.array([blade.tip for _, _, blade in rows]).reshape(-1, 3),
-        stiffness=np.array([blade.stiffness for _, _, blade in rows]).reshape(-1, 3),
-        load=np.array([part.loads[name] for part, name, _ in rows]).reshape(-1, 3),
-        tip_mass=np.array([blade.tip_mass for _, _, blade in rows]),
-        loss=np.array([blade.loss for _, _, blade in rows]),
-    )
-
-
-def _springs(parts: list[_Part]) -> Springs:
-    rows = [(n, part, spring) for n, part in enumerate(parts, 1) for spring in part.stage.spring]
-    lower = np.array([spring.at for _, _, spring in rows], dtype=float).reshape(-1, 3)
-    return Springs(
-        label=tuple(f"{part.stage.name}.spring{number}" for number, (_, part, _) in enumerate(rows, 1)),
-        upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
-        lower=np.array([n for n, _, _ in rows], dtype=np.intp),
-        upper_point=lower + np.array([part.offset for _, part, _ in rows]).reshape(-1, 3),
-        lower_point=lower,
-        stiffness=np.array([_matrix(spring, "stiffness") for _, _, spring in rows]).reshape(-1, 6, 6),
-        damping=np.array([_matrix(spring, "damping") for _, _, spring in rows]).reshape(-1, 6, 6),
-        preload=np.array([spring.preload for _, _, spring in rows], dtype=float).reshape(-1, 6),
-        loss=np.array([spring.loss_angle or 0.0 for _, _, spring in rows]),
-    )
-
-
-def _matrix(spring: Spring, key: str) -> Array:
-    given = getattr(spring, key)
-    if given is None:
-        return np.zeros((6, 6))
-    matrix = np.array(given, dtype=float)
-    return matrix if matrix.ndim == 2 else np.diag(matrix)

@@ -104,10 +104,8 @@ def solve_nodes(diagonal: list[Any], links: list[Any], rhs: list[Any], structure
     -------
     (c, k, P) array
     """
-    if len(structure.nodes) < 2:
-        result: Any = np.empty((len(diagonal[0]), rhs[0].shape[1], diagonal[0].shape[-1]), dtype=np.result_type(diagonal[0], rhs[0]))
-        result[structure.nodes[0]] = dense(diagonal[0], np.broadcast_to(rhs[0], (*rhs[0].shape[:2], diagonal[0].shape[-1])))
-        return result
+    if len(diagonal) == 1:
+        return dense(diagonal[0], np.broadcast_to(rhs[0], (*rhs[0].shape[:2], diagonal[0].shape[-1])))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a singular part: not finite, hence doubtful
         result, growth = _by_body(diagonal, links, rhs, structure)
     doubtful = ~(growth < GROWTH) | ~np.isfinite(result[0]).all(0) | ~np.isfinite(result[-1]).all(0)
@@ -157,31 +155,42 @@ def _by_body(diagonal: list[Any], links: list[Any], rhs: list[Any], structure: T
     nodes, parent = structure.nodes, structure.parent
     schur = list(diagonal)
     right = [_Columns.of(b) for b in rhs]
-    upward: list[Any] = [None] * len(nodes)
-    inverted: list[Any] = [None] * len(nodes)
+    toward: list[Any] = [None] * len(nodes)
+    own: list[Any] = [None] * len(nodes)
     growth = np.zeros(diagonal[0].shape[-1])
     for n in range(len(nodes) - 1, -1, -1):
-        inverted[n] = inverse(schur[n])
         above, across = parent[n], links[n]
+        toward[n], own[n] = _divided(schur[n], across, right[n].value)
         if above < 0:
             continue
-        upward[n] = multiply(across, inverted[n])
-        schur[above], taken = _less(schur[above], upward[n], across)
+        upward = np.swapaxes(toward[n], 0, 1)
+        schur[above], taken = _less(schur[above], upward, across)
         for row, part in enumerate(taken):
             np.maximum(growth, part / np.abs(diagonal[above][row, row]), out=growth)
-        right[above] = right[above].less(right[n], upward[n])
+        right[above] = right[above].less(right[n], upward)
     size = sum(len(node) for node in nodes)
     kind = np.result_type(*diagonal, *rhs, *(link for link in links if link is not None))
     result = np.zeros((size, rhs[0].shape[1], len(growth)), dtype=kind)
     for n, node in enumerate(nodes):
         where = slice(node[0], node[-1] + 1) if node[-1] - node[0] + 1 == len(node) else node
         if parent[n] >= 0:
-            result[where] = -multiply(np.swapaxes(upward[n], 0, 1), result[nodes[parent[n]]])
-        if len(right[n].which):
-            own = multiply(inverted[n], right[n].value)
-            for place, column in enumerate(right[n].which):
-                result[where, column] += own[:, place]
+            result[where] = -multiply(toward[n], result[nodes[parent[n]]])
+        for place, column in enumerate(right[n].which):
+            result[where, column] += own[n][:, place]
     return result, growth
+
+
+def _divided(matrix: Any, across: Any, right: Any) -> tuple[Any, Any]:
+    """S^-1 B^T and S^-1 r of one node: by the inverse of up to two coordinates, by LAPACK of more (an inverse loses digits)."""
+    if len(matrix) <= 2:
+        inverted = inverse(matrix)
+        toward = None if across is None else multiply(inverted, np.swapaxes(across, 0, 1))
+        return toward, multiply(inverted, right) if right.shape[1] else right
+    count = matrix.shape[-1]
+    sides = [np.broadcast_to(side, (*side.shape[:2], count)) for side in ((() if across is None else (np.swapaxes(across, 0, 1),)) + (right,))]
+    found = _stacked(np.linalg.solve, matrix, np.concatenate(sides, axis=1))
+    width = 0 if across is None else len(across)
+    return found[:, :width], found[:, width:]
 
 
 def _less(matrix: Any, upward: Any, across: Any) -> tuple[Any, list[Any]]:

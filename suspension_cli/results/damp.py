@@ -8,8 +8,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from suspension_cli.analysis.control import Margins, Poles
 from suspension_cli.analysis.damp import Damped
+from suspension_cli.analysis.poles import Margins, Poles
 from suspension_cli.results import Provenance, dataset, scale, write
 
 MARGINS = {"phase": "degree", "phase_frequency": "Hz", "gain_up": "1", "gain_down": "1", "distance": "1"}

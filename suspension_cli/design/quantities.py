@@ -1,0 +1,41 @@
+"""The kinds of values that a design file holds: names, lengths, masses, ... with their units and bounds."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+Name = Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=60, description="letters, digits, _ and -, starting with a letter")]
+Stem = Annotated[
+    str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100, description="letters, digits, . _ and - (it is also the stem of the files written)")
+]
+Length = Annotated[float, Meta(ge=1e-9, le=1e5, description="length in m")]
+Separation = Annotated[float, Meta(ge=0, le=1e5, description="length in m, zero allowed")]
+Position = Annotated[float, Meta(ge=-1e5, le=1e5, description="signed length in m")]
+Angle = Annotated[float, Meta(ge=-3.2, le=3.2, description="angle in rad")]
+Mass = Annotated[float, Meta(ge=1e-9, le=1e9, description="mass in kg")]
+Inertia = Annotated[float, Meta(ge=-1e15, le=1e15, description="moment or product of inertia in kg m^2")]
+Density = Annotated[float, Meta(ge=1e-3, le=1e6, description="density in kg/m^3")]
+Modulus = Annotated[float, Meta(ge=1.0, le=1e15, description="modulus in Pa")]
+Poisson = Annotated[float, Meta(gt=-1, lt=0.5, description="Poisson's ratio")]
+Stiffness = Annotated[float, Meta(ge=1e-12, le=1e20, description="stiffness in N/m")]
+Coefficient = Annotated[float, Meta(ge=-1e20, le=1e20, description="element of a stiffness or damping matrix, SI")]
+Load = Annotated[float, Meta(ge=-1e12, le=1e12, description="force in N or torque in N m")]
+Tension = Annotated[float, Meta(ge=1e-12, le=1e12, description="tension in N")]
+Frequency = Annotated[float, Meta(ge=1e-6, le=1e6, description="frequency in Hz")]
+LossAngle = Annotated[float, Meta(ge=0, lt=1, description="loss angle in rad")]
+Factor = Annotated[float, Meta(ge=1e-6, le=1e6, description="factor on the nominal value")]
+ShapeFactor = Annotated[float, Meta(ge=0.5, le=10, description="shape factor of a cantilever blade: 1 rectangular, 1.5 triangular")]
+
+Vector = Annotated[tuple[Position, Position, Position], Meta(description="x, y, z in m")]
+Rotation = Annotated[tuple[Angle, Angle, Angle], Meta(description="rotation vector about x, y, z in rad")]
+Row3 = Annotated[list[Inertia], Meta(min_length=3, max_length=3)]
+Row6 = Annotated[list[Coefficient], Meta(min_length=6, max_length=6)]
+Matrix6 = Annotated[
+    list[Coefficient | Row6],
+    Meta(min_length=6, max_length=6, description="six diagonal elements (x, y, z, roll, pitch, yaw) or a full 6x6"),
+]
+Wrench = Annotated[list[Load], Meta(min_length=6, max_length=6, description="force x, y, z in N and torque roll, pitch, yaw in N m")]
+
+Hold = Literal["loaded-length", "natural-length"]
