@@ -48,25 +48,31 @@ def rotation(vector: Any) -> Any:
 
 
 class Stage:
-    """A body of mass m and principal inertia on a symmetric set of wires (l, s, t1, t2, d, k), one of which is imperfect."""
+    """A body of mass m and principal inertia on a symmetric set of wires (l, s, t1, t2, d, k), one of which is imperfect.
 
-    def __init__(self, mass, inertia, shape, *, wire=0, k_factor=1, offset=(0, 0, 0), lower=(0, 0, 0), length=0, com=(0, 0, 0), hold="loaded-length"):
-        self.mass, self.inertia, self.gravity = MP.mpf(mass), MP.diag([MP.mpf(i) for i in inertia]), MP.mpf(9.81)
-        l, s, t1, t2, d, k = (MP.mpf(shape[name]) for name in ("l", "s", "t1", "t2", "d", "k"))
+    The wires are made for `mass`; the body weighs `load` times as much, and its moments of inertia are `inertias` times those given.
+    """
+
+    def __init__(
+        self, mass, inertia, shape, *, wire=0, k=1, offset=(0, 0, 0), lower_offset=(0, 0, 0), length=0, com=(0, 0, 0), load=1, inertias=1, hold="loaded-length"
+    ):
+        self.mass, self.inertia, self.gravity = MP.mpf(mass), MP.mpf(inertias) * MP.diag([MP.mpf(i) for i in inertia]), MP.mpf(9.81)
+        l, s, t1, t2, d, nominal = (MP.mpf(shape[name]) for name in ("l", "s", "t1", "t2", "d", "k"))
         drop = MP.sqrt(l**2 - (t2 - t1) ** 2)
         tension = self.mass * self.gravity / 4 * l / drop
         centre = MP.matrix([0, 0, -drop - d])
         self.wires = []
         for n, (a, b) in enumerate(SIGNS):
-            upper, point, own, natural = MP.matrix([a * s, b * t1, 0]), MP.matrix([a * s, b * t2, d]), k, l - tension / k
+            upper, point, own, natural = MP.matrix([a * s, b * t1, 0]), MP.matrix([a * s, b * t2, d]), nominal, l - tension / nominal
             if n == wire:
-                upper, point, own = upper + numbers(offset), point + numbers(lower), k * MP.mpf(k_factor)
+                upper, point, own = upper + numbers(offset), point + numbers(lower_offset), nominal * MP.mpf(k)
                 if hold == "loaded-length":
                     natural = norm(centre + point - upper) - tension / own
                 natural += MP.mpf(length)
             self.wires.append(Wire(upper, point - numbers(com), own, natural))
         self.centre = centre + numbers(com)
         self.turn = MP.eye(3)
+        self.mass *= MP.mpf(load)
 
     def pull(self, step=(0,) * 6, support=0):
         """Gradient of the energy after a small step from the pose, with the support lifted."""

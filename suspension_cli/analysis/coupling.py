@@ -128,7 +128,7 @@ class Sweep:
         """Raise `InputError` now if a dotted path or one of its values is at fault."""
         paths = [axis for axis in self.axes if axis.name not in PARAMETERS]
         for axis in paths:
-            for value in {axis.values[0], axis.values[-1]}:
+            for value in dict.fromkeys((axis.values[0], axis.values[-1])):
                 expand(reader.overridden(self.text, (f"{axis.name}={float(value)!r}",)))
 
     @property

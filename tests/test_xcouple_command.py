@@ -1,0 +1,209 @@
+"""What `pendsus xcouple` promises: JSON, defaults from the design, the file, failures that are told, faults that stop it."""
+
+from __future__ import annotations
+
+import tomllib
+
+import h5py
+import numpy as np
+import pytest
+from commandline import MISSING, assert_refused, edited, run, strict_json, written
+from couplings import FIGURE_6, FILE, answers, question
+
+from suspension_cli.results import coupling as files
+
+RAW = tomllib.loads(FILE.read_text())
+TABLE = ("analysis", "xcouple")
+NAME = "husman2000-figure6-xcouple"
+
+
+def xcouple(file, out, *options):
+    """The JSON document of a run that must succeed."""
+    result = run("xcouple", file, "--json", "--workers", "1", "--out", out, *options)
+    assert result.exit_code == 0, result.stderr
+    return strict_json(result.stdout)
+
+
+def test_json_first_axis_first(tmp_path):
+    answer = xcouple(FILE, tmp_path, "--sweep", "offset=-1e-3:1e-3:3,k=0.9:1.2:4,length=0,1e-5")
+    assert answer["command"] == "xcouple"
+    assert answer["design"] == "husman2000-figure6"
+    assert [axis["name"] for axis in answer["axes"]] == ["offset", "k", "length"]
+    offset, k, length = (np.array(axis["values"]) for axis in answer["axes"])
+    np.testing.assert_allclose(offset, [-1e-3, 0.0, 1e-3], atol=1e-18)
+    assert length.tolist() == [0.0, 1e-5]
+    real, imag = np.array(answer["ratio_real"]), np.array(answer["ratio_imag"])
+    assert real.shape == imag.shape == (3, 4, 2)
+    assert answer["frequency_hz"] == 50.0
+    assert (answer["input"], answer["over"], answer["under"]) == ("support.z", "test.x@0,0,-0.001", "test.z@0,0,-0.001")
+    assert answer["hold"] == "loaded-length"
+    assert answer["failures"] == {}
+    grid = np.meshgrid(offset, k, length, indexing="ij")
+    found = answers(dict(zip(("offset", "k", "length"), (values.ravel() for values in grid), strict=True)))["ratio"][:, 0]
+    assert np.array_equal(real.ravel(), found.real)
+    assert not imag.any()
+
+
+def test_several_frequencies_come_last(tmp_path):
+    answer = xcouple(FILE, tmp_path, "--sweep", "k=1.1,1.2", "--frequency", "10:100:3")
+    np.testing.assert_allclose(answer["frequency_hz"], [10.0, 1000**0.5, 100.0])
+    assert np.array(answer["ratio_real"]).shape == (2, 3)
+    for n, frequency in enumerate(answer["frequency_hz"]):
+        one = xcouple(FILE, tmp_path, "--sweep", "k=1.1,1.2", "--frequency", repr(frequency))
+        assert one["ratio_real"] == [row[n] for row in answer["ratio_real"]]
+
+
+def test_defaults_come_from_the_design(tmp_path):
+    answer = xcouple(FILE, tmp_path)
+    assert [len(axis["values"]) for axis in answer["axes"]] == [41, 5]
+    assert np.abs(answer["ratio_real"]).max() == pytest.approx(5.9e-4, rel=0.02)
+    more = {"k": [0.9, 1.1], "offset": 1e-3, "wire": "test.3", "frequency": 20, "observe": "test@0,0,0.002", "hold": "natural-length", "sweep": "offset,k"}
+    file = written(tmp_path, edited(RAW, {TABLE: more}))
+    answer = xcouple(file, tmp_path)
+    assert answer["axes"] == [{"name": "offset", "values": [1e-3]}, {"name": "k", "values": [0.9, 1.1]}]
+    assert (answer["frequency_hz"], answer["hold"], answer["over"]) == (20.0, "natural-length", "test.x@0,0,0.002")
+    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
+        assert stored["xcouple"].attrs["wire"] == "test.3"
+    again = xcouple(file, tmp_path, "--frequency", "50", "--wire", "test.1", "--sweep", "k=1.1", "--hold", "loaded-length", "--observe", "test@0,0,-0.001")
+    assert again["ratio_real"] == xcouple(FILE, tmp_path, "--sweep", "k=1.1")["ratio_real"]
+
+
+def test_defaults_without_a_table(tmp_path):
+    """The first wire of the last stage, 1 mm below its COM, at 50 Hz."""
+    file = written(tmp_path, edited(RAW, {TABLE: MISSING}))
+    given = xcouple(FILE, tmp_path, "--sweep", "k=0.6:1.4:41,offset=-2e-3:2e-3:5", "--wire", "test.1", "--frequency", "50", "--observe", "test@0,0,-0.001")
+    assert xcouple(file, tmp_path) == given
+
+
+def test_body_and_over(tmp_path):
+    answer = xcouple(FILE, tmp_path, "--sweep", "com_y=0,1e-4,mass=0.99,1.01", "--body", "test", "--over", "test.roll", "--input", "test.force_z")
+    assert (answer["over"], answer["input"]) == ("test.roll", "test.force_z")
+    assert np.array(answer["ratio_real"]).shape == (2, 2)
+    assert answer["ratio_real"][0] == [0.0, 0.0]
+    assert 0 not in answer["ratio_real"][1]
+    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
+        units = [stored[f"xcouple/{name}"].attrs["units"] for name in ("ratio", "over", "under")]
+    assert units == ["rad/m", "rad/N", "m/N"]
+
+
+def test_every_dataset_has_units_and_scales(tmp_path):
+    xcouple(FILE, tmp_path, "--sweep", "k=0.9,1.1,stage.test.wires.s=0.004:0.006:3", "--frequency", "10,50")
+    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
+        assert (stored.attrs["format"], stored.attrs["format_version"]) == ("pendsus", 1)
+        assert tomllib.loads(stored.attrs["design"]) == RAW
+        group = stored["xcouple"]
+        assert list(group.attrs["axis_order"]) == ["k", "stage.test.wires.s"]
+        for name, values in group.items():
+            assert values.attrs["units"], name
+            if values.is_scale:
+                continue
+            named = ["axis k", "axis stage.test.wires.s", "frequency"][: values.ndim]
+            assert [axis.label for axis in values.dims] == named
+            assert [axis[0].name for axis in values.dims] == [f"/xcouple/{scale}" for scale in named]
+            assert values.shape == (2, 3, 2)[: values.ndim]
+        assert group["residual"][:].max() < 1e-10
+        assert np.array_equal(group["ratio"][:], group["over"][:] / group["under"][:])
+    found = files.load(tmp_path / f"{NAME}.h5")
+    assert [axis.name for axis in found.axes] == ["k", "stage.test.wires.s"]
+    assert found.ratio.shape == (2, 3, 2)
+
+
+def test_failed_builds_are_told_and_the_rest_goes_on(tmp_path):
+    result = run("xcouple", FILE, "--json", "--out", tmp_path, "--sweep", "length=0,5e-3,mass=1,1e4,com_z=0,0.05")
+    assert result.exit_code == 0
+    answer = strict_json(result.stdout)
+    real, imag = (np.array(answer[f"ratio_{part}"], dtype=object) for part in ("real", "imag"))
+    assert real.shape == (2, 2, 2)
+    assert np.array_equal(np.equal(real, None), np.equal(imag, None))
+    assert real[0, 0, 0] == 0.0
+    assert sum(answer["failures"].values()) == np.equal(real, None).sum() == 7
+    assert set(answer["failures"]) == {"a wire is slack", "no equilibrium near the nominal pose", "the equilibrium is unstable"}
+    [warning] = [line for line in result.stderr.splitlines() if "failed" in line]
+    assert warning.startswith("warning: ")
+    for reason, count in answer["failures"].items():
+        assert f"{count} of 8 builds failed: {reason}" in warning
+    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
+        status, wire, ratio = (stored[f"xcouple/{name}"][:] for name in ("status", "slack_wire", "ratio"))
+        meaning = list(stored["xcouple"].attrs["status_meaning"])
+    assert (np.isnan(ratio[..., 0]) == (status != 0)).all()
+    assert ((wire >= 0) == (status == meaning.index("a wire is slack"))).all()
+    assert wire[1, 0, 0] == 0
+
+
+def test_all_builds_failed(tmp_path):
+    result = run("xcouple", FILE, "--out", tmp_path, "--sweep", "mass=1e4,1e5")
+    assert result.exit_code == 0
+    assert result.stdout == "no build has an equilibrium on taut wires\n"
+    assert (tmp_path / f"{NAME}.png").exists()
+
+
+def test_no_ratio_where_nothing_moves(tmp_path):
+    """y over x of a perfect stage is 0 over 0: no number, and JSON has none."""
+    answer = xcouple(FILE, tmp_path, "--sweep", "k=1,1.1", "--over", "test.y", "--under", "test.x")
+    assert answer["ratio_real"][0] is None
+    assert answer["ratio_imag"][0] is None
+    assert answer["ratio_real"][1] == pytest.approx(17.1, rel=0.01)
+
+
+def test_an_unstable_design_only_if_allowed(tmp_path):
+    topple = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0001")
+    assert "unstable" in run("xcouple", FILE, *topple, "--out", tmp_path).stderr
+    answer = xcouple(FILE, tmp_path, *topple, "--allow-unstable", "--sweep", "k=1.01,1.1")
+    assert answer["failures"] == {}
+    assert None not in answer["ratio_real"]
+
+
+def test_picture_unless_not_asked_for(tmp_path):
+    assert run("xcouple", FILE, "--out", tmp_path / "a", "--no-plot", "-q").exit_code == 0
+    assert [path.name for path in (tmp_path / "a").iterdir()] == [f"{NAME}.h5"]
+    result = run("xcouple", FILE, "--out", tmp_path / "b")
+    assert sorted(path.suffix for path in (tmp_path / "b").iterdir()) == [".h5", ".png"]
+    assert result.stdout.startswith("205 builds of wire test.1, loaded-length held\n")
+
+
+BAD = {
+    "a typo": (("--sweep", "kk"), "there is no imperfection 'kk'"),
+    "nothing": (("--sweep", ""), "there is no imperfection ''"),
+    "no grid of a path": (("--sweep", "stage.test.wires.s"), "stage.test.wires.s has no grid"),
+    "no such path": (("--sweep", "stage.test.wires.ss=1e-3:2e-3:3"), "stage.test.wires.ss = 0.001: unknown key"),
+    "no such stage": (("--sweep", "stage.tset.wires.s=1e-3:2e-3:3"), "there is no 'tset' here"),
+    "an impossible value": (("--sweep", "stage.test.wires.s=-1e-3:2e-3:3"), "stage.test.wires.s = -0.001"),
+    "twice": (("--sweep", "k=1,k=2"), "names a parameter twice"),
+    "words": (("--sweep", "k=many"), "is no grid"),
+    "no points": (("--sweep", "k=1:2:0"), "is no grid"),
+    "no number": (("--sweep", "k=nan"), "must hold finite numbers"),
+    "a negative constant": (("--sweep", "k=-1:1:3"), "must hold finite numbers above 0"),
+    "no mass": (("--sweep", "mass=0"), "must hold finite numbers above 0"),
+    "no such wire": (("--wire", "test.5"), "names no wire"),
+    "no such body": (("--body", "tset"), "names no stage"),
+    "no such motion": (("--over", "test.w"), "names no motion"),
+    "a motion as input": (("--input", "test.z"), "a motion of a stage is an output"),
+    "no frequency": (("--frequency", "0"), "must hold finite numbers above 0"),
+    "no point": (("--observe", "test@1,2"), "is no point"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_bad_sweeps_are_refused(kind, tmp_path):
+    options, problem = BAD[kind]
+    [line] = assert_refused(run("xcouple", FILE, *options, "--out", tmp_path), FILE, tmp_path)
+    assert problem in line
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "problem"),
+    [("wires", "test.1", "no option of this command"), ("hold", "tight", "is not one of"), ("k", "many", "is no grid"), ("k", True, "is no grid")],
+)
+def test_bad_tables_are_refused(key, value, problem, tmp_path):
+    file = written(tmp_path, edited(RAW, {(*TABLE, key): value}))
+    [line] = assert_refused(run("xcouple", file, "--out", tmp_path / "out"), file, tmp_path / "out")
+    assert problem in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_answer_is_that_of_the_design_with_overrides(tmp_path):
+    answer = xcouple(FILE, tmp_path, "--sweep", "k=1.1", "--set", "stage.test.wires.s=0.006")
+    swept = xcouple(FILE, tmp_path, "--sweep", "stage.test.wires.s=0.006,k=1.1")
+    assert answer["ratio_real"] == swept["ratio_real"][0]
+    assert answer["ratio_real"] != xcouple(FILE, tmp_path, "--sweep", "k=1.1")["ratio_real"]
+    assert question(FIGURE_6).wire == 0
