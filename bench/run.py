@@ -30,20 +30,32 @@ def interleaved(works: list[Work], repetitions: int) -> list[list[float]]:
     return times
 
 
+over: list[str] = []
+"""What was over its limit."""
+
+
 def ratio(name: str, work: Work, floor: Work, limit: float, repetitions: int = 7) -> None:
     """Print the ratio of a work to its floor."""
     ours, base = interleaved([work, floor], repetitions)
     ratios = sorted(a / b for a, b in zip(ours, base, strict=True))
     middle = statistics.median(ours) / statistics.median(base)
-    verdict = "good" if middle <= limit else "OVER"
-    print(f"{verdict}  {name:62} {middle:6.2f} x  (limit {limit:g}, range {ratios[0]:.2f} to {ratios[-1]:.2f}; {statistics.median(ours) * 1e3:.3g} ms)")
+    verdict = judged(name, middle, limit)
+    print(f"{verdict}  {name:62} {middle:6.3f} x  (limit {limit:g}, range {ratios[0]:.2f} to {ratios[-1]:.2f}; {statistics.median(ours) * 1e3:.3g} ms)")
 
 
 def absolute(name: str, work: Work, limit: float, repetitions: int = 51) -> None:
     """Print the median time of a work in ms."""
     (ours,) = interleaved([work], repetitions)
     middle = statistics.median(ours) * 1e3
-    print(f"{'good' if middle <= limit else 'OVER'}  {name:62} {middle:6.2f} ms (limit {limit:g}, fastest {min(ours) * 1e3:.2f})")
+    print(f"{judged(name, middle, limit)}  {name:62} {middle:6.2f} ms (limit {limit:g}, fastest {min(ours) * 1e3:.2f})")
+
+
+def judged(name: str, value: float, limit: float) -> str:
+    """Good or over, and remembered."""
+    if value <= limit:
+        return "good"
+    over.append(name)
+    return "OVER"
 
 
 def shell(*command: str) -> Work:
@@ -60,6 +72,8 @@ def main() -> None:
     stiffness.run(ratio, absolute)
     responses.run(ratio, absolute)
     startup.run(ratio, shell)
+    if over:
+        sys.exit("over: " + "; ".join(over))
 
 
 if __name__ == "__main__":

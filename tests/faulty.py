@@ -233,8 +233,8 @@ PERTURBATIONS = [
     Case(
         "too-long",
         {("stage", 0, "wires", "count"): 2, (*WIRES, "s"): MISSING, ("perturbation",): [{"wire": "test.1", "length_change": 9.0}]},
-        "stage: no equilibrium found near the nominal pose",
-        "natural lengths",
+        "stage.test.wire: wire test.1 is slack in equilibrium",
+        "shorten",
     ),
 ]
 

@@ -89,7 +89,8 @@ def balance(scene: Scene, design: Design, *, allow_unstable: bool = False) -> Bu
             status[grows(model)] = UNSTABLE
         status[slack.any(-1)] = SLACK
         status[~(found.residual < CONVERGED)] = UNBALANCED
-    wire = np.where(status == SLACK, slack.argmax(-1), -1).astype(np.int16)
+    wire = np.full(status.shape, -1, dtype=np.int16)
+    wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
     orientation = model.orientation if model.orientation is not None else found.pose.rotation
     return Builds(replace(model, orientation=orientation), status, wire, found.residual, mirrored(scene))
 

@@ -20,7 +20,7 @@ from suspension_cli.design import perturb, reader, stack
 from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import InputError
+from suspension_cli.errors import Fault, InputError
 
 OF_WIRE = {
     "k": "factor on the wire's spring constant",
@@ -60,7 +60,7 @@ class Question:
     Attributes
     ----------
     wire : int
-        The imperfect wire, from 0.
+        The imperfect wire, from 0; -1 if there is none.
     body : int
         The imperfect body, from 1.
     hold : str
@@ -121,11 +121,14 @@ class Sweep:
 
     @property
     def wire_label(self) -> str:
-        """The imperfect wire."""
-        return expand(self._design).wires.label[self.question.wire]
+        """The imperfect wire; empty if there is none."""
+        return expand(self._design).wires.label[self.question.wire] if self.question.wire >= 0 else ""
 
     def check(self) -> None:
-        """Raise `InputError` now if a dotted path or one of its values is at fault."""
+        """Raise `InputError` now if there is no wire to spoil, or a dotted path or one of its values is at fault."""
+        of_wire = [axis.name for axis in self.axes if axis.name in OF_WIRE]
+        if of_wire and self.question.wire < 0:
+            raise InputError([Fault("--wire", f"{of_wire[0]} is of a wire, and the last stage hangs on none", "name one, or sweep mass, com or a path")])
         paths = [axis for axis in self.axes if axis.name not in PARAMETERS]
         for axis in paths:
             for value in dict.fromkeys((axis.values[0], axis.values[-1])):

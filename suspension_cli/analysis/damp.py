@@ -54,7 +54,7 @@ class Damped:
     @property
     def stable(self) -> bool:
         """Whether no closed-loop pole grows."""
-        return bool((self.closed.value.real <= 1e-9 * np.abs(self.closed.value)).all())
+        return bool((self.closed.value.real <= poles.ROUNDING * np.abs(self.closed.value)).all())
 
 
 def solve(design: Design, model: LinearModel, output: str, drive: str, frequency: Array, duration: float, samples: int = 4001) -> Damped:

@@ -10,6 +10,8 @@ import numpy as np
 from suspension_cli.analysis import statespace
 from suspension_cli.design.scene import Array
 
+ROUNDING = 1e-10
+"""Real part of a pole, over its size, that may be a rounding error."""
 NAMED = 0.2
 """Share of a pole's participation that mechanical states must have for it to be named after one of them."""
 
@@ -36,9 +38,9 @@ class Poles:
 
     @property
     def q(self) -> Array:
-        """|p| / (-2 Re p): infinite without damping, 1/2 for a real pole, negative for one that grows."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self.value == 0, np.inf, np.abs(self.value) / (-2 * self.value.real))
+        """|p| / (-2 Re p): infinite without damping (but for rounding), 1/2 for a real pole, negative for one that grows."""
+        undamped = np.abs(self.value.real) <= ROUNDING * np.abs(self.value)
+        return np.where(undamped, np.inf, np.abs(self.value) / (-2 * np.where(undamped, 1.0, self.value.real)))
 
 
 def poles(system: statespace.StateSpace) -> Poles:

@@ -134,14 +134,15 @@ def deviations(chosen: tuple[Factor, ...], seed: int, start: int, stop: int) -> 
 
 def imperfect(scene: Scene, chosen: tuple[Factor, ...], values: Array) -> Scene:
     """A scene with deviations (p, factors) put in: the builds become its first axis."""
-    table: dict[tuple[str, int], dict[tuple[str, int], tuple[Factor, Array]]] = {}
+    table: dict[tuple[str, int, str], Given] = {}
     for n, factor in enumerate(chosen):
-        here = table.setdefault((factor.part, factor.number), {})
+        here = table.setdefault((factor.part, factor.number, factor.hold), {})
         if (factor.what, factor.axis) in here:  # named twice: they add up
             here[(factor.what, factor.axis)] = (factor, here[(factor.what, factor.axis)][1] + values[:, n])
         else:
             here[(factor.what, factor.axis)] = (factor, values[:, n])
-    for (part, number), given in table.items():
+    for part, number, hold in sorted(table, key=lambda key: key[2] == "natural-length"):  # a wire is trimmed first
+        given = table[(part, number, hold)]
         scene = {"wire": _wire, "body": _body, "blade": _blade}[part](scene, number, given, len(values))
     return scene
 

@@ -74,6 +74,8 @@ def rank_correlation(a: Array, b: Array) -> Array:
 
     Equal values are ranked in their order; a column that does not vary correlates with nothing.
     """
+    if not len(a):
+        return np.zeros((a.shape[1], b.shape[1]))
     ranks = []
     for values in (a, b):
         order = np.argsort(np.argsort(values, axis=0, kind="stable"), axis=0).astype(float)

@@ -28,6 +28,9 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import condensed
 from suspension_cli.mechanics.model import LinearModel
 
+FAINT = 1e-6
+"""Share of an output's largest response below which another is judged against that."""
+
 
 @dataclass(frozen=True)
 class StateSpace:
@@ -239,7 +242,8 @@ def band(system: Any, model: LinearModel, inputs: list[Signal], outputs: list[Si
     system : object with ``at(frequency)``
     model, inputs, outputs
     tolerance : float
-        Largest error relative to each response's own magnitude.
+        Largest error relative to each response's magnitude, or to `FAINT` of the same output's largest response to an input of
+        the same unit: of responses fainter than that the direct solution does not have all digits either.
 
     Returns
     -------
@@ -253,6 +257,9 @@ def band(system: Any, model: LinearModel, inputs: list[Signal], outputs: list[Si
     exact = response.solve(model, frequency, inputs, outputs).value
     found = system.at(frequency)
     size = np.abs(exact)
+    for unit in {signal.unit for signal in inputs}:
+        alike = [signal.unit == unit for signal in inputs]
+        size[:, :, alike] = np.where(exact[:, :, alike] == 0, 0.0, np.maximum(size[:, :, alike], FAINT * size[:, :, alike].max(-1, keepdims=True)))
     error = np.where(size > 0, np.abs(found - exact) / np.where(size > 0, size, 1.0), np.where(found == 0, 0.0, np.inf)).max((1, 2))
     good = error <= tolerance
     if not good.any():

@@ -157,16 +157,16 @@ def question(model: LinearModel, setting: dict[str, Any]) -> Question:
     from suspension_cli.grids import grid
 
     known, labels = signals.bodies(model), list(model.wire)
-    wire = setting.get("wire") or next((label for label in labels if label.startswith(f"{model.body[-1]}.")), "")
-    if wire not in labels:
+    wire = setting.get("wire") or next((label for label in labels if label.startswith(f"{model.body[-1]}.")), None)
+    if wire is not None and wire not in labels:
         raise InputError([Fault("--wire", "names no wire", suggestion(wire, labels), shown(wire))])
-    body = setting.get("body") or wire.rsplit(".", 1)[0]
+    body = setting.get("body") or (model.body[-1] if wire is None else wire.rsplit(".", 1)[0])
     if body not in model.body:
         raise InputError([Fault("--body", "names no stage", suggestion(body, list(model.body)), shown(body))])
     watched, _, point = (setting["observe"] or f"{model.body[-1]}@0,0,-0.001").partition("@")
     at = f"@{point}" if point else ""
     return Question(
-        wire=labels.index(wire),
+        wire=-1 if wire is None else labels.index(wire),
         body=model.body.index(body) + 1,
         hold=setting.get("hold", ""),
         input=signals.drive(setting["drive"], known),

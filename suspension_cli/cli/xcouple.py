@@ -164,7 +164,7 @@ def summary(answer: Any) -> str:
     where = np.unravel_index(int(np.nanargmax(size)), size.shape)
     at = ", ".join(f"{axis.name} = {axis.values[n]:.6g}" for axis, n in zip(answer.axes, where[:-1], strict=True))
     return (
-        f"{size[..., 0].size} builds of wire {answer.wire}, {answer.hold} held\n"
+        f"{size[..., 0].size} builds{f' of wire {answer.wire}, {answer.hold} held' if answer.wire else ''}\n"
         f"|{answer.over} / {answer.under}| for {answer.input}: largest {np.nanmax(size):.4g} at {at}, {answer.frequency[where[-1]]:.4g} Hz; "
         f"median {np.nanmedian(size):.3g}"
     )

@@ -87,7 +87,7 @@ def wire(
         tension=_with(wires.tension, number, tension, 0),
         stiffness=_with(wires.stiffness, number, k, 0),
     )
-    return replace(scene, wires=changed)
+    return replace(scene, wires=changed, drawn=scene.drawn or scene)
 
 
 def move_com(scene: Scene, number: int, offset: Any) -> Scene:
@@ -106,6 +106,7 @@ def move_com(scene: Scene, number: int, offset: Any) -> Scene:
     position = _with(bodies.position, number, bodies.position[..., number, :] + shift, 1)
     return replace(
         scene,
+        drawn=scene.drawn or scene,
         bodies=replace(bodies, position=position),
         wires=replace(
             wires, upper_point=_less(wires.upper_point, wires.upper == number, shift), lower_point=_less(wires.lower_point, wires.lower == number, shift)
@@ -134,27 +135,31 @@ def turn_mass(scene: Scene, number: int, rotation: Any) -> Scene:
     inertia = scene.bodies.inertia
     turned = turn @ inertia[..., number - 1, :, :] @ np.swapaxes(turn, -1, -2)
     turned = (turned + np.swapaxes(turned, -1, -2)) / 2
-    return replace(scene, bodies=replace(scene.bodies, inertia=_with(inertia, number - 1, turned, 2)))
+    return replace(scene, bodies=replace(scene.bodies, inertia=_with(inertia, number - 1, turned, 2)), drawn=scene.drawn or scene)
 
 
 def scale_mass(scene: Scene, number: int, factor: Any) -> Scene:
     """A scene in which one body (from 1) has another mass; wires keep their unstretched lengths.  `factor` has the batch shape."""
     mass = scene.bodies.mass
-    return replace(scene, bodies=replace(scene.bodies, mass=_with(mass, number - 1, mass[..., number - 1] * np.asarray(factor, dtype=float), 0)))
+    return replace(
+        scene,
+        bodies=replace(scene.bodies, mass=_with(mass, number - 1, mass[..., number - 1] * np.asarray(factor, dtype=float), 0)),
+        drawn=scene.drawn or scene,
+    )
 
 
 def scale_inertia(scene: Scene, number: int, factor: Any) -> Scene:
     """A scene in which one body (from 1) has its moments of inertia times `factor` (..., 3), each by itself; products of inertia go along."""
     inertia, root = scene.bodies.inertia, np.sqrt(np.asarray(factor, dtype=float))
     scaled = inertia[..., number - 1, :, :] * root[..., :, None] * root[..., None, :]
-    return replace(scene, bodies=replace(scene.bodies, inertia=_with(inertia, number - 1, scaled, 2)))
+    return replace(scene, bodies=replace(scene.bodies, inertia=_with(inertia, number - 1, scaled, 2)), drawn=scene.drawn or scene)
 
 
 def scale_blade(scene: Scene, number: int, factor: Any) -> Scene:
     """A scene in which one blade (from 0) has another stiffness; it is trimmed to its nominal load in the nominal pose."""
     stiffness = scene.blades.stiffness
     scaled = stiffness[..., number, :] * np.asarray(factor, dtype=float)[..., None]
-    return replace(scene, blades=replace(scene.blades, stiffness=_with(stiffness, number, scaled, 1)))
+    return replace(scene, blades=replace(scene.blades, stiffness=_with(stiffness, number, scaled, 1)), drawn=scene.drawn or scene)
 
 
 def _with(values: Array, number: int, item: Array, inner: int) -> Array:

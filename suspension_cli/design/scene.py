@@ -152,6 +152,8 @@ class Scene:
     gravity : float
         m/s^2.
     bodies, wires, blades, springs
+    drawn : Scene or None
+        Of an imperfect scene, what it was meant to be: that balances in its nominal pose.
     """
 
     name: str
@@ -160,6 +162,7 @@ class Scene:
     wires: Wires
     blades: Blades
     springs: Springs
+    drawn: Scene | None = None
 
     @cached_property
     def batch(self) -> tuple[int, ...]:

@@ -32,4 +32,53 @@ def stacked(scenes: Sequence[Scene], pick: Any = None) -> Scene:
 
     first = scenes[0]
     groups: dict[str, type] = {"bodies": Bodies, "wires": Wires, "blades": Blades, "springs": Springs}
-    return replace(first, **{name: together([getattr(scene, name) for scene in scenes]) for name in groups})
+    drawn = [scene.drawn for scene in scenes if scene.drawn is not None]
+    kept = stacked(drawn, pick) if len(drawn) == len(scenes) else None
+    return replace(first, drawn=kept, **{name: together([getattr(scene, name) for scene in scenes]) for name in groups})
+
+
+def picked(scene: Scene, which: Any) -> Scene:
+    """The scenes of a batch for which `which` (a bool array of the batch's shape) holds, along one axis."""
+    inner = {
+        "mass": 1,
+        "inertia": 3,
+        "position": 2,
+        "upper_point": 2,
+        "lower_point": 2,
+        "span": 2,
+        "length": 1,
+        "tension": 1,
+        "tip": 2,
+        "load": 2,
+        "tip_mass": 1,
+    }
+    inner |= {"damping": 3, "preload": 2}
+    stiffness = {Wires: 1, Blades: 2, Springs: 3}
+
+    def chosen(part: Any) -> Any:
+        axes = inner | {"stiffness": stiffness.get(type(part), 0)}
+        values = {f.name: getattr(part, f.name) for f in fields(part)}
+        batched = {name: value for name, value in values.items() if name not in STATIC}
+        return replace(part, **{name: np.broadcast_to(v, scene.batch + v.shape[v.ndim - axes[name] :])[which] for name, v in batched.items()})
+
+    drawn = scene.drawn if scene.drawn is None or not scene.drawn.batch else picked(scene.drawn, np.broadcast_to(which, scene.drawn.batch))
+    return replace(scene, drawn=drawn, bodies=chosen(scene.bodies), wires=chosen(scene.wires), blades=chosen(scene.blades), springs=chosen(scene.springs))
+
+
+def blended(scene: Scene, share: float) -> Scene:
+    """An imperfect scene with a share (0 to 1) of its imperfections: its numbers lie on the way from those of `scene.drawn`."""
+    drawn = scene.drawn
+    assert drawn is not None
+
+    def between(old: Any, new: Any) -> Any:
+        values = {f.name: getattr(new, f.name) for f in fields(new) if f.name not in STATIC}
+        return replace(new, **{name: getattr(old, name) + share * (value - getattr(old, name)) for name, value in values.items()})
+
+    wires = between(drawn.wires, scene.wires)
+    return replace(
+        scene,
+        bodies=between(drawn.bodies, scene.bodies),
+        wires=replace(wires, length=np.sqrt((wires.span**2).sum(-1))),
+        blades=between(drawn.blades, scene.blades),
+        springs=between(drawn.springs, scene.springs),
+    )

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design.scene import Scene
+from suspension_cli.design.stack import blended, picked
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import string
 from suspension_cli.mechanics.pose import Layout, Pose, displaced, layout, nominal_pose
@@ -27,7 +28,11 @@ SETTLED = 1e-12
 """Residual (of the weight) at which the search stops; it stops too where rounding lets the residual fall no further."""
 LAST_STEP = 1e-8
 """Step (m or rad) after which the error is below rounding, as convergence is quadratic."""
-ITERATIONS = 60
+ITERATIONS = 15
+STEPS = (10, 80)
+"""In how many an equilibrium is followed where Newton's method alone is not to be trusted; the second if the first fails."""
+CORRECTIONS = 4
+"""Newton steps after each."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
 
@@ -90,10 +95,14 @@ def lever_arm(scene: Scene) -> Any:
 def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = None) -> Equilibrium:
     """Find the equilibrium of a scene near its nominal pose.
 
+    Newton's method goes there in a few steps.  Where it does not settle, or ends where a wire is slack or the pose is unstable
+    (it may have overshot to another stationary point), the equilibrium is followed from the nominal pose instead, while the imperfections grow
+    from nothing; or, where natural lengths are given, while the forces that hold it in the nominal pose are let go of.
+
     Parameters
     ----------
     scene : Scene
-        With any batch axes; all scenes of a batch are solved at once.
+        With any batch axes; all scenes of a batch are solved at once, none depends on the others.
     numbering : Layout, optional
     start : Pose, optional
         Where to start from instead of the nominal pose.
@@ -105,22 +114,80 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     """
     numbering = numbering or layout(scene)
     pose = start or nominal_pose(scene)
-    unit = _units(scene, numbering)
-    free = slice(6, None)
+    found = _newton(scene, numbering, pose, 0.0, ITERATIONS, rest=start is None)
+    if found.iterations == 0:
+        return found
+    doubtful = np.asarray(~_trusted(scene, found))
+    if not doubtful.any():
+        return found
+    if not scene.batch:
+        return _merged(found, ..., _followed(scene, numbering))
+    return _merged(found, doubtful, _followed(picked(scene, doubtful), numbering))
+
+
+def _trusted(scene: Scene, found: Equilibrium) -> Any:
+    """Whether each scene has settled on taut wires in a pose that is not plainly unstable."""
+    good = found.converged & (found.tension > 0).all(-1)
+    if free_to_spin(scene):
+        return good
+    return good & (np.linalg.slogdet(np.nan_to_num(found.stiffness[..., 6:, 6:]))[0] > 0)
+
+
+def _followed(scene: Scene, numbering: Layout) -> Equilibrium:
+    """The equilibrium on the branch of the nominal pose, followed from there in small steps."""
+    with np.errstate(all="ignore"):
+        found = None
+        for steps in STEPS:
+            pose = nominal_pose(scene)
+            held = tangent(scene, numbering, pose)[0] if scene.drawn is None else 0.0
+            for n in range(1, steps):
+                if scene.drawn is None:  # let go little by little of what holds it in the nominal pose
+                    pose = _newton(scene, numbering, pose, held * (1 - n / steps), CORRECTIONS).pose
+                else:  # let the imperfections grow
+                    pose = _newton(blended(scene, n / steps), numbering, pose, 0.0, CORRECTIONS).pose
+            last = _newton(scene, numbering, pose, 0.0, ITERATIONS)
+            found = last if found is None else _merged(found, np.asarray(~found.converged), last, whole=True)
+            if np.all(found.converged):
+                break
+    assert found is not None
+    return found
+
+
+def _merged(found: Equilibrium, where: Any, better: Equilibrium, *, whole: bool = False) -> Equilibrium:
+    """Results with those `where` a second try was made (given for these alone, or for the `whole` batch) replaced, if it converged."""
+    if where is Ellipsis:
+        return better if np.all(better.converged) else found
+    chosen = np.zeros(where.shape, dtype=bool)
+    chosen[where] = better.converged[where] if whole else better.converged
+
+    def take(old: Any, new: Any) -> Any:
+        result = np.array(np.broadcast_to(old, where.shape + new.shape[(where.ndim if whole else 1) :]))
+        result[chosen] = new[chosen] if whole else new[better.converged]
+        return result
+
+    pose = Pose(*(take(getattr(found.pose, name), getattr(better.pose, name)) for name in ("shift", "rotation", "deflection")))
+    parts = {name: take(getattr(found, name), getattr(better, name)) for name in ("residual", "tension", "stiffness")}
+    return Equilibrium(pose=pose, iterations=max(found.iterations, better.iterations), **parts)
+
+
+def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int, *, rest: bool = False) -> Equilibrium:
+    """Newton's method to the pose in which the gradient equals a target (..., N); a nominal pose at `rest` is left alone."""
+    unit, free = _units(scene, numbering), slice(6, None)
+    wanted = target if np.isscalar(target) else target[..., free]
     gradient, hessian = tangent(scene, numbering, pose)
-    left = _size(gradient[..., free] / unit)
-    settled = (left <= BALANCED) & (start is None)
+    left = _size((gradient[..., free] - wanted) / unit)
+    settled = (left <= BALANCED) & rest
     spinning = free_to_spin(scene)
     cap = CAP * np.where(_is_rotation(numbering)[free], 1.0, lever_arm(scene)[..., None])
     count = 0
-    while count < ITERATIONS and not np.all(settled):
-        step = _newton_step(gradient[..., free], hessian[..., free, free], unit, spins(scene, numbering, pose, spinning))
+    while count < most and not np.all(settled):
+        step = _newton_step(gradient[..., free] - wanted, hessian[..., free, free], unit, spins(scene, numbering, pose, spinning))
         over = np.maximum(_size(step / cap), 1.0)
         step = np.where(settled[..., None], 0.0, step / over[..., None])
         whole = np.concatenate([np.zeros((*step.shape[:-1], 6)), step], axis=-1)
         pose = displaced(numbering, pose, whole)
         gradient, hessian = tangent(scene, numbering, pose)
-        before, left = left, _size(gradient[..., free] / unit)
+        before, left = left, _size((gradient[..., free] - wanted) / unit)
         settled = settled | ((_size(step) < LAST_STEP) & ((left < SETTLED) | (left > before / 2)))
         count += 1
     return Equilibrium(pose, left, count, string.state(scene, pose).tension, hessian)

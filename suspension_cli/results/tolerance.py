@@ -44,7 +44,7 @@ def summarise(path: Path | str, job: Tolerances, limit: float) -> Summary:
             column = group["frequency"][:, n]
             values = column[good]
             statistics.append((values.mean(), values.std(), *np.quantile(values, LEVELS)) if len(values) else (np.nan,) * (2 + len(LEVELS)))
-            sample.append(values[:DRAWN] / nominal.frequency[n] - 1)
+            sample.append(values[:DRAWN] / nominal.frequency[n] - 1 if nominal.frequency[n] else np.zeros(len(values[:DRAWN])))
             ranked.append(column[:RANKED])
         size = np.abs(group["ratio"][:, -1])
     table = np.array(statistics)

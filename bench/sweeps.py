@@ -1,0 +1,103 @@
+"""Imperfect builds: what a point costs on one core, what a second process brings, and how much memory a long sweep takes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analysis import builds, coupling, signals
+from suspension_cli.analysis.coupling import Axis, Question, Sweep
+from suspension_cli.analysis.tolerance import Tolerances
+from suspension_cli.design.expand import expand
+from suspension_cli.design.reader import parse, read
+from suspension_cli.mechanics import equilibrium
+
+CONFIGS = Path(__file__).parent.parent / "configs"
+SINGLE, TRIPLE, RANDOM = CONFIGS / "husman2000" / "figure6.toml", CONFIGS / "husman2000" / "table2.toml", CONFIGS / "triple-tolerance.toml"
+BUILDS = 2048
+CHUNK = 512
+GRID = {10_000: "k=0.6:1.4:100,offset=-2e-3:2e-3:100", 100_000: "k=0.6:1.4:250,offset=-2e-3:2e-3:400", 1_000_000: "k=0.6:1.4:1000,offset=-2e-3:2e-3:1000"}
+MAIN = "from suspension_cli.cli.main import main; main(prog_name='pendsus', standalone_mode=False)"
+MEMORY = f"{MAIN}; import resource as r; print('peak', *(r.getrusage(who).ru_maxrss // 1024 for who in (r.RUSAGE_SELF, r.RUSAGE_CHILDREN)))"
+FLAT = 200
+"""MB by which the peak may grow from ten thousand points to a million."""
+
+
+def asked(names: tuple[str, ...], wire: int) -> Question:
+    """x over z of the last stage at 50 Hz."""
+    known = ("support", *names)
+    over, under = (signals.motion(f"{known[-1]}.{dof}@0,0,-0.001", known) for dof in "xz")
+    return Question(wire, len(names), "loaded-length", signals.drive("support.z", known), over, under, (50.0,))
+
+
+def sweep(file: Path) -> Sweep:
+    """The last stage's first wire, k and offset."""
+    source = read(file)
+    scene = expand(source.design)
+    wire = scene.wires.label.index(f"{scene.bodies.name[-1]}.1")
+    axes = (Axis("k", tuple(np.linspace(0.6, 1.4, 64))), Axis("offset", tuple(np.linspace(-2e-3, 2e-3, BUILDS // 64))))
+    return Sweep(source.text, axes, asked(scene.bodies.name, wire))
+
+
+def computed(job: Any) -> Callable[[], object]:
+    """All builds of a job in this process, in chunks."""
+    return lambda: [job.compute(start, start + CHUNK) for start in range(0, job.count, CHUNK)]
+
+
+def bare(job: Sweep) -> Callable[[], object]:
+    """The floor: `numpy.linalg.solve` alone for every Newton step and for the response of the same builds, matrices made beforehand."""
+    design = parse(job.text)
+    chosen = np.unravel_index(np.arange(job.count), job.shape)
+    values = {axis.name: np.array(axis.values)[pick] for axis, pick in zip(job.axes, chosen, strict=True)}
+    scene = coupling.imperfect(expand(design), values, job.question)
+    model = builds.balance(scene, design).model
+    steps = equilibrium.solve(scene).iterations
+    stiffness, mass = model.stiffness[:, 6:, 6:].copy(), model.mass[:, 6:, 6:].copy()
+    dynamic, right = stiffness - (2 * np.pi * 50.0) ** 2 * mass, np.ones((*stiffness.shape[:-1], 1))
+    return lambda: [np.linalg.solve(matrix, right) for matrix in (*(stiffness,) * steps, dynamic)]
+
+
+def eigen(job: Tolerances) -> Callable[[], object]:
+    """The floor of random builds: `numpy.linalg.eigh` of as many matrices of the size of their dynamics."""
+    size = len(job.nominal.omega_squared)
+    root = np.random.default_rng(0).normal(size=(job.count, size, size))
+    matrices = root @ np.swapaxes(root, -1, -2)
+    return lambda: np.linalg.eigh(matrices)
+
+
+def process(folder: str, count: int, workers: int) -> Callable[[], object]:
+    """A whole run of `pendsus xcouple` of the single stage."""
+    words = ["xcouple", str(SINGLE), "--sweep", GRID[count], "--no-plot", "-q", "--workers", str(workers), "--out", folder]
+    return lambda: subprocess.run([sys.executable, "-c", MAIN, *words], check=True, capture_output=True)
+
+
+def peak(folder: str, count: int, workers: int) -> int:
+    """Largest memory of a run, MB: of the main process and, together, of its workers."""
+    words = ["xcouple", str(SINGLE), "--sweep", GRID[count], "--no-plot", "-q", "--workers", str(workers), "--out", folder]
+    result = subprocess.run([sys.executable, "-c", MEMORY, *words], check=True, capture_output=True, text=True)
+    own, worker = map(int, result.stdout.split("peak")[1].split())
+    return own + (workers * worker if workers > 1 else 0)
+
+
+def run(ratio: Callable[..., None], absolute: Callable[..., None], judged: Callable[..., str]) -> None:
+    """Points a second on one core, two processes against one, memory from ten thousand points to a million."""
+    for name, file, limit, most in (("single stage", SINGLE, 100.0, 45.0), ("triple", TRIPLE, 500.0, 15.0)):
+        job = sweep(file)
+        absolute(f"xcouple, {name}, {BUILDS} builds on one core, {limit:g} us each", computed(job), limit * BUILDS / 1000, 7)
+        ratio("the same / numpy.linalg.solve for each Newton step and response", computed(job), bare(job), most, 7)
+    source = read(RANDOM)
+    random = Tolerances(source.text, BUILDS, 7, asked(tuple(stage.name for stage in source.design.stage), 0))
+    absolute(f"tolerance, triple, {BUILDS} builds on one core, 2 ms each", computed(random), 2.0 * BUILDS, 3)
+    ratio("the same / numpy.linalg.eigh of their dynamics", computed(random), eigen(random), 30.0, 3)
+    with tempfile.TemporaryDirectory() as folder:
+        ratio("pendsus xcouple, 100,000 builds, two processes / one", process(folder, 100_000, 2), process(folder, 100_000, 1), 1 / 1.7, 3)
+        for workers in (1, 2):
+            small, large = (peak(folder, count, workers) for count in (10_000, 1_000_000))
+            name = f"pendsus xcouple, peak memory of a million builds less that of ten thousand, workers: {workers}"
+            print(f"{judged(name, large - small, FLAT)}  {name} {large - small:4d} MB (limit {FLAT}; {small} to {large} MB)")
