@@ -68,10 +68,12 @@ def main() -> None:
     import responses
     import startup
     import stiffness
+    import sweeps
 
     stiffness.run(ratio, absolute)
     responses.run(ratio, absolute)
     startup.run(ratio, shell)
+    sweeps.run(ratio, absolute, judged)
     if over:
         sys.exit("over: " + "; ".join(over))
 

@@ -80,7 +80,8 @@ def process(folder: str, count: int, workers: int) -> Callable[[], object]:
 def peak(folder: str, count: int, workers: int) -> int:
     """Largest memory of a run, MB: of the main process and, together, of its workers."""
     words = ["xcouple", str(SINGLE), "--sweep", GRID[count], "--no-plot", "-q", "--workers", str(workers), "--out", folder]
-    result = subprocess.run([sys.executable, "-c", MEMORY, *words], check=True, capture_output=True, text=True)
+    # by way of a shell, small when it forks: a process is charged with the memory of the one that it was forked from
+    result = subprocess.run(["sh", "-c", '"$@"; exit $?', "sh", sys.executable, "-c", MEMORY, *words], check=True, capture_output=True, text=True)
     own, worker = map(int, result.stdout.split("peak")[1].split())
     return own + (workers * worker if workers > 1 else 0)
 

@@ -340,8 +340,9 @@ def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Callable
             fill(home)
             made = [_contiguous(home, column, job.shape) for column in job.columns]
             for name in job.scales:
-                if not home[name].is_scale:
-                    home[name].make_scale(name)
+                axis: Any = home[name]
+                if not axis.is_scale:
+                    axis.make_scale(name)
             for column, values in zip(job.columns, made, strict=True):
                 values.attrs["units"] = column.units
                 for axis, name in zip(values.dims, (*job.scales, *column.axes), strict=True):

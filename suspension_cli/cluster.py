@@ -38,7 +38,7 @@ def connected(scheduler: str) -> Iterator[Any]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
 
     async def knock() -> None:
-        (await comm.connect(scheduler, timeout=PATIENCE)).abort()
+        (await comm.connect(scheduler, timeout=PATIENCE)).abort()  # pyright: ignore
 
     remedy = "start `dask scheduler` and `dask worker`, and give its address"
     try:
@@ -73,7 +73,7 @@ def on_cluster(job: Any, ranges: list[tuple[int, int]], client: Any) -> Generato
     from concurrent.futures import CancelledError
 
     from distributed import KilledWorker  # pyright: ignore[reportMissingImports]
-    from distributed.comm import CommClosedError  # pyright: ignore[reportMissingImports]
+    from distributed.comm import CommClosedError  # pyright: ignore
 
     try:
         yield from _computed(job, ranges, client)

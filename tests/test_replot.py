@@ -6,6 +6,7 @@ import h5py
 import pytest
 from commandline import assert_refused, from_template, run, written
 from designs import TEXTS
+from golden import configs
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -28,6 +29,26 @@ def test_redraws_from_the_file_alone(results, tmp_path):
     picture = (tmp_path / "again" / "double-modes.png").read_bytes()
     assert picture.startswith(PNG)
     assert picture == (results / "double-modes.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "stem"),
+    [
+        (("xcouple", "figure6", "--sweep", "k=0.9:1.1:5,offset"), "husman2000-figure6-xcouple"),
+        (("xcouple", "figure6", "--sweep", "k=0.9,1.1", "--frequency", "1:100:20"), "husman2000-figure6-xcouple"),
+        (("xcouple", "figure6", "--matrix"), "husman2000-figure6-xcouple-matrix"),
+        (("tolerance", "triple-tolerance", "--builds", "130"), "triple-tolerance-tolerance"),
+    ],
+)
+def test_redraws_sweeps(arguments, stem, tmp_path):
+    command, design, *rest = arguments
+    file = next(path for path in configs() if path.stem == design)
+    assert run(command, file, *rest, "--workers", "1", "--out", tmp_path).exit_code == 0
+    first = (tmp_path / f"{stem}.png").read_bytes()
+    (tmp_path / f"{stem}.png").unlink()
+    result = run("plot", tmp_path / f"{stem}.h5")
+    assert result.exit_code == 0, result.stderr
+    assert (tmp_path / f"{stem}.png").read_bytes() == first
 
 
 def test_default_is_beside_the_file(results, tmp_path):

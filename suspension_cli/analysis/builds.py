@@ -213,8 +213,8 @@ class _Systems:
         count = right.shape[0] * right.shape[1]
         parts = [np.moveaxis(part.reshape(count, *part.shape[2:]), 0, -1) for part in (dynamic, right)]
         # never one system alone: sums over an axis of another kind may be rounded otherwise
-        together = [np.concatenate([part, part], axis=-1) if count == 1 else np.ascontiguousarray(part) for part in parts]
-        return np.moveaxis(elimination.solve(*together, self.structure), -1, 0)[:count].reshape(right.shape)
+        matrix, sides = [np.concatenate([part, part], axis=-1) if count == 1 else np.ascontiguousarray(part) for part in parts]
+        return np.moveaxis(elimination.solve(matrix, sides, self.structure), -1, 0)[:count].reshape(right.shape)
 
 
 def solved(matrix: Any, right: Any) -> Any:

@@ -49,19 +49,23 @@ def prepared(ctx: click.Context, file: str, overrides: tuple[str, ...], extra: t
     return Read(source.design, source.text, source.file), options.with_analysis_table(ctx, table, source.file, extra)
 
 
-def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.Voice) -> tuple[Choice, LinearModel]:
-    """The linear model on the rung that the design needs.
+def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.Voice, *, imperfect: bool = False) -> tuple[Choice, LinearModel]:
+    """The linear model on the rung that the design needs, or that its imperfect builds need.
 
     Raises
     ------
     InputError
-        If the equilibrium is unstable and that is not allowed.
+        If the equilibrium is unstable and that is not allowed, or a rung is asked for that does not hold.
     """
     from suspension_cli.analysis import modes
-    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.models import fidelity as ladder
 
+    if imperfect and fidelity not in ("auto", "string"):
+        raise InputError([Fault("--fidelity", "does not hold for imperfect builds", "take auto or string", shown(fidelity))])
     choice = ladder.choose(source.design, fidelity)
+    if imperfect:
+        choice = ladder.Choice("string", "general string model, as imperfect builds need it")
     model = ladder.linear_model(source.design, choice.level)
     voice.detail(f"{source.design.design.name}: {choice.level}: {choice.reason}; balanced to {model.residual:.0e} of the weight")
     found = modes.solve(model)
@@ -71,21 +75,6 @@ def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.V
             raise InputError([Fault("stage", f"the equilibrium is unstable: {worst}", "make it stable (raise d, say), or give --allow-unstable")])
         voice.warn(f"{source.design.design.name} is unstable: {worst}")
     return choice, model
-
-
-def imperfect(fidelity: str) -> str:
-    """The rung for imperfect builds, which only the general model has.
-
-    Raises
-    ------
-    InputError
-        If another is asked for.
-    """
-    from suspension_cli.errors import Fault, InputError, shown
-
-    if fidelity not in ("auto", "string"):
-        raise InputError([Fault("--fidelity", "does not hold for imperfect builds", "take auto or string", shown(fidelity))])
-    return "string"
 
 
 def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
@@ -143,8 +132,12 @@ def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, settin
     from suspension_cli.results import Provenance
 
     origin = Provenance(source.text, what(sys.argv), choice.level, choice.reason, sweep=job.identity)
-    with Bar(enabled=not voice.quiet) as bar:
-        run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill)
+    try:
+        with Bar(enabled=not voice.quiet) as bar:
+            run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill)
+    except KeyboardInterrupt:
+        voice.warn(f"interrupted; what is done is in {path}.part, and the same command with --resume goes on")
+        raise
     voice.say(f"wrote {path}")
 
 

@@ -108,7 +108,7 @@ def with_analysis_table(ctx: click.Context, table: dict[str, Any], file: str, ex
     }
     result, faults = dict(ctx.params), []
     for key, value in table.items():
-        if key in extra:
+        if key in extra or (extra and "." in key):  # a dotted path of a sweep
             continue
         where = step(f"analysis.{ctx.command.name}", key)
         param = params.get(key)

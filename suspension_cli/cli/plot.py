@@ -69,5 +69,28 @@ def _damp(results: Any, design: Any) -> Any:
     return picture.draw(stored.load(results["damp"]), design.design.title or design.design.name)
 
 
-_DRAWN = {"modes": _modes, "response": _response, "damp": _damp}
+def _matrix(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import matrix as picture
+    from suspension_cli.results import response as stored
+
+    return picture.draw(stored.load(results["matrix"]), design.design.title or design.design.name)
+
+
+def _xcouple(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import coupling as picture
+    from suspension_cli.results import coupling as stored
+
+    return picture.draw(stored.read(results["xcouple"]), design.design.title or design.design.name)
+
+
+def _tolerance(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import tolerance as picture
+    from suspension_cli.results import tolerance as stored
+
+    group = results["tolerance"]
+    summary = stored.summarised(group, stored.job(group, str(results.attrs["design"])), float(group.attrs["limit"]))
+    return picture.draw(summary, design.design.title or design.design.name, f"{group.attrs['over']} / {group.attrs['under']}")
+
+
+_DRAWN = {"modes": _modes, "response": _response, "damp": _damp, "matrix": _matrix, "xcouple": _xcouple, "tolerance": _tolerance}
 """Group of a results file to its figure."""

@@ -35,11 +35,11 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice, model = analyses.modelled(source, analyses.imperfect(setting["fidelity"]), setting["allow_unstable"], voice)
+        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, imperfect=True)
         job = Tolerances(source.text, setting["builds"], setting["seed"], analyses.question(model, setting), setting["allow_unstable"])
         voice.detail(f"{len(job.factors)} numbers scatter")
     path = options.folder(out) / f"{source.design.design.name}-tolerance.h5"
-    analyses.swept(job, path, "tolerance", source, choice, setting, voice, lambda group: files.fill(group, job))
+    analyses.swept(job, path, "tolerance", source, choice, setting, voice, lambda group: files.fill(group, job, setting["limit"]))
     summary = files.summarise(path, job, setting["limit"])
     for reason, count in summary.failures.items():
         voice.warn(f"{count} of {summary.builds} builds failed: {reason}")

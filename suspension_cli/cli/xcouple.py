@@ -48,7 +48,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides, extra=_parameter_names())
     with source.faults():
-        choice, model = analyses.modelled(source, analyses.imperfect(setting["fidelity"]), setting["allow_unstable"], voice)
+        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, imperfect=True)
         question = analyses.question(model, setting)
     if setting["matrix"]:
         _matrix(source, choice, model, question, setting, out, as_json, voice)
@@ -185,8 +185,12 @@ def _matrix(source: Any, choice: Any, model: LinearModel, question: Question, se
     outputs = [signals.motion(f"{body}.{dof}{at if dof in 'xyz' else ''}", known) for dof in DOFS]
     answer = response.solve(model, np.array(question.frequency), inputs, outputs)
     path = options.folder(out) / f"{source.design.design.name}-xcouple-matrix.h5"
-    files.save(path, answer, analyses.provenance(source, choice, sys.argv))
+    files.save(path, answer, analyses.provenance(source, choice, sys.argv), "matrix")
     voice.say(f"wrote {path}")
+    if setting["plot"] or (setting["plot"] is None and not as_json):
+        from suspension_cli.plots import matrix as picture
+
+        analyses.draw(picture.draw(answer, source.design.design.title or source.design.design.name), path.with_suffix(".png"), voice)
     if as_json:
         import json
 

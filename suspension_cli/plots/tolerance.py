@@ -52,14 +52,7 @@ def _coupling(axes: Axes, summary: Summary, ratio: str) -> None:
     share = np.linspace(0, 1, len(summary.ratio_sorted))
     axes.semilogx(np.maximum(summary.ratio_sorted, 1e-300), 100 * share, color=PALETTE[0])
     axes.axvline(summary.limit, color=PALETTE[1], linestyle="--", linewidth=0.8)
-    axes.annotate(
-        f"{100 * summary.under:.3g} % of builds\nbelow {summary.limit:g}",
-        (summary.limit, 8),
-        xytext=(-4, 0),
-        textcoords="offset points",
-        ha="right",
-        fontsize=7,
-    )
+    axes.set_title(f"{100 * summary.under:.3g} % of builds below {summary.limit:g}", loc="left", fontsize=7.5)
     if len(summary.ratio_sorted):
         axes.set_xlim(max(summary.ratio_quantiles[0] / 3, 1e-300), max(summary.limit, summary.ratio_sorted[-1]) * 2)
     axes.set_ylim(0, 100)
@@ -71,6 +64,7 @@ def _coupling(axes: Axes, summary: Summary, ratio: str) -> None:
 def _ranks(axes: Axes, summary: Summary) -> None:
     top = leading(summary.ratio_rank, summary.factor, MOST_BARS)
     rows = np.arange(len(top))
+    axes.set_axisbelow(True)
     axes.barh(rows, [value for _, value in top], color=PALETTE[2], height=0.6)
     axes.set_yticks(rows, [name for name, _ in top], fontsize=6.5)
     axes.invert_yaxis()

@@ -1,4 +1,4 @@
-"""The group `response` of a results file."""
+"""The groups `response` and `matrix` of a results file."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from suspension_cli.analysis.response import Response
 from suspension_cli.results import Provenance, dataset, scale, write
 
 
-def save(path: Path, response: Response, origin: Provenance) -> None:
-    """Write the responses of one design."""
-    write(path, origin, lambda file: fill(file.create_group("response"), response))
+def save(path: Path, response: Response, origin: Provenance, group: str = "response") -> None:
+    """Write the responses of one design into a group."""
+    write(path, origin, lambda file: fill(file.create_group(group), response))
 
 
 def fill(group: h5py.Group, response: Response) -> None:
