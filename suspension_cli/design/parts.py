@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +29,10 @@ class WirePart:
     natural: bool
     """Whether it is fixed by a natural length, so that the pose has to be solved for."""
 
-    @property
+    @cached_property
     def direction(self) -> Array:
         """Unit vector from the upper to the lower end."""
-        return self.span / np.linalg.norm(self.span)
+        return self.span / np.sqrt(self.span @ self.span)
 
 
 @dataclass(frozen=True)

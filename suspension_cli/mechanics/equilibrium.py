@@ -177,6 +177,8 @@ def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int,
     gradient, hessian = tangent(scene, numbering, pose)
     left = _size((gradient[..., free] - wanted) / unit)
     settled = (left <= BALANCED) & rest
+    if np.all(settled):
+        return Equilibrium(pose, left, 0, string.state(scene, pose).tension, hessian)
     spinning = free_to_spin(scene)
     cap = CAP * np.where(_is_rotation(numbering)[free], 1.0, lever_arm(scene)[..., None])
     count = 0

@@ -83,14 +83,19 @@ class LinearModel:
         for matrix in (self.mass, self.stiffness, self.damping, *(() if self.lossy is None else (self.lossy,))):
             joined |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
         joined |= joined.T  # a damper may sense one body and push another
-        left = set(range(6, self.size))
+        # each row as the bits of one integer: a handful of coordinates is quickest that way
+        rows = [int.from_bytes(row.tobytes(), "little") for row in np.packbits(joined, axis=1, bitorder="little")]
+        left = (1 << self.size) - (1 << 6)
         found: list[Index] = []
         while left:
-            group, front = set[int](), {min(left)}
+            group, front = 0, left & -left
             while front:
                 group |= front
-                reached = set(np.flatnonzero(joined[sorted(front)].any(0)).tolist())
-                front = (reached & left) - group
-            left -= group
-            found.append(np.array(sorted(group)))
+                reached = 0
+                for n in range(self.size):
+                    if front >> n & 1:
+                        reached |= rows[n]
+                front = reached & left & ~group
+            left &= ~group
+            found.append(np.array([n for n in range(self.size) if group >> n & 1]))
         return tuple(found)
