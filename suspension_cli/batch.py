@@ -85,7 +85,7 @@ class Plan:
 
     workers: int = 1
     scheduler: str | None = None
-    chunk: int = 1024
+    chunk: int = 512
     resume: bool = False
     progress: Callable[[int, int, float], None] = field(default=lambda _done, _all, _rate: None)
 

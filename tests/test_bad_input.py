@@ -249,3 +249,12 @@ def test_faults_as_the_shell_sees_them(content, tmp_path):
     file, out = written(tmp_path, content), tmp_path / "out"
     assert_refused(process("modes", file, "--json", "--out", out), file, out)
     assert not out.exists()
+
+
+def test_defaults_of_every_command_are_checked_by_any(tmp_path):
+    out = tmp_path / "out"
+    text = TEXTS["single"] + '\n[analysis.response]\nbogus = 1\n[analysis.xcouple]\nk = "abc"\noffset = "0:1:3"\n'
+    for command in ("check", "modes", "response"):
+        file = written(tmp_path, text)
+        lines = assert_refused(run(command, file, *(() if command == "check" else ("--out", out))), file, out)
+        assert [line.split(":")[0] for line in lines] == ["analysis.response.bogus = 1", 'analysis.xcouple.k = "abc"']

@@ -10,6 +10,7 @@ import pytest
 import scenes
 from commandline import edited, run, strict_json, written
 from couplings import FIGURE_6, FILE, TRIPLE, TRIPLE_FILE, answers, balanced, exact, question
+from golden import CONFIGS
 
 from suspension_cli.analysis import builds, modes, response
 from suspension_cli.analysis.coupling import Axis, Sweep
@@ -74,6 +75,21 @@ def test_a_thousand_imperfect_triples(wire, hold):
         assert abs(under - found["under"][n, 0]) <= 1e-12 * abs(under)
         assert abs(over / under - found["ratio"][n, 0]) <= 1e-12
         assert model.residual < 1e-10
+
+
+@pytest.mark.parametrize("wire", ["top.1", "upper.3", "test.4"])
+def test_digits_survive_far_above_the_resonances(wire):
+    """At 1 kHz a quadruple passes 1e-21 of the motion on, and its coupling is 1e-8 of that: still not lost among roundings."""
+    file = CONFIGS / "quadruple.toml"
+    design, raw = reader.read(file).design, tomllib.loads(file.read_text())
+    asked = question(design, wire, frequency=(1.0, 10.0, 100.0, 1000.0))
+    found = answers({"k": [1.1], "offset": [1e-3], "offset_y": [2e-4]}, asked, design)
+    ratio, over, under = one_by_one(raw | {"perturbation": [{"wire": wire, "k_factor": 1.1, "upper_offset": [1e-3, 2e-4, 0.0]}]}, asked)
+    assert abs(under[-1]) < 1e-20
+    np.testing.assert_allclose(found["under"][0], under, rtol=1e-13)
+    np.testing.assert_allclose(found["over"][0], over, rtol=1e-9)
+    np.testing.assert_allclose(found["ratio"][0], ratio, rtol=1e-9)
+    assert (np.abs(found["over"][0] - over) < 1e-13 * np.abs(under)).all()
 
 
 def test_mass_and_inertia():

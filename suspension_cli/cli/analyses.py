@@ -45,6 +45,7 @@ def prepared(ctx: click.Context, file: str, overrides: tuple[str, ...], extra: t
     from suspension_cli.design.reader import read
 
     source = read(file, overrides)
+    options.check_tables(source.design.analysis, source.file)
     table = source.design.analysis.get(str(ctx.command.name), {})
     return Read(source.design, source.text, source.file), options.with_analysis_table(ctx, table, source.file, extra)
 

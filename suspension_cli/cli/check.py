@@ -30,6 +30,7 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], as_json: bool)
     for file in designs:
         try:
             source = read(file, overrides)
+            options.check_tables(source.design.analysis, file)
             good.append((source, fidelity.choose(source.design), statics.solve(source.design)))
         except InputError as error:
             bad.append(error if error.file else error.in_file(file))

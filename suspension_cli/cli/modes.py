@@ -68,6 +68,7 @@ def _read_all(files: tuple[str, ...], overrides: tuple[str, ...]) -> list[Source
     for file in files:
         try:
             sources.append(read(file, overrides))
+            options.check_tables(sources[-1].design.analysis, file)
         except InputError as error:
             bad.append(error)
     if bad:

@@ -51,7 +51,7 @@ def batch(function: F) -> F:
     choices = [
         click.option("--workers", type=click.IntRange(1, 4096), default=os.cpu_count() or 1, show_default="all cores", help="Processes."),
         click.option("--scheduler", metavar="tcp://HOST:PORT", help="A Dask scheduler instead of processes (pendsus[cluster])."),
-        click.option("--chunk", type=click.IntRange(1, 1_000_000), default=1024, show_default=True, help="Builds computed at once."),
+        click.option("--chunk", type=click.IntRange(1, 1_000_000), default=512, show_default=True, help="Builds computed at once."),
         click.option("--resume", is_flag=True, help="Take up an interrupted run."),
     ]
     for option in reversed(choices):
@@ -108,7 +108,8 @@ def with_analysis_table(ctx: click.Context, table: dict[str, Any], file: str, ex
     }
     result, faults = dict(ctx.params), []
     for key, value in table.items():
-        if key in extra or (extra and "." in key):  # a dotted path of a sweep
+        if key in extra or (extra and "." in key):  # an imperfection or a dotted path: the grid that it is swept over
+            faults += _grid_faults(step(f"analysis.{ctx.command.name}", key), value)
             continue
         where = step(f"analysis.{ctx.command.name}", key)
         param = params.get(key)
@@ -124,6 +125,41 @@ def with_analysis_table(ctx: click.Context, table: dict[str, Any], file: str, ex
     if faults:
         raise InputError(faults, file)
     return result
+
+
+def _grid_faults(key: str, value: Any) -> list[Any]:
+    """What is wrong with a grid in an `[analysis]` table."""
+    from suspension_cli.errors import Fault, InputError, shown
+    from suspension_cli.grids import grid
+
+    try:
+        grid(",".join(map(str, value)) if isinstance(value, list) else str(value), key)
+    except InputError as error:
+        return [Fault(key, fault.problem, fault.remedy, shown(value)) for fault in error.faults]
+    return []
+
+
+def check_tables(tables: dict[str, dict[str, Any]], file: str) -> None:
+    """Check the `[analysis]` tables of all commands.
+
+    Raises
+    ------
+    InputError
+        With the faults of every table.
+    """
+    import importlib
+
+    from suspension_cli.errors import InputError
+
+    faults = []
+    for name, table in tables.items():
+        module = importlib.import_module(f"suspension_cli.cli.{name}")
+        try:
+            with_analysis_table(click.Context(module.command), table, file, getattr(module, "swept_names", tuple)())
+        except InputError as error:
+            faults += error.faults
+    if faults:
+        raise InputError(faults, file)
 
 
 def _as_typed(option: click.Option, value: Any) -> Any:

@@ -46,7 +46,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     from suspension_cli.cli import analyses
 
     voice = options.Voice(quiet, verbose)
-    source, setting = analyses.prepared(ctx, design, overrides, extra=_parameter_names())
+    source, setting = analyses.prepared(ctx, design, overrides, extra=swept_names())
     with source.faults():
         choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, imperfect=True)
         question = analyses.question(model, setting)
@@ -56,7 +56,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     _sweep(source, choice, question, setting, out, as_json, voice)
 
 
-def _parameter_names() -> tuple[str, ...]:
+def swept_names() -> tuple[str, ...]:
+    """Keys of `[analysis.xcouple]` that are no options: imperfections, whose grids stand there."""
     from suspension_cli.analysis.coupling import PARAMETERS
 
     return tuple(PARAMETERS)
