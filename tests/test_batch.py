@@ -18,7 +18,7 @@ from golden import CONFIGS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from suspension_cli import batch
+from suspension_cli import batch, store
 from suspension_cli.analysis.coupling import Axis, Sweep
 from suspension_cli.analysis.tolerance import Tolerances
 from suspension_cli.design import reader
@@ -114,8 +114,8 @@ def test_resume_after_a_kill(count, fails, chunk, sync):
         folder, fails = Path(name), fails % count
         path, left = folder / "toy.h5", folder / "left"
         clock = iter(range(10**6))
-        patch.setattr(batch.time, "monotonic", lambda: next(clock) / 4)  # a quarter of a second or two a chunk
-        patch.setattr(batch, "SYNC_SECONDS", sync)
+        patch.setattr(store.time, "monotonic", lambda: next(clock) / 4)  # a quarter of a second or two a chunk
+        patch.setattr(store, "SYNC_SECONDS", sync)
 
         class Killed(toy.Toy):
             def compute(self, start, stop):

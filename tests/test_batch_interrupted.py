@@ -17,7 +17,7 @@ import pytest
 from commandline import python, run
 from couplings import FILE
 
-from suspension_cli import batch
+from suspension_cli import store
 
 NAME = "husman2000-figure6-xcouple.h5"
 MAIN = "from suspension_cli.cli.main import main; main(prog_name='pendsus')"
@@ -103,7 +103,7 @@ def test_a_large_sweep_killed_and_resumed(tmp_path):
     rng = np.random.default_rng(62)
     killed(tmp_path / "killed", float(rng.uniform(2.0, 3.5)), *LARGE, "--workers", "2")
     journal = (tmp_path / "killed" / f"{NAME}.journal").read_bytes()
-    share = np.frombuffer(journal[batch.JOURNAL_HEAD :], dtype=np.uint8).mean()
+    share = np.frombuffer(journal[store.JOURNAL_HEAD :], dtype=np.uint8).mean()
     assert share < 1
     killed(tmp_path / "killed", float(rng.uniform(0.5, 1.0)), *LARGE, "--workers", "2", "--resume")
     resumed = finished(tmp_path / "killed", *LARGE, "--workers", "2", "--resume")
@@ -139,7 +139,7 @@ def interrupt_after(monkeypatch, writes, error):
             raise error
         return real(handle, data, offset)
 
-    monkeypatch.setattr(batch.os, "pwrite", pwrite)
+    monkeypatch.setattr(store.os, "pwrite", pwrite)
 
 
 def full():
@@ -150,7 +150,7 @@ def test_a_disk_that_is_full_from_the_start(monkeypatch, tmp_path):
     def no_space(*_):
         raise full()
 
-    monkeypatch.setattr(batch.os, "posix_fallocate", no_space)
+    monkeypatch.setattr(store.os, "posix_fallocate", no_space)
     result = run("xcouple", FILE, "--out", tmp_path)
     assert result.exit_code == 2
     assert result.stderr == f"--out = {tmp_path / NAME}: cannot be written (No space left on device); name a folder with space and permission\n"
@@ -173,7 +173,7 @@ def test_a_file_larger_than_allowed(tmp_path):
 @pytest.mark.parametrize("writes", [0, 1, 4, 100, 300])
 def test_a_disk_that_fills_up(writes, monkeypatch, small, tmp_path):
     """One line, exit code 2; what was done can be read, and the run goes on from there."""
-    monkeypatch.setattr(batch, "SYNC_SECONDS", -1.0)  # after every chunk
+    monkeypatch.setattr(store, "SYNC_SECONDS", -1.0)  # after every chunk
     with monkeypatch.context() as patch:
         interrupt_after(patch, writes, full())
         result = run("xcouple", FILE, "--out", tmp_path, *SMALL, "--workers", "1")
@@ -186,7 +186,7 @@ def test_a_disk_that_fills_up(writes, monkeypatch, small, tmp_path):
     else:
         with h5py.File(tmp_path / f"{NAME}.part") as file:
             ratio = file["xcouple/ratio"][:].ravel()
-        done = np.repeat(np.frombuffer((tmp_path / f"{NAME}.journal").read_bytes()[batch.JOURNAL_HEAD :], dtype=bool), batch.UNIT)[: len(ratio)]
+        done = np.repeat(np.frombuffer((tmp_path / f"{NAME}.journal").read_bytes()[store.JOURNAL_HEAD :], dtype=bool), store.UNIT)[: len(ratio)]
         assert done.any() == (writes > 7)  # the journal, six columns, the journal
         assert np.array_equal(ratio[done], numbers(small, tmp_path)["ratio"].ravel()[done])
         assert (ratio != 0).any() == (writes > 1)

@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from suspension_cli import batch
+from suspension_cli import batch, store
 from suspension_cli.analysis.builds import Column
 from suspension_cli.results import Provenance, scale
 
@@ -83,5 +83,5 @@ def journal(path: Path) -> Path:
 
 def marked(path: Path, count: int) -> Any:
     """Points that the journal says are done."""
-    units = np.frombuffer(journal(path).read_bytes()[batch.JOURNAL_HEAD :], dtype=np.uint8)
-    return np.repeat(units, batch.UNIT)[:count].astype(bool)
+    units = np.frombuffer(journal(path).read_bytes()[store.JOURNAL_HEAD :], dtype=np.uint8)
+    return np.repeat(units, store.UNIT)[:count].astype(bool)

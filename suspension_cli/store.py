@@ -1,0 +1,253 @@
+"""The file that a sweep fills, and the journal of what is in it.
+
+Every dataset is laid out in full when the file is made, and written in place; the journal counts the points whose results are safely on the
+disk, so that a run which is killed at any moment can be taken up again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import hashlib
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import h5py
+import numpy as np
+
+from suspension_cli import __version__
+from suspension_cli.analysis.builds import Column
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.results import Provenance, root_attributes, writing_to
+
+UNIT = 64
+"""Points that the journal counts as one; chunks are multiples of it."""
+SYNC_SECONDS = 2.0
+"""How often results are forced to the disk and entered into the journal."""
+
+
+class Job(Protocol):
+    """What a sweep computes.  It must be picklable, and its results must not depend on how points are grouped."""
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        ...
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """What the points run over, the last axis fastest; its product is `count`."""
+        ...
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """The datasets that are the scales of `shape`: columns, or what `fill` puts into the group."""
+        ...
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """What is stored of each point."""
+        ...
+
+    def compute(self, start: int, stop: int) -> dict[str, Any]:
+        """Results of points start to stop - 1, by column name."""
+        ...
+
+
+@dataclass
+class Store:
+    """The file that is being filled, and the journal of what is in it."""
+
+    count: int
+    path: Path
+    """Of the finished file."""
+    handle: int
+    record: int
+    done: Any
+    """(units,) uint8: 1 for each unit of points that is safely on the disk."""
+    place: dict[str, tuple[int, np.dtype[Any], tuple[int, ...]]]
+    pending: list[tuple[int, int]]
+    synced: float
+
+    def missing(self, chunk: int) -> list[tuple[int, int]]:
+        """Ranges of points still to be computed, each at most a chunk long."""
+        ranges: list[tuple[int, int]] = []
+        for unit in np.flatnonzero(self.done == 0).tolist():
+            start, stop = unit * UNIT, min((unit + 1) * UNIT, self.count)
+            if ranges and ranges[-1][1] == start and stop - ranges[-1][0] <= chunk:
+                ranges[-1] = (ranges[-1][0], stop)
+            else:
+                ranges.append((start, stop))
+        return ranges
+
+    def put(self, start: int, stop: int, values: dict[str, Any]) -> None:
+        """Write the results of one chunk in place."""
+        with writing_to(self.path):
+            for name, (offset, dtype, shape) in self.place.items():
+                data = np.ascontiguousarray(values[name], dtype=dtype)
+                assert data.shape == (stop - start, *shape), name
+                size = int(dtype.itemsize * np.prod(shape, dtype=int))
+                _write_all(self.handle, data.tobytes(), offset + start * size)
+        self.pending.append((start, stop))
+        if time.monotonic() - self.synced > SYNC_SECONDS:
+            self.sync()
+
+    def sync(self) -> None:
+        """Force results to the disk, then say so in the journal: in this order, a power cut loses work but never lies."""
+        with writing_to(self.path):
+            os.fsync(self.handle)
+            for start, stop in self.pending:
+                self.done[start // UNIT : -(-stop // UNIT)] = 1
+            _write_all(self.record, self.done.tobytes(), JOURNAL_HEAD)
+            os.fsync(self.record)
+        self.pending.clear()
+        self.synced = time.monotonic()
+
+    def finish(self) -> None:
+        """Give the complete file its name."""
+        self.sync()
+        assert self.done.all(), "every unit must have been written"
+        with writing_to(self.path):
+            os.replace(_part(self.path), self.path)
+            _journal(self.path).unlink()
+
+
+def _part(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
+
+
+def _journal(path: Path) -> Path:
+    return path.with_name(path.name + ".journal")
+
+
+JOURNAL_HEAD = 32
+"""Bytes of the journal's head: a digest of the job, so that a changed design is not taken up."""
+
+
+@contextlib.contextmanager
+def opened(job: Job, path: Path, group: str, origin: Provenance, resume: bool, fill: Callable[[h5py.Group], None]) -> Iterator[Store]:
+    """The file of a job, begun or taken up again, while it is being filled; what is done is safe however that ends."""
+    with contextlib.ExitStack() as stack:
+        with writing_to(path):
+            record = os.open(_journal(path), os.O_RDWR | os.O_CREAT, 0o666)
+            stack.callback(os.close, record)
+            _lock(record, path)
+            done = _taken_up(job, path, origin, record) if resume else None
+            if done is None:
+                done = _begun(job, path, group, origin, record, fill)
+            handle = os.open(_part(path), os.O_RDWR)
+            stack.callback(os.close, handle)
+        store = Store(job.count, path, handle, record, done, _places(job, _part(path), group), [], time.monotonic())
+        try:
+            yield store
+        except BaseException:
+            with contextlib.suppress(OSError, InputError):
+                store.sync()
+            raise
+
+
+def _lock(record: int, path: Path) -> None:
+    try:
+        fcntl.flock(record, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError([Fault("--out", "another run is writing this file", "wait for it, or name another folder", str(path))]) from None
+    except OSError:
+        pass  # a file system without locks
+
+
+def _taken_up(job: Job, path: Path, origin: Provenance, record: int) -> Any:
+    """What an interrupted run has done; None if there is nothing to take up."""
+    head = os.pread(record, JOURNAL_HEAD + _units(job) + 1, 0)
+    if len(head) < JOURNAL_HEAD or not _part(path).exists():
+        return None
+    if head[:JOURNAL_HEAD] != _digest(job, origin) or len(head) != JOURNAL_HEAD + _units(job):
+        remedy = "take the same design and options, or start anew without --resume"
+        raise InputError([Fault("--resume", f"{_part(path).name} belongs to another design or sweep", remedy)])
+    return np.frombuffer(head[JOURNAL_HEAD:], dtype=np.uint8).copy()
+
+
+def _begun(job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Callable[[h5py.Group], None]) -> Any:
+    """Lay out a new file; the journal of an older one must not outlive it."""
+    try:
+        os.ftruncate(record, 0)
+        _create(job, _part(path), group, origin, fill)
+        done = np.zeros(_units(job), dtype=np.uint8)
+        _write_all(record, _digest(job, origin) + done.tobytes(), 0)
+    except BaseException:
+        _part(path).unlink(missing_ok=True)
+        _journal(path).unlink(missing_ok=True)
+        raise
+    return done
+
+
+def _units(job: Job) -> int:
+    return -(-job.count // UNIT)
+
+
+def _digest(job: Job, origin: Provenance) -> bytes:
+    return hashlib.sha256(repr((__version__, job.count, job.columns, origin.design, origin.sweep)).encode()).digest()
+
+
+def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Callable[[h5py.Group], None]) -> None:
+    """Lay the whole file out: every dataset contiguous and in its final place."""
+    try:
+        with h5py.File(part, "w") as file:
+            root_attributes(file, origin)
+            home = file.create_group(group)
+            fill(home)
+            made = [_contiguous(home, column, job.shape) for column in job.columns]
+            for name in job.scales:
+                axis: Any = home[name]
+                if not axis.is_scale:
+                    axis.make_scale(name)
+            for column, values in zip(job.columns, made, strict=True):
+                values.attrs["units"] = column.units
+                for axis, name in zip(values.dims, (*job.scales, *column.axes), strict=True):
+                    axis.label = name
+                    if name != column.name:  # a scale has none itself
+                        axis.attach_scale(home[name])
+        size = max(offset + job.count * dtype.itemsize * int(np.prod(shape, dtype=int)) for offset, dtype, shape in _places(job, part, group).values())
+        _allocate(part, size)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise OSError(error.errno, os.strerror(error.errno)) from None  # HDF5 tells a long story
+
+
+def _allocate(part: Path, size: int) -> None:
+    """Claim the space now: a full disk is told at once, not in the night."""
+    with part.open("r+b") as stream:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(stream.fileno(), 0, max(size, part.stat().st_size))
+        elif os.statvfs(part).f_bavail * os.statvfs(part).f_frsize < size:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def _contiguous(home: h5py.Group, column: Column, shape: tuple[int, ...]) -> h5py.Dataset:
+    layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    layout.set_layout(h5py.h5d.CONTIGUOUS)
+    layout.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    layout.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    layout.set_obj_track_times(False)  # the same run writes the same bytes
+    space = h5py.h5s.create_simple((*shape, *column.shape))
+    kind = h5py.h5t.py_create(np.dtype(column.dtype), logical=True)
+    return h5py.Dataset(h5py.h5d.create(home.id, column.name.encode(), kind, space, dcpl=layout))
+
+
+def _places(job: Job, part: Path, group: str) -> dict[str, tuple[int, np.dtype[Any], tuple[int, ...]]]:
+    """Where in the file each column begins."""
+    with h5py.File(part, "r") as file:
+        home: Any = file[group]
+        return {column.name: (home[column.name].id.get_offset(), np.dtype(column.dtype), column.shape) for column in job.columns}
+
+
+def _write_all(handle: int, data: bytes, offset: int) -> None:
+    view = memoryview(data)
+    while view:
+        written = os.pwrite(handle, view, offset)
+        view, offset = view[written:], offset + written
