@@ -61,6 +61,10 @@ class InputError(PendsusError):
         self.file = file
         super().__init__("\n".join(fault.line(file) for fault in self.faults))
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Fault, ...], str]]:
+        """As it crosses from a worker process: an exception is rebuilt from its message otherwise."""
+        return InputError, (self.faults, self.file)
+
     def in_file(self, file: str) -> InputError:
         """The same faults, told of ``file``."""
         return InputError(self.faults, file)

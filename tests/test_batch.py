@@ -18,7 +18,7 @@ from golden import CONFIGS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from suspension_cli import batch, store
+from suspension_cli import store
 from suspension_cli.analysis.coupling import Axis, Sweep
 from suspension_cli.analysis.tolerance import Tolerances
 from suspension_cli.design import reader

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import pickle
 import tomllib
 
 import h5py
@@ -10,6 +12,8 @@ import pytest
 from commandline import MISSING, assert_refused, edited, run, strict_json, written
 from couplings import FIGURE_6, FILE, answers, question
 
+from suspension_cli.cli import analyses
+from suspension_cli.errors import Fault, InputError
 from suspension_cli.results import coupling as files
 
 RAW = tomllib.loads(FILE.read_text())
@@ -153,6 +157,35 @@ def test_an_unstable_design_only_if_allowed(tmp_path):
     assert None not in answer["ratio_real"]
 
 
+ON_SPRINGS = """
+design = { name = "springs" }
+
+[[stage]]
+name = "test"
+position = [0.0, 0.0, -0.3]
+body = { mass = 5.0, inertia = [0.02, 0.02, 0.03] }
+
+[[stage.spring]]
+stiffness = [100.0, 100.0, 1e4, 10.0, 10.0, 10.0]
+preload = [0.0, 0.0, 49.05, 0.0, 0.0, 0.0]
+
+[[tolerance.body]]
+stage = "test"
+com = { normal = 1e-3 }
+"""
+
+
+def test_a_stage_without_wires(tmp_path):
+    file = written(tmp_path, ON_SPRINGS)
+    answer = xcouple(file, tmp_path, "--sweep", "com=0,1e-4,2e-4")
+    assert answer["ratio_real"][0] == 0.0
+    assert answer["ratio_real"][2] == pytest.approx(2 * answer["ratio_real"][1], rel=1e-3)
+    result = run("xcouple", file, "--out", tmp_path / "out")
+    [line] = assert_refused(result, file, tmp_path / "out")
+    assert line == "--wire: k is of a wire, and the last stage hangs on none; name one, or sweep mass, com or a path"
+    assert run("tolerance", file, "--builds", "50", "--out", tmp_path).exit_code == 0
+
+
 def test_picture_unless_not_asked_for(tmp_path):
     assert run("xcouple", FILE, "--out", tmp_path / "a", "--no-plot", "-q").exit_code == 0
     assert [path.name for path in (tmp_path / "a").iterdir()] == [f"{NAME}.h5"]
@@ -188,6 +221,33 @@ def test_bad_sweeps_are_refused(kind, tmp_path):
     options, problem = BAD[kind]
     [line] = assert_refused(run("xcouple", FILE, *options, "--out", tmp_path), FILE, tmp_path)
     assert problem in line
+
+
+@pytest.mark.parametrize("command", ["xcouple", "tolerance"])
+def test_a_motion_that_the_frame_does_not_have(command, tmp_path):
+    """Only an answer shows it; it must show before anything is written, and whoever computes."""
+    more = {("support",): {"stiffness": {"z": 1e6}}, ("tolerance",): {"body": [{"stage": "test", "com": {"normal": 1e-4}}]}}
+    file = written(tmp_path, edited(RAW, more))
+    for workers in ("1", "2"):
+        result = run(command, file, "--over", "frame.x", "--chunk", "64", "--workers", workers, "--out", tmp_path / "out")
+        [line] = assert_refused(result, file, tmp_path / "out")
+        assert "the support structure is rigid in this direction" in line
+
+
+def test_faults_cross_from_worker_processes():
+    fault = InputError([Fault("key", "problem", "remedy", "value")], "file")
+    again = pickle.loads(pickle.dumps(fault))
+    assert (str(again), again.faults, again.file) == (str(fault), fault.faults, fault.file)
+
+
+def test_a_file_name_that_is_no_text(tmp_path):
+    name = os.fsdecode(b"caf\xe9 one.toml")
+    written(tmp_path, FILE.read_bytes(), name)
+    result = run("xcouple", tmp_path / name, "--out", tmp_path / "out", "--sweep", "k=1.1", "--no-plot")
+    assert result.exit_code == 0
+    recorded = analyses.what(["pendsus", "xcouple", name, "--workers", "3", "--sweep", "k=1:2:3", "--out=here", "-q", "--chunk", "5"])
+    assert recorded == "pendsus xcouple 'caf\\udce9 one.toml' --sweep k=1:2:3"
+    assert recorded.encode()
 
 
 @pytest.mark.parametrize(

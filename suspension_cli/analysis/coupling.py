@@ -125,7 +125,7 @@ class Sweep:
         return expand(self._design).wires.label[self.question.wire] if self.question.wire >= 0 else ""
 
     def check(self) -> None:
-        """Raise `InputError` now if there is no wire to spoil, or a dotted path or one of its values is at fault."""
+        """Raise `InputError` now if there is no wire to spoil, or a dotted path, one of its values or a signal is at fault."""
         of_wire = [axis.name for axis in self.axes if axis.name in OF_WIRE]
         if of_wire and self.question.wire < 0:
             raise InputError([Fault("--wire", f"{of_wire[0]} is of a wire, and the last stage hangs on none", "name one, or sweep mass, com or a path")])
@@ -133,6 +133,7 @@ class Sweep:
         for axis in paths:
             for value in dict.fromkeys((axis.values[0], axis.values[-1])):
                 expand(reader.overridden(self.text, (f"{axis.name}={float(value)!r}",)))
+        self.compute(0, 1)
 
     @property
     def columns(self) -> tuple[Column, ...]:

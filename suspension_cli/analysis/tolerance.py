@@ -105,6 +105,10 @@ class Tolerances:
         """The modes of the design as drawn (with its own perturbations)."""
         return self._start[0]
 
+    def check(self) -> None:
+        """Raise `InputError` now if there is no table, or a signal is at fault."""
+        self.compute(0, 1)
+
     def deviations(self, start: int, stop: int) -> Array:
         """What builds start to stop - 1 got wrong, (p, factors)."""
         return sampling.deviations(self.factors, self.seed, start, stop)

@@ -123,7 +123,7 @@ def what(argv: list[str]) -> str:
                 next(words, None)
         else:
             kept.append(word)
-    return "pendsus " + " ".join(kept)
+    return options.command_line(["pendsus", *kept])
 
 
 def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, setting: dict[str, Any], voice: options.Voice, fill: Any) -> None:

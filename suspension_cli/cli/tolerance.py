@@ -37,6 +37,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     with source.faults():
         choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, imperfect=True)
         job = Tolerances(source.text, setting["builds"], setting["seed"], analyses.question(model, setting), setting["allow_unstable"])
+        job.check()
         voice.detail(f"{len(job.factors)} numbers scatter")
     path = options.folder(out) / f"{source.design.design.name}-tolerance.h5"
     analyses.swept(job, path, "tolerance", source, choice, setting, voice, lambda group: files.fill(group, job, setting["limit"]))
