@@ -10,9 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from suspension_cli.design.fibres import Fibres
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -154,6 +158,8 @@ class Scene:
     bodies, wires, blades, springs
     drawn : Scene or None
         Of an imperfect scene, what it was meant to be: that balances in its nominal pose.
+    fibres : Fibres or None
+        What the wires are made of, where they bend (`beam`, `violin`); None for strings.
     """
 
     name: str
@@ -163,6 +169,7 @@ class Scene:
     blades: Blades
     springs: Springs
     drawn: Scene | None = None
+    fibres: Fibres | None = None
 
     @cached_property
     def batch(self) -> tuple[int, ...]:
