@@ -146,6 +146,26 @@ class Springs:
 
 
 @dataclass(frozen=True)
+class Flex:
+    """What wires add that bend and twist, at rest.
+
+    Attributes
+    ----------
+    upper, lower : (w, 2, 3) arrays
+        Unit vectors of each wire's principal planes, in the frames of the two bodies.
+    bend : (w, 2, 3) array
+        S_uu, S_ul, S_ll in each plane: moments at the ends over the slopes there, N m/rad.
+    twist : (w,) array
+        Torque over twist, N m/rad.
+    """
+
+    upper: Array
+    lower: Array
+    bend: Array
+    twist: Array
+
+
+@dataclass(frozen=True)
 class Scene:
     """A whole suspension.
 
@@ -160,6 +180,8 @@ class Scene:
         Of an imperfect scene, what it was meant to be: that balances in its nominal pose.
     fibres : Fibres or None
         What the wires are made of, where they bend (`beam`, `violin`); None for strings.
+    flex : Flex or None
+        How stiff they are against that.
     """
 
     name: str
@@ -170,6 +192,7 @@ class Scene:
     springs: Springs
     drawn: Scene | None = None
     fibres: Fibres | None = None
+    flex: Flex | None = None
 
     @cached_property
     def batch(self) -> tuple[int, ...]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design.scene import Scene
-from suspension_cli.mechanics import blade, spring, string
+from suspension_cli.mechanics import blade, flexure, spring, string
 from suspension_cli.mechanics.geometric import add_arms, rotation_hessian
 from suspension_cli.mechanics.pose import Layout, Pose, point_jacobian
 from suspension_cli.rotations import cross_matrix
@@ -19,7 +19,8 @@ def energy(scene: Scene, pose: Pose) -> Any:
     lift = (weight * pose.shift[..., 1:, 2]).sum(-1)
     turned = blade.tip_arms(scene, pose) - scene.blades.tip
     tips = (scene.gravity * scene.blades.tip_mass * (pose.shift[..., scene.blades.body, 2] + turned[..., 2])).sum(-1)
-    return string.energy(scene, pose) + blade.energy(scene, pose) + spring.energy(scene, pose) + lift + tips
+    bent = 0.0 if scene.flex is None else flexure.energy(scene, pose)
+    return string.energy(scene, pose) + bent + blade.energy(scene, pose) + spring.energy(scene, pose) + lift + tips
 
 
 def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any]:
@@ -46,6 +47,8 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any]:
     gradient[..., 8 : 6 * bodies : 6] += scene.gravity * scene.bodies.mass
     if scene.wires.label:
         _add_wires(scene, numbering, pose, gradient, hessian, outer, on_tips)
+    if scene.flex is not None and scene.wires.label:
+        flexure.add(scene, numbering, pose, gradient, hessian[..., :-1, :-1], outer, on_tips)
     if scene.blades.label:
         _add_blades(scene, numbering, pose, gradient, hessian, outer, on_tips)
     blocks = rotation_hessian(outer)

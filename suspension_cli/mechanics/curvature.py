@@ -1,0 +1,147 @@
+"""Where along a wire it bends: integrals of its squared curvature and of its squared displacement.
+
+With the waves of `mechanics.beam`, x from the middle towards the lower end and C = cosh(alpha h),
+
+    w_s'' = k1 cosh(alpha x) / C + k2 cos(beta x),        k1 = alpha^2 (beta^2 (s/beta) W_s + c T_s) / D,   k2 = -beta^2 (alpha^2 (t/alpha) W_s - T_s) / D
+    w_a'' = k3 sinh(alpha x) / C + k4 sin(beta x),        k3 = alpha ((s/beta) T_a - c W_a) / N,            k4 = -beta (W_a - (t/alpha) T_a) / N,
+
+so that over either half of the wire, upper (-) and lower (+),
+
+    integral of |w''|^2 = sum over i, j of k_i I_ij conj(k_j), the even-odd products with the sign of the half,
+
+with I_ij the integrals over 0 < x < h of the products of those four functions, one of them conjugated: closed forms for any complex alpha
+and beta.  Power lost to bending is omega Im(EI) times this over 2: a sum of squares, where nothing cancels however small the loss.
+In a stiff, slow wire the closed forms cancel, but its curvature is all but a polynomial: Gauss-Legendre quadrature is exact there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.mechanics.beam import SERIES, Waves
+
+CUBIC = 3e-3
+"""Below this |alpha^2 + beta^2| h^2 the displacement of a wire is taken as a cubic."""
+POINTS = 12
+"""Of the quadrature; exact for polynomials of order 23, where the curvature is one of order 4 or so."""
+
+
+def squared(found: Waves, ends: Any) -> tuple[Any, Any]:
+    """Integral of |w''|^2 over the upper and the lower half of a wire.
+
+    Parameters
+    ----------
+    found : Waves
+        At frequencies (f,).
+    ends : (4, r, f) complex array
+        W_s, T_s, W_a, T_a of r motions, in m and rad.
+
+    Returns
+    -------
+    upper, lower : (r, f) arrays
+        1/m.
+    """
+    factors = _factors(found, ends)
+    with np.errstate(all="ignore"):  # where it is stiff and slow, what does not hold is replaced
+        total, across = _closed(found, factors)
+    slow = np.abs(found.both) * found.half**2 < SERIES
+    if np.any(slow):
+        total, across = (np.where(slow, quick, old) for quick, old in zip(_quadrature(found, factors), (total, across), strict=True))
+    return total - across, total + across
+
+
+def displaced(found: Waves, ends: Any) -> Any:
+    """Integral (r, f) of |w|^2 over the whole wire, m^3; for the drag of a gas.
+
+    In a stiff, slow wire the waves cancel; there the cubics through the ends are taken, within (|alpha^2 + beta^2| h^2)^2 of the truth.
+    """
+    k1, k2, k3, k4 = _factors(found, ends)
+    with np.errstate(all="ignore"):
+        total, _ = _closed(found, (k1 / found.alpha2, -k2 / found.beta2, k3 / found.alpha2, -k4 / found.beta2))
+    return 2 * np.where(np.abs(found.both) * found.half**2 < CUBIC, _cubic(found.half, ends), total)
+
+
+def _cubic(h: float, ends: Any) -> Any:
+    """Integral of |w|^2 over half a wire for w_s = W_s + h T_s (x^2/h^2 - 1)/2, w_a = (x/h) W_a + (h T_a - W_a) (x^3/h^3 - x/h)/2."""
+    even, even_turn, odd, odd_turn = ends[0], h * ends[1], ends[2], h * ends[3] - ends[2]
+    straight = np.abs(even) ** 2 + np.abs(odd) ** 2 / 3
+    bent = np.abs(even_turn) ** 2 * (2 / 15) + np.abs(odd_turn) ** 2 * (2 / 105)
+    mixed = (even * np.conj(even_turn)).real * (-2 / 3) + (odd * np.conj(odd_turn)).real * (-2 / 15)
+    return h * (straight + bent + mixed)
+
+
+def _factors(found: Waves, ends: Any) -> tuple[Any, Any, Any, Any]:
+    """k1 to k4, (r, f) each."""
+    even, even_turn, odd, odd_turn = ends
+    a2, b2 = found.alpha2, found.beta2
+    return (
+        a2 * (b2 * found.sin * even + found.cos * even_turn) / found.even,
+        -b2 * (a2 * found.tanh * even - even_turn) / found.even,
+        np.sqrt(a2) * (found.sin * odd_turn - found.cos * odd) / found.odd,
+        -np.sqrt(b2) * (odd - found.tanh * odd_turn) / found.odd,
+    )
+
+
+def _closed(found: Waves, factors: tuple[Any, Any, Any, Any]) -> tuple[Any, Any]:
+    """Even plus odd part, and even-odd product, of the integral over half a wire."""
+    k1, k2, k3, k4 = factors
+    h, alpha, beta = found.half, np.sqrt(found.alpha2), np.sqrt(found.beta2)
+    across = np.conj(beta)
+    ar, ai, br, bi = alpha.real, alpha.imag, beta.real, beta.imag
+    sech = 1 / np.cosh(np.minimum(2 * ar * h, 700.0))
+    norm = 1 + np.cos(2 * ai * h) * sech  # 2 |C|^2 / cosh(2 Re alpha h)
+    long, turn = np.tanh(2 * ar * h) / (2 * ar), h * np.sinc(2 * ai * h / np.pi) * sech
+    i11, i33 = (long + turn) / norm, (long - turn) / norm
+    i13 = ((1 - sech) / (2 * ar) - 1j * ai * h**2 * np.sinc(ai * h / np.pi) ** 2 * sech) / norm
+    wave, swell = h * np.sinc(2 * br * h / np.pi), h * _sinhc(2 * bi * h)
+    i22, i44 = (swell + wave) / 2, h * _gap(2 * br * h, 2 * bi * h) / 2
+    i24 = (br * h**2 * np.sinc(br * h / np.pi) ** 2 - 1j * bi * h**2 * _sinhc(bi * h) ** 2) / 2
+    t, short = alpha * found.tanh, 1 / _cosh(alpha * h)
+    s, c, over = across * np.conj(found.sin), np.conj(found.cos), found.alpha2 + np.conj(found.beta2)
+    i12, i14 = (alpha * t * c + across * s) / over, (alpha * t * s - across * (c - short)) / over
+    i32, i34 = (alpha * (c - short) + across * t * s) / over, (alpha * s - across * t * c) / over
+
+    def product(x: Any, weight: Any, y: Any) -> Any:
+        return (x * weight * np.conj(y)).real
+
+    total = np.abs(k1) ** 2 * i11 + np.abs(k2) ** 2 * i22 + np.abs(k3) ** 2 * i33 + np.abs(k4) ** 2 * i44
+    total = total + 2 * (product(k1, i12, k2) + product(k3, i34, k4))
+    mixed = product(k1, i13, k3) + product(k1, i14, k4) + product(k3, i32, k2) + product(k2, i24, k4)
+    return total, 2 * mixed
+
+
+def _quadrature(found: Waves, factors: tuple[Any, Any, Any, Any]) -> tuple[Any, Any]:
+    """The same by quadrature: for wires that are stiff and slow."""
+    k1, k2, k3, k4 = factors
+    alpha, beta = np.sqrt(found.alpha2), np.sqrt(found.beta2)
+    slow = np.abs(found.both) * found.half**2 < SERIES
+    alpha, beta = np.where(slow, alpha, 0), np.where(slow, beta, 0)
+    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
+    over = 1 / np.cosh(alpha * found.half)
+    total = across = 0.0
+    for x, weight in zip((nodes + 1) * found.half / 2, weights * found.half / 2, strict=True):
+        even = k1 * (np.cosh(alpha * x) * over) + k2 * np.cos(beta * x)
+        odd = k3 * (np.sinh(alpha * x) * over) + k4 * np.sin(beta * x)
+        total = total + weight * (np.abs(even) ** 2 + np.abs(odd) ** 2)
+        across = across + 2 * weight * (even * np.conj(odd)).real
+    return total, across
+
+
+def _gap(x: Any, y: Any) -> Any:
+    """sinh(y)/y - sin(x)/x, also where both are all but 1."""
+    p, n = y * y, -x * x
+    series = sum((p**k - n**k) / math.factorial(2 * k + 1) for k in range(1, 9))
+    return np.where(p - n < 0.5, series, _sinhc(y) - np.sinc(x / np.pi))
+
+
+def _sinhc(z: Any) -> Any:
+    safe = np.where(z == 0, 1.0, z)
+    return np.where(z == 0, 1.0, np.sinh(safe) / safe)
+
+
+def _cosh(z: Any) -> Any:
+    """cosh, held below overflow: only its inverse is used."""
+    return np.cosh(np.where(z.real > 700, 700.0, z))

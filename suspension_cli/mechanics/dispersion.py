@@ -1,0 +1,177 @@
+"""What depends on frequency beyond K + i omega C - omega^2 M: wires with mass, and everything that is lossy.
+
+Each term adds to the stiffness of a model a few functions of frequency times constant matrices,
+
+    Z(omega) = K + i omega C - omega^2 M + sum over terms and n of f_n(omega) A_n,
+
+where K holds the static, lossless stiffness of everything: f_n(0) without loss is 0.  All wires that are alike share their functions.
+A term also tells what it dissipates in a motion x, x^H Im(f A) x, split by its causes: sums of squares, in which nothing cancels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from suspension_cli.mechanics.beam import PLACE
+from suspension_cli.mechanics.fibre import PARTS, WIDTH, Strand
+
+
+class Term(Protocol):
+    """A part of a model that depends on frequency."""
+
+    @property
+    def matrices(self) -> Any:
+        """A_n: (n, N, N), real and symmetric."""
+        ...
+
+    def at(self, omega: Any, *, lossy: bool = True) -> Any:
+        """f_n: (n, f), complex where lossy; omega (f,) in rad/s, complex to differentiate by it."""
+        ...
+
+    def dissipated(self, omega: Any, motion: Any) -> dict[tuple[str, float], Any]:
+        """x^H Im(f A) x (f,) for motions (N, f), by name of the cause and its temperature (K)."""
+        ...
+
+
+@dataclass(frozen=True)
+class WireTerm:
+    """Wires of one kind: alike in everything, under the same tension.
+
+    Attributes
+    ----------
+    stage : str
+        Whose wires they are.
+    strand : Strand
+    forms : dict of (w, c, N) arrays
+        How the ends of each wire move with the coordinates, for each of `fibre.PARTS`.
+    allowed : (N, N) bool array
+        Elements that a symmetry does not forbid.
+    """
+
+    stage: str
+    strand: Strand
+    forms: dict[str, Any]
+    allowed: Any
+
+    @cached_property
+    def functions(self) -> tuple[tuple[str, int, int], ...]:
+        """Part and place of each f_n; both planes of a round wire share theirs."""
+        simple = len(self.strand.fibre.sections) == 1
+        parts = [part for part in PARTS if part != "bend-2" or not self.round]
+        result = []
+        for part in parts:
+            every = [(i, j) for i in range(WIDTH[part]) for j in range(i, WIDTH[part])]
+            bend, rod = (PLACE, ((0, 0), (1, 1))) if simple else (every, every)
+            result += [(part, i, j) for i, j in (bend if part.startswith("bend") else rod)]
+        return tuple(result)
+
+    @property
+    def round(self) -> bool:
+        """Whether both planes are alike."""
+        return all(section.round for section in self.strand.fibre.sections)
+
+    @cached_property
+    def matrices(self) -> Any:
+        """A_n: (n, N, N)."""
+        result = []
+        for part, i, j in self.functions:
+            total = 0.0
+            for name in ("bend-1", "bend-2") if part == "bend-1" and self.round else (part,):
+                product = self.forms[name][:, i].T @ self.forms[name][:, j]
+                total = total + (product if i == j else product + product.T)
+            result.append(np.where(self.allowed, total, 0.0))
+        return np.array(result)
+
+    def at(self, omega: Any, *, lossy: bool = True) -> Any:
+        """f_n: (n, f)."""
+        strand = self.strand if lossy else Strand(self.strand.fibre, self.strand.tension, self.strand.massive, lossy=False)
+        now = strand.at(omega).stiffness
+        return np.stack([now[part][i, j] - self.strand.static[part][i, j] for part, i, j in self.functions])
+
+    def dissipated(self, omega: Any, motion: Any) -> dict[tuple[str, float], Any]:
+        """x^H Im(f A) x (f,), split into bending at the upper and lower end, stretching, torsion and gas."""
+        upper, lower = self.strand.fibre.temperature
+        moving, result = self.strand.at(omega), {}
+        around = self.strand.surrounded
+        warmth = {"bending-upper": upper, "bending-lower": lower, "gas": around.temperature if around else 0.0}
+        for part in PARTS:
+            rows, count = self._distinct[part]
+            if not len(rows):
+                continue
+            ends = np.moveaxis(rows @ motion, 0, 1)  # (c, r, f)
+            for cause, value in moving.dissipated(part, ends).items():
+                if np.ndim(value):
+                    key = (f"{self.stage}.{cause}", warmth.get(cause, (upper + lower) / 2))
+                    result[key] = result.get(key, 0.0) + count @ value
+        return result
+
+    @cached_property
+    def _distinct(self) -> dict[str, tuple[Any, Any]]:
+        """Forms that differ by more than their sign, and how many wires have each: (r, c, N) and (r,)."""
+        result = {}
+        for part, forms in self.forms.items():
+            size = np.abs(forms).max((1, 2), keepdims=True)
+            kept = forms[size[:, 0, 0] > 0]
+            rows: list[Any] = []
+            count: list[float] = []
+            for form in kept:
+                near = 1e-13 * np.abs(form).max()
+                same = next((n for n, row in enumerate(rows) if min(np.abs(row - form).max(), np.abs(row + form).max()) <= near), None)
+                if same is None:
+                    rows.append(form)
+                    count.append(1.0)
+                else:
+                    count[same] += 1.0
+            result[part] = (np.array(rows), np.array(count))
+        return result
+
+    def within(self, columns: Any) -> WireTerm:
+        """The same for some of the coordinates, in which the others do not take part."""
+        largest = {part: np.abs(form).max(initial=0.0) for part, form in self.forms.items()}
+        some = {part: np.where(np.abs(f := form[..., columns]) > 1e-14 * largest[part], f, 0.0) for part, form in self.forms.items()}
+        return WireTerm(self.stage, self.strand, some, self.allowed[np.ix_(columns, columns)])
+
+
+@dataclass(frozen=True)
+class LossTerm:
+    """A constant stiffness (or damping) that dissipates: i phi(omega) K, or i omega C.
+
+    Attributes
+    ----------
+    cause : str
+        ``upper.blades`` and so on.
+    temperature : float
+        K.
+    matrix : (N, N) array
+        K in N/m, or C in N s/m.
+    angle : callable
+        phi (f,) of omega (f,); omega itself for a damping.
+    """
+
+    cause: str
+    temperature: float
+    matrix: Any
+    angle: Callable[[Any], Any]
+
+    @property
+    def matrices(self) -> Any:
+        """A_n: (1, N, N)."""
+        return self.matrix[None]
+
+    def at(self, omega: Any, *, lossy: bool = True) -> Any:
+        """f_n: (1, f)."""
+        return (1j * self.angle(omega) if lossy else np.zeros(np.shape(omega)))[None]
+
+    def dissipated(self, omega: Any, motion: Any) -> dict[tuple[str, float], Any]:
+        """x^H Im(f A) x (f,)."""
+        value = np.einsum("if,ij,jf->f", np.conj(motion), self.matrix, motion, optimize=True).real
+        return {(self.cause, self.temperature): self.angle(omega) * value}
+
+    def within(self, columns: Any) -> LossTerm:
+        """The same for some of the coordinates."""
+        return LossTerm(self.cause, self.temperature, self.matrix[np.ix_(columns, columns)], self.angle)

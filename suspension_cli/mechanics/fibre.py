@@ -1,0 +1,189 @@
+"""One kind of wire at given frequencies: its dynamic stiffness in bending, stretching and twisting, and where it dissipates.
+
+The motion of a wire's two ends falls into four parts that do not couple (`PARTS`): bending in its two principal planes
+(W_s, T_s, W_a, T_a each, see `mechanics.beam`), stretching (U_s, U_a) and twisting (the same two, rad).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.fibres import Fibre, Gas, Section
+from suspension_cli.mechanics import beam, curvature, gas, joined, loss, rod
+
+PARTS = ("bend-1", "bend-2", "stretch", "twist")
+WIDTH = {"bend-1": 4, "bend-2": 4, "stretch": 2, "twist": 2}
+"""How many coordinates each part has."""
+
+
+@dataclass(frozen=True)
+class Strand:
+    """A wire under tension, as a function of frequency.
+
+    Attributes
+    ----------
+    fibre : Fibre
+    tension : float
+        N.
+    massive : bool
+        Whether its mass counts (`violin`).
+    lossy : bool
+    surrounded : Gas or None
+    """
+
+    fibre: Fibre
+    tension: float
+    massive: bool
+    lossy: bool
+    surrounded: Gas | None = None
+
+    def at(self, omega: Any) -> Moving:
+        """This wire at frequencies (f,), rad/s."""
+        return Moving(self, omega)
+
+    @cached_property
+    def static(self) -> dict[str, Any]:
+        """Stiffness (c, c) of every part at rest, without loss."""
+        still = Strand(self.fibre, self.tension, massive=False, lossy=False)
+        return {part: value[..., 0].real for part, value in still.at(np.zeros(1)).stiffness.items()}
+
+    def resonances_below(self, omega: Any) -> Any:
+        """How many resonances (f,) of the wire with both ends held lie below each omega."""
+        return Moving(Strand(self.fibre, self.tension, self.massive, lossy=False), np.asarray(omega, dtype=float)).resonances
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A wire at given frequencies."""
+
+    strand: Strand
+    omega: Any
+
+    @cached_property
+    def stiffness(self) -> dict[str, Any]:
+        """Stiffness (c, c, f) of every part."""
+        return {part: joined.even_odd(whole) if nodes else self._sections[part][0] for part, (whole, nodes, _) in self._joined.items()}
+
+    @cached_property
+    def resonances(self) -> Any:
+        """How many resonances (f,) of the held wire lie below."""
+        total = np.zeros(np.shape(self.omega), dtype=int)
+        if not self.strand.massive:
+            return total
+        tension, omega = self.strand.tension, self.omega
+        for section in self.strand.fibre.sections:
+            for plane in (0, 1):
+                total = total + beam.resonances_below(section.rigidity[plane], tension, section.mass, section.length / 2, omega)
+            total = total + rod.resonances_below(section.stretching, section.mass, section.length / 2, omega)
+            total = total + rod.resonances_below(section.twisting, section.polar, section.length / 2, omega)
+        return total + sum(negative for _, _, negative in self._joined.values())
+
+    def dissipated(self, part: str, motion: Any) -> dict[str, Any]:
+        """What the ends' motion (c, r, f) of one part dissipates: x^H Im(F) x, split by its cause, (r, f) each, N m.
+
+        Bending is split at the middle of the wire: its two boundary layers.
+        """
+        sections, nodes = self.strand.fibre.sections, self._joined[part][1]
+        each = [motion]
+        if nodes:
+            form = joined.ENDS[WIDTH[part] // 2]
+            back = np.linalg.inv(form)
+            whole = np.einsum("ij,jrf->irf", form, motion)
+            each = [np.einsum("ij,jrf->irf", back, moved) for moved in joined.sections_moved(nodes, whole)]
+        return self._bent(part, sections, each) if part.startswith("bend") else self._strained(part, sections, each)
+
+    def _bent(self, part: str, sections: tuple[Section, ...], each: list[Any]) -> dict[str, Any]:
+        plane = int(part[-1]) - 1
+        result = {"bending-upper": 0.0, "bending-lower": 0.0, "gas": 0.0}
+        length, top = sum(section.length for section in sections), 0.0
+        for section, motion, (waves, rigidity, mass) in zip(sections, each, self._waves[part], strict=True):
+            lost = np.asarray(rigidity).imag
+            for half, value in enumerate(curvature.squared(waves, motion)):
+                centre = top + (0.25 + 0.5 * half) * section.length
+                result["bending-upper" if centre < length / 2 else "bending-lower"] += lost * value
+            if self.strand.surrounded is not None and self.strand.massive:
+                result["gas"] += -np.asarray(mass).imag * self.omega**2 * curvature.displaced(waves, motion)
+            top += section.length
+        assert plane in (0, 1)
+        return result
+
+    def _strained(self, part: str, sections: tuple[Section, ...], each: list[Any]) -> dict[str, Any]:
+        name = "stretching" if part == "stretch" else "torsion"
+        total = 0.0
+        for section, motion in zip(sections, each, strict=True):
+            rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
+            total = total + np.asarray(rigidity).imag * rod.strained(rigidity, mass, section.length / 2, self.omega, motion)
+        return {name: total}
+
+    @cached_property
+    def _joined(self) -> dict[str, tuple[Any, list[Any], Any]]:
+        return {
+            part: joined.join([joined.ends(section) for section in self._sections[part]]) if len(self._sections[part]) > 1 else (None, [], 0) for part in PARTS
+        }
+
+    @cached_property
+    def _sections(self) -> dict[str, list[Any]]:
+        """Stiffness (c, c, f) of every section in every part, on even and odd motion."""
+        result: dict[str, list[Any]] = {}
+        for part in PARTS:
+            if part.startswith("bend"):
+                elements = [(beam.PLACE, beam.stiffness(rigidity, waves)) for waves, rigidity, _ in self._waves[part]]
+            else:
+                elements = [
+                    (((0, 0), (1, 1)), rod.stiffness(self._rigidity(s, part), self._inertia(s, part), s.length / 2, self.omega))
+                    for s in self.strand.fibre.sections
+                ]
+            result[part] = [_filled(WIDTH[part], place, value) for place, value in elements]
+        return result
+
+    @cached_property
+    def _waves(self) -> dict[str, list[tuple[Any, Any, Any]]]:
+        """Waves, EI and mass a length of every section in both planes."""
+        result: dict[str, list[tuple[Any, Any, Any]]] = {}
+        for part in ("bend-1", "bend-2"):
+            if part == "bend-2" and all(section.round for section in self.strand.fibre.sections):
+                result[part] = result["bend-1"]
+                continue
+            found = []
+            for section in self.strand.fibre.sections:
+                rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
+                found.append((beam.waves(rigidity, self.strand.tension, mass, section.length / 2, self.omega), rigidity, mass))
+            result[part] = found
+        return result
+
+    def _rigidity(self, section: Section, part: str) -> Any:
+        """EI, EA or GJ, times 1 + i phi."""
+        tension, (upper, lower) = self.strand.tension, self.strand.fibre.temperature
+        temperature = (upper + lower) / 2
+        if part.startswith("bend"):
+            plane = int(part[-1]) - 1
+            value, angle = section.rigidity[plane], lambda: loss.bending_angle(section, plane, self.omega, tension, temperature)
+        elif part == "stretch":
+            value, angle = section.stretching, lambda: loss.stretching_angle(section, self.omega)
+        else:
+            value, angle = section.twisting, lambda: loss.twisting_angle(section, self.omega)
+        return value * (1 + 1j * angle()) if self.strand.lossy else value
+
+    def _inertia(self, section: Section, part: str) -> Any:
+        """Mass (kg/m) or polar moment of inertia (kg m) a length, with the drag of the gas on what moves across itself."""
+        if not self.strand.massive:
+            return 0.0
+        if part == "twist":
+            return section.polar
+        around = self.strand.surrounded
+        if around is None or not self.strand.lossy or part == "stretch":
+            return section.mass
+        drag = gas.wire_drag(around, section)
+        with np.errstate(divide="ignore"):
+            return section.mass - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
+
+
+def _filled(size: int, place: Any, elements: Any) -> Any:
+    result = np.zeros((size, size, elements.shape[-1]), dtype=elements.dtype)
+    for (i, j), value in zip(place, elements, strict=True):
+        result[i, j] = result[j, i] = value
+    return result

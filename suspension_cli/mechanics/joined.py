@@ -1,0 +1,76 @@
+"""Sections of wire, one below the other, as one: their inner nodes eliminated from the top down, and found again.
+
+Every section is a stiffness between its upper and its lower end, p coordinates each (deflection and slope of a bent beam: p = 2; one
+for a rod).  Joining what stands above a node (A) to the section below it (B) and letting the node go where no force is left on it,
+
+    S = A_ll + B_uu,    node = -S^-1 (A_lu upper + B_ul lower),    whole = diag(A_uu, B_ll) - [A_ul; B_lu] S^-1 [A_lu, B_ul].
+
+S has as many negative eigenvalues as the held whole has resonances more, below this frequency, than its parts (Wittrick and Williams, Q. J. Mech.
+Appl. Math. 24, 263 (1971)).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+# (w_1, w'_1, w_2, w'_2) from the even and odd motion (W_s, T_s, W_a, T_a) of `mechanics.beam`, and (u_1, u_2) from (U_s, U_a)
+ENDS = {2: np.array([[1.0, 0, -1, 0], [0, -1, 0, 1], [1, 0, 1, 0], [0, 1, 0, 1]]), 1: np.array([[1.0, -1], [1, 1]])}
+
+
+def ends(even_odd: Any) -> Any:
+    """A stiffness (2p, 2p, f) on even and odd motion, taken to the two ends."""
+    back = np.linalg.inv(ENDS[len(even_odd) // 2])
+    return np.einsum("ki,klf,lj->ijf", back, even_odd, back)
+
+
+def even_odd(stiffness: Any) -> Any:
+    """A stiffness (2p, 2p, f) on the two ends, taken to even and odd motion."""
+    form = ENDS[len(stiffness) // 2]
+    return np.einsum("ki,klf,lj->ijf", form, stiffness, form)
+
+
+def join(parts: list[Any]) -> tuple[Any, list[Any], Any]:
+    """Join sections.
+
+    Parameters
+    ----------
+    parts : list of (2p, 2p, f) arrays
+        Stiffness of each section between its ends, from the top.
+
+    Returns
+    -------
+    whole : (2p, 2p, f) array
+    nodes : list of (p, 2p, f) arrays
+        Each inner node's motion from those of the upper end and of the node below.
+    negative : (f,) int array
+        How many negative eigenvalues the nodes' own stiffnesses have (real stiffnesses only).
+    """
+    whole, nodes = parts[0], []
+    p = len(whole) // 2
+    negative = np.zeros(whole.shape[-1], dtype=int)
+    for part in parts[1:]:
+        own = whole[p:, p:] + part[:p, :p]
+        pull = np.concatenate([whole[p:, :p], part[:p, p:]], axis=1)
+        move = -np.moveaxis(np.linalg.solve(np.moveaxis(own, -1, 0), np.moveaxis(pull, -1, 0)), 0, -1)
+        if not np.iscomplexobj(own):
+            negative = negative + (np.linalg.eigvalsh(np.moveaxis(own, -1, 0)) < 0).sum(-1)
+        new = np.einsum("kif,kjf->ijf", pull, move)
+        new[:p, :p] += whole[:p, :p]
+        new[p:, p:] += part[p:, p:]
+        whole = (new + np.swapaxes(new, 0, 1)) / 2
+        nodes.append(move)
+    return whole, nodes, negative
+
+
+def sections_moved(nodes: list[Any], motion: Any) -> list[Any]:
+    """Motion (2p, r, f) of the ends of every section, from that of the ends of the whole (2p, r, f)."""
+    p = len(motion) // 2
+    upper, below, found = motion[:p], motion[p:], []
+    for move in reversed(nodes):
+        node = np.einsum("ijf,jrf->irf", move, np.concatenate([upper, below]))
+        found.append(np.concatenate([node, below]))
+        below = node
+    found.append(np.concatenate([upper, below]))
+    return found[::-1]
