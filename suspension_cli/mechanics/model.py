@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.scene import Index
+
+if TYPE_CHECKING:
+    from suspension_cli.mechanics.dispersion import Term
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,8 @@ class LinearModel:
         Largest force left over in the equilibrium, as a share of the weight.
     wire : tuple of str
         Names of the wires (string rung).
+    terms : tuple of Term
+        What depends on frequency (`beam`, `violin`): see `mechanics.dispersion`.
     """
 
     body: tuple[str, ...]
@@ -53,6 +58,7 @@ class LinearModel:
     orientation: Any = None
     residual: float = 0.0
     wire: tuple[str, ...] = ()
+    terms: tuple[Term, ...] = ()
 
     @property
     def size(self) -> int:
@@ -80,7 +86,8 @@ class LinearModel:
         The support is left out.  Ordered by their first coordinate.
         """
         joined = np.zeros((self.size, self.size), dtype=bool)
-        for matrix in (self.mass, self.stiffness, self.damping, *(() if self.lossy is None else (self.lossy,))):
+        dispersive = (matrix for term in self.terms for matrix in term.matrices)
+        for matrix in (self.mass, self.stiffness, self.damping, *(() if self.lossy is None else (self.lossy,)), *dispersive):
             joined |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
         joined |= joined.T  # a damper may sense one body and push another
         # each row as the bits of one integer: a handful of coordinates is quickest that way
