@@ -75,7 +75,7 @@ class LinearModel:
         return 6 * (self.body.index(body) + 1) + DOFS.index(dof)
 
     @cached_property
-    def prepared(self) -> dict[int, Any]:
+    def prepared(self) -> dict[Any, Any]:
         """What a solver works out once for each block and keeps here for its next call."""
         return {}
 
