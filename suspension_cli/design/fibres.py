@@ -29,7 +29,7 @@ class Losses:
     ----------
     angle : float
         Constant loss angle of the bulk, rad.
-    table : tuple of two (n,) arrays or None
+    table : two tuples of n numbers or None
         Frequencies (Hz, ascending) and loss angles of the bulk instead of a constant one.
     surface_depth : float
         Dissipation depth d_s of the surface, m.
@@ -46,7 +46,7 @@ class Losses:
     """
 
     angle: float
-    table: tuple[Array, Array] | None
+    table: tuple[tuple[float, ...], tuple[float, ...]] | None
     surface_depth: float
     youngs_modulus: float
     density: float
@@ -227,7 +227,7 @@ def _losses(design: Design, name: str) -> Losses:
     assert material.youngs_modulus is not None and loss is not None
     thermal = (material.density, material.thermal_expansion, material.specific_heat, material.thermal_conductivity)
     warm = loss.thermoelastic is not False and None not in thermal
-    table = None if loss.table is None else (np.array(loss.table.frequency), np.array(loss.table.angle))
+    table = None if loss.table is None else (tuple(loss.table.frequency), tuple(loss.table.angle))
     return Losses(
         angle=loss.angle or 0.0,
         table=table,

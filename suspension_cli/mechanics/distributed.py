@@ -18,6 +18,8 @@ from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.mechanics.pose import Layout, Pose, layout, point_jacobian
 from suspension_cli.rotations import cross
 
+Drag = tuple[Any, ...]
+
 SETTLED = 1e-12
 """Relative change of tensions after which the stiffness of wires against bending need not be taken anew."""
 PASSES = 4
@@ -25,13 +27,15 @@ ALIKE = 1e-12
 """Relative difference of lengths and tensions of wires that are alike."""
 
 
-def linear_model(scene: Scene, *, massive: bool) -> LinearModel:
+def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearModel:
     """The linear model of small motions of a scene with fibres.
 
     Parameters
     ----------
     scene : Scene
         Without batch axes; `fibres` filled.
+    drag : tuple of (6, 6) arrays or None
+        Damping of each body by the gas around it, in its own frame at its COM.
     massive : bool
         Whether the wires' mass counts (`violin`).
 
@@ -55,7 +59,7 @@ def linear_model(scene: Scene, *, massive: bool) -> LinearModel:
         springs=replace(scene.springs, loss=np.zeros_like(scene.springs.loss)),
     )
     model = assemble.linear_model(still, balanced)
-    terms = [*_wire_terms(scene, numbering, balanced, adapted, massive=massive), *_loss_terms(scene, numbering, balanced.pose, adapted, model)]
+    terms = [*_wire_terms(scene, numbering, balanced, adapted, massive=massive), *_loss_terms(scene, numbering, balanced.pose, adapted), *_gas_terms(scene, numbering, balanced.pose, adapted, drag)]
     return replace(model, terms=tuple(terms))
 
 
@@ -88,7 +92,7 @@ def _wire_terms(scene: Scene, numbering: Layout, balanced: Equilibrium, adapted:
         fibre = _fitted(scene.fibres.wire[first], float(length[alike].mean()), float(scene.wires.stiffness[first]))
         strand = Strand(fibre, float(balanced.tension[alike].mean()), massive, lossy=True, surrounded=scene.fibres.gas)
         stage = scene.bodies.name[scene.wires.lower[first] - 1]
-        some = {part: np.moveaxis(rows[:, alike], 2, 0).swapaxes(1, 2) @ adapted.basis for part, rows in forms.items()}
+        some = {part: np.transpose(rows[:, alike], (1, 2, 0)) @ adapted.basis for part, rows in forms.items()}
         terms.append(WireTerm(stage, strand, some, adapted.allowed))
     return terms
 
@@ -149,8 +153,8 @@ def _turning(numbering: Layout, body: Any) -> Any:
     return result
 
 
-def _loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, model: LinearModel) -> list[Term]:
-    """What blades, springs and the gas around the bodies dissipate."""
+def _loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry) -> list[Term]:
+    """What blades and springs dissipate."""
     fibres, terms = scene.fibres, []
     assert fibres is not None
     place = {label: n for n, label in enumerate(scene.blades.label)}
@@ -172,21 +176,20 @@ def _loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, 
         angle = float(scene.springs.loss[n])
         label = scene.springs.label[n].rsplit(".", 1)[0]
         terms.append(LossTerm(f"{label}.springs", fibres.temperature, adapted.apply(matrix), lambda omega, angle=angle: angle + 0 * omega))
-    return [*terms, *_gas_terms(scene, numbering, pose, adapted)]
+    return terms
 
 
-def _gas_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry) -> list[Term]:
-    fibres = scene.fibres
-    assert fibres is not None
+def _gas_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, drag: Drag) -> list[Term]:
+    """What the gas around the bodies dissipates."""
     terms: list[Term] = []
-    for n, drag in enumerate(fibres.drag if fibres.gas is not None else ()):
-        if drag is None:
+    for n, own in enumerate(drag):
+        if own is None:
             continue
         turn = pose.rotation[n + 1]
         whole = np.kron(np.eye(2), turn)
         matrix = np.zeros((numbering.size,) * 2)
         rows = slice(6 * (n + 1), 6 * (n + 2))
-        matrix[rows, rows] = whole @ drag @ whole.T
-        assert fibres.gas is not None
-        terms.append(LossTerm(f"{scene.bodies.name[n]}.gas", fibres.gas.temperature, adapted.apply(matrix), lambda omega: omega))
+        matrix[rows, rows] = whole @ own @ whole.T
+        assert scene.fibres is not None and scene.fibres.gas is not None
+        terms.append(LossTerm(f"{scene.bodies.name[n]}.gas", scene.fibres.gas.temperature, adapted.apply(matrix), lambda omega: omega))
     return terms

@@ -177,7 +177,7 @@ class Moving:
         around = self.strand.surrounded
         if around is None or not self.strand.lossy or part == "stretch":
             return section.mass
-        drag = gas.wire_drag(around, section)
+        drag = gas.wire_drag(section, around)[int(part[-1]) - 1]
         with np.errstate(divide="ignore"):
             return section.mass - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from suspension_cli.design import fibres
 from suspension_cli.design.expand import expand
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, shown
-from suspension_cli.mechanics import assemble
+from suspension_cli.mechanics import assemble, distributed
+from suspension_cli.mechanics.gas import body_damping
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.models import closed_form, force
 from suspension_cli.models.surroundings import surrounded
 
-LEVELS = ("auto", "closed-form", "force", "string")
+LEVELS = ("auto", "closed-form", "force", "string", "beam", "violin")
 """What `--fidelity` takes, from the quickest rung to the most general one."""
 
 
@@ -43,10 +45,17 @@ def choose(design: Design, wanted: str = "auto") -> Choice:
         if why:
             return Choice("string", f"general string model, as {why}")
         return Choice("force", "force model of a symmetric chain" + _approximation(design))
-    why = {"closed-form": closed_form.unsuited, "force": force.unsuited, "string": lambda _: ""}[wanted](design)
+    why = _unsuited(design, wanted)
     if why:
         raise InputError([Fault("--fidelity", f"does not hold for {design.design.name}: {why}", "take auto or string", shown(wanted))])
     return Choice(wanted, "as asked" + (_approximation(design) if wanted == "force" else ""))
+
+
+def _unsuited(design: Design, level: str) -> str:
+    """Why a rung does not hold for a design; "" if it does."""
+    if level in ("beam", "violin"):
+        return fibres.unsuited(design, massive=level == "violin")
+    return {"closed-form": closed_form.unsuited, "force": force.unsuited, "string": lambda _: ""}[level](design)
 
 
 def _approximation(design: Design) -> str:
@@ -62,6 +71,11 @@ def linear_model(design: Design, level: str) -> LinearModel:
         model = closed_form.linear_model(design)
     elif level == "force":
         model = force.linear_model(design)
-    else:
+    elif level == "string":
         model = assemble.linear_model(expand(design))
+    else:
+        wires = fibres.fibres(design)
+        scene = replace(expand(design), fibres=wires)
+        drag = tuple(body_damping(stage.body, wires.gas) for stage in design.stage) if wires.gas is not None else ()
+        model = distributed.linear_model(scene, drag, massive=level == "violin")
     return surrounded(model, design)
