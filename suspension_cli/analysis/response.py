@@ -15,6 +15,7 @@ from suspension_cli.analysis import signals
 from suspension_cli.analysis.signals import Signal
 from suspension_cli.design.scene import Array
 from suspension_cli.errors import Fault, InputError
+from suspension_cli.mechanics import dispersive
 from suspension_cli.mechanics.condensed import prepared
 from suspension_cli.mechanics.model import LinearModel
 
@@ -90,6 +91,8 @@ def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], 
         Which drives are forces.
     rows : (o, N) array
     """
+    if model.terms:
+        return _dispersive(model, omega, drives, acts, rows)
     moves = np.array([np.zeros_like(d[:6]) if act else d[:6] for d, act in zip(drives, acts, strict=True)]).T  # (6, i)
     forces = np.array([d if act else np.zeros_like(d) for d, act in zip(drives, acts, strict=True)]).T  # (N, i)
     result = np.zeros((len(rows), drives.shape[0], len(omega)), dtype=complex)
@@ -120,6 +123,26 @@ def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], 
         at_once = part.yielding @ (forces[part.drop] - part.pulled @ moves)
         _add(result, _scattered(rows[np.ix_(watched, part.drop)] @ at_once, watched, len(rows)))
     return np.moveaxis(result, -1, 0), count
+
+
+def _dispersive(model: LinearModel, omega: Array, drives: Array, acts: list[bool], rows: Array) -> tuple[Any, int]:
+    """The same for a model whose stiffness depends on frequency."""
+    moves = np.array([np.zeros_like(d[:6]) if act else d[:6] for d, act in zip(drives, acts, strict=True)]).T
+    forces = np.array([d if act else np.zeros_like(d) for d, act in zip(drives, acts, strict=True)]).T
+    result = np.zeros((len(omega), len(rows), len(drives)), dtype=complex) + rows[:, :6] @ moves
+    count = 0
+    for block in dispersive.blocks(model):
+        watched, pushed = rows[:, block.keep], forces[block.keep]
+        if not watched.any() or not (pushed.any() or block.pulled(moves)):
+            continue
+        count += 1
+        step = max(CHUNK // max(len(block.keep) * len(drives), 1), 64)
+        for start in range(0, len(omega), step):
+            now = slice(start, start + step)
+            x = block.at(omega[now]).solve(moves, pushed)
+            _demand_finite(x, omega[now])
+            result[now] += np.einsum("oc,cif->foi", watched, x)
+    return result, count
 
 
 def _demand_finite(x: Any, omega: Array) -> None:

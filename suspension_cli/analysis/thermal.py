@@ -11,20 +11,23 @@ the imaginary part of the susceptibility r . Z^-1 r, in which the loss of a good
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from suspension_cli.analysis import signals
 from suspension_cli.analysis.signals import Signal
+from suspension_cli.conventions import DOFS
 from suspension_cli.design.scene import Array
 from suspension_cli.mechanics import dispersive
-from suspension_cli.mechanics.dispersive import DispersiveBlock
+from suspension_cli.mechanics.dispersive import EvaluatedBlock
 from suspension_cli.mechanics.model import LinearModel
 
 BOLTZMANN = 1.380649e-23
 """J/K (exact, SI 2019)."""
+EARTH = 6.371e6
+"""Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""
 CHUNK = 512
 """Frequencies worked on at once: their matrices stay in the cache."""
 
@@ -88,8 +91,9 @@ def solve(model: LinearModel, frequency: Array, row: Array, signal: Signal, temp
             continue
         for start in range(0, len(omega), CHUNK):
             now = slice(start, start + CHUNK)
-            motion = block.solve(omega[now], np.zeros((6, 1)), force)[:, 0]
-            for (cause, warmth), lost in dissipated(block, omega[now], motion, temperature).items():
+            there = block.at(omega[now])
+            motion = there.solve(np.zeros((6, 1)), force)[:, 0]
+            for (cause, warmth), lost in dissipated(there, motion, temperature).items():
                 power = powers.setdefault(cause, np.zeros(len(omega)))
                 power[now] += 4 * BOLTZMANN * warmth * lost / omega[now]
     # the same mean for all frequencies, so that the order of the sources says which matters most where people look: over the band
@@ -98,14 +102,15 @@ def solve(model: LinearModel, frequency: Array, row: Array, signal: Signal, temp
     return Thermal(np.asarray(frequency), signal.text, signal.unit, tuple(order), density)
 
 
-def dissipated(block: DispersiveBlock, omega: Array, motion: Any, temperature: float) -> dict[tuple[str, float], Array]:
+def dissipated(there: EvaluatedBlock, motion: Any, temperature: float) -> dict[tuple[str, float], Array]:
     """x^H Im(Z) x (f,) by cause and its temperature, for motions (c, f) of a block with the support at rest."""
     result: dict[tuple[str, float], Array] = {}
+    block = there.block
     whole = np.concatenate([np.zeros((6, motion.shape[1])), motion])
-    for term in block.terms:
-        for key, lost in term.dissipated(omega, whole).items():
+    for term in there.terms:
+        for key, lost in term.dissipated(whole).items():
             result[key] = result.get(key, 0.0) + lost
-    for cause, matrix, factor in (("damping", block.damping[:, 6:], omega), ("support", np.imag(block.constant[:, 6:]), 1.0)):
+    for cause, matrix, factor in (("damping", block.damping[:, 6:], there.omega), ("support", np.imag(block.constant[:, 6:]), 1.0)):
         if matrix.any():
             lost = factor * np.einsum("if,ij,jf->f", np.conj(motion), matrix, motion, optimize=True).real
             result[cause, temperature] = result.get((cause, temperature), 0.0) + lost
@@ -119,11 +124,19 @@ def susceptibility(model: LinearModel, frequency: Array, row: Array, temperature
     for block in dispersive.blocks(model):
         force = row[block.keep][:, None]
         if force.any():
-            total += (force.T @ np.moveaxis(block.solve(omega, np.zeros((6, 1)), force), -1, 0))[:, 0, 0].imag
+            total += (force.T @ np.moveaxis(block.at(omega).solve(np.zeros((6, 1)), force), -1, 0))[:, 0, 0].imag
     return -4 * BOLTZMANN * temperature / omega * total
 
 
-def observed(model: LinearModel, text: str) -> tuple[Signal, Array]:
-    """A motion by name, and its linear form."""
+def observed(model: LinearModel, text: str, tilt: float = 0.0) -> tuple[Signal, Array]:
+    """A motion by name, and its linear form; a motion along x is taken along a beam that rises by `tilt` (rad) instead."""
     signal = signals.motion(text, signals.bodies(model))
-    return signal, signals.row(signal, model)
+    row = signals.row(signal, model)
+    if tilt and DOFS[signal.dof] == "x":
+        row = np.cos(tilt) * row + np.sin(tilt) * signals.row(replace(signal, dof=DOFS.index("z")), model)
+    return signal, row
+
+
+def arm_tilt(length: float) -> float:
+    """Angle (rad) between a beam of some length (m) and the horizontal at its mirrors: the verticals at its two ends meet in the Earth's centre."""
+    return length / (2 * EARTH)

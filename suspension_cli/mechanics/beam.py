@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -69,10 +70,30 @@ class Waves:
     even: Any
     odd: Any
 
-    @property
+    @cached_property
     def both(self) -> Any:
         """alpha^2 + beta^2."""
         return self.alpha2 + self.beta2
+
+    @cached_property
+    def alpha(self) -> Any:
+        """Its square root, 1/m."""
+        return np.sqrt(self.alpha2)
+
+    @cached_property
+    def beta(self) -> Any:
+        """Its square root, 1/m."""
+        return np.sqrt(self.beta2)
+
+    @cached_property
+    def memo(self) -> dict[str, Any]:
+        """What is worked out from these waves once, and kept for other motions of the same wire."""
+        return {}
+
+    @cached_property
+    def slow(self) -> Any:
+        """Where (f,) the wire is so stiff and slow that its waves cancel."""
+        return np.abs(self.both) * self.half**2 < SERIES
 
 
 def waves(rigidity: Any, tension: float, mass: Any, half: float, omega: Any) -> Waves:

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.mechanics.beam import SERIES, Waves
+from suspension_cli.mechanics.beam import Waves
 
 CUBIC = 3e-3
 """Below this |alpha^2 + beta^2| h^2 the displacement of a wire is taken as a cubic."""
@@ -47,9 +47,8 @@ def squared(found: Waves, ends: Any) -> tuple[Any, Any]:
     factors = _factors(found, ends)
     with np.errstate(all="ignore"):  # where it is stiff and slow, what does not hold is replaced
         total, across = _closed(found, factors)
-    slow = np.abs(found.both) * found.half**2 < SERIES
-    if np.any(slow):
-        total, across = (np.where(slow, quick, old) for quick, old in zip(_quadrature(found, factors), (total, across), strict=True))
+    if np.any(found.slow):
+        total, across = (np.where(found.slow, quick, old) for quick, old in zip(_quadrature(found, factors), (total, across), strict=True))
     return total - across, total + across
 
 
@@ -80,15 +79,34 @@ def _factors(found: Waves, ends: Any) -> tuple[Any, Any, Any, Any]:
     return (
         a2 * (b2 * found.sin * even + found.cos * even_turn) / found.even,
         -b2 * (a2 * found.tanh * even - even_turn) / found.even,
-        np.sqrt(a2) * (found.sin * odd_turn - found.cos * odd) / found.odd,
-        -np.sqrt(b2) * (odd - found.tanh * odd_turn) / found.odd,
+        found.alpha * (found.sin * odd_turn - found.cos * odd) / found.odd,
+        -found.beta * (odd - found.tanh * odd_turn) / found.odd,
     )
 
 
 def _closed(found: Waves, factors: tuple[Any, Any, Any, Any]) -> tuple[Any, Any]:
     """Even plus odd part, and even-odd product, of the integral over half a wire."""
     k1, k2, k3, k4 = factors
-    h, alpha, beta = found.half, np.sqrt(found.alpha2), np.sqrt(found.beta2)
+    if "integrals" not in found.memo:
+        found.memo["integrals"] = _integrals(found)
+    i11, i22, i33, i44, i12, i13, i14, i32, i24, i34 = found.memo["integrals"]
+
+    def product(x: Any, weight: Any, y: Any) -> Any:
+        return (x * weight * np.conj(y)).real
+
+    total = _square(k1) * i11 + _square(k2) * i22 + _square(k3) * i33 + _square(k4) * i44
+    total = total + 2 * (product(k1, i12, k2) + product(k3, i34, k4))
+    mixed = product(k1, i13, k3) + product(k1, i14, k4) + product(k3, i32, k2) + product(k2, i24, k4)
+    return total, 2 * mixed
+
+
+def _square(z: Any) -> Any:
+    return z.real**2 + z.imag**2
+
+
+def _integrals(found: Waves) -> tuple[Any, ...]:
+    """I_ij (f,): 11, 22, 33, 44, 12, 13, 14, 32, 24, 34."""
+    h, alpha, beta = found.half, found.alpha, found.beta
     across = np.conj(beta)
     ar, ai, br, bi = alpha.real, alpha.imag, beta.real, beta.imag
     sech = 1 / np.cosh(np.minimum(2 * ar * h, 700.0))
@@ -103,22 +121,13 @@ def _closed(found: Waves, factors: tuple[Any, Any, Any, Any]) -> tuple[Any, Any]
     s, c, over = across * np.conj(found.sin), np.conj(found.cos), found.alpha2 + np.conj(found.beta2)
     i12, i14 = (alpha * t * c + across * s) / over, (alpha * t * s - across * (c - short)) / over
     i32, i34 = (alpha * (c - short) + across * t * s) / over, (alpha * s - across * t * c) / over
-
-    def product(x: Any, weight: Any, y: Any) -> Any:
-        return (x * weight * np.conj(y)).real
-
-    total = np.abs(k1) ** 2 * i11 + np.abs(k2) ** 2 * i22 + np.abs(k3) ** 2 * i33 + np.abs(k4) ** 2 * i44
-    total = total + 2 * (product(k1, i12, k2) + product(k3, i34, k4))
-    mixed = product(k1, i13, k3) + product(k1, i14, k4) + product(k3, i32, k2) + product(k2, i24, k4)
-    return total, 2 * mixed
+    return i11, i22, i33, i44, i12, i13, i14, i32, i24, i34
 
 
 def _quadrature(found: Waves, factors: tuple[Any, Any, Any, Any]) -> tuple[Any, Any]:
     """The same by quadrature: for wires that are stiff and slow."""
     k1, k2, k3, k4 = factors
-    alpha, beta = np.sqrt(found.alpha2), np.sqrt(found.beta2)
-    slow = np.abs(found.both) * found.half**2 < SERIES
-    alpha, beta = np.where(slow, alpha, 0), np.where(slow, beta, 0)
+    alpha, beta = np.where(found.slow, found.alpha, 0), np.where(found.slow, found.beta, 0)
     nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     over = 1 / np.cosh(alpha * found.half)
     total = across = 0.0
@@ -133,8 +142,20 @@ def _quadrature(found: Waves, factors: tuple[Any, Any, Any, Any]) -> tuple[Any, 
 def _gap(x: Any, y: Any) -> Any:
     """sinh(y)/y - sin(x)/x, also where both are all but 1."""
     p, n = y * y, -x * x
-    series = sum((p**k - n**k) / math.factorial(2 * k + 1) for k in range(1, 9))
-    return np.where(p - n < 0.5, series, _sinhc(y) - np.sinc(x / np.pi))
+    result = _sinhc(y) - np.sinc(x / np.pi)
+    near = p - n < 0.5
+    if np.any(near):
+        p, n = p[near], n[near]
+        result[near] = _one_more(p) - _one_more(n)
+    return result
+
+
+def _one_more(z: Any) -> Any:
+    """sinh(sqrt z) / sqrt z - 1 for small z, by its series."""
+    total = np.zeros_like(z)
+    for k in range(8, 0, -1):
+        total = (total + 1 / math.factorial(2 * k + 1)) * z
+    return total
 
 
 def _sinhc(z: Any) -> Any:

@@ -11,14 +11,14 @@ A term also tells what it dissipates in a motion x, x^H Im(f A) x, split by its 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
 from suspension_cli.mechanics.beam import PLACE
-from suspension_cli.mechanics.fibre import PARTS, WIDTH, Strand
+from suspension_cli.mechanics.fibre import PARTS, WIDTH, Moving, Strand
 
 
 class Term(Protocol):
@@ -29,11 +29,23 @@ class Term(Protocol):
         """A_n: (n, N, N), real and symmetric."""
         ...
 
-    def at(self, omega: Any, *, lossy: bool = True) -> Any:
-        """f_n: (n, f), complex where lossy; omega (f,) in rad/s, complex to differentiate by it."""
+    def at(self, omega: Any, *, lossy: bool = True) -> Evaluated:
+        """This term at frequencies (f,), rad/s; complex to differentiate by them."""
         ...
 
-    def dissipated(self, omega: Any, motion: Any) -> dict[tuple[str, float], Any]:
+    def within(self, columns: Any) -> Term:
+        """The same for some of the coordinates, in which the others do not take part."""
+        ...
+
+
+class Evaluated(Protocol):
+    """A term at given frequencies."""
+
+    def functions(self, which: Any) -> Any:
+        """Some of the f_n: (w, f), complex where lossy."""
+        ...
+
+    def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
         """x^H Im(f A) x (f,) for motions (N, f), by name of the cause and its temperature (K)."""
         ...
 
@@ -62,7 +74,7 @@ class WireTerm:
     def functions(self) -> tuple[tuple[str, int, int], ...]:
         """Part and place of each f_n; both planes of a round wire share theirs."""
         simple = len(self.strand.fibre.sections) == 1
-        parts = [part for part in PARTS if part != "bend-2" or not self.round]
+        parts = [part for part in PARTS if part != "bend-2" or not self.strand.round]
         result = []
         for part in parts:
             every = [(i, j) for i in range(WIDTH[part]) for j in range(i, WIDTH[part])]
@@ -70,48 +82,25 @@ class WireTerm:
             result += [(part, i, j) for i, j in (bend if part.startswith("bend") else rod)]
         return tuple(result)
 
-    @property
-    def round(self) -> bool:
-        """Whether both planes are alike."""
-        return all(section.round for section in self.strand.fibre.sections)
-
     @cached_property
     def matrices(self) -> Any:
         """A_n: (n, N, N)."""
         result = []
         for part, i, j in self.functions:
             total = 0.0
-            for name in ("bend-1", "bend-2") if part == "bend-1" and self.round else (part,):
+            for name in ("bend-1", "bend-2") if part == "bend-1" and self.strand.round else (part,):
                 product = self.forms[name][:, i].T @ self.forms[name][:, j]
                 total = total + (product if i == j else product + product.T)
             result.append(np.where(self.allowed, total, 0.0))
         return np.array(result)
 
-    def at(self, omega: Any, *, lossy: bool = True) -> Any:
-        """f_n: (n, f)."""
-        strand = self.strand if lossy else Strand(self.strand.fibre, self.strand.tension, self.strand.massive, lossy=False)
-        now = strand.at(omega).stiffness
-        return np.stack([now[part][i, j] - self.strand.static[part][i, j] for part, i, j in self.functions])
-
-    def dissipated(self, omega: Any, motion: Any) -> dict[tuple[str, float], Any]:
-        """x^H Im(f A) x (f,), split into bending at the upper and lower end, stretching, torsion and gas."""
-        upper, lower = self.strand.fibre.temperature
-        moving, result = self.strand.at(omega), {}
-        around = self.strand.surrounded
-        warmth = {"bending-upper": upper, "bending-lower": lower, "gas": around.temperature if around else 0.0}
-        for part in PARTS:
-            rows, count = self._distinct[part]
-            if not len(rows):
-                continue
-            ends = np.moveaxis(rows @ motion, 0, 1)  # (c, r, f)
-            for cause, value in moving.dissipated(part, ends).items():
-                if np.ndim(value):
-                    key = (f"{self.stage}.{cause}", warmth.get(cause, (upper + lower) / 2))
-                    result[key] = result.get(key, 0.0) + count @ value
-        return result
+    def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedWires:
+        """These wires at frequencies (f,)."""
+        strand = self.strand if lossy else replace(self.strand, lossy=False)
+        return EvaluatedWires(self, strand.at(omega))
 
     @cached_property
-    def _distinct(self) -> dict[str, tuple[Any, Any]]:
+    def distinct(self) -> dict[str, tuple[Any, Any]]:
         """Forms that differ by more than their sign, and how many wires have each: (r, c, N) and (r,)."""
         result = {}
         for part, forms in self.forms.items():
@@ -131,10 +120,40 @@ class WireTerm:
         return result
 
     def within(self, columns: Any) -> WireTerm:
-        """The same for some of the coordinates, in which the others do not take part."""
+        """The same for some of the coordinates."""
         largest = {part: np.abs(form).max(initial=0.0) for part, form in self.forms.items()}
         some = {part: np.where(np.abs(f := form[..., columns]) > 1e-14 * largest[part], f, 0.0) for part, form in self.forms.items()}
         return WireTerm(self.stage, self.strand, some, self.allowed[np.ix_(columns, columns)])
+
+
+@dataclass(frozen=True)
+class EvaluatedWires:
+    """Wires of one kind at given frequencies."""
+
+    term: WireTerm
+    moving: Moving
+
+    def functions(self, which: Any) -> Any:
+        """Some of the f_n: (w, f)."""
+        static = self.term.strand.static
+        wanted = [self.term.functions[n] for n in which]
+        return np.stack([self.moving.stiffness(part)[i, j] - static[part][i, j] for part, i, j in wanted])
+
+    def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
+        """x^H Im(f A) x (f,), split into bending at the upper and lower end, stretching, torsion and gas."""
+        fibre, around = self.term.strand.fibre, self.term.strand.surrounded
+        upper, lower = fibre.temperature
+        warmth = {"bending-upper": upper, "bending-lower": lower, "gas": around.temperature if around else 0.0}
+        result: dict[tuple[str, float], Any] = {}
+        for part in PARTS:
+            rows, count = self.term.distinct[part]
+            if not len(rows):
+                continue
+            ends = np.moveaxis(rows @ motion, 0, 1)  # (c, r, f)
+            for cause, value in self.moving.dissipated(part, ends).items():
+                key = (f"{self.term.stage}.{cause}", warmth.get(cause, (upper + lower) / 2))
+                result[key] = result.get(key, 0.0) + count @ value
+        return result
 
 
 @dataclass(frozen=True)
@@ -163,15 +182,28 @@ class LossTerm:
         """A_n: (1, N, N)."""
         return self.matrix[None]
 
-    def at(self, omega: Any, *, lossy: bool = True) -> Any:
-        """f_n: (1, f)."""
-        return (1j * self.angle(omega) if lossy else np.zeros(np.shape(omega)))[None]
-
-    def dissipated(self, omega: Any, motion: Any) -> dict[tuple[str, float], Any]:
-        """x^H Im(f A) x (f,)."""
-        value = np.einsum("if,ij,jf->f", np.conj(motion), self.matrix, motion, optimize=True).real
-        return {(self.cause, self.temperature): self.angle(omega) * value}
+    def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedLoss:
+        """This loss at frequencies (f,)."""
+        return EvaluatedLoss(self, self.angle(omega) if lossy else np.zeros(np.shape(omega)), lossy)
 
     def within(self, columns: Any) -> LossTerm:
         """The same for some of the coordinates."""
         return LossTerm(self.cause, self.temperature, self.matrix[np.ix_(columns, columns)], self.angle)
+
+
+@dataclass(frozen=True)
+class EvaluatedLoss:
+    """A loss at given frequencies: its angle (f,)."""
+
+    term: LossTerm
+    angle: Any
+    lossy: bool
+
+    def functions(self, which: Any) -> Any:
+        """Some of the f_n: (w, f)."""
+        return (1j * self.angle if self.lossy else self.angle)[None][which]
+
+    def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
+        """x^H Im(f A) x (f,)."""
+        value = np.einsum("if,if->f", np.conj(motion), self.term.matrix @ motion).real
+        return {(self.term.cause, self.term.temperature): self.angle * value}

@@ -14,7 +14,7 @@ import numpy as np
 
 from suspension_cli.design.scene import Array, Index
 from suspension_cli.mechanics import elimination
-from suspension_cli.mechanics.dispersion import Term
+from suspension_cli.mechanics.dispersion import Evaluated, Term
 from suspension_cli.mechanics.model import LinearModel
 
 
@@ -50,10 +50,19 @@ class DispersiveBlock:
         rows, columns = np.nonzero(stacked.any(0))
         return rows, columns, used, stacked[:, rows, columns].T
 
-    def at(self, omega: Array, *, lossy: bool = True) -> Any:
+    def at(self, omega: Array, *, lossy: bool = True) -> EvaluatedBlock:
+        """This block at frequencies (f,), rad/s; complex to differentiate by them."""
+        return EvaluatedBlock(self, omega, [term.at(omega, lossy=lossy) for term in self.terms], lossy)
+
+    def pulled(self, moves: Any) -> bool:
+        """Whether motions of the support (6, i) drive this block."""
+        matrices = [self.constant, self.damping, self.mass, *(matrix for term in self.terms for matrix in term.matrices[:, 6:])]
+        return any((np.abs(matrix[:, :6]) @ np.abs(moves)).any() for matrix in matrices)
+
+    def whole(self, omega: Array, now: list[Evaluated], *, lossy: bool) -> Any:
         """K + i omega C - omega^2 M and all terms: (c, 6 + c, f)."""
         rows, columns, used, weights = self._dispersive
-        functions = [term.at(omega, lossy=lossy)[which] for term, which in zip(self.terms, used, strict=True) if len(which)]
+        functions = [term.functions(which) for term, which in zip(now, used, strict=True) if len(which)]
         constant = self.constant if lossy else self.constant.real
         damped = lossy and self.damping.any()
         kind = np.result_type(constant, omega, complex if damped else float, *functions)
@@ -68,11 +77,28 @@ class DispersiveBlock:
             result[rows, columns] += _product(weights, np.concatenate(functions))
         return result
 
-    def solve(self, omega: Array, moves: Any, forces: Any, whole: Any = None) -> Any:
+
+@dataclass(frozen=True)
+class EvaluatedBlock:
+    """A block at given frequencies."""
+
+    block: DispersiveBlock
+    omega: Array
+    terms: list[Evaluated]
+    lossy: bool
+
+    @cached_property
+    def matrix(self) -> Any:
+        """Dynamic stiffness (c, 6 + c, f) towards the support's coordinates and the block's own."""
+        return self.block.whole(self.omega, self.terms, lossy=self.lossy)
+
+    def solve(self, moves: Any, forces: Any) -> Any:
         """Coordinates (c, i, f) for motions of the support (6, i) and forces on the block's coordinates (c, i)."""
-        whole = self.at(omega) if whole is None else whole
-        right = forces[..., None] - np.einsum("csf,si->cif", whole[:, :6], moves) if moves.any() else forces[..., None] + 0 * whole[:1, :1].real
-        return elimination.solve(whole[:, 6:], right, self.tree if len(self.tree.nodes) > 1 else None)
+        right = np.broadcast_to(forces[..., None], (*forces.shape, len(self.omega)))
+        if moves.any():
+            right = right - np.einsum("csf,si->cif", self.matrix[:, :6], moves)
+        tree = self.block.tree
+        return elimination.solve(self.matrix[:, 6:], right, tree if len(tree.nodes) > 1 else None)
 
 
 def _product(weights: Any, functions: Any) -> Any:

@@ -59,7 +59,11 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearModel
         springs=replace(scene.springs, loss=np.zeros_like(scene.springs.loss)),
     )
     model = assemble.linear_model(still, balanced)
-    terms = [*_wire_terms(scene, numbering, balanced, adapted, massive=massive), *_loss_terms(scene, numbering, balanced.pose, adapted), *_gas_terms(scene, numbering, balanced.pose, adapted, drag)]
+    terms = [
+        *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
+        *_loss_terms(scene, numbering, balanced.pose, adapted),
+        *_gas_terms(scene, numbering, balanced.pose, adapted, drag),
+    ]
     return replace(model, terms=tuple(terms))
 
 

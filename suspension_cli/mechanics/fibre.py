@@ -41,6 +41,11 @@ class Strand:
     lossy: bool
     surrounded: Gas | None = None
 
+    @property
+    def round(self) -> bool:
+        """Whether both planes are alike."""
+        return all(section.round for section in self.fibre.sections)
+
     def at(self, omega: Any) -> Moving:
         """This wire at frequencies (f,), rad/s."""
         return Moving(self, omega)
@@ -49,7 +54,8 @@ class Strand:
     def static(self) -> dict[str, Any]:
         """Stiffness (c, c) of every part at rest, without loss."""
         still = Strand(self.fibre, self.tension, massive=False, lossy=False)
-        return {part: value[..., 0].real for part, value in still.at(np.zeros(1)).stiffness.items()}
+        now = still.at(np.zeros(1))
+        return {part: now.stiffness(part)[..., 0].real for part in PARTS}
 
     def resonances_below(self, omega: Any) -> Any:
         """How many resonances (f,) of the wire with both ends held lie below each omega."""
@@ -63,10 +69,13 @@ class Moving:
     strand: Strand
     omega: Any
 
-    @cached_property
-    def stiffness(self) -> dict[str, Any]:
-        """Stiffness (c, c, f) of every part."""
-        return {part: joined.even_odd(whole) if nodes else self._sections[part][0] for part, (whole, nodes, _) in self._joined.items()}
+    def stiffness(self, part: str) -> Any:
+        """Stiffness (c, c, f) of one part."""
+        part = self._twin(part)
+        if part not in self._known:
+            whole, nodes, _ = self._joined(part)
+            self._known[part] = joined.even_odd(whole) if nodes else whole
+        return self._known[part]
 
     @cached_property
     def resonances(self) -> Any:
@@ -80,14 +89,14 @@ class Moving:
                 total = total + beam.resonances_below(section.rigidity[plane], tension, section.mass, section.length / 2, omega)
             total = total + rod.resonances_below(section.stretching, section.mass, section.length / 2, omega)
             total = total + rod.resonances_below(section.twisting, section.polar, section.length / 2, omega)
-        return total + sum(negative for _, _, negative in self._joined.values())
+        return total + sum(self._joined(part)[2] for part in PARTS)
 
     def dissipated(self, part: str, motion: Any) -> dict[str, Any]:
         """What the ends' motion (c, r, f) of one part dissipates: x^H Im(F) x, split by its cause, (r, f) each, N m.
 
         Bending is split at the middle of the wire: its two boundary layers.
         """
-        sections, nodes = self.strand.fibre.sections, self._joined[part][1]
+        sections, nodes = self.strand.fibre.sections, self._joined(self._twin(part))[1]
         each = [motion]
         if nodes:
             form = joined.ENDS[WIDTH[part] // 2]
@@ -97,18 +106,16 @@ class Moving:
         return self._bent(part, sections, each) if part.startswith("bend") else self._strained(part, sections, each)
 
     def _bent(self, part: str, sections: tuple[Section, ...], each: list[Any]) -> dict[str, Any]:
-        plane = int(part[-1]) - 1
-        result = {"bending-upper": 0.0, "bending-lower": 0.0, "gas": 0.0}
+        result = {"bending-upper": 0.0, "bending-lower": 0.0}
         length, top = sum(section.length for section in sections), 0.0
-        for section, motion, (waves, rigidity, mass) in zip(sections, each, self._waves[part], strict=True):
+        for section, motion, (waves, rigidity, mass) in zip(sections, each, self._bends[self._twin(part)], strict=True):
             lost = np.asarray(rigidity).imag
             for half, value in enumerate(curvature.squared(waves, motion)):
                 centre = top + (0.25 + 0.5 * half) * section.length
                 result["bending-upper" if centre < length / 2 else "bending-lower"] += lost * value
             if self.strand.surrounded is not None and self.strand.massive:
-                result["gas"] += -np.asarray(mass).imag * self.omega**2 * curvature.displaced(waves, motion)
+                result["gas"] = result.get("gas", 0.0) - np.asarray(mass).imag * self.omega**2 * curvature.displaced(waves, motion)
             top += section.length
-        assert plane in (0, 1)
         return result
 
     def _strained(self, part: str, sections: tuple[Section, ...], each: list[Any]) -> dict[str, Any]:
@@ -119,40 +126,40 @@ class Moving:
             total = total + np.asarray(rigidity).imag * rod.strained(rigidity, mass, section.length / 2, self.omega, motion)
         return {name: total}
 
-    @cached_property
-    def _joined(self) -> dict[str, tuple[Any, list[Any], Any]]:
-        return {
-            part: joined.join([joined.ends(section) for section in self._sections[part]]) if len(self._sections[part]) > 1 else (None, [], 0) for part in PARTS
-        }
+    def _twin(self, part: str) -> str:
+        """Both planes of a round wire bend alike."""
+        return "bend-1" if part == "bend-2" and self.strand.round else part
 
     @cached_property
-    def _sections(self) -> dict[str, list[Any]]:
-        """Stiffness (c, c, f) of every section in every part, on even and odd motion."""
-        result: dict[str, list[Any]] = {}
-        for part in PARTS:
-            if part.startswith("bend"):
-                elements = [(beam.PLACE, beam.stiffness(rigidity, waves)) for waves, rigidity, _ in self._waves[part]]
-            else:
-                elements = [
-                    (((0, 0), (1, 1)), rod.stiffness(self._rigidity(s, part), self._inertia(s, part), s.length / 2, self.omega))
-                    for s in self.strand.fibre.sections
-                ]
-            result[part] = [_filled(WIDTH[part], place, value) for place, value in elements]
-        return result
+    def _known(self) -> dict[str, Any]:
+        return {}
+
+    def _joined(self, part: str) -> tuple[Any, list[Any], Any]:
+        """What `joined.join` gives for one part; the stiffness of a single section is on its even and odd motion."""
+        key = f"joined {part}"
+        if key not in self._known:
+            sections = self._sections(part)
+            self._known[key] = joined.join([joined.ends(section) for section in sections]) if len(sections) > 1 else (sections[0], [], 0)
+        return self._known[key]
+
+    def _sections(self, part: str) -> list[Any]:
+        """Stiffness (c, c, f) of every section in one part, on even and odd motion."""
+        if part.startswith("bend"):
+            return [_filled(4, beam.PLACE, beam.stiffness(rigidity, waves)) for waves, rigidity, _ in self._bends[part]]
+        return [
+            _filled(2, ((0, 0), (1, 1)), rod.stiffness(self._rigidity(section, part), self._inertia(section, part), section.length / 2, self.omega))
+            for section in self.strand.fibre.sections
+        ]
 
     @cached_property
-    def _waves(self) -> dict[str, list[tuple[Any, Any, Any]]]:
+    def _bends(self) -> dict[str, list[tuple[Any, Any, Any]]]:
         """Waves, EI and mass a length of every section in both planes."""
         result: dict[str, list[tuple[Any, Any, Any]]] = {}
-        for part in ("bend-1", "bend-2"):
-            if part == "bend-2" and all(section.round for section in self.strand.fibre.sections):
-                result[part] = result["bend-1"]
-                continue
-            found = []
+        for part in ("bend-1",) if self.strand.round else ("bend-1", "bend-2"):
+            result[part] = []
             for section in self.strand.fibre.sections:
                 rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
-                found.append((beam.waves(rigidity, self.strand.tension, mass, section.length / 2, self.omega), rigidity, mass))
-            result[part] = found
+                result[part].append((beam.waves(rigidity, self.strand.tension, mass, section.length / 2, self.omega), rigidity, mass))
         return result
 
     def _rigidity(self, section: Section, part: str) -> Any:
