@@ -6,7 +6,7 @@ then M^(-1/2) (K - omega^2 M) M^(-1/2) is a symmetric eigenvalue problem.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,8 @@ COUPLED = 0.01
 """Share of its kinetic energy that a mode must have in the top mass to be damped from there; the paper says "strongly"."""
 RIGID = 64 * np.finfo(float).eps
 """omega^2 below this share of the largest of its block is a rounding error: the mode costs nothing."""
+NEAR = 2e-3
+"""Relative difference of frequencies below which violin modes of like wires are listed as one family."""
 DEGENERATE = 1e-9
 """Relative difference of omega^2 below which modes of one block are one degenerate group."""
 
@@ -125,6 +127,26 @@ class Modes:
             else:
                 words.append("can be damped" if share >= COUPLED else "couples weakly")
         return words
+
+    @property
+    def groups(self) -> list[list[int]]:
+        """Modes in order, those of the wires of one stage that lie together (one family, one order) as one group."""
+        result: list[list[int]] = []
+        home = self.home
+        for n, order in enumerate(self.order):
+            before = result[-1][-1] if result else -1
+            kin = before >= 0 and order and order == self.order[before] and home[n][0] == home[before][0] and home[n][1][:5] == home[before][1][:5]
+            if kin and self.frequency[n] - self.frequency[before] < NEAR * self.frequency[n]:
+                result[-1].append(n)
+            else:
+                result.append([n])
+        return result
+
+    def up_to(self, highest: float) -> Modes:
+        """The modes up to a frequency (Hz), and those that do not oscillate."""
+        kept = self.omega_squared <= (2 * np.pi * highest) ** 2
+        parts = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order")
+        return replace(self, **{name: getattr(self, name)[kept] for name in parts})
 
     def of(self, dof: str, body: str | None = None) -> list[float]:
         """Frequencies (Hz) of the stable modes that live in a degree of freedom (of one body)."""
