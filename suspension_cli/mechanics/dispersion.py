@@ -30,7 +30,7 @@ class Term(Protocol):
         ...
 
     def at(self, omega: Any, *, lossy: bool = True) -> Evaluated:
-        """This term at frequencies (f,), rad/s; complex to differentiate by them."""
+        """The term at frequencies (f,), rad/s; complex to differentiate by them."""
         ...
 
     def within(self, columns: Any) -> Term:
@@ -95,7 +95,7 @@ class WireTerm:
         return np.array(result)
 
     def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedWires:
-        """These wires at frequencies (f,)."""
+        """The wires at frequencies (f,)."""
         strand = self.strand if lossy else replace(self.strand, lossy=False)
         return EvaluatedWires(self, strand.at(omega))
 
@@ -186,7 +186,7 @@ class LossTerm:
         return self.matrix[None]
 
     def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedLoss:
-        """This loss at frequencies (f,)."""
+        """The loss at frequencies (f,)."""
         return EvaluatedLoss(self, self.angle(omega) if lossy else np.zeros(np.shape(omega)), lossy)
 
     def within(self, columns: Any) -> LossTerm:
