@@ -31,3 +31,9 @@ polar vectors, rotations axial ones."""
 
 PARITY_Y = (1, -1, 1, -1, 1, -1)
 """Sign that each coordinate takes when the scene is mirrored in y (y to -y)."""
+
+BOLTZMANN = 1.380649e-23
+"""Boltzmann's constant in J/K (exact since 2019)."""
+
+AVOGADRO = 6.02214076e23
+"""Avogadro's constant in 1/mol (exact since 2019)."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspension_cli.design.derive import area
 from suspension_cli.design.expand import expand
 from suspension_cli.design.schema import Design
+from suspension_cli.design.sections import thinnest
 from suspension_cli.mechanics.equilibrium import solve as balance
 
 
@@ -51,11 +51,7 @@ def solve(design: Design) -> Carried:
     scene = expand(design)
     balanced = balance(scene)
     balanced.demand(scene)
-    sections = [
-        w and (w.radius or w.section) and area(w.radius, w.section)
-        for stage in design.stage
-        for w in (stage.wire or [stage.wires] * (stage.wires.count if stage.wires else 0))
-    ]
+    sections = [w and thinnest(w) for stage in design.stage for w in (stage.wire or [stage.wires] * (stage.wires.count if stage.wires else 0))]
     wires = tuple(
         WireLoad(label, float(tension), float(tension / k), float(tension / section) if section else None)
         for label, tension, k, section in zip(scene.wires.label, balanced.tension, scene.wires.stiffness, sections, strict=True)

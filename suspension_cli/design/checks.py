@@ -10,11 +10,12 @@ import re
 from collections.abc import Iterator
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design import bodies, materials
+from suspension_cli.design import bodies, hanging, materials
 from suspension_cli.design.bodies import LEAST_MASS, exclusive
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.faults import suggestion
-from suspension_cli.design.schema import Blade, BladeSet, Design, Distribution, Perturbation, Spring, Stage, Support, Wire, WireSet
+from suspension_cli.design.schema import Design, Distribution, Perturbation, Spring, Stage, Support
+from suspension_cli.design.wires import BladeSet, Wire, WireSet
 from suspension_cli.errors import Fault, key_shown, shown
 
 ANALYSES = ("modes", "response", "xcouple", "tolerance", "damp", "export")
@@ -71,11 +72,7 @@ def _materials(design: Design) -> Iterator[Fault]:
             yield Fault(f"materials.{key_shown(name)}", "no wire can name this material", "call it by letters, digits, _ and -, starting with a letter")
         elif materials.resolve(design, name).youngs_modulus is None:
             yield Fault(f"materials.{name}.youngs_modulus", "missing", "give Young's modulus in Pa")
-
-
-def _material(design: Design, name: str, key: str) -> Iterator[Fault]:
-    if name not in materials.known(design):
-        yield Fault(key, "unknown material", suggestion(name, materials.known(design)) + " or define it as [materials.NAME]", shown(name))
+        yield from hanging.of_material(design.materials[name], f"materials.{key_shown(name)}")
 
 
 def _suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault]:
@@ -99,13 +96,13 @@ def _suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault]:
         if blade.name in names:
             yield Fault(f"{where}.name", "is the name of another blade of this stage", "give each blade a name of its own", shown(blade.name))
         names.append(blade.name)
-        yield from _blade(design, blade, where)
+        yield from hanging.of_blade(design, blade, where)
         if not any(wire.blade == blade.name for wire in stage.wire):
             yield Fault(where, "carries no wire", f'name it in a wire: blade = "{blade.name}"')
 
 
 def _wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault]:
-    yield from _wire_stuff(design, wires, path)
+    yield from hanging.of_wire(design, wires, path)
     halves = (wires.s_upper, wires.s_lower)
     if wires.s is not None and halves != (None, None):
         yield Fault(f"{path}.s", "stands beside s_upper or s_lower", "give s alone, or s_upper and s_lower", shown(wires.s))
@@ -124,49 +121,31 @@ def _wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault]:
     if shape.height_squared <= 1e-12 * wires.l**2:
         span = math.hypot(shape.t2 - shape.t1, shape.s_lower - shape.s_upper)
         yield Fault(f"{path}.l", f"the wire is not longer than its horizontal span of {span:g} m", "give a longer wire or a smaller span", shown(wires.l))
-
-
-def _wire_stuff(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
-    """What a wire is made of: k, or material and cross-section."""
-    if wire.material is not None:
-        yield from _material(design, wire.material, f"{path}.material")
-    if wire.radius is not None and wire.section is not None:
-        yield Fault(f"{path}.radius", "stands beside a section", "give radius for a round wire or section for a ribbon", shown(wire.radius))
-    if wire.k is None:
-        if wire.material is None:
-            yield Fault(f"{path}.material", "missing", "name a material, or give k in N/m")
-        if wire.radius is None and wire.section is None:
-            yield Fault(f"{path}.radius", "missing", "give the wire's radius in m, or section, or k in N/m")
+        return
+    yield from hanging.along(wires, (shape.s_lower - shape.s_upper, shape.t2 - shape.t1, -shape.height), path)
 
 
 def _wire(design: Design, stage: Stage, wire: Wire, path: str) -> Iterator[Fault]:
-    yield from _wire_stuff(design, wire, path)
+    yield from hanging.of_wire(design, wire, path)
     if wire.natural_length is not None and wire.tension is not None:
         yield Fault(f"{path}.tension", "stands beside natural_length", "give one of them", shown(wire.tension))
     if wire.blade is not None and wire.blade not in [blade.name for blade in stage.blade]:
         yield Fault(f"{path}.blade", "names no [[stage.blade]]", suggestion(wire.blade, [blade.name for blade in stage.blade]), shown(wire.blade))
     if stage.position is not None:
-        span = math.dist(wire.upper, [p + q for p, q in zip(stage.position, wire.lower, strict=True)])
-        if span < 1e-9:
+        x, y, z = (p + q - u for p, q, u in zip(stage.position, wire.lower, wire.upper, strict=True))
+        if math.hypot(x, y, z) < 1e-9:
             yield Fault(f"{path}.lower", "both ends of the wire are at one point", "check upper, lower and position", shown(wire.lower))
+            return
+        yield from hanging.along(wire, (x, y, z), path)
 
 
 def _blade_set(design: Design, stage: Stage, blades: BladeSet, path: str) -> Iterator[Fault]:
-    yield from _blade(design, blades, path)
+    yield from hanging.of_blade(design, blades, path)
     if stage.wires is None:
         yield Fault(path, "goes with a symmetric set [stage.wires]", "use [[stage.blade]] and name the blade in each wire")
     elif blades.count not in BLADES_FOR_WIRES[stage.wires.count]:
         fits = " or ".join(str(n) for n in BLADES_FOR_WIRES[stage.wires.count])
         yield Fault(f"{path}.count", f"cannot carry {stage.wires.count} wires", f"give {fits}", shown(blades.count))
-
-
-def _blade(design: Design, blade: BladeSet | Blade, path: str) -> Iterator[Fault]:
-    ways = {"stiffness": blade.stiffness, "uncoupled_frequency": blade.uncoupled_frequency, "geometry": blade.geometry}
-    yield from exclusive(path, ways, "stiffness in N/m, uncoupled_frequency in Hz or geometry")
-    if blade.geometry is not None:
-        yield from _material(design, blade.geometry.material, f"{path}.geometry.material")
-    if 0 < blade.tip_mass < LEAST_MASS:
-        yield Fault(f"{path}.tip_mass", "is too small for its motion to be computed", f"give 0, or at least {LEAST_MASS:g} kg", shown(blade.tip_mass))
 
 
 def _spring(spring: Spring, path: str) -> Iterator[Fault]:

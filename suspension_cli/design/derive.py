@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import materials
-from suspension_cli.design.schema import Blade, BladeGeometry, BladeSet, Body, Design, Section, Stage, Wire, WireSet
+from suspension_cli.design.schema import Body, Design, Stage
+from suspension_cli.design.sections import area, stretches
+from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet
 
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
@@ -56,22 +58,20 @@ def _diagonal(a: float, b: float, c: float) -> Rows:
     return ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
 
 
-def area(radius: float | None, section: Section | None) -> float:
-    """Cross-section of a wire in m^2."""
-    if section is not None:
-        return section.width * section.thickness
-    assert radius is not None
-    return math.pi * radius**2
-
-
 def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float:
-    """k = E A / l in N/m (Husman et al., equation 15), with l the loaded length in the nominal pose."""
+    """k = E A / l in N/m (Husman et al., equation 15), with l the loaded length in the nominal pose; of several sections in series."""
     if wire.k is not None:
         return wire.k
-    assert wire.material is not None
-    modulus = materials.resolve(design, wire.material).youngs_modulus
+    if wire.sections is None:
+        assert wire.material is not None
+        return _modulus(design, wire.material) * area(wire.radius, wire.section) / length
+    return 1.0 / sum(piece.length / (_modulus(design, piece.material or "") * piece.area) for piece in stretches(wire, length))
+
+
+def _modulus(design: Design, material: str) -> float:
+    modulus = materials.resolve(design, material).youngs_modulus
     assert modulus is not None
-    return modulus * area(wire.radius, wire.section) / length
+    return modulus
 
 
 def blade_stiffness(design: Design, blade: BladeSet | Blade, stage_mass: float, count: int) -> float:
@@ -85,9 +85,7 @@ def blade_stiffness(design: Design, blade: BladeSet | Blade, stage_mass: float, 
     if blade.uncoupled_frequency is not None:
         return (2 * math.pi * blade.uncoupled_frequency) ** 2 * stage_mass / count
     assert blade.geometry is not None
-    modulus = materials.resolve(design, blade.geometry.material).youngs_modulus
-    assert modulus is not None
-    return cantilever_stiffness(blade.geometry, modulus)
+    return cantilever_stiffness(blade.geometry, _modulus(design, blade.geometry.material))
 
 
 def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
@@ -160,12 +158,28 @@ def com_positions(design: Design) -> dict[str, tuple[float, float, float]]:
 
 
 def wire_loss(design: Design, wire: WireSet | Wire) -> float:
-    """Loss angle of a wire's stretching, rad: its material's, 0 if that gives none."""
-    return 0.0 if wire.material is None else materials.resolve(design, wire.material).loss_angle or 0.0
+    """Loss angle of a wire's stretching, rad: what the design gives its material, 0 if nothing.
+
+    Of several sections, the mean of theirs, each weighted by its share of the compliance.
+    """
+    if wire.sections is None:
+        return 0.0 if wire.material is None else materials.constant_angle(design, wire.material)
+    pieces = [piece for piece in stretches(wire, 1.0) if piece.material is not None]
+    angles = [materials.constant_angle(design, piece.material or "") for piece in pieces]
+    if not any(angles):
+        return 0.0
+    shares = [piece.length / (_modulus(design, piece.material or "") * piece.area) for piece in pieces]
+    return sum(share * angle for share, angle in zip(shares, angles, strict=True)) / sum(shares)
+
+
+def blade_material(blade: BladeSet | Blade) -> str | None:
+    """What a blade is made of, if the design says."""
+    return blade.material if blade.geometry is None else blade.geometry.material
 
 
 def blade_loss(design: Design, blade: BladeSet | Blade) -> float:
-    """Loss angle of a blade, rad: given, or its material's, 0 if neither is."""
+    """Loss angle of a blade, rad: given, or what the design gives its material, 0 if neither is."""
     if blade.loss_angle is not None:
         return blade.loss_angle
-    return 0.0 if blade.geometry is None else materials.resolve(design, blade.geometry.material).loss_angle or 0.0
+    material = blade_material(blade)
+    return 0.0 if material is None else materials.constant_angle(design, material)

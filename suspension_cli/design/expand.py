@@ -10,7 +10,8 @@ from suspension_cli.design import perturb, statics
 from suspension_cli.design.derive import SetGeometry, blade_loss, blade_stiffness, body_mass, com_offset, set_geometry, wire_loss, wire_stiffness
 from suspension_cli.design.parts import BladePart, StagePart, WirePart, packed
 from suspension_cli.design.scene import Array, Scene
-from suspension_cli.design.schema import Blade, BladeSet, Design, Stage
+from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.wires import Blade, BladeSet
 from suspension_cli.errors import Fault, InputError
 
 
@@ -30,15 +31,21 @@ def expand(design: Design) -> Scene:
 
 def nominal(design: Design) -> Scene:
     """The scene of a design as drawn, without its imperfections."""
+    parts = spelled_out(design)
+    faults = _balance(design, parts)
+    if faults:
+        raise InputError(faults)
+    return packed(design, parts)
+
+
+def spelled_out(design: Design) -> list[StagePart]:
+    """The wires and blades of every stage, in the scene's order, without the tensions."""
     numbers = {SUPPORT: 0} | {stage.name: n for n, stage in enumerate(design.stage, 1)}
     parts: list[StagePart] = []
     for n, stage in enumerate(design.stage, 1):
         parent = n - 1 if stage.hangs_from is None else numbers[stage.hangs_from]
         parts.append(_part(design, stage, parent))
-    faults = _balance(design, parts)
-    if faults:
-        raise InputError(faults)
-    return packed(design, parts)
+    return parts
 
 
 def _part(design: Design, stage: Stage, parent: int) -> StagePart:
@@ -63,8 +70,7 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
     part = StagePart(stage, parent, np.array(com_offset(stage)))
     k = wire_stiffness(design, stage.wires, shape.length)
     loss = wire_loss(design, stage.wires)
-    signs = _signs(shape.count)
-    for number, (along, across) in enumerate(signs, 1):
+    for number, (along, across) in enumerate(signs(shape.count), 1):
         upper = np.array([along * shape.s_upper, across * shape.t1, -shape.d_upper])
         lower = np.array([along * shape.s_lower, across * shape.t2, shape.d])
         span = np.array([along * (shape.s_lower - shape.s_upper), across * (shape.t2 - shape.t1), -shape.height])
@@ -76,7 +82,7 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
     return part
 
 
-def _signs(count: int) -> list[tuple[int, int]]:
+def signs(count: int) -> list[tuple[int, int]]:
     """Signs of x and y of the wires of a symmetric set, in their numbered order."""
     return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
@@ -95,7 +101,7 @@ def _set_tips(blades: BladeSet, shape: SetGeometry) -> list[tuple[str, Array]]:
     """Name and tip of each blade of a set; a blade with two wires has its tip between them."""
     z = -shape.d_upper
     if blades.count == 4:
-        return [(str(n), np.array([a * shape.s_upper, b * shape.t1, z])) for n, (a, b) in enumerate(_signs(4), 1)]
+        return [(str(n), np.array([a * shape.s_upper, b * shape.t1, z])) for n, (a, b) in enumerate(signs(4), 1)]
     if blades.count == 2:
         return [("1", np.array([0.0, shape.t1, z])), ("2", np.array([0.0, -shape.t1, z]))]
     return [("1", np.array([0.0, 0.0, z]))]

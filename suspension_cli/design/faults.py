@@ -142,11 +142,12 @@ def _walk_tuple(kind: Any, value: Any, path: str) -> Iterator[Fault]:
 
 
 def _walk_union(kind: Any, meta: msgspec.Meta | None, value: Any, path: str) -> Iterator[Fault]:
-    """An optional value, or a number that may also be a row: take the member that the value's form asks for."""
+    """An optional value, or a number that may also be a row or a table: take the member that the value's form asks for."""
     members = [member for member in get_args(kind) if member is not type(None)]
     rows = [member for member in members if get_origin(_bare(member)[0]) in (list, tuple)]
-    member = rows[0] if isinstance(value, list) and rows else members[0]
-    if meta is not None:
+    tables = [member for member in members if isinstance(member, type) and issubclass(member, msgspec.Struct)]
+    member = ((isinstance(value, list) and rows) or (isinstance(value, dict) and tables) or members)[0]
+    if meta is not None and member not in tables:
         member = Annotated[member, meta]
     yield from _walk(member, value, path)
 

@@ -5,9 +5,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
+import numpy as np
+
+from suspension_cli.conventions import AVOGADRO
+from suspension_cli.design import materials
+from suspension_cli.design.derive import blade_material
+from suspension_cli.design.expand import signs, spelled_out
+from suspension_cli.design.parts import WirePart
 from suspension_cli.design.scene import Array
+from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.sections import Stretch, stretches
+from suspension_cli.design.wires import Blade, BladeSet, Clamp, EndTemperatures, Wire, WireSet
 
 
 @dataclass(frozen=True)
@@ -137,3 +148,147 @@ class Fibres:
     gas: Gas | None
     temperature: float
     """Of everything that has none of its own, K."""
+
+
+POISSON = 0.3
+"""Poisson's ratio of a material that has none."""
+
+
+def unsuited(design: Design, massive: bool) -> str:
+    """Why wires of this design cannot be modelled as beams; "" if all can.
+
+    Parameters
+    ----------
+    design : Design
+    massive : bool
+        Whether the model needs the wires' masses too.
+    """
+    for stage in design.stage:
+        for number, wire in enumerate(_wires(stage), 1):
+            pieces = stretches(wire, 1.0)
+            name = f"wire {stage.name}.{number}"
+            if not pieces:
+                return f"{name} has no cross-section"
+            for piece in pieces:
+                if piece.material is None:
+                    return f"{name} has no material"
+                if massive and materials.resolve(design, piece.material).density is None:
+                    return f"{name} is of {piece.material}, which has no density"
+    return ""
+
+
+def fibres(design: Design) -> Fibres:
+    """What the wires and blades of a design are made of, if `unsuited` finds nothing.  Imperfections are left out.
+
+    Parameters
+    ----------
+    design : Design
+
+    Returns
+    -------
+    Fibres
+        Wires and blades in the order of the scene's.
+    """
+    warmth = design.constants.temperature
+
+    @cache
+    def losses(name: str) -> Losses:
+        return _losses(design, name)
+
+    wire: list[Fibre] = []
+    blade: list[BladeLoss] = []
+    for part in spelled_out(design):
+        for number, (one, table) in enumerate(zip(part.wires, _wires(part.stage), strict=True)):
+            ends = table.temperature
+            both = (ends.upper, ends.lower) if isinstance(ends, EndTemperatures) else (ends or warmth, ends or warmth)
+            length = float(np.sqrt(one.span @ one.span))
+            pieces = stretches(table, length)
+            along = 1.0 if table.k is None else table.k * sum(piece.length / (losses(piece.material or "").youngs_modulus * piece.area) for piece in pieces)
+            sections = tuple(_section(design, piece, losses(piece.material or ""), along) for piece in pieces)
+            wire.append(Fibre(one.label, sections, _plane(one.direction), _clamp(part.stage, number, table, one), both))
+        tables = [part.stage.blades] * len(part.blades) if part.stage.blades is not None else part.stage.blade
+        for one, table in zip(part.blades.values(), tables, strict=True):
+            material = blade_material(table)
+            blade.append(_blade(one.label, table, None if material is None else losses(material), one.loss, warmth))
+    gas = design.gas
+    air = None if gas is None else Gas(gas.pressure, gas.molar_mass / AVOGADRO, gas.temperature or warmth)
+    return Fibres(tuple(wire), tuple(blade), air, warmth)
+
+
+def _wires(stage: Stage) -> list[WireSet | Wire]:
+    """The table of each wire of a stage, in their order."""
+    return [stage.wires] * stage.wires.count if stage.wires is not None else [*stage.wire]
+
+
+def _losses(design: Design, name: str) -> Losses:
+    """Losses of a material; without heat capacity and conductivity (no thermoelastic loss) unless all that it takes is known."""
+    material = materials.resolve(design, name)
+    loss = material.loss
+    assert material.youngs_modulus is not None and loss is not None
+    thermal = (material.density, material.thermal_expansion, material.specific_heat, material.thermal_conductivity)
+    warm = loss.thermoelastic is not False and None not in thermal
+    table = None if loss.table is None else (np.array(loss.table.frequency), np.array(loss.table.angle))
+    return Losses(
+        angle=loss.angle or 0.0,
+        table=table,
+        surface_depth=loss.surface_depth or 0.0,
+        youngs_modulus=material.youngs_modulus,
+        density=material.density or 0.0,
+        expansion=material.thermal_expansion or 0.0,
+        modulus_slope=material.modulus_slope or 0.0,
+        heat_capacity=(material.specific_heat or 0.0) if warm else 0.0,
+        conductivity=(material.thermal_conductivity or 0.0) if warm else 0.0,
+    )
+
+
+def _section(design: Design, piece: Stretch, losses: Losses, along: float) -> Section:
+    """One stretch with its stiffnesses; that of stretching times `along`, for a wire whose k is given."""
+    poisson = materials.resolve(design, piece.material or "").poisson_ratio
+    shear = losses.youngs_modulus / (2 * (1 + (POISSON if poisson is None else poisson)))
+    first, second = piece.moments
+    mass, polar = piece.bulk
+    return Section(
+        length=piece.length,
+        area=piece.area,
+        rigidity=(losses.youngs_modulus * first, losses.youngs_modulus * second),
+        stretching=losses.youngs_modulus * piece.area * along,
+        twisting=shear * piece.torsion,
+        mass=losses.density * mass,
+        polar=losses.density * polar,
+        depth=piece.depth,
+        round=piece.section is None,
+        losses=losses,
+    )
+
+
+def _plane(direction: Array) -> Array:
+    """The unit vector across a wire that is nearest to x (to y, where the wire runs along x)."""
+    for axis in np.eye(3):
+        across = axis - (axis @ direction) * direction
+        size = np.sqrt(across @ across)
+        if size > 1e-3:
+            return across / size
+    raise AssertionError("no direction is along both x and y")
+
+
+def _clamp(stage: Stage, number: int, table: WireSet | Wire, wire: WirePart) -> tuple[Array, Array]:
+    """Directions at both ends; those of a symmetric set are told of its first wire and mirrored for the others."""
+    clamp = table.clamp if isinstance(table.clamp, Clamp) else Clamp()
+    along, across = signs(table.count)[number] if isinstance(table, WireSet) else (1, 1)
+    mirror = np.array([along or 1, across or 1, 1.0])
+
+    def direction(given: tuple[float, float, float] | None) -> Array:
+        if given is None:
+            return wire.direction
+        turned = np.array(given) * mirror
+        return turned / np.sqrt(turned @ turned)
+
+    return direction(clamp.upper), direction(clamp.lower)
+
+
+def _blade(label: str, table: BladeSet | Blade, losses: Losses | None, angle: float, warmth: float) -> BladeLoss:
+    """A loss angle that the blade gives itself stands for the bulk of its material."""
+    if losses is not None and table.loss_angle is not None:
+        losses = replace(losses, angle=table.loss_angle, table=None, surface_depth=0.0)
+    thickness = table.thickness if table.geometry is None else table.geometry.thickness
+    return BladeLoss(label, angle, losses, thickness or 0.0, table.temperature or warmth)

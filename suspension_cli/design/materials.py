@@ -8,66 +8,126 @@ from __future__ import annotations
 
 import msgspec
 
-from suspension_cli.design.schema import Design, Material
+from suspension_cli.design.schema import Design, Material, MaterialLoss
+
+PYGWINC = "pygwinc (LIGO Laboratory, parameters of Advanced LIGO)"
 
 BUILT_IN: dict[str, Material] = {
     "steel302": Material(
         youngs_modulus=1.7e11,
         poisson_ratio=0.3,
         density=7900.0,
+        thermal_expansion=17.2e-6,
+        specific_heat=500.0,
+        thermal_conductivity=16.2,
         source="E: Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), section 4c, measured on an 8 m wire; others: ASM Metals Handbook, AISI 302",
     ),
     "c70steel": Material(
         youngs_modulus=2.12e11,
         poisson_ratio=0.29,
         density=7800.0,
-        source="pygwinc (LIGO Laboratory), C70 steel wire of the Advanced LIGO suspensions",
+        thermal_expansion=12e-6,
+        modulus_slope=-2.5e-4,
+        specific_heat=486.0,
+        thermal_conductivity=49.0,
+        loss=MaterialLoss(angle=2e-4),
+        source=f"{PYGWINC}, C70 steel wire",
     ),
     "maraging": Material(
         youngs_modulus=1.87e11,
         poisson_ratio=0.3,
         density=7800.0,
-        source="pygwinc (LIGO Laboratory), maraging steel blades of the Advanced LIGO suspensions",
+        thermal_expansion=11e-6,
+        specific_heat=460.0,
+        thermal_conductivity=20.0,
+        loss=MaterialLoss(angle=1e-4),
+        source=f"{PYGWINC}, maraging steel blades",
     ),
     "fused-silica": Material(
         youngs_modulus=7.2e10,
         poisson_ratio=0.17,
         density=2200.0,
-        source="pygwinc (LIGO Laboratory), fused silica fibres",
+        thermal_expansion=3.9e-7,
+        modulus_slope=1.52e-4,
+        specific_heat=772.0,
+        thermal_conductivity=1.38,
+        loss=MaterialLoss(angle=4.1e-10, surface_depth=1.5e-2),
+        source=f"{PYGWINC}, fused silica fibres; losses after Gretarsson and Harry, Rev. Sci. Instrum. 70, 4081 (1999), "
+        "and Penn et al., Phys. Lett. A 352, 3 (2006)",
     ),
     "silicon": Material(
         youngs_modulus=1.558e11,
         poisson_ratio=0.27,
         density=2330.0,
-        source="pygwinc (LIGO Laboratory), silicon ribbons",
+        thermal_expansion=2.6e-6,
+        modulus_slope=-6.7e-5,
+        specific_heat=712.0,
+        thermal_conductivity=148.0,
+        source="pygwinc (LIGO Laboratory), silicon ribbons; specific heat and conductivity: Kutz (ed.), Mechanical Engineers' Handbook, vol. 4, at 300 K; "
+        "expansion: Ioffe Institute, NSM archive; slope: Gysin et al., Phys. Rev. B 69, 045403 (2004), E = E0 - B T exp(-T0/T) at 290 K",
     ),
     "sapphire": Material(
         youngs_modulus=4.0e11,
         poisson_ratio=0.29,
         density=3980.0,
-        source="Uchiyama et al., Phys. Lett. A 273, 310 (2000) and the handbook values quoted there",
+        thermal_expansion=5.0e-6,
+        specific_heat=790.0,
+        thermal_conductivity=40.0,
+        source="Uchiyama et al., Phys. Lett. A 273, 310 (2000) and the handbook values quoted there; "
+        "thermal values: Braginsky et al., Phys. Lett. A 264, 1 (1999)",
     ),
     "tungsten": Material(
         youngs_modulus=4.11e11,
         poisson_ratio=0.28,
         density=19300.0,
+        thermal_expansion=4.5e-6,
+        specific_heat=132.0,
+        thermal_conductivity=174.0,
         source="CRC Handbook of Chemistry and Physics, elements",
     ),
     "aluminium": Material(
         youngs_modulus=6.9e10,
         poisson_ratio=0.33,
         density=2700.0,
+        thermal_expansion=23.1e-6,
+        specific_heat=897.0,
+        thermal_conductivity=237.0,
         source="CRC Handbook of Chemistry and Physics, elements",
     ),
 }
+"""What is not known well is left out.  Loss angles stand in `loss` alone: they act where wires bend (`beam`, `violin`),
+so that strings stay without loss until a design says otherwise."""
 
 
 def resolve(design: Design, name: str) -> Material:
-    """The material called `name` in this design: the design's own values over the built-in ones."""
+    """The material called `name` in this design: the design's own values over the built-in ones, all that makes it lossy in `loss`."""
     own = design.materials.get(name, Material())
     base = BUILT_IN.get(name, Material())
     given = {key: value for key, value in msgspec.structs.asdict(own).items() if value not in (None, "")}
-    return msgspec.structs.replace(base, **given)
+    return msgspec.structs.replace(base, **given | {"loss": _loss(own, base)})
+
+
+def _loss(own: Material, base: Material) -> MaterialLoss:
+    """The design's own losses over the built-in ones.
+
+    A surface depth is told in terms of the bulk's loss angle, so it goes when the design gives another bulk.
+    """
+    mine, built_in = own.loss or MaterialLoss(), base.loss or MaterialLoss()
+    angle = own.loss_angle if mine.angle is None else mine.angle
+    depth = mine.surface_depth
+    if angle is None and mine.table is None:
+        table, angle = built_in.table, built_in.angle
+        depth = built_in.surface_depth if depth is None else depth
+    else:
+        table = mine.table
+    return MaterialLoss(angle=angle, table=table, surface_depth=depth, thermoelastic=mine.thermoelastic)
+
+
+def constant_angle(design: Design, name: str) -> float:
+    """The constant loss angle that the design itself gives a material, rad: what strings know of losses; 0 if it gives none."""
+    own = design.materials.get(name, Material())
+    given = own.loss.angle if own.loss is not None and own.loss.angle is not None else own.loss_angle
+    return given or 0.0
 
 
 def known(design: Design) -> list[str]:

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import Meta
+from msgspec import Meta, Struct
+
+
+class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A table of the file: unknown keys are faults, values never change."""
+
 
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=60, description="letters, digits, _ and -, starting with a letter")]
 Stem = Annotated[
@@ -24,11 +29,22 @@ Coefficient = Annotated[float, Meta(ge=-1e20, le=1e20, description="element of a
 Load = Annotated[float, Meta(ge=-1e12, le=1e12, description="force in N or torque in N m")]
 Tension = Annotated[float, Meta(ge=1e-12, le=1e12, description="tension in N")]
 Frequency = Annotated[float, Meta(ge=1e-6, le=1e6, description="frequency in Hz")]
+Kelvin = Annotated[float, Meta(gt=0, le=1e4, description="temperature in K")]
+Expansion = Annotated[float, Meta(ge=-1e-2, le=1e-2, description="coefficient of linear thermal expansion in 1/K")]
+ModulusSlope = Annotated[float, Meta(ge=-1.0, le=1.0, description="relative change of Young's modulus with temperature, (1/E) dE/dT in 1/K")]
+SpecificHeat = Annotated[float, Meta(ge=1e-6, le=1e6, description="specific heat in J/(kg K)")]
+Conductivity = Annotated[float, Meta(ge=1e-6, le=1e6, description="thermal conductivity in W/(m K)")]
+Pressure = Annotated[float, Meta(ge=0, le=1e3, description="pressure in Pa, of a gas so thin that its molecules do not meet")]
+MolarMass = Annotated[float, Meta(ge=1e-3, le=1.0, description="molar mass in kg/mol")]
 LossAngle = Annotated[float, Meta(ge=0, lt=1, description="loss angle in rad")]
 Factor = Annotated[float, Meta(ge=1e-6, le=1e6, description="factor on the nominal value")]
 ShapeFactor = Annotated[float, Meta(ge=0.5, le=10, description="shape factor of a cantilever blade: 1 rectangular, 1.5 triangular")]
 
+Component = Annotated[float, Meta(ge=-1e5, le=1e5, description="component of a direction")]
 Vector = Annotated[tuple[Position, Position, Position], Meta(description="x, y, z in m")]
+Direction = Annotated[
+    tuple[Component, Component, Component], Meta(description="direction x, y, z from the upper towards the lower end, of any length above zero")
+]
 Rotation = Annotated[tuple[Angle, Angle, Angle], Meta(description="rotation vector about x, y, z in rad")]
 Row3 = Annotated[list[Inertia], Meta(min_length=3, max_length=3)]
 Row6 = Annotated[list[Coefficient], Meta(min_length=6, max_length=6)]

@@ -8,36 +8,38 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from msgspec import Meta, Struct, field
+from msgspec import Meta, field
 
 from suspension_cli.design.quantities import (
+    Conductivity,
     Density,
+    Expansion,
     Factor,
     Frequency,
     Hold,
     Inertia,
+    Kelvin,
     Length,
     LossAngle,
     Mass,
     Matrix6,
     Modulus,
+    ModulusSlope,
+    MolarMass,
     Name,
     Poisson,
     Position,
+    Pressure,
     Rotation,
     Row3,
-    Separation,
-    ShapeFactor,
+    SpecificHeat,
     Stem,
     Stiffness,
-    Tension,
+    Table,
     Vector,
     Wrench,
 )
-
-
-class Table(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A table of the file: unknown keys are faults, values never change."""
+from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 
 
 class Header(Table, frozen=True):
@@ -52,7 +54,26 @@ class Constants(Table, frozen=True):
     """Surroundings."""
 
     gravity: Annotated[float, Meta(gt=0, le=1e3, description="acceleration due to gravity in m/s^2")] = 9.81
-    temperature: Annotated[float, Meta(gt=0, le=1e4, description="temperature in K")] = 290.0
+    temperature: Kelvin = 290.0
+
+
+class LossTable(Table, frozen=True):
+    """Loss angle against frequency: straight lines in the logarithms, constant outside."""
+
+    frequency: Annotated[list[Frequency], Meta(min_length=1, max_length=10000, description="ascending frequencies in Hz")]
+    angle: Annotated[
+        list[Annotated[float, Meta(gt=0, lt=1, description="loss angle in rad, above zero")]],
+        Meta(min_length=1, max_length=10000, description="loss angle in rad at each of the frequencies"),
+    ]
+
+
+class MaterialLoss(Table, frozen=True):
+    """What makes a material lossy beyond a constant loss angle; acts where wires bend."""
+
+    angle: Annotated[LossAngle, Meta(description="constant loss angle of the bulk in rad")] | None = None
+    table: Annotated[LossTable, Meta(description="loss angle of the bulk against frequency, instead of a constant one")] | None = None
+    surface_depth: Annotated[float, Meta(ge=0, le=1e5, description="dissipation depth of the surface in m")] | None = None
+    thermoelastic: Annotated[bool, Meta(description="false leaves thermoelastic loss out")] | None = None
 
 
 class Material(Table, frozen=True):
@@ -61,8 +82,21 @@ class Material(Table, frozen=True):
     youngs_modulus: Modulus | None = None
     poisson_ratio: Poisson | None = None
     density: Density | None = None
+    thermal_expansion: Expansion | None = None
+    modulus_slope: ModulusSlope | None = None
+    specific_heat: SpecificHeat | None = None
+    thermal_conductivity: Conductivity | None = None
     loss_angle: LossAngle | None = None
+    loss: MaterialLoss | None = None
     source: str = ""
+
+
+class Gas(Table, frozen=True):
+    """Residual gas around the suspension."""
+
+    pressure: Pressure
+    molar_mass: MolarMass = 0.028
+    temperature: Annotated[Kelvin, Meta(description="temperature of the gas in K; default that of [constants]")] | None = None
 
 
 class Body(Table, frozen=True):
@@ -80,80 +114,6 @@ class Body(Table, frozen=True):
     length: Length | None = None
     size: tuple[Length, Length, Length] | None = None
     density: Density | None = None
-
-
-class Section(Table, frozen=True):
-    """A ribbon's rectangular cross-section: width along y, thickness along x."""
-
-    width: Length
-    thickness: Length
-
-
-class WireSet(Table, frozen=True):
-    """Wires symmetric in x and y, in the paper's symbols."""
-
-    count: Literal[1, 2, 4]
-    l: Annotated[Length, Meta(description="loaded length of each wire, m")]
-    s: Annotated[Separation, Meta(description="half separation in x, upper and lower, m")] | None = None
-    s_upper: Annotated[Separation, Meta(description="half separation in x at the upper end, m")] | None = None
-    s_lower: Annotated[Separation, Meta(description="half separation in x at the lower end, m")] | None = None
-    t1: Annotated[Separation, Meta(description="half separation in y at the upper end, m")] | None = None
-    t2: Annotated[Separation, Meta(description="half separation in y at the lower end, m")] | None = None
-    d: Annotated[Position, Meta(description="height of the lower end above the COM of this body, m")] = 0.0
-    d_upper: Annotated[Position, Meta(description="depth of the upper end below the COM of the body above, m")] = 0.0
-    material: Name | None = None
-    radius: Annotated[Length, Meta(description="radius of a round wire, m")] | None = None
-    section: Section | None = None
-    k: Annotated[Stiffness, Meta(description="spring constant of one wire, N/m; default E A / l")] | None = None
-
-
-class Wire(Table, frozen=True):
-    """One wire anywhere: its ends in the frames of the two bodies, from their COMs (or the support point)."""
-
-    upper: Vector
-    lower: Vector
-    material: Name | None = None
-    radius: Length | None = None
-    section: Section | None = None
-    k: Stiffness | None = None
-    natural_length: Annotated[Length, Meta(description="unstretched length, m")] | None = None
-    tension: Annotated[Tension, Meta(description="tension in the nominal pose, N")] | None = None
-    blade: Name | None = None
-
-
-class BladeGeometry(Table, frozen=True):
-    """A tapered cantilever blade clamped at its base, loaded at its tip."""
-
-    length: Length
-    base_width: Length
-    thickness: Length
-    shape_factor: ShapeFactor
-    material: Name
-
-
-class BladeSet(Table, frozen=True):
-    """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
-
-    count: Literal[1, 2, 4]
-    stiffness: Annotated[Stiffness, Meta(description="vertical stiffness of one blade at its tip, N/m")] | None = None
-    uncoupled_frequency: Annotated[Frequency, Meta(description="frequency of this stage's mass alone on the blades, Hz")] | None = None
-    geometry: BladeGeometry | None = None
-    tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with one tip, kg")] = 0.0
-    lateral_stiffness: Annotated[tuple[Stiffness, Stiffness], Meta(description="stiffness of one tip along x and y, N/m; rigid if not given")] | None = None
-    loss_angle: LossAngle | None = None
-
-
-class Blade(Table, frozen=True):
-    """One cantilever blade, for wires that name it."""
-
-    name: Name
-    at: Annotated[Vector, Meta(description="tip in the frame of the body above, m; default: the mean of its wires' upper ends")] | None = None
-    stiffness: Stiffness | None = None
-    uncoupled_frequency: Frequency | None = None
-    geometry: BladeGeometry | None = None
-    tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with the tip, kg")] = 0.0
-    lateral_stiffness: tuple[Stiffness, Stiffness] | None = None
-    loss_angle: LossAngle | None = None
 
 
 class Spring(Table, frozen=True):
@@ -330,6 +290,7 @@ class Design(Table, frozen=True):
     stage: Annotated[list[Stage], Meta(min_length=1, description="bodies, top to bottom")]
     constants: Constants = Constants()
     materials: dict[str, Material] = field(default_factory=dict)
+    gas: Gas | None = None
     support: Support | None = None
     control: Control | None = None
     tolerance: Tolerance | None = None

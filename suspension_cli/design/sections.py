@@ -1,0 +1,136 @@
+"""A wire as a chain of uniform stretches: sections that leave out what is obvious, tapers cut into steps.
+
+A taper is cut into steps of equal length.  Each step stands for its piece of the cone with every property that the
+piece has exactly when it is strained alone: the series compliance of stretching, of bending and of twisting, and the
+mass and its polar moment.  With r running linearly from a to b,
+
+    mean of 1/r^2 = 1/(a b),    mean of 1/r^4 = (a^2 + a b + b^2)/(3 a^3 b^3),
+
+so a step's area is pi a b, its moments of area are those of the radius (mean of 1/r^4)^(-1/4), its mass is that of the
+frustum.  The wire's spring constant is thus exact for any number of steps; bending under tension, which weighs
+the places within a step differently, converges with the square of the length of a step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from suspension_cli.design.wires import Section, Wire, WireSection, WireSet
+
+STEPS = 16
+"""Steps that stand for a taper where the design does not say."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of wire, `length` m long: a ribbon's cross-section, or radii (m) at its upper and lower end."""
+
+    length: float
+    material: str | None
+    section: Section | None
+    radii: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def area(self) -> float:
+        """Cross-section in m^2, for stretching."""
+        if self.section is not None:
+            return self.section.width * self.section.thickness
+        return math.pi * self.radii[0] * self.radii[1]
+
+    @property
+    def depth(self) -> tuple[float, float]:
+        """Size across the wire in the two planes of bending, m: thickness and width, or the diameter that has the step's bending compliance."""
+        if self.section is not None:
+            return self.section.thickness, self.section.width
+        a, b = self.radii
+        diameter = 2 * a if a == b else 2 * (3 * a**3 * b**3 / (a * a + a * b + b * b)) ** 0.25
+        return diameter, diameter
+
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Second moments of area for bending in the two planes, m^4."""
+        d, b = self.depth
+        if self.section is not None:
+            return b * d**3 / 12, d * b**3 / 12
+        return math.pi * d**4 / 64, math.pi * d**4 / 64
+
+    @property
+    def torsion(self) -> float:
+        """Torsion constant J in m^4."""
+        if self.section is not None:
+            return rectangle_torsion(*self.depth)
+        return sum(self.moments)
+
+    @property
+    def bulk(self) -> tuple[float, float]:
+        """Volume a length (m^2) and its polar moment a length (m^4), for the mass and its inertia about the wire."""
+        if self.section is not None:
+            return self.area, sum(self.moments)
+        a, b = self.radii
+        return math.pi * (a * a + a * b + b * b) / 3, math.pi / 10 * sum(a**n * b ** (4 - n) for n in range(5))
+
+
+def area(radius: float | None, section: Section | None) -> float:
+    """Cross-section of a uniform wire in m^2."""
+    if section is not None:
+        return section.width * section.thickness
+    assert radius is not None
+    return math.pi * radius**2
+
+
+def thinnest(wire: WireSet | Wire) -> float | None:
+    """Smallest cross-section of a wire in m^2, where the stress is largest; None if the design does not tell."""
+    if wire.sections is not None:
+        return min(area(min(piece.radius) if isinstance(piece.radius, list) else piece.radius, piece.section) for piece in wire.sections)
+    return None if wire.radius is None and wire.section is None else area(wire.radius, wire.section)
+
+
+def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
+    """The uniform stretches of a wire of a loaded `length` (m), from its upper to its lower end; none if its cross-section is not given.
+
+    Their lengths sum to `length`: what the design's own may miss of it (1e-6 at most) is shared out.
+    """
+    if wire.sections is None:
+        if wire.radius is None and wire.section is None:
+            return []
+        return [_uniform(length, wire.material, wire)]
+    given = sum(piece.length or 0.0 for piece in wire.sections)
+    rest = length - given if any(piece.length is None for piece in wire.sections) else 0.0
+    scale = 1.0 if rest > 0 else length / given
+    return [one for piece in wire.sections for one in _steps(piece, scale * (rest if piece.length is None else piece.length), wire.material)]
+
+
+def _steps(piece: WireSection, length: float, material: str | None) -> list[Stretch]:
+    """One section of a design as uniform stretches."""
+    name = piece.material or material
+    if not isinstance(piece.radius, list):
+        return [_uniform(length, name, piece)]
+    upper, lower = piece.radius
+    count = STEPS if piece.steps is None else piece.steps
+    radii = [upper + (lower - upper) * n / count for n in range(count + 1)]
+    return [Stretch(length / count, name, None, (radii[n], radii[n + 1])) for n in range(count)]
+
+
+def _uniform(length: float, material: str | None, table: WireSet | Wire | WireSection) -> Stretch:
+    radius = table.radius if isinstance(table.radius, float) else 0.0
+    return Stretch(length, material, table.section, (radius, radius))
+
+
+def rectangle_torsion(width: float, thickness: float) -> float:
+    """St Venant's torsion constant of a rectangle, m^4.
+
+    J = w t^3/3 (1 - 192 t/(pi^5 w) sum over odd n of tanh(n pi w/2t)/n^5) for w >= t (Timoshenko and Goodier, Theory of
+    Elasticity, section 109).  The sum is 31 zeta(5)/32 less that of (1 - tanh)/n^5, of which three terms reach rounding.
+    """
+    w, t = max(width, thickness), min(width, thickness)
+    total = ODD_FIFTH - sum(_one_less_tanh(n * math.pi * w / (2 * t)) / n**5 for n in range(1, 16, 2))
+    return w * t**3 / 3 * (1 - 192 * t / (math.pi**5 * w) * total)
+
+
+ODD_FIFTH = 31 * 1.0369277551433699 / 32
+"""Sum of 1/n^5 over odd n: 31 zeta(5)/32."""
+
+
+def _one_less_tanh(x: float) -> float:
+    return 2 / (math.exp(2 * x) + 1) if x < 300 else 0.0

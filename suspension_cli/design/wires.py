@@ -1,0 +1,153 @@
+"""Wires and blades of the design file, as frozen types: what a stage hangs on."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from suspension_cli.design.quantities import (
+    Direction,
+    Frequency,
+    Kelvin,
+    Length,
+    LossAngle,
+    Name,
+    Position,
+    Separation,
+    ShapeFactor,
+    Stiffness,
+    Table,
+    Tension,
+    Vector,
+)
+
+
+class Section(Table, frozen=True):
+    """A ribbon's rectangular cross-section: width along y, thickness along x."""
+
+    width: Length
+    thickness: Length
+
+
+Radii = Annotated[list[Length], Meta(min_length=2, max_length=2, description="radius in m at the upper and at the lower end of a taper")]
+# a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
+Steps = Annotated[int, Meta(ge=1, le=1000, description="number of uniform steps that stand for a taper")]
+
+
+class WireSection(Table, frozen=True):
+    """A stretch of a wire: uniform, or tapered linearly from one radius to another."""
+
+    length: Annotated[Length, Meta(description="loaded length, m; one section may leave it out and takes the rest")] | None = None
+    radius: Annotated[Length | Radii, Meta(description="radius of a round stretch, m; [upper, lower] of a tapered one")] | None = None
+    section: Section | None = None
+    material: Name | None = None
+    steps: Steps | None = None
+
+
+Sections = Annotated[list[WireSection], Meta(min_length=1, max_length=1000, description="stretches from the upper to the lower end")]
+
+
+class Clamp(Table, frozen=True):
+    """Directions of the wire where its clamps hold it, both told from the upper towards the lower end."""
+
+    upper: Direction | None = None
+    lower: Direction | None = None
+
+
+class EndTemperatures(Table, frozen=True):
+    """Temperatures of the two ends of a wire."""
+
+    upper: Kelvin
+    lower: Kelvin
+
+
+Clamped = Annotated[
+    Annotated[Literal["wire"], Meta(description='"wire", or a table of directions { upper = [x, y, z], lower = [x, y, z] }')] | Clamp,
+    Meta(description='how the ends are held: "wire" (along the nominal wire), or directions { upper = [x, y, z], lower = [x, y, z] }'),
+]
+Temperature = Annotated[Kelvin | EndTemperatures, Meta(description="temperature in K, or { upper, lower }; default that of [constants]")]
+
+
+class WireSet(Table, frozen=True):
+    """Wires symmetric in x and y, in the paper's symbols."""
+
+    count: Literal[1, 2, 4]
+    l: Annotated[Length, Meta(description="loaded length of each wire, m")]
+    s: Annotated[Separation, Meta(description="half separation in x, upper and lower, m")] | None = None
+    s_upper: Annotated[Separation, Meta(description="half separation in x at the upper end, m")] | None = None
+    s_lower: Annotated[Separation, Meta(description="half separation in x at the lower end, m")] | None = None
+    t1: Annotated[Separation, Meta(description="half separation in y at the upper end, m")] | None = None
+    t2: Annotated[Separation, Meta(description="half separation in y at the lower end, m")] | None = None
+    d: Annotated[Position, Meta(description="height of the lower end above the COM of this body, m")] = 0.0
+    d_upper: Annotated[Position, Meta(description="depth of the upper end below the COM of the body above, m")] = 0.0
+    material: Name | None = None
+    radius: Annotated[Length, Meta(description="radius of a round wire, m")] | None = None
+    section: Section | None = None
+    sections: Sections | None = None
+    k: Annotated[Stiffness, Meta(description="spring constant of one wire, N/m; default E A / l")] | None = None
+    clamp: Clamped = "wire"
+    temperature: Temperature | None = None
+
+
+class Wire(Table, frozen=True):
+    """One wire anywhere: its ends in the frames of the two bodies, from their COMs (or the support point)."""
+
+    upper: Vector
+    lower: Vector
+    material: Name | None = None
+    radius: Length | None = None
+    section: Section | None = None
+    sections: Sections | None = None
+    k: Stiffness | None = None
+    natural_length: Annotated[Length, Meta(description="unstretched length, m")] | None = None
+    tension: Annotated[Tension, Meta(description="tension in the nominal pose, N")] | None = None
+    blade: Name | None = None
+    clamp: Clamped = "wire"
+    temperature: Temperature | None = None
+
+
+class BladeGeometry(Table, frozen=True):
+    """A tapered cantilever blade clamped at its base, loaded at its tip."""
+
+    length: Length
+    base_width: Length
+    thickness: Length
+    shape_factor: ShapeFactor
+    material: Name
+
+
+BladeThickness = Annotated[Length, Meta(description="thickness of the blade in m, for its loss, where no geometry is given")]
+BladeMaterial = Annotated[Name, Meta(description="material of the blade, for its loss, where no geometry is given")]
+BladeTemperature = Annotated[Kelvin, Meta(description="temperature of the blade in K; default that of [constants]")]
+
+
+class BladeSet(Table, frozen=True):
+    """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
+
+    count: Literal[1, 2, 4]
+    stiffness: Annotated[Stiffness, Meta(description="vertical stiffness of one blade at its tip, N/m")] | None = None
+    uncoupled_frequency: Annotated[Frequency, Meta(description="frequency of this stage's mass alone on the blades, Hz")] | None = None
+    geometry: BladeGeometry | None = None
+    tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with one tip, kg")] = 0.0
+    lateral_stiffness: Annotated[tuple[Stiffness, Stiffness], Meta(description="stiffness of one tip along x and y, N/m; rigid if not given")] | None = None
+    loss_angle: LossAngle | None = None
+    material: BladeMaterial | None = None
+    thickness: BladeThickness | None = None
+    temperature: BladeTemperature | None = None
+
+
+class Blade(Table, frozen=True):
+    """One cantilever blade, for wires that name it."""
+
+    name: Name
+    at: Annotated[Vector, Meta(description="tip in the frame of the body above, m; default: the mean of its wires' upper ends")] | None = None
+    stiffness: Stiffness | None = None
+    uncoupled_frequency: Frequency | None = None
+    geometry: BladeGeometry | None = None
+    tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with the tip, kg")] = 0.0
+    lateral_stiffness: tuple[Stiffness, Stiffness] | None = None
+    loss_angle: LossAngle | None = None
+    material: BladeMaterial | None = None
+    thickness: BladeThickness | None = None
+    temperature: BladeTemperature | None = None

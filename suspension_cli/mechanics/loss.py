@@ -1,0 +1,159 @@
+"""Loss angles of wires and blades against frequency: bulk, surface, thermoelastic.
+
+**Surface.**  A layer at the surface is lossier than the bulk.  Its loss adds phi_bulk d_s mu S/V to the bulk's, where the
+dissipation depth d_s is a property of the finish and mu S/V is the share of the strain energy at the surface,
+
+    mu S/V = (integral of e^2 over the surface)/(integral of e^2 over the volume),
+
+of the strain e that the deformation makes (Gretarsson and Harry, Rev. Sci. Instrum. 70, 4081 (1999)).  The functions
+named `..._ratio` work it out for each deformation.
+
+**Thermoelastic.**  A fibre of the wire that is stretched cools, by the heat that expansion takes; heat flows across the wire
+from the compressed to the stretched side and back, a relaxation (Zener, Phys. Rev. 53, 90 (1938)):
+
+    phi = Delta w tau/(1 + w^2 tau^2),    Delta = E T a^2/(rho C).
+
+The coefficient a is that of the strain against temperature at constant stress s.  With the strain
+s/E(T) + alpha T it is a = alpha - s E'/E^2 = alpha - u beta, u = s/E the static strain and beta = E'/E: a material that
+stiffens with temperature has a tension at which the loss vanishes (Cagnoli and Willems, Phys. Rev. B 65, 174111 (2002)).
+The slowest way that the temperature difference across the wire decays takes nearly all (98.5 % in a ribbon); taking all of
+it, as here and in that literature, is within 2 % up to the peak.  Stretching and twisting drive no heat across a wire.
+
+All angles are finite at zero frequency.  `omega` is in rad/s, not negative, of any shape.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.fibres import BladeLoss, Losses, Section
+from suspension_cli.design.sections import rectangle_torsion
+
+FIRST_ROOT = 1.8411837813406593
+"""First zero of J1': the slowest decay of a temperature ~ cos(azimuth) in a cylinder with an insulated surface is J1(1.84 r/R)."""
+
+
+def bending_angle(section: Section, plane: int, omega: Any, tension: Any, temperature: Any) -> Any:
+    """Loss angle of the bending of a wire, rad.
+
+    Parameters
+    ----------
+    section : Section
+    plane : {0, 1}
+        Plane of the bending, as in `section.rigidity`.
+    omega : array
+        rad/s.
+    tension : array
+        N; sets the static strain of the thermoelastic loss.
+    temperature : array
+        K.
+
+    Returns
+    -------
+    array
+        Of the shape that the arguments broadcast to.
+    """
+    losses = section.losses
+    strain = np.asarray(tension) / (losses.youngs_modulus * section.area)
+    angle = _bulk(losses, omega) * (1 + losses.surface_depth * bending_ratio(section, plane))
+    return angle + _thermoelastic(losses, relaxation_time(losses, section.depth[plane], section.round), omega, strain, temperature)
+
+
+def stretching_angle(section: Section, omega: Any, tension: Any = 0.0, temperature: Any = 0.0) -> Any:
+    """Loss angle of the stretching of a wire, rad; arguments as for `bending_angle` (tension and temperature do not matter)."""
+    return _bulk(section.losses, omega) * (1 + section.losses.surface_depth * stretching_ratio(section)) + 0.0 * (np.asarray(tension) + temperature)
+
+
+def twisting_angle(section: Section, omega: Any, tension: Any = 0.0, temperature: Any = 0.0) -> Any:
+    """Loss angle of the twisting of a wire, rad; arguments as for `bending_angle` (tension and temperature do not matter)."""
+    return _bulk(section.losses, omega) * (1 + section.losses.surface_depth * twisting_ratio(section)) + 0.0 * (np.asarray(tension) + temperature)
+
+
+def blade_angle(blade: BladeLoss, omega: Any) -> Any:
+    """Loss angle of the bending of a blade, rad.
+
+    A blade is wide against its thickness t, so its strain e ~ y is that of its two faces: mu S/V = 2 (t/2)^2/(t^3/12) = 6/t.
+    The static stress of a blade averages to nothing across its thickness, so there is no term of tension.
+
+    Parameters
+    ----------
+    blade : BladeLoss
+    omega : array
+        rad/s.
+    """
+    losses, thickness = blade.losses, blade.thickness
+    if losses is None:
+        return blade.angle + 0.0 * np.asarray(omega)
+    ratio = 6 / thickness if thickness > 0 else 0.0
+    angle = _bulk(losses, omega) * (1 + losses.surface_depth * ratio)
+    return angle + _thermoelastic(losses, relaxation_time(losses, thickness, False), omega, 0.0, blade.temperature)
+
+
+def bending_ratio(section: Section, plane: int) -> float:
+    """mu S/V of bending, 1/m.
+
+    e ~ y, the distance from the neutral line.  Round: (pi r^3)/(pi r^4/4) = 4/r.  Ribbon of depth d in the plane and
+    breadth b: two faces b (d/2)^2 each and two edges d^3/12 each, over b d^3/12: 6/d + 2/b.
+    """
+    depth, breadth = section.depth[plane], section.depth[1 - plane]
+    return 8 / depth if section.round else 6 / depth + 2 / breadth
+
+
+def stretching_ratio(section: Section) -> float:
+    """mu S/V of stretching, 1/m.  e is uniform: circumference over area, 2/r or 2/w + 2/t."""
+    return 4 / section.depth[0] if section.round else 2 / section.depth[0] + 2 / section.depth[1]
+
+
+def twisting_ratio(section: Section) -> float:
+    """mu S/V of twisting, 1/m.
+
+    Round: e ~ r', so (2 pi r^3)/(pi r^4/2) = 4/r.  Rectangle w x t, w >= t: the shear is the gradient of Prandtl's function f
+    (f_xx + f_yy = -2, f = 0 all round), whose square integrates to J over the area.  On the short edges the series of
+    St Venant's problem gives S = 64 t^3/pi^4 times the sum over odd n of tanh^2(n pi w/2t)/n^4 for both together; the long ones
+    follow from Rellich's identity, which for this problem says that the integral of (x.n) f_n^2 round the rectangle is 4 J:
+    w S/2 + t L/2 = 4 J.  The ratio (S + L)/J goes to 6/t for a thin ribbon.
+    """
+    if section.round:
+        return 8 / section.depth[0]
+    w, t = max(section.depth), min(section.depth)
+    # the sum of 1/n^4 over odd n is pi^4/96; what tanh^2 = 1 - sech^2 takes off it decays like exp(-n pi w/t)
+    less = sum(math.cosh(min(n * math.pi * w / (2 * t), 300.0)) ** -2 / n**4 for n in range(1, 16, 2))
+    short = 64 * t**3 / math.pi**4 * (math.pi**4 / 96 - less)
+    constant = rectangle_torsion(w, t)
+    return (short + (8 * constant - w * short) / t) / constant
+
+
+def relaxation_time(losses: Losses, depth: float, is_round: bool) -> float:
+    """Time in which a difference of temperature across a wire or blade decays, s; 0 if its conductivity is not known.
+
+    The slowest solution of heat conduction (diffusivity kappa/(rho C)) with an insulated surface that is odd across the
+    wire: J1(q r/R) cos(azimuth) with J1'(q) = 0 gives rho C R^2/(kappa q^2) = rho C d^2/(4 q^2 kappa) = 0.0737 rho C d^2/kappa,
+    sin(pi y/t) gives rho C t^2/(pi^2 kappa).
+    """
+    if not losses.conductivity > 0:
+        return 0.0
+    wave_number = 2 * FIRST_ROOT if is_round else math.pi
+    return losses.density * losses.heat_capacity * (depth / wave_number) ** 2 / losses.conductivity
+
+
+def _bulk(losses: Losses, omega: Any) -> Any:
+    """Loss angle of the bulk: constant, or a table joined by straight lines in log f and log angle and constant outside."""
+    omega = np.asarray(omega, dtype=float)
+    if losses.table is None:
+        return losses.angle + 0.0 * omega
+    frequency, angle = losses.table
+    inside = np.clip(omega / (2 * math.pi), frequency[0], frequency[-1])
+    return np.exp(np.interp(np.log(inside), np.log(frequency), np.log(angle)))
+
+
+def _thermoelastic(losses: Losses, time: float, omega: Any, strain: Any, temperature: Any) -> Any:
+    """Zener's relaxation; nothing where the heat capacity or the time is 0."""
+    if not (losses.heat_capacity > 0 and time > 0):
+        return 0.0 * (np.asarray(omega) + strain + temperature)
+    coefficient = losses.expansion - strain * losses.modulus_slope
+    strength = losses.youngs_modulus * temperature * coefficient**2 / (losses.density * losses.heat_capacity)
+    x = np.asarray(omega) * time
+    return strength * x / (1 + x * x)
