@@ -114,3 +114,24 @@ def held(rigidity, tension, length):
         own = MP.matrix([[0, 0, 0, 0], [0, even_turn, 0, 0], [0, 0, displace, -displace * tanh], [0, 0, -displace * tanh, displace * h * tanh]])
         back = MP.matrix(ALIKE) ** -1
         return back.T * own * back
+
+
+class Strained:
+    """A rod S u'' + mu omega^2 u = 0 at one frequency; call within `exact()`."""
+
+    def __init__(self, rigidity, mass, length, omega):
+        self.rigidity, self.length = number(rigidity), number(length)
+        self.wave = MP.sqrt(number(mass) * omega**2 / self.rigidity)
+
+    def sine(self, x):
+        return MP.sin(self.wave * x) / self.wave if self.wave else x
+
+    def stiffness(self):
+        """(2, 2) on u1, u2."""
+        far, cos = self.sine(self.length), MP.cos(self.wave * self.length)
+        return self.rigidity / far * MP.matrix([[cos, -1], [-1, cos]])
+
+    def slope(self, ends):
+        u1, u2 = (number(value) for value in ends)
+        factor = (u2 - u1 * MP.cos(self.wave * self.length)) / self.sine(self.length)
+        return lambda x: factor * MP.cos(self.wave * x) - u1 * self.wave * MP.sin(self.wave * x)
