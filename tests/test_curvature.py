@@ -47,7 +47,7 @@ def test_integrals_are_those_of_the_shape(slenderness, omega, angle):
         h, expected = one.length / 2, []
         cells = [h * n / 4 for n in range(5)]
         for motion in MOTIONS[[1, 4]]:
-            w, bend = one.shape(motion)
+            w, bend = one.shape(motion), one.shape(motion, 2)
             with waves.exact(30):
                 upper, lower, both = ([start + x for x in cells] for start in (0, h, 0))
                 square = [MP.quad(lambda x: abs(bend(x)) ** 2, half, maxdegree=4) for half in (upper, lower)]  # noqa: B023
