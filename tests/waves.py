@@ -56,14 +56,20 @@ class Bent:
             rows.append([sign * self.rigidity * bend for bend in two])
         return MP.matrix(rows) * self.ends() ** -1
 
-    def shape(self, ends):
-        """Deflection and curvature as functions of x, for the motion w1, w1', w2, w2' of the ends."""
+    def shape(self, ends, order=0):
+        """Deflection or a derivative of it as a function of x, for the motion w1, w1', w2, w2' of the ends."""
         factors = self.ends() ** -1 * MP.matrix([number(value) for value in ends])
+        return lambda x: sum((f * v for f, v in zip(factors, self.basis(x)[order], strict=True)), MP.zero)
 
-        def at(order):
-            return lambda x: sum((f * v for f, v in zip(factors, self.basis(x)[order], strict=True)), MP.zero)
+    def carried(self):
+        """(4, 4): w, w', shear and moment at the lower end from those at the upper end."""
 
-        return at(0), at(2)
+        def states(x):
+            w, one, two, three = self.basis(x)
+            shear = [self.tension * slope - self.rigidity * jerk for slope, jerk in zip(one, three, strict=True)]
+            return MP.matrix([w, one, shear, [self.rigidity * bend for bend in two]])
+
+        return states(self.length) * states(MP.zero) ** -1
 
     def squared(self, ends, order, start, stop):
         """Integral of the square of the modulus of a derivative of w, summed over products of exponentials."""
@@ -135,3 +141,19 @@ class Strained:
         u1, u2 = (number(value) for value in ends)
         factor = (u2 - u1 * MP.cos(self.wave * self.length)) / self.sine(self.length)
         return lambda x: factor * MP.cos(self.wave * x) - u1 * self.wave * MP.sin(self.wave * x)
+
+
+def transferred(sections, tension, omega):
+    """Stiffness (4, 4) on w1, w1', w2, w2' of sections (EI, mass, length) one below the other, and the determinant that is 0 where
+    the held whole resonates: by the product of their transfer matrices."""
+    digits = 2 * DIGITS + sum(digits_for(rigidity, tension, mass, length, omega) - DIGITS for rigidity, mass, length in sections)
+    with exact(digits):
+        whole = MP.eye(4)
+        for rigidity, mass, length in sections:
+            whole = Bent(rigidity, tension, mass, length, number(omega)).carried() * whole
+        moved, pulled = whole[:2, :2], whole[:2, 2:]
+        inverse = pulled**-1
+        result = MP.zeros(4)
+        result[:2, :2], result[:2, 2:] = inverse * moved, -inverse
+        result[2:, :2], result[2:, 2:] = whole[2:, :2] - whole[2:, 2:] * inverse * moved, whole[2:, 2:] * inverse
+        return result, MP.det(pulled)
