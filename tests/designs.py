@@ -160,5 +160,73 @@ wire = "test.1"
 frequency = 50.0
 """
 
+TEXTS["fibres"] = """\
+[design]
+name = "fibres"
+
+[gas]
+pressure = 1e-6
+molar_mass = 0.002
+temperature = 295.0
+
+[materials.glass]
+youngs_modulus = 7.2e10
+poisson_ratio = 0.17
+density = 2200.0
+thermal_expansion = 3.9e-7
+modulus_slope = 1.52e-4
+specific_heat = 772.0
+thermal_conductivity = 1.38
+
+[materials.glass.loss]
+table = { frequency = [1.0, 100.0], angle = [1e-9, 1e-8] }
+surface_depth = 1.5e-2
+thermoelastic = true
+
+[materials.c70steel.loss]
+angle = 3e-4
+
+[[stage]]
+name = "test"
+body = { mass = 5.6, inertia = [0.03, 0.02, 0.02] }
+
+[stage.wires]
+count = 4
+l = 0.28
+s = 0.01
+t1 = 0.08
+t2 = 0.095
+d = 0.001
+material = "glass"
+sections = [
+    { length = 0.01, radius = 4e-4 },
+    { length = 0.005, radius = [4e-4, 1.25e-4], steps = 4 },
+    { radius = 1.25e-4 },
+    { length = 0.01, section = { width = 4e-4, thickness = 2e-4 }, material = "c70steel" },
+]
+clamp = { upper = [0.0, 0.01, -1.0] }
+temperature = { upper = 300.0, lower = 290.0 }
+
+[stage.blades]
+count = 4
+stiffness = 2.0e3
+material = "maraging"
+thickness = 2e-3
+temperature = 293.0
+
+[[stage]]
+name = "mass"
+position = [0.0, 0.0, -0.3]
+body = { mass = 2.0, inertia = [0.01, 0.01, 0.01] }
+
+[[stage.wire]]
+upper = [0.0, 0.0, 0.0]
+lower = [0.0, 0.0, 0.001]
+material = "steel302"
+sections = [{ length = 0.1, radius = 1e-4 }, { length = 0.199, radius = 2e-4 }]
+clamp = { lower = [0.01, 0.0, -1.0] }
+temperature = 280.0
+"""
+
 RAW: dict[str, dict[str, Any]] = {name: tomllib.loads(text) for name, text in TEXTS.items()}
 """The same, parsed."""

@@ -270,7 +270,74 @@ BALANCE = [
     Case("natural-too-long", {("stage", 0, "wire", 2, "natural_length"): 0.5}, "stage.upper.wire: wire upper.3 is slack in equilibrium", "shorten", "rich"),
 ]
 
-CASES = [*TYPES, *NUMBERS, *KEYS, *GEOMETRY, *BLADES, *BODIES, *AROUND, *PERTURBATIONS, *BALANCE]
+GLASS = ("materials", "glass")
+PARTS = (*WIRES, "sections")
+
+
+def fibre(name: str, edits: Edits, says: str, remedy: str = "") -> Case:
+    """A fault of the wires, materials or gas of the base that has them all."""
+    return Case(name, edits, says, remedy, "fibres")
+
+
+FIBRES = [
+    fibre("two-angles", {("materials", "c70steel", "loss_angle"): 1e-4}, "materials.c70steel.loss.angle = 0.0003: stands beside loss_angle", "keep one"),
+    fibre("angle-and-table", {(*GLASS, "loss", "angle"): 1e-4}, "materials.glass.loss.table: stands beside a constant", "keep one"),
+    fibre("table-and-angle", {(*GLASS, "loss_angle"): 1e-4}, "materials.glass.loss.table: stands beside a constant", "keep one"),
+    fibre("table-uneven", {(*GLASS, "loss", "table", "angle"): [1e-9]}, "materials.glass.loss.table.angle: 1 loss angles for 2 frequencies", "each"),
+    fibre(
+        "table-falls",
+        {(*GLASS, "loss", "table", "frequency"): [1.0, 1.0]},
+        "materials.glass.loss.table.frequency = [1.0, 1.0]: does not ascend",
+        "sort",
+    ),
+    fibre("table-zero", {(*GLASS, "loss", "table", "angle"): [0.0, 1e-9]}, "materials.glass.loss.table.angle.1 = 0.0: must be greater than 0", "rad"),
+    fibre("table-key", {(*GLASS, "loss", "table", "phi"): [1e-9]}, "materials.glass.loss.table.phi = [1e-09]: unknown key", "known here"),
+    fibre("loss-number", {(*GLASS, "loss"): 1e-4}, "materials.glass.loss = 0.0001: must be a table", "angle"),
+    fibre("loss-key", {(*GLASS, "loss", "surface"): 1e-2}, "materials.glass.loss.surface = 0.01: unknown key", "'surface_depth'"),
+    fibre("thermoelastic", {(*GLASS, "loss", "thermoelastic"): 0}, "materials.glass.loss.thermoelastic = 0: must be true or false", "thermoelastic"),
+    fibre("depth", {(*GLASS, "loss", "surface_depth"): -1.0}, "materials.glass.loss.surface_depth = -1.0: must be at least 0", "in m"),
+    fibre("conductivity", {(*GLASS, "thermal_conductivity"): 0.0}, "materials.glass.thermal_conductivity = 0.0: must be at least", "W/(m K)"),
+    fibre("radius-and-sections", {(*WIRES, "radius"): 1e-4}, "stage.test.wires.radius: stands beside sections", "alone"),
+    fibre("section-and-sections", {(*WIRES, "section"): {"width": 1e-3, "thickness": 1e-4}}, "stage.test.wires.section: stands beside sections"),
+    fibre("no-sections", {PARTS: []}, "stage.test.wires.sections = []: has 0 elements", "upper to the lower end"),
+    fibre("sections-table", {PARTS: {"radius": 1e-4}}, "stage.test.wires.sections = {radius}: must be an array", "[[stage.test.wires.sections]]"),
+    fibre("section-bare", {(*PARTS, 0): {"length": 0.01}}, "stage.test.wires.sections.1: none of radius, section", "taper"),
+    fibre("section-both", {(*PARTS, 3, "radius"): 1e-4}, "stage.test.wires.sections.4: radius and section are both given", "exactly one"),
+    fibre("taper-one", {(*PARTS, 1, "radius"): [1e-4]}, "stage.test.wires.sections.2.radius = [0.0001]: has 1 elements", "[upper, lower] of a taper"),
+    fibre("taper-word", {(*PARTS, 1, "radius"): "thin"}, 'stage.test.wires.sections.2.radius = "thin": must be a number', "[upper, lower]"),
+    fibre("taper-zero", {(*PARTS, 1, "radius"): [1e-4, 0]}, "stage.test.wires.sections.2.radius.2 = 0: must be at least 1e-09", "length in m"),
+    fibre("taper-steps", {(*PARTS, 1, "steps"): 0}, "stage.test.wires.sections.2.steps = 0: must be at least 1", "uniform steps"),
+    fibre("steps-without-taper", {(*PARTS, 0, "steps"): 4}, "stage.test.wires.sections.1.steps = 4: goes with a taper", "[upper, lower]"),
+    fibre("two-rests", {(*PARTS, 0, "length"): MISSING}, "stage.test.wires.sections.3.length: missing", "section 1 takes the rest already"),
+    fibre("no-rest", {(*PARTS, 0, "length"): 0.3}, "stage.test.wires.sections: take 0.315 m of 0.28 m and leave no rest", "shorter"),
+    fibre("too-short", {(*PARTS, 2, "length"): 0.25}, "stage.test.wires.sections: sum to 0.275 m, the wire has 0.28 m", "leave out one length"),
+    fibre("too-long-explicit", {("stage", 1, "wire", 0, "sections", 0, "length"): 0.2}, "stage.mass.wire.1.sections: sum to 0.399 m, the wire has 0.299 m"),
+    fibre("part-material", {(*PARTS, 3, "material"): "c70stel"}, 'stage.test.wires.sections.4.material = "c70stel": unknown', "'c70steel'"),
+    fibre(
+        "no-part-material",
+        {PARTS: [{"radius": 1e-4}], (*WIRES, "material"): MISSING},
+        "stage.test.wires.sections.1.material: missing",
+        "for the whole wire",
+    ),
+    fibre("clamp-word", {(*WIRES, "clamp"): "wires"}, 'stage.test.wires.clamp = "wires": must be one of wire', "directions"),
+    fibre("clamp-number", {(*WIRES, "clamp"): 1}, "stage.test.wires.clamp = 1: must be", "directions"),
+    fibre("clamp-up", {(*WIRES, "clamp", "upper"): [0.0, 0.0, 1.0]}, "stage.test.wires.clamp.upper = [0.0, 0.0, 1.0]: is 3.09 rad off the wire", "lower end"),
+    fibre("clamp-askew", {(*WIRES, "clamp", "upper"): [0, 1, -1]}, "stage.test.wires.clamp.upper = [0.0, 1.0, -1.0]: is 0.732 rad off the wire", "0.5 rad"),
+    fibre("clamp-nowhere", {(*WIRES, "clamp", "lower"): [0, 0, 0]}, "stage.test.wires.clamp.lower = [0.0, 0.0, 0.0]: has no direction", "not all zero"),
+    fibre("clamp-two", {(*WIRES, "clamp", "lower"): [0, -1]}, "stage.test.wires.clamp.lower = [0, -1]: must be an array of 3 numbers", "x, y, z"),
+    fibre("clamp-end", {(*WIRES, "clamp", "top"): [0, 0, -1]}, "stage.test.wires.clamp.top = [0, 0, -1]: unknown key", "upper"),
+    fibre("kelvin", {(*WIRES, "temperature"): 0}, "stage.test.wires.temperature = 0: must be greater than 0", "K"),
+    fibre("kelvin-end", {(*WIRES, "temperature"): {"upper": 290.0}}, "stage.test.wires.temperature.lower: missing", "in K"),
+    fibre("kelvin-word", {(*WIRES, "temperature"): "cold"}, 'stage.test.wires.temperature = "cold": must be a number', "{ upper, lower }"),
+    fibre("blade-thickness", {(*STAGE, "blades", "material"): MISSING}, "stage.test.blades.thickness = 0.002: says nothing without a material", "name"),
+    fibre("blade-stuff", {(*STAGE, "blades", "material"): "steel"}, 'stage.test.blades.material = "steel": unknown material', "[materials.NAME]"),
+    Case("blade-twice", {(*STAGE, "blades", "thickness"): 1e-3}, "stage.test.blades.thickness = 0.001: stands beside a geometry", "there alone", "blades"),
+    fibre("gas-empty", {("gas",): {}}, "gas.pressure: missing", "Pa"),
+    fibre("gas-air", {("gas", "pressure"): 1e5}, "gas.pressure = 100000.0: must be at least 0 and at most 1000", "molecules"),
+    fibre("gas-mass", {("gas", "molar_mass"): 28.0}, "gas.molar_mass = 28.0: must be at least 0.001 and at most 1", "kg/mol"),
+]
+
+CASES = [*TYPES, *NUMBERS, *KEYS, *GEOMETRY, *BLADES, *BODIES, *AROUND, *FIBRES, *PERTURBATIONS, *BALANCE]
 
 NO_DESIGNS: dict[str, tuple[bytes, str]] = {
     "empty": (b"", "is empty; start a design with `pendsus new`"),

@@ -12,7 +12,7 @@ import pytest
 from commandline import run
 
 from suspension_cli.cli.main import COMMANDS, main
-from suspension_cli.design import schema
+from suspension_cli.design import materials, schema, wires
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -21,10 +21,13 @@ TEXT = {document.name: document.read_text() for document in DOCUMENTS}
 TABLES = {
     "[design]": [schema.Header],
     "[constants]": [schema.Constants],
+    "[gas]": [schema.Gas],
     "[materials.NAME]": [schema.Material],
+    "[materials.NAME.loss]": [schema.MaterialLoss],
     "[[stage]]": [schema.Stage],
     "body": [schema.Body],
     "[stage.wires]": [schema.WireSet],
+    "Wires of several sections": [wires.WireSection],
     "[stage.blades]": [schema.BladeSet],
     "[[stage.wire]]": [schema.Wire],
     "[[stage.blade]]": [schema.Blade],
@@ -164,6 +167,17 @@ def test_every_table_of_the_design_file_is_described():
     assert set(TABLES) <= set(heads)
     described = {re.sub(r"[][]", "", head).split(".")[0] for head in heads}
     assert set(schema.Design.__struct_fields__) <= described
+
+
+def test_built_in_losses_are_those_of_the_table():
+    (body,) = [body for head, body in sections("losses.md").items() if head == "Built-in values"]
+    cells = [[cell.strip() for cell in row.split("|")] for row in re.findall(r"^\| ([a-z].*)\|$", body, re.MULTILINE)][1:]
+    assert {row[0] for row in cells} == set(materials.BUILT_IN)
+    for name, *values in cells:
+        made = materials.BUILT_IN[name]
+        loss = made.loss or schema.MaterialLoss()
+        known = (loss.angle, loss.surface_depth, made.thermal_expansion, made.modulus_slope, made.specific_heat, made.thermal_conductivity)
+        assert [float(value) if value else None for value in values[:6]] == list(known), name
 
 
 def datasets(group: h5py.Group) -> list[h5py.Dataset]:

@@ -157,14 +157,14 @@ def com_positions(design: Design) -> dict[str, tuple[float, float, float]]:
     return found
 
 
-def wire_loss(design: Design, wire: WireSet | Wire) -> float:
-    """Loss angle of a wire's stretching, rad: what the design gives its material, 0 if nothing.
+def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
+    """Loss angle of the stretching of a wire of a loaded length (m), rad: what the design gives its material, 0 if nothing.
 
     Of several sections, the mean of theirs, each weighted by its share of the compliance.
     """
     if wire.sections is None:
         return 0.0 if wire.material is None else materials.constant_angle(design, wire.material)
-    pieces = [piece for piece in stretches(wire, 1.0) if piece.material is not None]
+    pieces = [piece for piece in stretches(wire, length) if piece.material is not None]
     angles = [materials.constant_angle(design, piece.material or "") for piece in pieces]
     if not any(angles):
         return 0.0

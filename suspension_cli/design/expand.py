@@ -59,7 +59,7 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
             k = wire_stiffness(design, wire, length)
             given = wire.tension if wire.natural_length is None else k * (length - wire.natural_length)
             part.wires.append(
-                WirePart(f"{stage.name}.{number}", upper, lower, span, k, wire_loss(design, wire), wire.blade, given, wire.natural_length is not None)
+                WirePart(f"{stage.name}.{number}", upper, lower, span, k, wire_loss(design, wire, length), wire.blade, given, wire.natural_length is not None)
             )
         for blade in stage.blade:
             ends = np.mean([wire.upper_point for wire in part.wires if wire.blade == blade.name], axis=0)
@@ -69,7 +69,7 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
     shape = set_geometry(stage.wires)
     part = StagePart(stage, parent, np.array(com_offset(stage)))
     k = wire_stiffness(design, stage.wires, shape.length)
-    loss = wire_loss(design, stage.wires)
+    loss = wire_loss(design, stage.wires, shape.length)
     for number, (along, across) in enumerate(signs(shape.count), 1):
         upper = np.array([along * shape.s_upper, across * shape.t1, -shape.d_upper])
         lower = np.array([along * shape.s_lower, across * shape.t2, shape.d])

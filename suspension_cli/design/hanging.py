@@ -62,7 +62,7 @@ def of_wire(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
 def _of_sections(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
     for key in ("radius", "section"):
         if getattr(wire, key) is not None:
-            yield Fault(f"{path}.{key}", "stands beside sections", "give it in the sections alone", shown(getattr(wire, key)))
+            yield Fault(f"{path}.{key}", "stands beside sections", "give it in the sections alone")
     assert wire.sections is not None
     for number, piece in enumerate(wire.sections, 1):
         yield from _of_section(design, wire, piece, f"{path}.sections.{number}")

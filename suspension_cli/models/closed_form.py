@@ -136,7 +136,7 @@ def four_wires(design: Design, *, lossy: bool = False) -> FourWires:
     shape, inertia = set_geometry(stage.wires), body_inertia(stage.body)
     k = wire_stiffness(design, stage.wires, shape.length)
     if lossy:
-        k = k * (1 + 1j * wire_loss(design, stage.wires))
+        k = k * (1 + 1j * wire_loss(design, stage.wires, stage.wires.l))
     moments = (inertia[0][0], inertia[1][1], inertia[2][2])
     return FourWires(body_mass(stage.body), moments, shape.length, shape.s_upper, shape.t1, shape.t2, shape.d, k, design.constants.gravity)
 
@@ -155,7 +155,7 @@ def linear_model(design: Design) -> LinearModel:
         mass=mass,
         stiffness=_stiffness(p, com_offset(stage)),
         damping=np.zeros((12, 12)),
-        lossy=_stiffness(four_wires(design, lossy=True), com_offset(stage)) if wire_loss(design, stage.wires) else None,
+        lossy=_stiffness(four_wires(design, lossy=True), com_offset(stage)) if wire_loss(design, stage.wires, stage.wires.l) else None,
     )
 
 

@@ -253,7 +253,7 @@ def chain(design: Design, *, lossy: bool = False) -> Chain:
                 s_lower=shape.s_lower,
                 d=shape.d,
                 d_upper=shape.d_upper,
-                k=k * (1 + 1j * wire_loss(design, stage.wires)) if lossy else k,
+                k=k * (1 + 1j * wire_loss(design, stage.wires, shape.length)) if lossy else k,
                 blades=0 if blades is None else blades.count,
                 blade_stiffness=per_blade * (1 + 1j * blade_loss(design, blades)) if lossy and blades is not None else per_blade,
             )
@@ -269,7 +269,7 @@ def linear_model(design: Design) -> LinearModel:
     for name in BLOCKS:
         rows = _rows(name, len(bodies))[len(BLOCKS[name]) :]
         mass[rows, rows] = masses(links, name)
-    lossy = any(wire_loss(design, s.wires) or (s.blades is not None and blade_loss(design, s.blades)) for s in design.stage if s.wires is not None)
+    lossy = any(wire_loss(design, s.wires, s.wires.l) or (s.blades is not None and blade_loss(design, s.blades)) for s in design.stage if s.wires is not None)
     return LinearModel(
         body=bodies[1:],
         coordinate=tuple(f"{body}.{dof}" for body in bodies for dof in DOFS),
