@@ -58,7 +58,6 @@ def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.V
     InputError
         If the equilibrium is unstable and that is not allowed, or a rung is asked for that does not hold.
     """
-    from suspension_cli.analysis import modes
     from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.models import fidelity as ladder
 
@@ -67,6 +66,21 @@ def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.V
     choice = ladder.choose(source.design, fidelity)
     if imperfect:
         choice = ladder.Choice("string", "general string model, as imperfect builds need it")
+    return choice, stood(source, choice, allow_unstable, voice)
+
+
+def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voice) -> LinearModel:
+    """The linear model on a rung, if its equilibrium is stable or may be unstable.
+
+    Raises
+    ------
+    InputError
+        If it is unstable and that is not allowed.
+    """
+    from suspension_cli.analysis import modes
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.models import fidelity as ladder
+
     model = ladder.linear_model(source.design, choice.level)
     voice.detail(f"{source.design.design.name}: {choice.level}: {choice.reason}; balanced to {model.residual:.0e} of the weight")
     found = modes.solve(model)
@@ -75,7 +89,7 @@ def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.V
         if not allow_unstable:
             raise InputError([Fault("stage", f"the equilibrium is unstable: {worst}", "make it stable (raise d, say), or give --allow-unstable")])
         voice.warn(f"{source.design.design.name} is unstable: {worst}")
-    return choice, model
+    return model
 
 
 def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
