@@ -19,6 +19,9 @@ WORDS = {
 }
 """The field's word for each coordinate (Husman et al. call them longitudinal, sideways, vertical, roll, tilt, rotation)."""
 
+WIRE_WORDS = {"violin-x": "violin longitudinal", "violin-y": "violin transverse", "stretch": "wire stretching", "twist": "wire twisting"}
+"""What a wire with mass can do by itself: vibrate in its two principal planes (the first is the one nearest to x), stretch, twist."""
+
 PAPER_WORDS = {"x": "longitudinal", "y": "sideways", "z": "vertical", "roll": "roll", "pitch": "tilt", "yaw": "rotation"}
 """The paper's word for each coordinate."""
 

@@ -41,7 +41,7 @@ TABLES = {
 """Heading of docs/design-file.md to the types that it describes."""
 
 MAKES = {
-    "modes": ["modes", "configs/double.toml"],
+    "modes": ["modes", "configs/husman2000/figure6.toml", "--max-frequency", "700"],
     "response": ["response", "configs/double.toml", "--frequency", "1,2"],
     "xcouple": ["xcouple", "configs/husman2000/figure6.toml", "--sweep", "k=1,1.1,mass=1", "--workers", "1"],
     "tolerance": ["tolerance", "configs/triple-tolerance.toml", "--builds", "3", "--workers", "1"],

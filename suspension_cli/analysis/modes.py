@@ -6,12 +6,13 @@ then M^(-1/2) (K - omega^2 M) M^(-1/2) is a symmetric eigenvalue problem.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.conventions import WORDS
+from suspension_cli.analysis import quality
+from suspension_cli.conventions import WIRE_WORDS, WORDS
 from suspension_cli.design.scene import Array, Index
 from suspension_cli.mechanics.model import LinearModel
 
@@ -21,6 +22,8 @@ COUPLED = 0.01
 """Share of its kinetic energy that a mode must have in the top mass to be damped from there; the paper says "strongly"."""
 RIGID = 64 * np.finfo(float).eps
 """omega^2 below this share of the largest of its block is a rounding error: the mode costs nothing."""
+NEAR = 2e-3
+"""Relative difference of frequencies below which violin modes of like wires are listed as one family."""
 DEGENERATE = 1e-9
 """Relative difference of omega^2 below which modes of one block are one degenerate group."""
 
@@ -46,6 +49,14 @@ class Modes:
         Modes of different blocks do not couple.
     q : (m,) array
         Quality factor from the design's loss angles and dampers, to first order; infinite where none acts.
+    dilution : (m,) array
+        Total energy over that in lossy elements (`beam`, `violin`; else NaN).
+    wire : tuple of str
+        What wires with mass can do: ``test.violin-x``, ``test.twist``, ... (`violin`; else none).
+    wire_energy : (m, k) array
+        Share of each of these in the mode's kinetic energy; with `energy` and `tip_energy` it sums to 1.
+    order : (m,) int array
+        Of a mode of wires, the number of half waves along them; 0 of others.
     """
 
     body: tuple[str, ...]
@@ -56,6 +67,10 @@ class Modes:
     tip_energy: Array
     block: Index
     q: Array
+    dilution: Array
+    wire: tuple[str, ...]
+    wire_energy: Array
+    order: Index
 
     @property
     def frequency(self) -> Array:
@@ -74,20 +89,25 @@ class Modes:
 
     @property
     def shares(self) -> Array:
-        """Kinetic-energy share of every coordinate in `coordinate`, (m, N - 6)."""
-        return np.concatenate([self.energy.reshape(len(self.energy), -1), self.tip_energy], axis=1)
+        """Kinetic-energy share of everything in `place`, (m, N - 6 + k)."""
+        return np.concatenate([self.energy.reshape(len(self.energy), -1), self.tip_energy, self.wire_energy], axis=1)
+
+    @property
+    def place(self) -> tuple[str, ...]:
+        """What can hold energy: every coordinate, then what wires do."""
+        return (*self.coordinate, *self.wire)
 
     @property
     def home(self) -> list[tuple[str, str]]:
-        """Body (or blade) and degree of freedom that hold most of each mode's kinetic energy."""
+        """Body (or blade, or wires) and degree of freedom that hold most of each mode's kinetic energy."""
         # shares that differ by rounding alone (two equal bodies, a pair of blades) go to the first
         first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in self.shares]
-        return [place(self.coordinate[i]) for i in first]
+        return [place(self.place[i]) for i in first]
 
     @property
     def label(self) -> list[str]:
         """``test pitch``, in the field's words."""
-        return [described(f"{body}.{dof}") for body, dof in self.home]
+        return [described(f"{body}.{dof}") + (f" {order}" if order else "") for (body, dof), order in zip(self.home, self.order, strict=True)]
 
     @property
     def top_share(self) -> Array:
@@ -108,6 +128,26 @@ class Modes:
                 words.append("can be damped" if share >= COUPLED else "couples weakly")
         return words
 
+    @property
+    def groups(self) -> list[list[int]]:
+        """Modes in order, those of the wires of one stage that lie together (one family, one order) as one group."""
+        result: list[list[int]] = []
+        home = self.home
+        for n, order in enumerate(self.order):
+            before = result[-1][-1] if result else -1
+            kin = before >= 0 and order and order == self.order[before] and home[n][0] == home[before][0] and home[n][1][:5] == home[before][1][:5]
+            if kin and self.frequency[n] - self.frequency[before] < NEAR * self.frequency[n]:
+                result[-1].append(n)
+            else:
+                result.append([n])
+        return result
+
+    def up_to(self, highest: float) -> Modes:
+        """The modes up to a frequency (Hz), and those that do not oscillate."""
+        kept = self.omega_squared <= (2 * np.pi * highest) ** 2
+        parts = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order")
+        return replace(self, **{name: getattr(self, name)[kept] for name in parts})
+
     def of(self, dof: str, body: str | None = None) -> list[float]:
         """Frequencies (Hz) of the stable modes that live in a degree of freedom (of one body)."""
         here = [(home[1] == dof) and (body in (None, home[0])) for home in self.home]
@@ -123,7 +163,7 @@ def place(coordinate: str) -> tuple[str, str]:
 def described(coordinate: str) -> str:
     """A coordinate in words: ``test pitch``, ``upper.blade1 tip vertical``."""
     body, dof = place(coordinate)
-    return f"{body}{' tip' if '.' in body else ''} {WORDS[dof]}"
+    return f"{body}{' tip' if '.' in body else ''} {WORDS.get(dof) or WIRE_WORDS[dof]}"
 
 
 def solve(model: LinearModel) -> Modes:
@@ -151,10 +191,11 @@ def solve(model: LinearModel) -> Modes:
         start = here.stop
     order = np.argsort(values, kind="stable")
     shapes = shapes[order]
-    q = _quality(model, shapes, values[order])
-    energy, tips = _energy(model, shapes)
+    q, dilution = _quality(model, shapes, values[order])
+    energy, tips = energies(model, shapes)
     shapes = _signed(shapes @ model.basis.T, np.concatenate([energy, tips], axis=1))[:, 6:]
-    return Modes(model.body, model.coordinate[6:], values[order], shapes, energy.reshape(len(shapes), -1, 6), tips, numbers[order], q)
+    parts = energy.reshape(len(shapes), -1, 6), tips, numbers[order], q, dilution
+    return Modes(model.body, model.coordinate[6:], values[order], shapes, *parts, (), np.zeros((len(shapes), 0)), np.zeros(len(shapes), dtype=np.intp))
 
 
 def condensed(model: LinearModel, block: Index) -> tuple[Index, Any, Any, Any]:
@@ -188,7 +229,7 @@ def _solve_block(model: LinearModel, block: Index) -> tuple[Array, Array]:
     inverse = np.linalg.inv(np.linalg.cholesky(mass))
     dynamic = inverse @ stiffness @ inverse.T
     values, vectors = np.linalg.eigh((dynamic + dynamic.T) / 2)
-    vectors = _localised(values, vectors)
+    vectors = localised(values, vectors)
     shapes = np.zeros((len(block), len(values)))
     light = model.massless[block]
     shapes[~light] = inverse.T @ vectors
@@ -196,7 +237,7 @@ def _solve_block(model: LinearModel, block: Index) -> tuple[Array, Array]:
     return values, shapes
 
 
-def _localised(values: Array, vectors: Array) -> Array:
+def localised(values: Array, vectors: Array) -> Array:
     """Within each degenerate group, the basis in which modes live in as few coordinates as possible.
 
     Any rotation of degenerate modes is as good for the equations; this one does not depend on rounding: each mode
@@ -217,7 +258,7 @@ def _localised(values: Array, vectors: Array) -> Array:
     return result
 
 
-def _energy(model: LinearModel, shapes: Array) -> tuple[Array, Array]:
+def energies(model: LinearModel, shapes: Array) -> tuple[Array, Array]:
     """Kinetic-energy shares of the bodies' (m, 6 n) and of the tips' coordinates, summing to 1.
 
     Squares of M^(1/2) v for the M of each body, so never negative; a tip mass carried along counts as its body's.
@@ -236,13 +277,11 @@ def _energy(model: LinearModel, shapes: Array) -> tuple[Array, Array]:
     return result / total, own / total
 
 
-def _quality(model: LinearModel, shapes: Array, values: Array) -> Array:
-    """Q = omega^2 / (v K'' v + omega v C v) for shapes v of unit modal mass."""
+def _quality(model: LinearModel, shapes: Array, values: Array) -> tuple[Array, Array]:
+    """Q = omega^2 / (v K'' v + omega v C v) and dilution for shapes v of unit modal mass."""
     omega = np.sqrt(np.maximum(values, 0.0))
-    dissipated = omega * np.einsum("mi,ij,mj->m", shapes, model.damping, shapes)
-    if model.lossy is not None:
-        dissipated = dissipated + np.einsum("mi,ij,mj->m", shapes, model.lossy.imag, shapes)
-    return np.where(dissipated > 0, omega**2 / np.where(dissipated > 0, dissipated, 1.0), np.inf)
+    lost, elastic = quality.dissipated(model, omega, shapes, quality.ends_of(model, shapes))
+    return quality.ratio(omega**2, lost), quality.ratio(omega**2, elastic) if model.terms else np.full(len(omega), np.nan)
 
 
 def _signed(shapes: Array, shares: Array) -> Array:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from suspension_cli.results import Provenance
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Read:
     """A design that was read: the design, its TOML text with overrides, and the file's name."""
 
@@ -50,8 +50,8 @@ def prepared(ctx: click.Context, file: str, overrides: tuple[str, ...], extra: t
     return Read(source.design, source.text, source.file), options.with_analysis_table(ctx, table, source.file, extra)
 
 
-def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.Voice, *, imperfect: bool = False) -> tuple[Choice, LinearModel]:
-    """The linear model on the rung that the design needs, or that its imperfect builds need.
+def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.Voice, *, imperfect: bool = False, rational: bool = False) -> tuple[Choice, LinearModel]:
+    """The linear model on the rung that the design needs, or that its imperfect builds need; one with constant matrices if it must be `rational`.
 
     Raises
     ------
@@ -63,6 +63,9 @@ def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.V
 
     if imperfect and fidelity not in ("auto", "string"):
         raise InputError([Fault("--fidelity", "does not hold for imperfect builds", "take auto or string", shown(fidelity))])
+    if rational and fidelity == "violin":
+        problem = "does not hold here: wires with mass have no state space of finite order"
+        raise InputError([Fault("--fidelity", problem, "take beam, which holds below the first violin mode", shown(fidelity))])
     choice = ladder.choose(source.design, fidelity)
     if imperfect:
         choice = ladder.Choice("string", "general string model, as imperfect builds need it")
@@ -82,6 +85,9 @@ def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voi
     from suspension_cli.models import fidelity as ladder
 
     model = ladder.linear_model(source.design, choice.level)
+    if rational and model.terms:
+        model = dataclasses.replace(model, terms=())
+        voice.say(f"{source.design.design.name}: losses that depend on frequency are left out, as no state space has them")
     voice.detail(f"{source.design.design.name}: {choice.level}: {choice.reason}; balanced to {model.residual:.0e} of the weight")
     found = modes.solve(model)
     if not found.stable:

@@ -7,16 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import options
+from suspension_cli.cli import analyses, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.modes import Modes
     from suspension_cli.design.reader import Source
     from suspension_cli.models.fidelity import Choice
 
+HIGHEST = 1000.0
+"""Hz; up to where modes are listed on the violin rung."""
+
 
 @click.command("modes")
 @options.designs
+@click.option("--max-frequency", type=click.FloatRange(1e-6, 1e6), metavar="HZ", help="List all modes up to here, those of the wires' own mass included (violin).")
 @options.analysis
 @click.pass_context
 def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
@@ -24,11 +28,14 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
 
     Prints a table (or JSON), writes DIR/NAME-modes.h5 and .png for each DESIGN.  An unstable equilibrium is told with
     its growth rates; a rigid mode (a body free to spin on one wire) has frequency 0.
+
+    With --max-frequency (or --fidelity violin, then up to 1 kHz) the wires have mass: violin modes are listed with the others, none missed.
+    On beam and violin every mode has its Q and its dilution factor.
     """
     voice = options.Voice(quiet, verbose)
     sources = _read_all(designs, overrides)
     settings = [options.with_analysis_table(ctx, source.design.analysis.get("modes", {}), source.file) for source in sources]
-    solved = [_solve(source, setting["fidelity"]) for source, setting in zip(sources, settings, strict=True)]
+    solved = [_solve(source, setting) for source, setting in zip(sources, settings, strict=True)]
     folder = options.folder(out)
     documents = []
     for number, (source, setting, (choice, modes)) in enumerate(zip(sources, settings, solved, strict=True)):
@@ -80,14 +87,20 @@ def _read_all(files: tuple[str, ...], overrides: tuple[str, ...]) -> list[Source
     return sources
 
 
-def _solve(source: Source, fidelity: str) -> tuple[Choice, Modes]:
-    from suspension_cli.analysis import modes
+def _solve(source: Source, setting: dict[str, Any]) -> tuple[Choice, Modes]:
+    from suspension_cli.analysis import modes, wire_modes
     from suspension_cli.errors import InputError
     from suspension_cli.models import fidelity as ladder
 
+    highest, level = setting["max_frequency"], setting["fidelity"]
     try:
-        choice = ladder.choose(source.design, fidelity)
-        return choice, modes.solve(ladder.linear_model(source.design, choice.level))
+        choice = ladder.choose(source.design, "violin" if highest is not None and level == "auto" else level)
+        model = ladder.linear_model(source.design, choice.level)
+        if choice.level != "violin":
+            found = modes.solve(model)
+            return choice, found if highest is None else found.up_to(highest)
+        highest = HIGHEST if highest is None else highest
+        return ladder.Choice("violin", f"wires with their mass, all modes up to {highest:g} Hz"), wire_modes.solve(model, highest)
     except InputError as error:
         raise error.in_file(source.file) from None
 
@@ -102,13 +115,13 @@ def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool
     if plot:
         from suspension_cli.design.expand import expand
         from suspension_cli.plots import modes as picture
-        from suspension_cli.plots.style import save
-        from suspension_cli.results import writing_to
+        from suspension_cli.plots import wires
 
-        path = path.with_suffix(".png")
-        with writing_to(path):
-            save(picture.draw(modes, source.design, expand(source.design)), path)
-        voice.say(f"wrote {path}")
+        figures = {path.with_suffix(".png"): picture.draw(modes, source.design, expand(source.design))}
+        if modes.wire:
+            figures[path.with_name(f"{path.stem}-wires.png")] = wires.draw(modes, source.design)
+        for name, figure in figures.items():
+            analyses.draw(figure, name, voice)
 
 
 def document(name: str, choice: Choice, modes: Modes) -> dict[str, Any]:
@@ -124,6 +137,8 @@ def document(name: str, choice: Choice, modes: Modes) -> dict[str, Any]:
             "stage": body,
             "q": float(modes.q[n]) if np.isfinite(modes.q[n]) else None,
         }
+        if np.isfinite(modes.dilution[n]):
+            row["dilution"] = float(modes.dilution[n])
         if unstable:
             row["growth_rate_per_s"] = float(modes.growth_rate[n])
         share = {"label": labels[n], "share": float(modes.shares[n].max()), "top_mass_share": float(modes.top_share[n]), "verdict": verdicts[n]}
@@ -140,14 +155,37 @@ def table(source: Source, choice: Choice, modes: Modes) -> str:
     head = source.design.design
     lines = [f"{head.title or head.name}" + (f"  [{head.name}]" if head.title else ""), f"{choice.level}: {choice.reason}", ""]
     lossy = bool(np.isfinite(modes.q).any())
-    lines.append(f"  #    frequency  {'       Q  ' if lossy else ''}{'from the top mass':24}  mode, by share of kinetic energy")
-    for n, shares in enumerate(modes.shares):
+    diluted = bool(np.isfinite(modes.dilution).any())
+    columns = ("        Q  " if lossy else "") + ("dilution  " if diluted else "")
+    lines.append(f"  #    frequency  {columns}{'from the top mass':24}  mode, by share of kinetic energy")
+    verdict = modes.verdict
+    for group in modes.groups:
+        n, shares = group[0], modes.shares[group[0]]
         leading = [i for i in np.argsort(-shares.round(9), kind="stable")[:3] if shares[i] > 0.02]
-        where = ", ".join(f"{described(modes.coordinate[i])} {100 * shares[i]:.0f} %" for i in leading)
-        quality = "" if not lossy else f"{modes.q[n]:8.4g}  " if np.isfinite(modes.q[n]) else "       -  "
-        top = f"{100 * modes.top_share[n]:.1f} %, {modes.verdict[n]}"
+        where = ", ".join(f"{described(modes.place[i])} {100 * shares[i]:.0f} %" for i in leading)
+        quality = _number(modes.q[n], 9) if lossy else ""
+        quality += _number(modes.dilution[n], 8) if diluted else ""
+        if modes.order[n]:
+            last = group[-1]
+            spread = "" if len(group) == 1 else f", {len(group)} modes to {modes.frequency[last]:#.6g} Hz"
+            lines.append(f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{'':24}  {_family(modes, group)}{spread}")
+            continue
+        top = f"{100 * modes.top_share[n]:.1f} %, {verdict[n]}"
         lines.append(f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{top:24}  {where}")
     return "\n".join(lines)
+
+
+def _family(modes: Modes, group: list[int]) -> str:
+    """What modes of wires that lie together have in common."""
+    labels = [modes.label[n] for n in group]
+    if len(set(labels)) == 1:
+        return labels[0]
+    body, dof = modes.home[group[0]]
+    return f"{body} {'violin' if dof.startswith('violin') else dof} {modes.order[group[0]]}"
+
+
+def _number(value: float, width: int) -> str:
+    return f"{value:{width}.4g}  " if value < float("inf") else f"{'-':>{width}}  "
 
 
 def _frequency(modes: Modes, n: int) -> str:

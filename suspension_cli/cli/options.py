@@ -11,7 +11,7 @@ import click
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-LEVELS = ("auto", "closed-form", "force", "string")
+LEVELS = ("auto", "closed-form", "force", "string", "beam", "violin")
 """As `models.fidelity.LEVELS`, which is not imported just to print help."""
 
 ALL_LEVELS = (*LEVELS, "beam", "violin")

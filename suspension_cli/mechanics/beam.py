@@ -29,6 +29,7 @@ from typing import Any
 
 import numpy as np
 
+EPS = 2.0**-53
 SERIES = 1.0
 """Below this |alpha^2 + beta^2| h^2 the series of N is summed; above, the closed form loses no more than a digit."""
 TERMS = 11
@@ -124,7 +125,13 @@ def waves(rigidity: Any, tension: float, mass: Any, half: float, omega: Any) -> 
     if np.any(slow):
         p, n = alpha2 * half**2, -beta2 * half**2
         odd = np.where(slow, half * (p - n) * _series(np.where(slow, p, 0), np.where(slow, n, 0)) / np.cosh(np.where(slow, alpha * half, 0)), odd)
-    return Waves(half, alpha2, beta2, tanh, sin, cos, beta2 * sin + alpha2 * cos * tanh, odd)
+    even = _off_zero(beta2 * sin, alpha2 * cos * tanh, beta2 * sin + alpha2 * cos * tanh)
+    return Waves(half, alpha2, beta2, tanh, sin, cos, even, _off_zero(sin, cos * tanh, odd))
+
+
+def _off_zero(a: Any, b: Any, value: Any) -> Any:
+    """A sum of a and b; where it vanishes to the last bit, half a rounding of them: a resonance of the held wire, just passed or just ahead."""
+    return np.where(value == 0, EPS * (np.abs(a) + np.abs(b)), value)
 
 
 def stiffness(rigidity: Any, found: Waves) -> Any:

@@ -180,12 +180,15 @@ class LossTerm:
         K in N/m, or C in N s/m.
     angle : callable
         phi (f,) of omega (f,); omega itself for a damping.
+    elastic : bool
+        Whether the matrix stores energy too.
     """
 
     cause: str
     temperature: float
     matrix: Any
     angle: Callable[[Any], Any]
+    elastic: bool = True
 
     @property
     def matrices(self) -> Any:
@@ -198,7 +201,7 @@ class LossTerm:
 
     def within(self, columns: Any) -> LossTerm:
         """The same for some of the coordinates."""
-        return LossTerm(self.cause, self.temperature, self.matrix[np.ix_(columns, columns)], self.angle)
+        return LossTerm(self.cause, self.temperature, self.matrix[np.ix_(columns, columns)], self.angle, self.elastic)
 
     def spread(self, from_new: Any) -> LossTerm:
         """The same for new coordinates."""

@@ -195,5 +195,5 @@ def _gas_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, d
         rows = slice(6 * (n + 1), 6 * (n + 2))
         matrix[rows, rows] = whole @ own @ whole.T
         assert scene.fibres is not None and scene.fibres.gas is not None
-        terms.append(LossTerm(f"{scene.bodies.name[n]}.gas", scene.fibres.gas.temperature, adapted.apply(matrix), lambda omega: omega))
+        terms.append(LossTerm(f"{scene.bodies.name[n]}.gas", scene.fibres.gas.temperature, adapted.apply(matrix), lambda omega: omega, elastic=False))
     return terms

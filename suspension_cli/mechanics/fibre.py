@@ -6,7 +6,7 @@ The motion of a wire's two ends falls into four parts that do not couple (`PARTS
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -57,9 +57,22 @@ class Strand:
         now = still.at(np.zeros(1))
         return {part: now.stiffness(part)[..., 0].real for part in PARTS}
 
-    def resonances_below(self, omega: Any) -> Any:
-        """How many resonances (f,) of the wire with both ends held lie below each omega."""
-        return Moving(Strand(self.fibre, self.tension, self.massive, lossy=False), np.asarray(omega, dtype=float)).resonances
+    def resonances_below(self, omega: Any, parts: tuple[str, ...] = PARTS) -> Any:
+        """How many resonances (f,) of the wire with both ends held lie below each omega (rad/s), in some of its parts."""
+        return Moving(replace(self, lossy=False), np.asarray(omega, dtype=float)).resonances_below(parts)
+
+    def held_resonances(self, part: str, omega: float) -> Any:
+        """The resonances (rad/s) of one part of the wire with both ends held, up to the second above omega."""
+        highest = 1.1 * omega
+        while self.resonances_below(np.array([highest]), (part,))[0] < self.resonances_below(np.array([omega]), (part,))[0] + 2:
+            highest *= 1.5
+        number = np.arange(1, self.resonances_below(np.array([highest]), (part,))[0] + 1)
+        low, high = np.zeros(len(number)), np.full(len(number), highest)
+        for _ in range(40):
+            middle = (low + high) / 2
+            passed = self.resonances_below(middle, (part,)) >= number
+            low, high = np.where(passed, low, middle), np.where(passed, middle, high)
+        return high
 
 
 @dataclass(frozen=True)
@@ -77,19 +90,20 @@ class Moving:
             self._known[part] = joined.even_odd(whole) if nodes else whole
         return self._known[part]
 
-    @cached_property
-    def resonances(self) -> Any:
-        """How many resonances (f,) of the held wire lie below."""
+    def resonances_below(self, parts: tuple[str, ...]) -> Any:
+        """How many resonances (f,) of the held wire lie below: those of its sections, and what joining them adds."""
         total = np.zeros(np.shape(self.omega), dtype=int)
         if not self.strand.massive:
             return total
-        tension, omega = self.strand.tension, self.omega
-        for section in self.strand.fibre.sections:
-            for plane in (0, 1):
-                total = total + beam.resonances_below(section.rigidity[plane], tension, section.mass, section.length / 2, omega)
-            total = total + rod.resonances_below(section.stretching, section.mass, section.length / 2, omega)
-            total = total + rod.resonances_below(section.twisting, section.polar, section.length / 2, omega)
-        return total + sum(self._joined(part)[2] for part in PARTS)
+        for part in parts:
+            for section in self.strand.fibre.sections:
+                rigidity, mass, half = self._rigidity(section, part), self._inertia(section, part), section.length / 2
+                if part.startswith("bend"):
+                    total = total + beam.resonances_below(rigidity, self.strand.tension, mass, half, self.omega)
+                else:
+                    total = total + rod.resonances_below(rigidity, mass, half, self.omega)
+            total = total + self._joined(self._twin(part))[2]
+        return total
 
     def dissipated(self, part: str, motion: Any) -> dict[str, Any]:
         """What the ends' motion (c, r, f) of one part dissipates: x^H Im(F) x, split by its cause, (r, f) each, N m.

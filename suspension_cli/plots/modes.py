@@ -95,12 +95,12 @@ def draw(modes: Modes, design: Design, scene: Scene) -> Figure:
     Returns
     -------
     Figure
-        A panel a mode: the suspension at rest (grey) and displaced (coloured by the degree of freedom that holds most of the
+        A panel a mode (those of wires alone are left to `plots.wires`): the suspension at rest (grey) and displaced (coloured by the degree of freedom that holds most of the
         kinetic energy, the stronger the more of it a body holds), in the view that shows most of the motion.
     """
     with style.house():
         rest = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), THICK * size(scene))
-        panels = [_panel(modes, number, rest) for number in range(len(modes.omega_squared))]
+        panels = [_panel(modes, number, rest) for number in np.flatnonzero(modes.order == 0).tolist()]
         frame = _frame(panels)
         tall = float(np.clip((WIDTH - 0.1) * frame.height / frame.width, LOWEST, TALLEST))
         pitch = HEAD + tall + FOOT + BARS + GAP
@@ -111,9 +111,9 @@ def draw(modes: Modes, design: Design, scene: Scene) -> Figure:
         for n, panel in enumerate(panels):
             left = GAP + (n % across) * (WIDTH + GAP)
             top = figure.get_size_inches()[1] - TOP - (n // across) * pitch
-            _title(canvas, left, top, modes, n)
+            _title(canvas, left, top, modes, panel.number)
             _picture(canvas, (left, top - HEAD), tall, modes, panel, rest, frame)
-            _bars(canvas, left, top - HEAD - tall - FOOT, modes, n)
+            _bars(canvas, left, top - HEAD - tall - FOOT, modes, panel.number)
         canvas.flush()
         return figure
 
@@ -121,8 +121,9 @@ def draw(modes: Modes, design: Design, scene: Scene) -> Figure:
 def view_of(modes: Modes, number: int, above: View) -> View:
     """The view that shows most of a mode's kinetic energy; vertical motion is seen side on and face on."""
     shares: dict[str, float] = dict.fromkeys(DOFS, 0.0)
-    for coordinate, share in zip(modes.coordinate, modes.shares[number], strict=True):
-        shares[place(coordinate)[1]] += float(share)
+    for coordinate, share in zip(modes.place, modes.shares[number], strict=True):
+        if place(coordinate)[1] in shares:
+            shares[place(coordinate)[1]] += float(share)
     side, face = shares["x"] + shares["pitch"] + shares["z"], shares["y"] + shares["roll"] + shares["z"]
     if shares["yaw"] > 0.2 and shares["yaw"] + shares["x"] + shares["y"] > max(side, face):
         return above
@@ -243,12 +244,12 @@ def _bars(canvas: Canvas, left: float, top: float, modes: Modes, number: int) ->
     """The largest shares of kinetic energy, each as a bar."""
     shares = modes.shares[number]
     for row, n in enumerate(np.argsort(-shares, kind="stable")[:SHOWN]):
-        share, dof = float(shares[n]), place(modes.coordinate[n])[1]
+        share, dof = float(shares[n]), place(modes.place[n])[1]
         if share < 5e-4:
             break
         middle = top - (row + 0.5) * BARS / SHOWN
         start, end = left + 0.60 * WIDTH, left + (0.60 + 0.26 * share) * WIDTH
         box = [[start, middle - 0.045], [end, middle - 0.045], [end, middle + 0.045], [start, middle + 0.045]]
-        canvas.polygon(box, DOF_COLOUR[dof], "none", 0.0, 2)
-        canvas.text(left, middle, brief(described(modes.coordinate[n]), 23), va="center", fontsize=6.2)
+        canvas.polygon(box, DOF_COLOUR.get(dof, NOTE), "none", 0.0, 2)
+        canvas.text(left, middle, brief(described(modes.place[n]), 23), va="center", fontsize=6.2)
         canvas.text(end + 0.03, middle, _percent(share), va="center", fontsize=6.2, color=NOTE)

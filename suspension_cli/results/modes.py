@@ -33,6 +33,10 @@ def save(path: Path, modes: Modes, origin: Provenance) -> None:
         dataset(group, "q", modes.q, "1", mode)
         dataset(group, "top_share", modes.top_share, "1", mode)
         dataset(group, "verdict", modes.verdict, "name", mode)
+        dataset(group, "dilution", modes.dilution, "1", mode)
+        dataset(group, "order", modes.order, "1", mode)
+        if modes.wire:
+            dataset(group, "wire_energy", modes.wire_energy, "1", mode, scale(group, "wire", list(modes.wire), "name"))
         dataset(group, "label", modes.label, "name", mode)
 
     write(path, origin, fill)
@@ -41,6 +45,7 @@ def save(path: Path, modes: Modes, origin: Provenance) -> None:
 def load(file: h5py.File) -> Modes:
     """The modes that a results file holds."""
     group: Any = file["modes"]
+    count = len(group["q"])
     return Modes(
         body=tuple(group["body"].asstr()[:]),
         coordinate=tuple(group["coordinate"].asstr()[:]),
@@ -50,4 +55,8 @@ def load(file: h5py.File) -> Modes:
         tip_energy=group["tip_energy"][:],
         block=group["block"][:],
         q=group["q"][:],
+        dilution=group["dilution"][:] if "dilution" in group else np.full(count, np.nan),
+        wire=tuple(group["wire"].asstr()[:]) if "wire" in group else (),
+        wire_energy=group["wire_energy"][:] if "wire_energy" in group else np.zeros((count, 0)),
+        order=group["order"][:] if "order" in group else np.zeros(count, dtype=np.intp),
     )
