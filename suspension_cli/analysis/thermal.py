@@ -112,10 +112,14 @@ def solve(model: LinearModel, frequency: Array, row: Array, signal: Signal, temp
                 power[now] += 4 * BOLTZMANN * warmth * lost / omega[now]
     powers = {name: power for name, power in powers.items() if power.any()}
     _demand_sound(powers, omega)
-    # the same mean for all frequencies, so that the order of the sources says which matters most where people look: over the band
-    order = sorted(powers, key=lambda name: -float(np.log(powers[name].clip(1e-300)).mean()))
+    order = strongest_first(powers)
     density = np.array([powers[name] for name in order]).reshape(-1, len(omega)).clip(0)
     return Thermal(np.asarray(frequency), signal.text, signal.unit, tuple(order), density)
+
+
+def strongest_first(densities: dict[str, Array]) -> list[str]:
+    """Sources by the mean of the logarithm of their densities: those first that matter over most of the band."""
+    return sorted(densities, key=lambda name: -float(np.log(densities[name].clip(1e-300)).mean()))
 
 
 def _demand_sound(powers: dict[str, Array], omega: Array) -> None:

@@ -50,7 +50,9 @@ def prepared(ctx: click.Context, file: str, overrides: tuple[str, ...], extra: t
     return Read(source.design, source.text, source.file), options.with_analysis_table(ctx, table, source.file, extra)
 
 
-def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.Voice, *, imperfect: bool = False, rational: bool = False) -> tuple[Choice, LinearModel]:
+def modelled(
+    source: Read, fidelity: str, allow_unstable: bool, voice: options.Voice, *, imperfect: bool = False, rational: bool = False
+) -> tuple[Choice, LinearModel]:
     """The linear model on the rung that the design needs, or that its imperfect builds need; one with constant matrices if it must be `rational`.
 
     Raises
@@ -69,11 +71,11 @@ def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.V
     choice = ladder.choose(source.design, fidelity)
     if imperfect:
         choice = ladder.Choice("string", "general string model, as imperfect builds need it")
-    return choice, stood(source, choice, allow_unstable, voice)
+    return choice, stood(source, choice, allow_unstable, voice, rational=rational)
 
 
-def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voice) -> LinearModel:
-    """The linear model on a rung, if its equilibrium is stable or may be unstable.
+def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voice, *, rational: bool = False) -> LinearModel:
+    """The linear model on a rung, if its equilibrium is stable or may be unstable; with constant matrices if it must be `rational`.
 
     Raises
     ------

@@ -14,9 +14,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 LEVELS = ("auto", "closed-form", "force", "string", "beam", "violin")
 """As `models.fidelity.LEVELS`, which is not imported just to print help."""
 
-ALL_LEVELS = (*LEVELS, "beam", "violin")
-"""With the rungs on which wires bend, for the commands that know of them."""
-
 TOLERANCE = 1e-3
 """Relative difference between two rungs that is worth a warning."""
 
@@ -25,7 +22,6 @@ design = click.argument("design", metavar="DESIGN")
 overrides = click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Override a value, e.g. stage.test.wires.d=0.002 (repeatable).")
 out = click.option("--out", default="results", show_default=True, metavar="DIR", help="Folder for the files written.")
 fidelity = click.option("--fidelity", type=click.Choice(LEVELS), default="auto", show_default=True, help="Rung of the ladder of models.")
-any_fidelity = click.option("--fidelity", type=click.Choice(ALL_LEVELS), default="auto", show_default=True, help="Rung of the ladder of models.")
 as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout; no plot unless --plot is given.")
 as_json_only = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout.")
 plot = click.option("--plot/--no-plot", "plot", default=None, help="Whether to draw the PNG.  [default: --plot, with --json --no-plot]")
@@ -65,16 +61,7 @@ def batch(function: F) -> F:
 
 def analysis(function: F) -> F:
     """Give a command the options of every analysis."""
-    return _shared(function, fidelity)
-
-
-def analysis_of_wires(function: F) -> F:
-    """The same for an analysis on the rungs where wires bend."""
-    return _shared(function, any_fidelity)
-
-
-def _shared(function: F, rung: Callable[[F], F]) -> F:
-    for option in reversed([overrides, out, rung, as_json, plot, quiet, verbose]):
+    for option in reversed([overrides, out, fidelity, as_json, plot, quiet, verbose]):
         function = option(function)
     return function
 

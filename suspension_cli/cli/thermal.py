@@ -28,7 +28,7 @@ NAMED = 3
 @click.option("--frequency", default=DEFAULT_GRID, show_default=True, metavar="GRID", help="start:stop:count[:log|lin], a comma list or a number; Hz.")
 @click.option("--arm", type=click.FloatRange(0, 1e7), default=0.0, metavar="LENGTH", help="Watch x along the beam of an arm this long (m), e.g. 4000.")
 @options.allow_unstable
-@options.analysis_of_wires
+@options.analysis
 @click.pass_context
 def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
     """Thermal noise of motions, split by what dissipates.
@@ -66,12 +66,15 @@ def _solved(source: Any, setting: dict[str, Any], voice: options.Voice) -> tuple
 
     from suspension_cli.analysis import thermal
     from suspension_cli.cli import analyses
+    from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.grids import grid
     from suspension_cli.models import wire_mass
 
     frequency = np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0))
     choice = wire_mass.choose(source.design, setting["fidelity"], float(frequency.max()))
     model = analyses.stood(source, choice, setting["allow_unstable"], voice)
+    if not setting["arm"] >= 0:
+        raise InputError([Fault("--arm", "must be a length", "give it in m, e.g. 4000", shown(setting["arm"]))])
     tilt = thermal.arm_tilt(setting["arm"])
     noises = []
     for text in setting["outputs"] or (f"{model.body[-1]}.x",):

@@ -88,5 +88,5 @@ def _demand(design: Design, *, massive: bool) -> None:
     """Raise `InputError` unless every wire has all that the model takes."""
     why = fibres.unsuited(design, massive)
     if why:
-        remedy = "give its material's density, or take --fidelity beam" if massive else "give its material and radius (or section): they say where its loss sits"
+        remedy = "give its material's density, or take --fidelity beam" if massive else "give its material and radius or section, for its loss"
         raise InputError([Fault("stage", why, remedy)])

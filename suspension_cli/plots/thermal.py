@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from suspension_cli.analysis.thermal import Thermal
-from suspension_cli.plots.style import INK, NOTE, PALE, PALETTE, house, new_figure, plain, shortened
+from suspension_cli.plots.style import DPI, INK, NOTE, PALE, PALETTE, house, new_figure, plain, shortened
 
 WIDTH, HEIGHT = 7.0, 4.0
 """Of the figure, and of each of its panels, in."""
@@ -118,12 +118,11 @@ def _legend(axes: Axes, drawn: list[str], colours: dict[str, str]) -> None:
         for kind in sorted((stage_of(name)[1] for name in drawn if stage_of(name)[0] == stage), key=order.index):
             handles.append(Line2D([], [], color=colours[stage], linestyle=KINDS[kind][1], linewidth=1.1))
             texts.append(KINDS[kind][0])
-    legend = axes.legend(
-        handles, texts, loc="upper left", bbox_to_anchor=(1.01, 1.02), fontsize=SMALL, handlelength=HANDLE, handletextpad=GAP, labelspacing=0.35, borderaxespad=0.0
-    )
+    place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.02), "borderaxespad": 0.0}
+    legend = axes.legend(handles, texts, fontsize=SMALL, handlelength=HANDLE, handletextpad=GAP, labelspacing=0.35, **place)
     for n, colour in heads.items():
         legend.get_texts()[n].set(color=colour, fontweight="bold")
-        legend.get_texts()[n].set_x(-(HANDLE + GAP) * SMALL * axes.get_figure(root=True).dpi / 72)
+        legend.get_texts()[n].set_x(-(HANDLE + GAP) * SMALL * DPI / 72)
 
 
 def _remarks(noise: Thermal, faint: list[str]) -> str:

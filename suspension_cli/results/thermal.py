@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from suspension_cli.analysis.thermal import Thermal
+from suspension_cli.analysis.thermal import Thermal, strongest_first
 from suspension_cli.results import Provenance, dataset, scale, write
 
 UNITS = "SI/sqrt(Hz), see unit"
@@ -39,6 +39,7 @@ def load(group: Any) -> list[Thermal]:
     frequency, source, parts = group["frequency"][:], group["source"].asstr()[:], group["contribution"][:]
     noises = []
     for n, (output, unit, tilt) in enumerate(zip(group["output"].asstr()[:], group["unit"].asstr()[:], group["tilt"][:], strict=True)):
-        there = parts[:, n].any(0)
-        noises.append(Thermal(frequency, output, unit.split("/")[0], tuple(source[there]), parts[:, n, there].T ** 2, float(tilt)))
+        densities = {str(name): part**2 for name, part in zip(source, parts[:, n].T, strict=True) if part.any()}
+        order = strongest_first(densities)
+        noises.append(Thermal(frequency, output, unit.split("/")[0], tuple(order), np.array([densities[name] for name in order]), float(tilt)))
     return noises
