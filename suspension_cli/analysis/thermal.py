@@ -27,7 +27,7 @@ from suspension_cli.mechanics.model import LinearModel
 
 EARTH = 6.371e6
 """Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""
-CHUNK = 512
+CHUNK = 1024
 """Frequencies worked on at once: their matrices stay in the cache."""
 ROUNDING = 1e-9
 """A source below 0 by more than this share of the sum gives power back; by less, it is rounding."""
