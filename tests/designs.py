@@ -220,12 +220,18 @@ position = [0.0, 0.0, -0.3]
 body = { mass = 2.0, inertia = [0.01, 0.01, 0.01] }
 
 [[stage.wire]]
-upper = [0.0, 0.0, 0.0]
-lower = [0.0, 0.0, 0.001]
+upper = [0.0, 0.05, 0.0]
+lower = [0.0, 0.05, 0.001]
 material = "steel302"
 sections = [{ length = 0.1, radius = 1e-4 }, { length = 0.199, radius = 2e-4 }]
 clamp = { lower = [0.01, 0.0, -1.0] }
 temperature = 280.0
+
+[[stage.wire]]
+upper = [0.0, -0.05, 0.0]
+lower = [0.0, -0.05, 0.001]
+material = "steel302"
+radius = 1e-4
 """
 
 RAW: dict[str, dict[str, Any]] = {name: tomllib.loads(text) for name, text in TEXTS.items()}

@@ -224,13 +224,14 @@ def _block(model: LinearModel, shapes: Array) -> Any:
 def _orders(found: Modes, wires: list[CutWires]) -> Any:
     """Number of half waves of each mode that lives in wires: held resonances of that kind up to half way to the next."""
     result = np.zeros(len(found.q), dtype=np.intp)
-    kinds = {name: part for part, name in NAMES.items()}
-    for n, (stage, dof) in enumerate(found.home):
-        if dof in kinds:
-            strand = next(cut.whole for cut in wires if cut.stage == stage)
-            omega = np.sqrt(found.omega_squared[n])
-            resonances = strand.held_resonances(kinds[dof], omega)
-            result[n] = int(np.abs(resonances - omega).argmin()) + 1
+    kinds, home, omega = {name: part for part, name in NAMES.items()}, found.home, np.sqrt(found.omega_squared)
+    for stage, dof in set(home):
+        if dof not in kinds:
+            continue
+        here = [n for n, place in enumerate(home) if place == (stage, dof)]
+        strand = next(cut.whole for cut in wires if cut.stage == stage)
+        resonances = strand.held_resonances(kinds[dof], float(omega[here].max()))
+        result[here] = np.abs(resonances - omega[here, None]).argmin(1) + 1
     return result
 
 

@@ -32,7 +32,7 @@ class Section(Table, frozen=True):
 
 Radii = Annotated[list[Length], Meta(min_length=2, max_length=2, description="radius in m at the upper and at the lower end of a taper")]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
-Steps = Annotated[int, Meta(ge=1, le=1000, description="number of uniform steps that stand for a taper")]
+Steps = Annotated[int, Meta(ge=1, le=256, description="number of uniform steps that stand for a taper")]
 
 
 class WireSection(Table, frozen=True):
@@ -45,7 +45,7 @@ class WireSection(Table, frozen=True):
     steps: Steps | None = None
 
 
-Sections = Annotated[list[WireSection], Meta(min_length=1, max_length=1000, description="stretches from the upper to the lower end")]
+Sections = Annotated[list[WireSection], Meta(min_length=1, max_length=100, description="stretches from the upper to the lower end")]
 
 
 class Clamp(Table, frozen=True):

@@ -34,6 +34,9 @@ SERIES = 1.0
 """Below this |alpha^2 + beta^2| h^2 the series of N is summed; above, the closed form loses no more than a digit."""
 TERMS = 11
 """Of the series, whose terms fall faster than 1/(2k)!."""
+FACTORIAL = [math.factorial(n) for n in range(2 * TERMS)]
+COEFFICIENT = [[1 / (FACTORIAL[2 * i] * FACTORIAL[2 * j + 1]) - 1 / (FACTORIAL[2 * j] * FACTORIAL[2 * i + 1]) for j in range(TERMS)] for i in range(TERMS)]
+"""Of p^i n^j in the series."""
 
 EVEN_WW, EVEN_WT, EVEN_TT, ODD_WW, ODD_WT, ODD_TT = range(6)
 """Order of the elements that `stiffness` gives."""
@@ -179,13 +182,9 @@ def _series(p: Any, n: Any) -> Any:
     product = p * n
     total = np.zeros_like(p)
     for j in reversed(range(TERMS // 2)):
-        inner = sum((_antisymmetric(i, j) * complete[i - j - 1] for i in range(j + 1, TERMS)), np.zeros_like(p))
+        inner = sum((COEFFICIENT[i][j] * complete[i - j - 1] for i in range(j + 1, TERMS)), np.zeros_like(p))
         total = total * product + inner
     return total
-
-
-def _antisymmetric(i: int, j: int) -> float:
-    return 1 / (math.factorial(2 * i) * math.factorial(2 * j + 1)) - 1 / (math.factorial(2 * j) * math.factorial(2 * i + 1))
 
 
 def resonances_below(rigidity: float, tension: float, mass: float, half: float, omega: Any) -> Any:

@@ -1,14 +1,14 @@
 """Drag of a gas so thin that its molecules meet the suspension, not each other.
 
 Molecules that leave a surface have forgotten where they came from (diffuse reflection, at the gas's temperature).
-Let the surface move with u along its normal, into the gas, and v along itself; m is a molecule's mass, n their number
-a volume, f the Maxwell distribution of one component of velocity with variance s^2 = k T/m, flux j = n s/sqrt(2 pi) at rest.
+m is a molecule's mass, n their number a volume, p = n k T the pressure, f the Maxwell distribution of one component of velocity with
+variance s^2 = k T/m; at rest j = n s/sqrt(2 pi) molecules meet a unit of area in a unit of time.
 
-*Tangential.*  Each molecule that arrives lacks m v: c = m j = p sqrt(m/(2 pi k T)) a unit of area and velocity, with p = n k T.
+*Along itself.*  Each molecule that arrives lacks the surface's velocity: c = m j = p sqrt(m/(2 pi k T)) a unit of area and velocity.
 
-*Normal.*  Arriving molecules have relative velocity w = u - v_n > 0 and hand over m times the integral of n w^2 f(u - w), whose
-slope in u at rest is 2 m j = 2 c.  As many leave; they take along their mean momentum m s sqrt(pi/2), and there
-are more of them, by the slope n/2 of the flux in u: m s sqrt(pi/2) n/2 = (pi/2) c.  Together c (2 + pi/2).
+*Along its normal,* with u into the gas.  Molecules arrive with w > 0 against the surface and hand over m n times the integral of
+w^2 f(u - w), whose slope in u at rest is 2 m j = 2 c.  As many leave, with the mean momentum m s sqrt(pi/2) each, and their
+number grows with u by n/2: m s sqrt(pi/2) n/2 = (pi/2) c.  Together c (2 + pi/2).
 
 A cube of side a thus has the drag a^2 c (8 + pi) = p a^2 sqrt(32 m/(pi k T)) (1 + pi/8) of Cavalleri et al., Phys. Lett. A 374,
 3365 (2010).  There the gas is free all round: squeezed films between near surfaces damp more.
