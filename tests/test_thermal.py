@@ -138,6 +138,16 @@ def test_every_kind_of_source_has_its_name():
     assert {name.rpartition(".")[2] for name in found.source} >= {"bending-upper", "bending-lower", "stretching", "damping", "springs", "support"}
 
 
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_support_that_hardly_gives_way_changes_nothing(level):
+    rigid = raw("triple")
+    soft = rigid | {"support": {"stiffness": dict.fromkeys(("x", "y", "z", "roll", "pitch", "yaw"), 1e12)}}
+    for text in ("test.x", "test.z"):
+        one, other = (noise(model_of(given, level), text) for given in (rigid, soft))
+        assert one.source == other.source
+        np.testing.assert_allclose(one.density, other.density, rtol=1e-5)
+
+
 # one wire
 
 

@@ -258,7 +258,7 @@ def test_what_is_drawn_and_what_is_said():
 
 def test_every_source_can_be_drawn():
     """All of the longest list at once, inside the figure."""
-    names = [f"stage{n}.{kind}" for n in range(4) for kind in list(picture.KINDS)[:4]] + ["top.blades", "damping", "support"]
+    names = [f"stage{n}.{kind}" for n in range(9) for kind in list(picture.KINDS)[:5]] + ["damping", "support"]
     noise = thermal.Thermal(np.geomspace(0.1, 10, 9), "test.x", "m", tuple(names), np.ones((len(names), 9)) * 1e-30)
     figure = picture.draw([noise], "All alike")
     box = figure.axes[0].get_legend().get_window_extent(figure.canvas.get_renderer())

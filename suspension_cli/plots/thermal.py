@@ -15,7 +15,9 @@ from suspension_cli.analysis.thermal import Thermal
 from suspension_cli.plots.style import DPI, INK, NOTE, PALE, PALETTE, house, new_figure, plain, shortened
 
 WIDTH, HEIGHT = 7.0, 4.0
-"""Of the figure, and of each of its panels, in."""
+"""Of the figure, and of each of its panels, in; a panel whose legend is longer is as high as that."""
+ROW, MARGIN = 0.125, 0.8
+"""Height of a line of the legend, and of what a panel has above and below it, in."""
 FAINT = 1e-3
 """A source whose part is nowhere this share of the sum is left out."""
 ROOM = (30.0, 3.0)
@@ -50,8 +52,9 @@ def draw(noises: list[Thermal], title: str) -> Figure:
     title : str
     """
     with house():
-        figure = new_figure(WIDTH, HEIGHT * len(noises))
-        panels = figure.subplots(len(noises), 1, squeeze=False)[:, 0]
+        heights = [max(HEIGHT, ROW * _rows(noise) + MARGIN) for noise in noises]
+        figure = new_figure(WIDTH, sum(heights))
+        panels = figure.subplots(len(noises), 1, squeeze=False, height_ratios=heights)[:, 0]
         colours = _colours(noises)
         for axes, noise in zip(panels, noises, strict=True):
             _panel(axes, noise, colours)
@@ -79,6 +82,12 @@ def _colours(noises: list[Thermal]) -> dict[str, str]:
     return {stage: NOTE if stage == "" else PALETTE[n % len(PALETTE)] for n, stage in enumerate(stages)}
 
 
+def _rows(noise: Thermal) -> int:
+    """Lines of the legend: the sum, the sources, a heading for each stage."""
+    drawn, _ = split(noise)
+    return 1 + len(drawn) + len({stage_of(name)[0] for name in drawn})
+
+
 def _panel(axes: Axes, noise: Thermal, colours: dict[str, str]) -> None:
     mark = "" if len(noise.frequency) > 1 else "o"
     drawn, faint = split(noise)
@@ -97,7 +106,7 @@ def _panel(axes: Axes, noise: Thermal, colours: dict[str, str]) -> None:
     _legend(axes, drawn, colours)
     remarks = _remarks(noise, faint)
     if remarks:
-        axes.text(0.0, -0.16, remarks, transform=axes.transAxes, ha="left", va="top", fontsize=SMALL, color=NOTE)
+        axes.annotate(remarks, (0, 0), (0, -34), xycoords="axes fraction", textcoords="offset points", ha="left", va="top", fontsize=SMALL, color=NOTE)
 
 
 def _limits(total: Any) -> tuple[float, float]:
@@ -132,4 +141,4 @@ def _remarks(noise: Thermal, faint: list[str]) -> str:
         lines.append(f"along a beam that rises by {1e6 * noise.tilt:.3g} µrad")
     if faint:
         lines.append(f"left out, below {FAINT:g} of the sum everywhere: {shortened(', '.join(faint), 240)}")
-    return "\n".join(row for line in lines for row in textwrap.wrap(line, 120))
+    return "\n".join(row for line in lines for row in textwrap.wrap(line, 120, break_on_hyphens=False))
