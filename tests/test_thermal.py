@@ -5,13 +5,11 @@ from __future__ import annotations
 import copy
 import math
 import tomllib
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import plants
 import pytest
-import scenes
+from lossy import CONFIGS, FREQUENCY, KINDS, LEVELS, lossier, model_of, noise, raw
 from pendulums import Pendulum
 
 from suspension_cli.analysis import modes, thermal
@@ -19,64 +17,9 @@ from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.reader import template
 from suspension_cli.errors import InputError
 from suspension_cli.mechanics import dispersive
-from suspension_cli.models import fidelity, wire_mass
-
-CONFIGS = Path(__file__).parent.parent / "configs"
-LEVELS = ("beam", "violin")
-FREQUENCY = np.geomspace(0.05, 2000.0, 700)
-STEEL = {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0, "loss_angle": 2e-4}
-
-
-def raw(kind: str) -> dict[str, Any]:
-    """A design with wires of lossy materials; `five` has no symmetry, `silica` sections and gas, `around` dampers, a spring and a frame."""
-    if kind == "silica":
-        return tomllib.loads((CONFIGS / "geo-silica-triple.toml").read_text())
-    if kind == "quadruple":
-        return tomllib.loads((CONFIGS / "quadruple.toml").read_text())
-    if kind == "five":
-        result = plants.raw("five")
-        result["materials"] = {"steel": STEEL}
-        for wire in result["stage"][0]["wire"]:
-            wire |= {"material": "steel", "radius": 1.5e-4}
-        result["stage"][0]["blade"][0]["loss_angle"] = 1e-4
-        return result
-    result = tomllib.loads(template("double" if kind == "around" else kind, kind))
-    result["materials"] = {"steel302": {"loss_angle": 2e-4}}
-    if kind == "around":
-        first, last = result["stage"]
-        first["damping"] = {"x": 3.0, "y": 2.0, "z": 4.0, "roll": 0.05, "pitch": 0.03, "yaw": 0.04}
-        last["spring"] = [{"stiffness": [30.0, 20.0, 10.0, 0.1, 0.2, 0.3], "loss_angle": 1e-3, "at": [0.0, 0.0, 0.02]}]
-        result["support"] = {"stiffness": {"x": 1e6, "z": 2e6}, "loss_angle": 1e-2, "mass": 50.0}
-        result["gas"] = {"pressure": 1e-2, "molar_mass": 0.029}
-    return result
-
 
 LOST = {"silica": 1e-8}
 """Short sections are 1e4 times as stiff as the whole fibre; joining them takes as many digits, both of the stiffness and of the power."""
-KINDS = ("single", "double", "triple", "quadruple", "silica", "five", "around")
-
-
-def lossier(given: dict[str, Any], angle: float) -> dict[str, Any]:
-    """The same with one constant loss angle for everything elastic, so large that nothing drowns."""
-    result = copy.deepcopy(given)
-    used = {wire.get("material") for stage in result["stage"] for wire in ([stage["wires"]] if "wires" in stage else stage["wire"])}
-    for name in used:
-        table = result.setdefault("materials", {}).setdefault(name, {})
-        table.pop("loss_angle", None)
-        table["loss"] = {"angle": angle, "surface_depth": 0.0, "thermoelastic": False}
-    for stage in result["stage"]:
-        for blade in [stage["blades"]] if "blades" in stage else stage.get("blade", []):
-            blade["loss_angle"] = angle
-    return result
-
-
-def model_of(given: dict[str, Any], level: str = "violin") -> Any:
-    return fidelity.linear_model(scenes.design_of(given), level)
-
-
-def noise(model: Any, text: str, frequency: Any = FREQUENCY, *, tilt: float = 0.0, temperature: float = 290.0) -> thermal.Thermal:
-    signal, row = thermal.observed(model, text, tilt)
-    return thermal.solve(model, np.asarray(frequency), row, signal, temperature)
 
 
 # two routes and a split
@@ -303,51 +246,3 @@ def test_what_gives_power_back_is_refused():
     given["stage"][0]["spring"] = [{"stiffness": (-10 * matrix).tolist(), "loss_angle": 0.1}]
     with pytest.raises(InputError, match="gives power back"):
         noise(model_of(given), "test.x")
-
-
-# which rung
-
-
-@pytest.mark.parametrize("name", ["husman2000/figure6", "quadruple", "geo-silica-triple"])
-def test_where_the_mass_of_wires_counts(name):
-    """Up to the limit it changes the sum by less than 1e-3, but on the flanks of resonances, which it moves."""
-    given = tomllib.loads((CONFIGS / f"{name}.toml").read_text())
-    design = scenes.design_of(given)
-    first, _ = wire_mass.first_violin(design)
-    frequency = np.geomspace(0.05, wire_mass.BELOW * first, 400)
-    beam, violin = (noise(model_of(given, level), "test.x", frequency).amplitude for level in LEVELS)
-    apart = np.abs(beam / violin - 1)
-    assert apart[-1] < 1e-3
-    assert np.quantile(apart, 0.9) < 1e-3
-    assert wire_mass.choose(design, "auto", float(frequency[-1])).level == "beam"
-    assert wire_mass.choose(design, "auto", float(frequency[-1]) * 1.001).level == "violin"
-
-
-def test_what_leaving_mass_out_costs():
-    """0.82 (f/f1)^2 of the sum, for a mass that keeps its wire's end upright."""
-    one = Pendulum(inertia=1e6, radius=2e-5)
-    first, wire = wire_mass.first_violin(scenes.design_of(one.raw()))
-    assert wire == "test.1"
-    area = math.pi * one.radius**2
-    assert first == pytest.approx(math.sqrt(one.tension / (one.density * area)) / (2 * one.length), rel=1e-12)
-    at = [wire_mass.BELOW * first]
-    beam, violin = (noise(model_of(one.raw(), level), "test.x", at).amplitude[0] for level in LEVELS)
-    assert beam / violin - 1 == pytest.approx(wire_mass.ERROR * wire_mass.BELOW**2, rel=0.05)
-
-
-@pytest.mark.parametrize(("wanted", "level"), [("beam", "beam"), ("violin", "violin")])
-def test_a_rung_can_be_asked_for(wanted, level):
-    assert wire_mass.choose(scenes.design_of(raw("single")), wanted, 1e4).level == level
-
-
-@pytest.mark.parametrize("wanted", ["closed-form", "force", "string"])
-def test_rungs_that_do_not_know(wanted):
-    with pytest.raises(InputError, match="take auto, beam or violin"):
-        wire_mass.choose(scenes.design_of(raw("single")), wanted, 1.0)
-
-
-def test_a_design_hung_on_springs_has_no_violin_modes():
-    stage = {"name": "test", "body": {"mass": 1.0, "inertia": [0.01] * 3}, "position": [0.0, 0.0, -0.1]}
-    stage["spring"] = [{"stiffness": [100.0, 100.0, 100.0, 1.0, 1.0, 1.0], "loss_angle": 1e-3, "preload": [0.0, 0.0, 9.81, 0.0, 0.0, 0.0]}]
-    given = {"design": {"name": "sprung"}, "stage": [stage]}
-    assert wire_mass.choose(scenes.design_of(given), "auto", 1e3).level == "beam"
