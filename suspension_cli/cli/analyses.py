@@ -72,7 +72,7 @@ def modelled(
     InputError
         If the equilibrium is unstable and that is not allowed, or a rung is asked for that does not hold.
     """
-    from suspension_cli.analysis import auto, modes
+    from suspension_cli.analysis import auto
     from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.models import fidelity as ladder
 
@@ -81,14 +81,30 @@ def modelled(
     if rational and fidelity == "violin":
         problem = "does not hold here: wires with mass have no state space of finite order"
         raise InputError([Fault("--fidelity", problem, "take beam, which holds below the first violin mode", shown(fidelity))])
+    model = None
     if asked is not None and fidelity == "auto":
-        decision = auto.decide(source.design, asked, tolerance, "beam" if rational else "violin")
+        decision = auto.decide(source.design, asked, tolerance)
         choice, model = decision.choice, decision.model
     else:
         choice = ladder.choose(source.design, fidelity)
         if imperfect:
             choice = ladder.Choice("string", "general string model, as imperfect builds need it")
-        model = ladder.linear_model(source.design, choice.level)
+    return choice, stood(source, choice, allow_unstable, voice, model, rational=rational)
+
+
+def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voice, model: LinearModel | None = None, *, rational: bool = False) -> LinearModel:
+    """The linear model on a rung, if its equilibrium is stable or may be unstable; with constant matrices if it must be `rational`.
+
+    Raises
+    ------
+    InputError
+        If it is unstable and that is not allowed.
+    """
+    from suspension_cli.analysis import modes
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.models import fidelity as ladder
+
+    model = ladder.linear_model(source.design, choice.level) if model is None else model
     if rational and model.terms:
         model = dataclasses.replace(model, terms=())
         voice.say(f"{source.design.design.name}: losses that depend on frequency are left out, as no state space has them")
@@ -99,7 +115,7 @@ def modelled(
         if not allow_unstable:
             raise InputError([Fault("stage", f"the equilibrium is unstable: {worst}", "make it stable (raise d, say), or give --allow-unstable")])
         voice.warn(f"{source.design.design.name} is unstable: {worst}")
-    return choice, model
+    return model
 
 
 def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
@@ -107,13 +123,6 @@ def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
     from suspension_cli.results import Provenance
 
     return Provenance(source.text, options.command_line(argv), choice.level, choice.reason, choice.error)
-
-
-def frequencies(_: LinearModel) -> Asked:
-    """What state spaces are asked for: modes at the right frequencies."""
-    from suspension_cli.analysis.auto import Frequencies
-
-    return Frequencies()
 
 
 def estimate(choice: Choice) -> float | None:

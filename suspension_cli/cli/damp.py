@@ -41,7 +41,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, asked=analyses.frequencies, rational=True)
+        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, rational=True)
         output = setting["output"] or f"{model.body[-1]}.x"
         body, dof = output.partition("@")[0].rpartition(".")[::2]
         push: str = setting["impulse"] or (f"{body}.{FORCES[DOFS.index(dof)]}" if dof in DOFS and body in model.body else "support.x")

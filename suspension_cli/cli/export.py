@@ -47,7 +47,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, asked=analyses.frequencies, rational=True)
+        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, rational=True)
         lossy = model.lossy is not None
         if not setting["loss"]:
             model = dataclasses.replace(model, lossy=None)

@@ -62,6 +62,13 @@ def _response(results: Any, design: Any) -> Any:
     return picture.draw(stored.load(results["response"]), design.design.title or design.design.name)
 
 
+def _thermal(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import thermal as picture
+    from suspension_cli.results import thermal as stored
+
+    return picture.draw(stored.load(results["thermal"]), design.design.title or design.design.name)
+
+
 def _damp(results: Any, design: Any) -> Any:
     from suspension_cli.plots import damp as picture
     from suspension_cli.results import damp as stored
@@ -92,5 +99,13 @@ def _tolerance(results: Any, design: Any) -> Any:
     return picture.draw(summary, design.design.title or design.design.name, f"{group.attrs['over']} / {group.attrs['under']}")
 
 
-_DRAWN = {"modes": _modes, "response": _response, "damp": _damp, "matrix": _matrix, "xcouple": _xcouple, "tolerance": _tolerance}
+_DRAWN = {
+    "modes": _modes,
+    "response": _response,
+    "thermal": _thermal,
+    "damp": _damp,
+    "matrix": _matrix,
+    "xcouple": _xcouple,
+    "tolerance": _tolerance,
+}
 """Group of a results file to its figure."""

@@ -37,6 +37,10 @@ class Term(Protocol):
         """The same for some of the coordinates, in which the others do not take part."""
         ...
 
+    def spread(self, from_new: Any) -> Term:
+        """The same for new coordinates, from which the old ones follow as `from_new` (N, N') @ new."""
+        ...
+
 
 class Evaluated(Protocol):
     """A term at given frequencies."""
@@ -125,6 +129,12 @@ class WireTerm:
         some = {part: np.where(np.abs(f := form[..., columns]) > 1e-14 * largest[part], f, 0.0) for part, form in self.forms.items()}
         return WireTerm(self.stage, self.strand, some, self.allowed[np.ix_(columns, columns)])
 
+    def spread(self, from_new: Any) -> WireTerm:
+        """The same for new coordinates."""
+        reach = (from_new != 0).astype(float)
+        forms = {part: form @ from_new for part, form in self.forms.items()}
+        return WireTerm(self.stage, self.strand, forms, reach.T @ self.allowed @ reach > 0)
+
 
 @dataclass(frozen=True)
 class EvaluatedWires:
@@ -192,6 +202,10 @@ class LossTerm:
     def within(self, columns: Any) -> LossTerm:
         """The same for some of the coordinates."""
         return LossTerm(self.cause, self.temperature, self.matrix[np.ix_(columns, columns)], self.angle, self.elastic)
+
+    def spread(self, from_new: Any) -> LossTerm:
+        """The same for new coordinates."""
+        return LossTerm(self.cause, self.temperature, from_new.T @ self.matrix @ from_new, self.angle)
 
 
 @dataclass(frozen=True)
