@@ -40,6 +40,9 @@ class LinearModel:
         Largest force left over in the equilibrium, as a share of the weight.
     wire : tuple of str
         Names of the wires (string rung).
+    rigid : (..., N, 6) array or None
+        How the coordinates go when everything moves with the support as one body, for unit motions of the support in m and rad: 0 for what
+        is told relative to a body (tips of blades, the frame).  None if that is not known.
     """
 
     body: tuple[str, ...]
@@ -53,6 +56,7 @@ class LinearModel:
     orientation: Any = None
     residual: float = 0.0
     wire: tuple[str, ...] = ()
+    rigid: Any = None
 
     @property
     def size(self) -> int:

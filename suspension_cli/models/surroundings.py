@@ -87,4 +87,5 @@ def with_frame(model: LinearModel, design: Design) -> LinearModel:
         stiffness=widened(model.stiffness, own["stiffness"]),
         damping=widened(model.damping, own["damping"]),
         lossy=lossy,
+        rigid=None if model.rigid is None else np.concatenate([model.rigid, np.zeros((*model.rigid.shape[:-2], count, 6))], axis=-2),
     )
