@@ -22,6 +22,9 @@ from suspension_cli.mechanics.answers import Asked, answers
 from suspension_cli.mechanics.condensed import prepared
 from suspension_cli.mechanics.model import LinearModel
 
+CHUNK = 1 << 17
+"""Numbers (coordinates times inputs times frequencies) of a model with terms that are worked on at once."""
+
 
 @dataclass(frozen=True)
 class Response:
