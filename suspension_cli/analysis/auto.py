@@ -170,7 +170,8 @@ def _weigh(name: str, base: str, found: list[Indicator], asked: Asked, build: Ca
         return Refinement(name, worst.value, worst.stage, None, taken=False)
     if name == BENDING and worst.value > CLEAR * tolerance:
         return Refinement(name, worst.value, worst.stage, None, taken=True)
-    change = asked.change(build("beam" if name == MASS else base), build(REFINEMENTS[name]))
+    without = {SERIES: base, BENDING: "string", MASS: "beam"}[name]  # one refinement at a time
+    change = asked.change(build(without), build(REFINEMENTS[name]))
     return Refinement(name, worst.value, worst.stage, change, taken=not change <= MARGIN * tolerance)
 
 
