@@ -188,7 +188,7 @@ def _solve_block(model: LinearModel, block: Index) -> tuple[Array, Array]:
     inverse = np.linalg.inv(np.linalg.cholesky(mass))
     dynamic = inverse @ stiffness @ inverse.T
     values, vectors = np.linalg.eigh((dynamic + dynamic.T) / 2)
-    vectors = _localised(values, vectors)
+    vectors = localised(values, vectors)
     shapes = np.zeros((len(block), len(values)))
     light = model.massless[block]
     shapes[~light] = inverse.T @ vectors
@@ -196,7 +196,7 @@ def _solve_block(model: LinearModel, block: Index) -> tuple[Array, Array]:
     return values, shapes
 
 
-def _localised(values: Array, vectors: Array) -> Array:
+def localised(values: Array, vectors: Array) -> Array:
     """Within each degenerate group, the basis in which modes live in as few coordinates as possible.
 
     Any rotation of degenerate modes is as good for the equations; this one does not depend on rounding: each mode

@@ -11,6 +11,7 @@ from suspension_cli import __version__
 COMMANDS = {
     "modes": "Frequencies and shapes of the normal modes.",
     "response": "Transfer functions from the support or a force to any motion.",
+    "sweep": "Modes, responses and couplings over any parameters.",
     "xcouple": "Cross-coupling of imperfect builds, over any imperfections.",
     "tolerance": "Random builds: scatter of modes and cross-coupling, what matters most.",
     "damp": "Local control: closed-loop poles, margins, impulse response, sensor noise.",

@@ -83,6 +83,13 @@ def _xcouple(results: Any, design: Any) -> Any:
     return picture.draw(stored.read(results["xcouple"]), design.design.title or design.design.name)
 
 
+def _sweep(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import sweep as picture
+    from suspension_cli.results import sweep as stored
+
+    return picture.draw(stored.read(results["sweep"]), design.design.title or design.design.name)
+
+
 def _tolerance(results: Any, design: Any) -> Any:
     from suspension_cli.plots import tolerance as picture
     from suspension_cli.results import tolerance as stored
@@ -92,5 +99,5 @@ def _tolerance(results: Any, design: Any) -> Any:
     return picture.draw(summary, design.design.title or design.design.name, f"{group.attrs['over']} / {group.attrs['under']}")
 
 
-_DRAWN = {"modes": _modes, "response": _response, "damp": _damp, "matrix": _matrix, "xcouple": _xcouple, "tolerance": _tolerance}
+_DRAWN = {"modes": _modes, "response": _response, "damp": _damp, "matrix": _matrix, "xcouple": _xcouple, "tolerance": _tolerance, "sweep": _sweep}
 """Group of a results file to its figure."""

@@ -182,6 +182,20 @@ def _member(items: list[Any], key: str, override: str) -> int:
     raise InputError([Fault("--set", f"there is no {key!r} here", faults.suggestion(key, names), shown(override))])
 
 
+def value_at(raw: dict[str, Any], path: str) -> Any:
+    """What a parsed document holds at a dotted path (as `apply_overrides` takes it); None if it holds nothing there."""
+    node: Any = raw
+    for key in path.split("."):
+        if isinstance(node, list):
+            place = next((n for n, item in enumerate(node) if isinstance(item, dict) and item.get("name") == key), None)
+            if place is None and key.isascii() and key.isdigit() and 1 <= int(key) <= len(node):
+                place = int(key) - 1
+            node = None if place is None else node[place]
+        else:
+            node = node.get(key) if isinstance(node, dict) else None
+    return node
+
+
 def template(kind: str, name: str) -> str:
     """A starting design as TOML text, under its own name."""
     path = Path(__file__).parent / "templates" / f"{kind}.toml"
