@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from suspension_cli.analysis.coupling import Axis
     from suspension_cli.results.sweep import Swept
 
-ALIKE = 0.5
-"""Overlap below which a mode has become another rather than itself."""
+ALIKE = 0.4
+"""Overlap below which a mode may have become any other; two that mix half and half have 0.5."""
 
 
 @click.command("sweep")

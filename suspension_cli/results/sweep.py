@@ -138,9 +138,9 @@ def complete(part: Path, job: ParameterSweep) -> None:
             status, stored = group["status"][:], group["shape"]
             well = (status == builds.GOOD) | (status == builds.UNSTABLE)
             shapes = stored[:] if stored.size * 4 <= AT_ONCE else stored
-            rank, overlap = following.follow(shapes, well, start(job), job.nominal_shape)
-            group["rank"][...], group["overlap"][...] = rank, overlap
             squared = group["omega_squared"][:]
+            rank, overlap = following.follow(squared, shapes, well, start(job), job.nominal_shape)
+            group["rank"][...], group["overlap"][...] = rank, overlap
         group["value"][...] = scalar(job.results, squared, rank, group["response"][:] if "response" in group else None)
 
 
