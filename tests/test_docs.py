@@ -43,6 +43,7 @@ MAKES = {
     "xcouple": ["xcouple", "configs/husman2000/figure6.toml", "--sweep", "k=1,1.1,mass=1", "--workers", "1"],
     "tolerance": ["tolerance", "configs/triple-tolerance.toml", "--builds", "3", "--workers", "1"],
     "sweep": ["sweep", "configs/double.toml", "--vary", "stage.test.wires.d=1e-3,2e-3", "--result", "1", "--result", "test.x/support.x:1", "--workers", "1"],
+    "sensitivity": ["sensitivity", "configs/double.toml"],
     "damp": ["damp", "configs/triple-damped.toml", "--frequency", "1,2", "--duration", "1"],
     "statespace": ["export", "configs/double.toml", "--format", "hdf5"],
     "zpk": ["export", "configs/double.toml", "--format", "zpk", "--input", "support.x", "--output", "test.x"],

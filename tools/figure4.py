@@ -60,8 +60,9 @@ def main() -> None:
         "",
         f"Frequencies in Hz. The wires alone leave the printed axis, which ends at {printed['y_range'][1]:g} Hz, below t1 = {1e3 * leaves:.1f} mm; if 3 cm",
         f"were the whole separation 2s, or 198 µm the diameter, they would stay on it ({half:.3g} and {thin:.3g} Hz at t1 = 0).",
-        "The lower curve takes cantilevers in series with the wires, along them, as the paper's force model does. With their tips as coordinates of their own",
-        f"(`string`), which move vertically only, it begins at {general[1].frequency[0]:.4g} Hz instead of {soft.frequency[0]:.4g} Hz and still falls with the angle.",
+        "The lower curve takes cantilevers in series with the wires, along them, as the paper's force model does. With their tips as coordinates",
+        f"of their own (`string`), which move vertically only, it begins at {general[1].frequency[0]:.4g} Hz instead of {soft.frequency[0]:.4g} Hz",
+        "and still falls with the angle.",
         "",
     ]
     text = "\n".join(lines)

@@ -90,6 +90,13 @@ def _sweep(results: Any, design: Any) -> Any:
     return picture.draw(stored.read(results["sweep"]), design.design.title or design.design.name)
 
 
+def _sensitivity(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import sensitivity as picture
+    from suspension_cli.results import sensitivity as stored
+
+    return picture.draw(stored.load(results["sensitivity"]), design.design.title or design.design.name)
+
+
 def _tolerance(results: Any, design: Any) -> Any:
     from suspension_cli.plots import tolerance as picture
     from suspension_cli.results import tolerance as stored
@@ -99,5 +106,14 @@ def _tolerance(results: Any, design: Any) -> Any:
     return picture.draw(summary, design.design.title or design.design.name, f"{group.attrs['over']} / {group.attrs['under']}")
 
 
-_DRAWN = {"modes": _modes, "response": _response, "damp": _damp, "matrix": _matrix, "xcouple": _xcouple, "tolerance": _tolerance, "sweep": _sweep}
+_DRAWN = {
+    "modes": _modes,
+    "response": _response,
+    "damp": _damp,
+    "matrix": _matrix,
+    "xcouple": _xcouple,
+    "tolerance": _tolerance,
+    "sweep": _sweep,
+    "sensitivity": _sensitivity,
+}
 """Group of a results file to its figure."""
