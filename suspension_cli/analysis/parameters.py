@@ -83,25 +83,21 @@ def _used(design: Design) -> set[str]:
     return named | {blade.geometry.material for blade in blades if blade.geometry is not None}
 
 
+def twins(name: str) -> tuple[str, ...]:
+    """The path of a number, and that of its mirror image where it is an element of a symmetric matrix."""
+    *head, row, column = name.split(".") if name.count(".") > 1 else ("", "", name)
+    return (name, ".".join([*head, column, row])) if row.isdigit() and column.isdigit() and row != column else (name,)
+
+
 def stepped(design: Design, name: str) -> Design:
     """A design with `STEP` i added to one of its numbers."""
     keys = name.split(".")
     if keys[0] == "materials":  # what is built in may be moved too
         own = materials.resolve(design, keys[1])
         return msgspec.structs.replace(design, materials=design.materials | {keys[1]: _moved(own, keys[2:])})
-    if len(keys) > 2 and keys[-1] != keys[-2] and keys[-2].isdigit() and isinstance(_at(design, keys[:-1]), list):
-        design = _moved(design, [*keys[:-2], keys[-1], keys[-2]])  # the mirror image of an element of a symmetric matrix
-    return _moved(design, keys)
-
-
-def _at(node: Any, keys: list[str]) -> Any:
-    for key in keys:
-        node = _child(node, key)
-    return node
-
-
-def _child(node: Any, key: str) -> Any:
-    return node[_place(node, key)] if isinstance(node, (list, tuple)) else getattr(node, key)
+    for path in twins(name):
+        design = _moved(design, path.split("."))
+    return design
 
 
 def _place(items: Any, key: str) -> int:

@@ -13,6 +13,7 @@ COMMANDS = {
     "response": "Transfer functions from the support or a force to any motion.",
     "sweep": "Modes, responses and couplings over any parameters.",
     "sensitivity": "What 1 % of every number of a design moves.",
+    "fit": "Learn numbers of a design from measured modes.",
     "xcouple": "Cross-coupling of imperfect builds, over any imperfections.",
     "tolerance": "Random builds: scatter of modes and cross-coupling, what matters most.",
     "damp": "Local control: closed-loop poles, margins, impulse response, sensor noise.",

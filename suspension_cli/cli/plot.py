@@ -97,6 +97,13 @@ def _sensitivity(results: Any, design: Any) -> Any:
     return picture.draw(stored.load(results["sensitivity"]), design.design.title or design.design.name)
 
 
+def _fit(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import fit as picture
+    from suspension_cli.results import fit as stored
+
+    return picture.draw(stored.load(results["fit"]), design.design.title or design.design.name)
+
+
 def _tolerance(results: Any, design: Any) -> Any:
     from suspension_cli.plots import tolerance as picture
     from suspension_cli.results import tolerance as stored
@@ -115,5 +122,6 @@ _DRAWN = {
     "tolerance": _tolerance,
     "sweep": _sweep,
     "sensitivity": _sensitivity,
+    "fit": _fit,
 }
 """Group of a results file to its figure."""

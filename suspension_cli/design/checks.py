@@ -17,7 +17,7 @@ from suspension_cli.design.faults import suggestion
 from suspension_cli.design.schema import Blade, BladeSet, Design, Distribution, Perturbation, Spring, Stage, Support, Wire, WireSet
 from suspension_cli.errors import Fault, key_shown, shown
 
-ANALYSES = ("modes", "response", "xcouple", "tolerance", "sweep", "sensitivity", "damp", "export")
+ANALYSES = ("modes", "response", "xcouple", "tolerance", "sweep", "sensitivity", "fit", "damp", "export")
 """Commands that take defaults from a design's `[analysis]` table."""
 
 BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}

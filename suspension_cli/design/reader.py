@@ -64,6 +64,14 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         raise InputError([_TOO_DEEP], name) from None
 
 
+def document(file: str | Path) -> dict[str, Any]:
+    """A TOML file as it stands, whatever it should hold; raises `InputError` if it is none."""
+    try:
+        return _parse(_text(Path(file)))
+    except InputError as error:
+        raise error.in_file(str(file)) from None
+
+
 def parse(text: str) -> Design:
     """A checked design from TOML text."""
     return convert(_parse(text))

@@ -11,6 +11,10 @@ from suspension_cli.plots.style import INK, NOTE, house, new_figure, plain
 
 LEAST = 0.005
 """Change in % below which a cell stays empty, and a row without any larger one is left out."""
+MOST = 10.0
+"""Change in % from which all have the deepest colour."""
+DARK = 0.3
+"""Distance from the middle of the colours at which text turns white."""
 CELL = 0.235, 0.17
 """Width and height of a cell, in."""
 
@@ -31,14 +35,15 @@ def draw(found: Sensitivity, title: str) -> Figure:
         width = 1.9 * CELL[0] if len(found.result) < 12 else 1.35 * CELL[0]
         figure = new_figure(3.4 + width * len(found.result), 1.7 + CELL[1] * max(len(rows), 4))
         axes = figure.subplots()
-        top = max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0)
+        top = min(max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0), MOST)
         drawn = axes.imshow(shown, norm=SymLogNorm(0.05, vmin=-top, vmax=top), cmap="RdBu_r", aspect="auto")
         for (row, column), value in np.ndenumerate(change[rows]):
             if not relative[column] and value:
                 axes.text(column, row, f"{value:.0e}", ha="center", va="center", fontsize=4.5, color=INK)
             elif abs(value) >= LEAST:
-                colour = "white" if abs(value) > 0.25 * top else INK
-                axes.text(column, row, f"{value:+.2f}".replace("-", "−"), ha="center", va="center", fontsize=4.8, color=colour)
+                colour = "white" if abs(float(drawn.norm(value)) - 0.5) > DARK else INK
+                text = (f"{value:+.2f}" if abs(value) < 100 else f"{value:+.3g}").replace("-", "−")
+                axes.text(column, row, text, ha="center", va="center", fontsize=4.8, color=colour)
         axes.set_yticks(range(len(rows)), [f"{plain(found.parameter[n], 48)}  {found.value[n]:.4g}" for n in rows], fontsize=6)
         labels = [
             f"{plain(name, 40)}  {value:.4g}" + ("" if unit == "1" else f" {unit}")
@@ -49,8 +54,8 @@ def draw(found: Sensitivity, title: str) -> Figure:
         axes.tick_params(length=0)
         for spine in axes.spines.values():
             spine.set_visible(False)
-        bar = figure.colorbar(drawn, ax=axes, pad=0.02, aspect=40, ticks=[-1, -0.1, 0, 0.1, 1])
-        bar.ax.set_yticklabels(["−1", "−0.1", "0", "0.1", "1"])
+        bar = figure.colorbar(drawn, ax=axes, pad=0.02, aspect=40, ticks=[-10, -1, -0.1, 0, 0.1, 1, 10])
+        bar.ax.set_yticklabels(["−10", "−1", "−0.1", "0", "0.1", "1", "10"])
         bar.set_label("change of the result (%) for 1 % of the parameter", fontsize=6.5)
         bar.ax.tick_params(labelsize=6)
         bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
