@@ -37,11 +37,12 @@ def draw(found: Sensitivity, title: str) -> Figure:
         axes = figure.subplots()
         top = min(max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0), MOST)
         drawn = axes.imshow(shown, norm=SymLogNorm(0.05, vmin=-top, vmax=top), cmap="RdBu_r", aspect="auto")
+        strength = np.abs(np.asarray(drawn.norm(change[rows])) - 0.5)
         for (row, column), value in np.ndenumerate(change[rows]):
             if not relative[column] and value:
                 axes.text(column, row, f"{value:.0e}", ha="center", va="center", fontsize=4.5, color=INK)
             elif abs(value) >= LEAST:
-                colour = "white" if abs(float(drawn.norm(value)) - 0.5) > DARK else INK
+                colour = "white" if strength[row, column] > DARK else INK
                 text = (f"{value:+.2f}" if abs(value) < 100 else f"{value:+.3g}").replace("-", "−")
                 axes.text(column, row, text, ha="center", va="center", fontsize=4.8, color=colour)
         axes.set_yticks(range(len(rows)), [f"{plain(found.parameter[n], 48)}  {found.value[n]:.4g}" for n in rows], fontsize=6)
