@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import msgspec
 import numpy as np
 import plants
 import pytest
@@ -9,8 +12,10 @@ import scenes
 from scipy.optimize import linear_sum_assignment
 
 from suspension_cli.analysis import auto, modes, response, thermal, wire_modes
+from suspension_cli.design.reader import read
 from suspension_cli.models import fidelity, wire_mass
 
+CONFIGS = Path(__file__).parent.parent / "configs"
 TOLERANCE = 1e-3
 
 
@@ -79,13 +84,38 @@ def test_thermal_noise(seed):
 
 def test_hairs_stay_strings():
     """Wires so thin that bending and mass are under the tolerance by far are not solved as beams at all."""
-    raw = scenes.fibred(scenes.chain(np.random.default_rng(3), 2), 1e9)
-    raw["materials"] = {"hair": {"youngs_modulus": 1e9, "poisson_ratio": 0.3, "density": 1.0, "thermal_expansion": 0.0}}
-    for stage in raw["stage"]:
-        stage["wires"] |= {"material": "hair", "k": 1e4}
-    decision = auto.decide(scenes.design_of(raw), lambda _: auto.Frequencies(), 0.1)
+    wires = {"count": 4, "l": 0.4, "s": 0.02, "t1": 0.05, "t2": 0.06, "d": 0.005, "material": "hair", "radius": 2e-4, "k": 1e4}
+    stage = {"name": "test", "body": {"mass": 5.0, "inertia": [0.02, 0.02, 0.02]}, "wires": wires}
+    hair = {"youngs_modulus": 1e7, "poisson_ratio": 0.3, "density": 1.0}
+    raw = {"design": {"name": "hairs"}, "materials": {"hair": hair}, "stage": [stage]}
+    decision = auto.decide(scenes.design_of(raw), lambda _: auto.Frequencies(), 1e-2)
     assert decision.choice.level == "force"
     assert all(not item.taken for item in decision.refinements)
+
+
+def test_a_body_free_to_spin_needs_the_torsion_of_its_wire():
+    """A string lets it spin; that mode is a torsion pendulum, however thin the wire."""
+    stage = {"name": "test", "body": {"mass": 5.0, "inertia": [0.02] * 3}, "wires": {"count": 1, "l": 0.4, "d": 0.01, "material": "c70steel", "radius": 1e-4}}
+    decision = auto.decide(scenes.design_of({"design": {"name": "one"}, "stage": [stage]}), lambda _: auto.Frequencies(), 0.1)
+    assert decision.choice.level == "beam"
+    assert (modes.solve(decision.model).frequency > 0).all()
+
+
+@pytest.mark.parametrize("name", ["husman2000/table2", "triple-damped"])
+def test_bending_points_are_those_of_strings(name):
+    """Where a design tells the points at which its wires seem to bend, beams clamped beyond them move as strings do, but for torsion and (u/l)^2."""
+    design = read(CONFIGS / f"{name}.toml").design
+    thin, thick = (modes.solve(fidelity.linear_model(design, level)) for level in ("string", "beam"))
+    error = np.abs(thick.frequency / thin.frequency - 1)
+    yaw = np.array([home[1] == "yaw" for home in thin.home])
+    assert error[~yaw].max() < 2e-4
+    assert error[yaw].max() < 2e-3
+    clamped = msgspec.structs.replace(design, stage=[_clamped(stage) for stage in design.stage])
+    assert np.abs(modes.solve(fidelity.linear_model(clamped, "beam")).frequency / thin.frequency - 1).max() > 0.05
+
+
+def _clamped(stage):
+    return msgspec.structs.replace(stage, wires=msgspec.structs.replace(stage.wires, clamp="wire"))
 
 
 def test_a_tighter_tolerance_takes_more():

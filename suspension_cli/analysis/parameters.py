@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 
 from suspension_cli.design import materials, reader
-from suspension_cli.design.schema import Design
+from suspension_cli.design.schema import Design, Material
 
 STEP = 1e-30
 """Imaginary step in a parameter's own unit; its square is far below rounding for any number that a design may hold."""
@@ -93,7 +93,8 @@ def stepped(design: Design, name: str) -> Design:
     """A design with `STEP` i added to one of its numbers."""
     keys = name.split(".")
     if keys[0] == "materials":  # what is built in may be moved too
-        own = materials.resolve(design, keys[1])
+        given = design.materials.get(keys[1], Material())  # what is not moved stays as it was, and only losses that are given count for strings
+        own = msgspec.structs.replace(materials.resolve(design, keys[1]), loss=given.loss, loss_angle=given.loss_angle)
         return msgspec.structs.replace(design, materials=design.materials | {keys[1]: _moved(own, keys[2:])})
     for path in twins(name):
         design = _moved(design, path.split("."))
