@@ -166,6 +166,19 @@ def test_trees_without_symmetry(seed):
     assert_exact(model, np.append(np.exp(rng.uniform(np.log(0.01), np.log(1e4), 3)), 0.01))
 
 
+@pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
+def test_one_input_at_a_time(kind, level, loss):
+    """What a single input needs solved again is told in another way than for many: among the modes, and where a part resonates by itself."""
+    model = plants.model(kind, level, loss=loss)
+    rng = np.random.default_rng(13)
+    parts = held_resonances(model) if len(model.body) > 1 else np.zeros(0)
+    frequency = np.sort(np.concatenate([np.exp(rng.uniform(np.log(0.3), np.log(30.0), 4)), parts[::5] * (1 + 1e-9), parts[1::5] * (1 + 1e-4)]))
+    frequency = np.concatenate([[0.01], frequency, [1e3]])
+    inputs, outputs = signals_of(model)
+    for drive in inputs[:: 1 if len(model.body) == 1 else 4]:
+        assert exact.compare(model, frequency, [drive], outputs).error.max() < REQUIRED
+
+
 @pytest.mark.parametrize("kind", ["triple", "quadruple"])
 @pytest.mark.parametrize("massless", [False, True])
 def test_on_a_support_that_gives_way(kind, massless):

@@ -104,11 +104,13 @@ def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], 
     result = np.zeros((len(rows), drives.shape[0], len(omega)), dtype=complex)
     _add(result, rows[:, :6] @ moves)
     reached = rows[:, :6] @ moves != 0  # memory that nothing has reached stays untouched
-    count, pulled, moved = 0, _pulled(model), moves.any(1)
+    seen: Any = rows.any(0)
+    pushed: Any = forces.any(1) | model.pulled[:, moves.any(1)].any(1)
+    count = 0
     for number, group in enumerate(model.blocks):
-        watched = np.flatnonzero(rows[:, group].any(1))
-        if not len(watched) or not (forces[group].any() or pulled[group][:, moved].any()):
+        if not (seen[group].any() and pushed[group].any()):
             continue
+        watched = np.flatnonzero(rows[:, group].any(1))
         part = prepared(model, number)
         touched = np.flatnonzero(part.driven(moves, forces))
         count += 1
@@ -154,12 +156,6 @@ def _demand_finite(finite: Any, omega: Array) -> None:
         raise InputError(
             [Fault("--frequency", "is a resonance without loss, where the response is infinite", "move it, or give loss_angle or damping", f"{at!r}")]
         )
-
-
-def _pulled(model: LinearModel) -> Any:
-    """Which of the support's motions pull on which coordinates: (N, 6) bool."""
-    full = model.stiffness if model.lossy is None else model.lossy
-    return (full[:, :6] != 0) | (model.damping[:, :6] != 0) | (model.mass[:, :6] != 0)
 
 
 def _add(result: Any, constant: Any) -> None:

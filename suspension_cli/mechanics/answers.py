@@ -14,9 +14,12 @@ import numpy as np
 from suspension_cli.design.scene import Array
 from suspension_cli.mechanics.condensed import Block
 from suspension_cli.mechanics.doubt import Table, table
+from suspension_cli.mechanics.elimination import LIGHT
 from suspension_cli.mechanics.refinement import refined
 from suspension_cli.mechanics.twofold import Twofold
 
+MANY = 4
+"""Inputs for which it is quicker to measure at each frequency what elimination loses, and solve densely where that is much, than to refine."""
 CHUNK = 1 << 18
 """Numbers (coordinates times inputs times frequencies) worked on at once: few enough to stay in the cache."""
 
@@ -56,7 +59,7 @@ def answers(block: Block, omega: Array, wanted: Asked) -> Iterator[tuple[slice, 
         if first == last:
             continue
         bounds = table(block, omega[first], omega[last - 1], carried=carried)
-        limit = bounds.limit(wanted.seen, wanted.moves, wanted.pushed)
+        limit = bounds.limit(wanted.seen, wanted.moves, wanted.pushed, grown=wanted.moves.shape[1] < MANY)
         for start in range(first, last, step):
             now = slice(start, min(start + step, last))
             yield now, *_answers(block, omega[now], wanted, bounds, limit, carried=carried)
@@ -74,16 +77,19 @@ def _left_behind(block: Block, wanted: Asked) -> bool:
 
 
 def _answers(block: Block, omega: Array, wanted: Asked, bounds: Table, limit: Any, *, carried: bool) -> tuple[list[Any], Any]:
-    factors = block.factored(omega, wanted.moves.shape[1])
+    factors = block.factored(omega, None if wanted.moves.shape[1] < MANY else LIGHT)
     x = block.solve(factors, omega, wanted.moves, wanted.pushed, carried=carried)
     values = [_combined(form, x) for form in wanted.seen]
-    bad = _doubtful(values, limit, bounds.cell(omega), factors.growth)
+    bad = _doubtful(values, limit, bounds.cell(omega), None if wanted.moves.shape[1] < MANY else factors.growth)
     where = bad.nonzero()
     if len(where[0]):
         better = refined(block, factors, where[1], omega[where[1]], wanted.moves[:, where[0]], wanted.pushed[:, where[0]], x[:, *where])
         for n, form in enumerate(wanted.seen):
             values[n] = _with(values[n], where, form, better)
-    return values, np.isfinite(x).all((0, 1))
+    finite = np.isfinite(values[0]).all(0)
+    for value in values[1:]:
+        finite &= np.isfinite(value).all(0)
+    return values, finite
 
 
 def _doubtful(values: list[Any], limit: Any, cell: Any, growth: Any) -> Any:
@@ -92,7 +98,8 @@ def _doubtful(values: list[Any], limit: Any, cell: Any, growth: Any) -> Any:
     bound, size, found = np.empty(bad.shape), np.empty(bad.shape), np.empty(bad.shape, dtype=bool)
     for value, one in zip(values, limit, strict=True):
         np.take(one, cell, axis=1, out=bound, mode="clip")
-        bound *= growth
+        if growth is not None:
+            bound *= growth
         np.less(np.abs(value, out=size), bound, out=found)
         bad |= found
     return bad
@@ -120,5 +127,5 @@ def _form(form: Any, x: Twofold) -> Any:
     """A linear form (c,) of coordinates (c, P)."""
     chosen = form.nonzero()[0]
     if len(chosen) == 1 and form[chosen[0]] == 1.0:
-        return x.value[chosen[0]]
+        return x.high[chosen[0]] + x.low[chosen[0]]
     return (Twofold.of(form[None, chosen, None]) * x[None, chosen]).total().value[0]

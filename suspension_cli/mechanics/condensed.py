@@ -13,6 +13,10 @@ from suspension_cli.mechanics import elimination, reduction
 from suspension_cli.mechanics.invariance import completed
 from suspension_cli.mechanics.model import LinearModel
 
+BURIED = 1e-6
+"""Relative distance from the resonance of a part within which elimination leaves too few digits to refine."""
+NOTHING = np.zeros(0, dtype=np.intp)
+
 
 @dataclass(frozen=True)
 class Piece:
@@ -34,9 +38,11 @@ class Piece:
             result[r, c] += (1j * self.damping[r, c]) * omega
         return result
 
-    def times(self, columns: Any) -> Piece:
-        """These rows times constant columns (s, k)."""
-        return Piece(self.stiffness @ columns, self.mass @ columns, self.damping @ columns)
+    def times(self, columns: Any, omega: Array, square: Array) -> Any:
+        """Its product (r, k, f), or (r, k, 1), with constant columns (s, k)."""
+        if not self.moving and not self.resisting:
+            return (self.stiffness @ columns)[..., None]
+        return Piece(self.stiffness @ columns, self.mass @ columns, self.damping @ columns).at(omega, square)
 
     @cached_property
     def moving(self) -> list[Any]:
@@ -77,6 +83,8 @@ class Block:
         support that leaves no place to rest.
     resonances : (r,) array
         Undamped, rad/s, ascending; 0 for what is not held or not stable.
+    parts : (p,) array
+        The same, ascending, of each part of the tree by itself, hanging from a body that is held.
     tree : Tree
         The coordinates by body; one node if they form no tree.
     own, link, support, carried : tuples of Piece
@@ -96,6 +104,7 @@ class Block:
     pulled: Any
     settled: Any
     resonances: Any
+    parts: Any
     tree: elimination.Tree
     own: tuple[Piece, ...]
     link: tuple[Piece | None, ...]
@@ -116,12 +125,20 @@ class Block:
         result, dropped = forces[self.keep], forces[self.drop]
         return result + self.recover @ dropped if dropped.any() else result
 
-    def factored(self, omega: Array, count: int) -> elimination.Factors:
-        """K + i omega C - omega^2 M at some frequencies (f,) in rad/s, ready to be solved for so many right-hand sides."""
+    def factored(self, omega: Array, limit: float | None = None) -> elimination.Factors:
+        """K + i omega C - omega^2 M at some ascending frequencies (f,) in rad/s, ready to be solved.
+
+        With a limit, growth is measured, and where it is above the limit systems are to be solved densely; without, they are but where
+        a part is so close to resonating by itself that refining has nothing to start from.
+        """
         square = omega**2
         diagonal = [_everywhere(piece.at(omega, square), len(omega)) for piece in self.own]
         links = [None if piece is None else piece.at(omega, square) for piece in self.link]
-        return elimination.factored(diagonal, links, self.tree, elimination.LIGHT if count >= elimination.MANY else elimination.BURIED)
+        if limit is not None:
+            return elimination.factored(diagonal, links, self.tree, limit)
+        around = np.searchsorted(omega, self.parts[:, None] * (1 - BURIED, 1 + BURIED))
+        buried = np.unique(np.concatenate([NOTHING, *(np.arange(first, last) for first, last in around.tolist() if last > first)]))
+        return elimination.factored(diagonal, links, self.tree, buried=buried)
 
     def solve(self, factors: elimination.Factors, omega: Array, moves: Any, pushed: Any, *, carried: bool) -> Any:
         """Coordinates (c, i, f) for support motions (6, i) and forces (c, i).
@@ -134,14 +151,13 @@ class Block:
         in which nothing cancels, where in (...) x = -K_s s + ... it would be all but omega^2 of everything.  Far above them it is the other
         way round.
         """
-        square, count = omega**2, len(omega)
+        square = omega**2
         moved, forced = moves.any(0).nonzero()[0], pushed.any(0).nonzero()[0]
         right = []
         for piece, where in zip(self.carried if carried else self.support, self.tree.where, strict=True):
             force = elimination.Columns(forced, pushed[where][:, forced, None]).needed()
             if len(moved) and not piece.empty:
-                drag = piece.times(-moves[:, moved]).at(omega, square)
-                force = elimination.Columns(moved, _everywhere(drag, count)).joined(force)
+                force = elimination.Columns(moved, piece.times(-moves[:, moved], omega, square)).joined(force)
             right.append(force)
         result = factors.solve_columns(right, moves.shape[1])
         return result + (self.settled @ moves)[..., None] if carried else result
@@ -210,12 +226,26 @@ def _block(model: LinearModel, block: Index) -> Block:
         pulled=full[np.ix_(drop, np.arange(6))],
         settled=settled,
         resonances=reduction.resonances(stiffness.real, matrices[1]),
+        parts=_parts(stiffness.real, matrices[1], tree),
         tree=tree,
         own=tuple(piece(node, node + 6) for node in tree.nodes),
         link=tuple(None if above < 0 else piece(tree.nodes[above], node + 6) for node, above in zip(tree.nodes, tree.parent, strict=True)),
         support=tuple(piece(node, np.arange(6)) for node in tree.nodes),
         carried=tuple(Piece(*(matrix[node] for matrix in left)) for node in tree.nodes),
     )
+
+
+def _parts(stiffness: Any, mass: Any, tree: elimination.Tree) -> Any:
+    """Resonances of all that hangs from each node's parent with it."""
+    below = [list(node) for node in tree.nodes]
+    found = [np.zeros(0)]
+    for n in range(len(tree.nodes) - 1, -1, -1):
+        if tree.parent[n] >= 0:
+            rows = np.sort(np.array(below[n], dtype=np.intp))
+            columns = np.concatenate([np.arange(6), 6 + rows])
+            found.append(reduction.resonances(stiffness[np.ix_(rows, columns)], mass[np.ix_(rows, columns)]))
+            below[tree.parent[n]] += below[n]
+    return np.unique(np.concatenate(found))
 
 
 def _without_tips(model: LinearModel, full: Any, block: Index, light: Any) -> tuple[reduction.Reduced, Any, Any]:

@@ -41,25 +41,31 @@ class Table:
     ----------
     edge : (e,) array
         rad/s, ascending.
-    size : (e - 1, c, 6 + c) array
-        n between each frequency and the next, of each coordinate for unit motions of the support and unit forces on the coordinates.
+    size : (c, e - 1, 6 + c) array
+        n of each coordinate, between each frequency and the next, for unit motions of the support and unit forces on the coordinates.
+    growth : (e - 1,) array
+        By how much elimination makes more of that (`elimination.Factors`).
     """
 
     edge: Array
     size: Any
+    growth: Any
 
-    def limit(self, rows: Any, moves: Any, pushed: Any) -> Any:
-        """Below what (o, i, e - 1) linear forms (o, c) are in doubt, for inputs told by motions (6, i) and forces (c, i)."""
+    def limit(self, rows: Any, moves: Any, pushed: Any, *, grown: bool) -> Any:
+        """Below what (o, i, e - 1) linear forms (o, c) are in doubt, for inputs told by motions (6, i) and forces (c, i).
+
+        Growth is counted if `grown`; else it is left to be measured.
+        """
         inputs = np.abs(np.concatenate([moves, pushed]))
-        felt = self.size.reshape(-1, len(inputs)) @ inputs  # one product of matrices for all frequencies
-        felt = np.tensordot(np.abs(rows) / DOUBT, felt.reshape(*self.size.shape[:2], -1), axes=(1, 1))
-        return np.swapaxes(felt, 1, 2)
+        whole = (np.abs(rows) / DOUBT) @ self.size.reshape(len(self.size), -1)  # products of plain matrices, not one for every frequency
+        felt = (whole.reshape(-1, len(inputs)) @ inputs).reshape(len(rows), -1, inputs.shape[1])
+        return np.swapaxes(felt * self.growth[:, None] if grown else felt, 1, 2)
 
     def cell(self, omega: Array) -> Any:
         """Between which of the grid's frequencies and the next some ascending ones lie."""
         place = np.searchsorted(omega, self.edge)
         place[0], place[-1] = 0, len(omega)
-        return np.repeat(np.arange(len(self.size)), place[1:] - place[:-1])
+        return np.repeat(np.arange(len(self.edge) - 1), place[1:] - place[:-1])
 
 
 def table(block: Block, low: float, high: float, *, carried: bool) -> Table:
@@ -67,22 +73,29 @@ def table(block: Block, low: float, high: float, *, carried: bool) -> Table:
     key, span = (Table, carried), (low, high)
     if key not in block.kept or block.kept[key][0] != span:  # the last is kept, for calls that repeat
         edge = _edges(block, low, high)
-        size = _sizes(block, edge, carried=carried)
-        size = np.maximum(size[:-1], size[1:])
-        poles = block.resonances[(block.resonances >= low) & (block.resonances <= high)]
-        size[np.clip(np.searchsorted(edge, poles) - 1, 0, len(size) - 1)] = HOPELESS
-        block.kept[key] = span, Table(edge, size)
+        size, growth = _sizes(block, edge, carried=carried), block.factored(edge, np.inf).growth
+        size, growth = np.maximum(size[:-1], size[1:]), np.nan_to_num(np.maximum(growth[:-1], growth[1:]), nan=HOPELESS, posinf=HOPELESS)
+        size[_enclosing(edge, block.resonances)] = HOPELESS
+        growth[_enclosing(edge, block.parts)] = HOPELESS
+        block.kept[key] = span, Table(edge, np.ascontiguousarray(np.swapaxes(size, 0, 1)), growth)
     return block.kept[key][1]
 
 
 def _edges(block: Block, low: float, high: float) -> Array:
-    """Evenly in the logarithm, and closing in on each pole from both sides; at least two, both ends among them."""
+    """Evenly in the logarithm, and closing in on each pole, of the whole or a part, and each zero of D's diagonal; at least two, both ends among them."""
     start = max(low, high * 1e-9)
     if start == high:
         return np.array([low, high])
     base = np.geomspace(start, high, int(DECADE * np.log10(high / start)) + 2)
-    near = (block.resonances[:, None] * np.concatenate([1 - NEAR, 1 + NEAR])).ravel()
+    crossings = [np.sqrt(k / m) for piece in block.own for k, m in zip(np.diag(piece.stiffness.real), np.diag(piece.mass), strict=True) if k > 0 and m > 0]
+    near = (np.concatenate([block.resonances, block.parts, crossings])[:, None] * np.concatenate([1 - NEAR, 1 + NEAR])).ravel()
     return np.unique(np.concatenate([[low], base[1:-1], near[(near > low) & (near < high)], [high]]))
+
+
+def _enclosing(edge: Array, poles: Array) -> Any:
+    """Between which frequencies of the grid and the next there are poles."""
+    inside = poles[(poles >= edge[0]) & (poles <= edge[-1])]
+    return np.clip(np.searchsorted(edge, inside) - 1, 0, len(edge) - 2)
 
 
 def _sizes(block: Block, edge: Array, *, carried: bool) -> Any:

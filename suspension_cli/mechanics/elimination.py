@@ -28,10 +28,8 @@ GROWTH = 30.0
 A ratio of like to like, so it does not depend on units (a norm over metres and radians would).  So many times the rounding
 error of the dense solve is what block elimination may lose.
 """
-BURIED = 1e7
-"""Growth that leaves so few digits that refining would take many steps: the limit for those who refine."""
-MANY, LIGHT = 4, 8.0
-"""For that many right-hand sides and more, a dense solution of a system is cheaper than to refine each: the limit is then this growth."""
+LIGHT = 8.0
+"""The same where what elimination loses is refined afterwards, but for so many right-hand sides that a dense solution is cheaper."""
 
 
 @dataclass(frozen=True)
@@ -131,11 +129,13 @@ class Factors:
 
     def some(self, which: Any) -> Factors:
         """Some of the systems, some perhaps more than once."""
+        own, toward = (tuple(None if part is None else np.take(part, which, axis=-1) for part in parts) for parts in (self.own, self.toward))
+        if not len(self.buried):
+            return Factors(self.structure, own, toward, self.growth[which], self.buried, self.whole)
         place = np.full(len(self.growth), -1)
         place[self.buried] = np.arange(len(self.buried))
         dense_ones = place[which]
         buried = np.flatnonzero(dense_ones >= 0)
-        own, toward = (tuple(None if part is None else part[..., which] for part in parts) for parts in (self.own, self.toward))
         return Factors(self.structure, own, toward, self.growth[which], buried, self.whole[..., dense_ones[buried]])
 
     def solve(self, rhs: list[Any]) -> Any:
@@ -171,7 +171,7 @@ class Factors:
         return result
 
 
-def factored(diagonal: list[Any], links: list[Any], structure: Tree, limit: float) -> Factors:
+def factored(diagonal: list[Any], links: list[Any], structure: Tree, limit: float = np.inf, *, buried: Any = None) -> Factors:
     """Eliminate body by body.
 
     Parameters
@@ -183,6 +183,8 @@ def factored(diagonal: list[Any], links: list[Any], structure: Tree, limit: floa
     structure : Tree
     limit : float
         Growth above which a system is to be solved densely.
+    buried : (b,) int array, optional
+        The systems to be solved densely, if that is known: growth is then not measured.
     """
     count = diagonal[0].shape[-1]
     schur, toward = list(diagonal), list(links)
@@ -194,11 +196,13 @@ def factored(diagonal: list[Any], links: list[Any], structure: Tree, limit: floa
             if across is None:
                 continue
             toward[n] = _divided(schur[n], np.swapaxes(across, 0, 1))
-            schur[above], taken = _less(schur[above], np.swapaxes(toward[n], 0, 1), across)
-            for row, part in enumerate(taken):
-                np.maximum(growth, part / np.abs(diagonal[above][row, row]), out=growth)
+            schur[above], terms = _less(schur[above], np.swapaxes(toward[n], 0, 1), across)
+            for row, taken in enumerate(terms if buried is None else []):
+                sizes = [np.abs(term) for term in taken]
+                np.maximum(growth, sum(sizes[1:], sizes[0]) / np.abs(diagonal[above][row, row]), out=growth)
+    if buried is None:
         buried = np.flatnonzero(~(growth < limit))
-    growth[buried] = 1.0
+        growth[buried] = 1.0
     return Factors(structure, tuple(schur), tuple(toward), growth, buried, _whole(diagonal, links, structure, buried))
 
 
@@ -225,7 +229,7 @@ def _divided(own: Any, right: Any) -> Any:
 
 
 def _less(matrix: Any, upward: Any, across: Any) -> tuple[Any, list[Any]]:
-    """A symmetric D less U B^T, and for each row the sizes of what is taken from its diagonal, summed."""
+    """A symmetric D less U B^T, and for each row the terms that are taken from its diagonal."""
     result, taken = np.empty((*matrix.shape[:2], upward.shape[-1]), dtype=np.result_type(matrix, upward)), []
     for row in range(len(matrix)):
         for column in range(row, len(matrix)):
@@ -235,8 +239,7 @@ def _less(matrix: Any, upward: Any, across: Any) -> tuple[Any, list[Any]]:
             if column != row:
                 result[column, row] = result[row, column]
             else:
-                sizes = [np.abs(term) for term in terms]
-                taken.append(sum(sizes[1:], sizes[0]))
+                taken.append(terms)
     return result, taken
 
 
@@ -268,11 +271,12 @@ class Columns:
         return self if len(which) == len(self.which) else Columns(self.which[which], self.value[:, which])
 
     def joined(self, other: Columns) -> Columns:
-        """Both, where they have none in common; the last axis of the others may be 1."""
+        """Both, where they have none in common."""
         if not len(other.which):
             return self
-        more = np.broadcast_to(other.value, (*other.value.shape[:2], self.value.shape[-1]))
-        return Columns(np.concatenate([self.which, other.which]), np.concatenate([self.value, more], axis=1))
+        count = max(self.value.shape[-1], other.value.shape[-1])
+        values = [np.broadcast_to(part.value, (*part.value.shape[:2], count)) for part in (self, other)]
+        return Columns(np.concatenate([self.which, other.which]), np.concatenate(values, axis=1))
 
     def some(self, systems: Any, count: int) -> Any:
         """All `count` of some systems, (s, count, p)."""
@@ -285,7 +289,7 @@ class Columns:
         if not len(child.which):
             return self
         pushed = multiply(upward, child.value)
-        if np.array_equal(self.which, child.which):
+        if self.which is child.which or self.which.tolist() == child.which.tolist():
             return Columns(self.which, self.value - pushed)
         if not len(self.which):
             return Columns(child.which, -pushed)

@@ -79,6 +79,12 @@ class LinearModel:
         return 6 * (self.body.index(body) + 1) + DOFS.index(dof)
 
     @cached_property
+    def pulled(self) -> Any:
+        """Which of the support's motions pull on which coordinates: (N, 6) bool; without batch axes."""
+        full = self.stiffness if self.lossy is None else self.lossy
+        return (full[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
+
+    @cached_property
     def prepared(self) -> dict[Any, Any]:
         """What a solver works out once for each block and keeps here for its next call."""
         return {}

@@ -16,7 +16,7 @@ import numpy as np
 from suspension_cli.design.scene import Array
 from suspension_cli.mechanics.condensed import Block
 from suspension_cli.mechanics.elimination import Factors
-from suspension_cli.mechanics.twofold import Twofold, gathered, two_product
+from suspension_cli.mechanics.twofold import Twofold, gathered, two_product, two_sum
 
 STEPS = 5
 """At most; beside a lossless pole to the last bit no number of steps helps."""
@@ -75,7 +75,8 @@ def _equations(block: Block) -> Equations:
     ]
     used = [np.arange(parts[0][0].shape[1]), *(np.flatnonzero(high.any(0)) for high, _ in parts[1:])]
     high, low = (np.concatenate([part[n][:, columns] for part, columns in zip(parts, used, strict=True)], axis=1) for n in (0, 1))
-    width = max(int((high != 0).sum(1).max(initial=0)), 1)
+    width = 1 << int(np.ceil(np.log2(max((high != 0).sum(1).max(initial=0), 1))))  # sums are taken in pairs
+    width = min(width, high.shape[1])
     column = np.argsort(high == 0, axis=1, kind="stable")[:, :width]  # what is not 0 first
     factor = Twofold(np.take_along_axis(high, column, 1)[..., None], np.take_along_axis(low, column, 1)[..., None])
     return Equations(column, factor, used[1], used[2], split)
@@ -113,7 +114,9 @@ def refined(block: Block, factors: Factors, which: Any, omega: Array, moves: Any
     for start in range(0, len(omega), SYSTEMS):
         now = slice(start, start + SYSTEMS)
         parts.append(_refined(block, given, factors.some(which[now]), omega[now], moves[:, now], pushed[:, now], x[:, now]))
-    found = Twofold(*(np.concatenate([getattr(part, name) for part in parts], axis=1) for name in ("high", "low")))
+    found = parts[0]
+    if len(parts) > 1:
+        found = Twofold(*(np.concatenate([getattr(part, name) for part in parts], axis=1) for name in ("high", "low")))
     return (found[:count], found[count:]) if given.split else (found, None)
 
 
@@ -128,8 +131,8 @@ def _refined(block: Block, given: Equations, factors: Factors, omega: Array, mov
         better = change < size
         if not better.all():  # a step that grows, or is no number, leads nowhere
             step = np.where(better, step, 0.0)
-        after = found[:, left] + Twofold.of(np.concatenate([step.real, step.imag]) if given.split else step)
-        found.high[:, left], found.low[:, left] = after.high, after.low
+        high, low = two_sum(found.high[:, left], np.concatenate([step.real, step.imag]) if given.split else step)
+        found.high[:, left], found.low[:, left] = high, found.low[:, left] + low
         again = (better & (change > ENOUGH)).nonzero()[0]
         if not len(again):
             break

@@ -19,7 +19,7 @@ CUT = 134217729.0
 """2^27 + 1."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Twofold:
     """high + low, arrays of one shape; low is of the order of a rounding of what high was made of."""
 
