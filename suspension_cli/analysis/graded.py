@@ -21,7 +21,7 @@ APART = 1e-3
 EPS = np.finfo(float).eps
 
 
-def solve(mass: Array, stiffness: Array) -> tuple[Array, Array]:
+def solve(mass: Array, stiffness: Array) -> tuple[Any, Any]:
     """Eigenvalues (m,), ascending, and shapes (c, m) of unit modal mass.
 
     Parameters
