@@ -123,7 +123,7 @@ def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
     """What a results file says of where it comes from."""
     from suspension_cli.results import Provenance
 
-    return Provenance(source.text, options.command_line(argv), choice.level, choice.reason, choice.error)
+    return Provenance(source.text, options.command_line(argv), choice.level, choice.reason, error=choice.error)
 
 
 def estimate(choice: Choice) -> float | None:

@@ -16,6 +16,7 @@ COMMANDS = {
     "tolerance": "Random builds: scatter of modes and cross-coupling, what matters most.",
     "damp": "Local control: closed-loop poles, margins, impulse response, sensor noise.",
     "export": "State space for control: mat, npz, hdf5, zpk, python-control.",
+    "info": "How much model a design needs, and which rung auto takes.",
     "check": "Check designs and show what their wires carry.",
     "draw": "Draw a design to scale, side on and face on.",
     "new": "Start a design: a commented, valid file to edit.",

@@ -117,7 +117,7 @@ def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool
     from suspension_cli.results import modes as files
 
     path = folder / f"{source.design.design.name}-modes.h5"
-    files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason, choice.error))
+    files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason, error=choice.error))
     voice.say(f"wrote {path}")
     if plot:
         from suspension_cli.design.expand import expand
@@ -150,7 +150,9 @@ def document(name: str, choice: Choice, modes: Modes) -> dict[str, Any]:
             row["growth_rate_per_s"] = float(modes.growth_rate[n])
         share = {"label": labels[n], "share": float(modes.shares[n].max()), "top_mass_share": float(modes.top_share[n]), "verdict": verdicts[n]}
         rows.append(row | share)
-    return {"command": "modes", "design": name, "fidelity": choice.level, "estimated_error": analyses.estimate(choice), "stable": modes.stable, "modes": rows}
+    return {"command": "modes", "design": name, "fidelity": choice.level, "stable": modes.stable, "modes": rows} | {
+        "estimated_error": analyses.estimate(choice)
+    }
 
 
 def table(source: Source, choice: Choice, modes: Modes) -> str:

@@ -14,7 +14,7 @@ from suspension_cli.mechanics import blade, spring, string
 from suspension_cli.mechanics.blocks import symmetry, unsplit
 from suspension_cli.mechanics.equilibrium import Equilibrium, solve
 from suspension_cli.mechanics.model import LinearModel
-from suspension_cli.mechanics.pose import Layout, Pose, layout, point_jacobian
+from suspension_cli.mechanics.pose import Layout, Pose, layout, point_jacobian, rigid_motion
 
 
 def linear_model(scene: Scene, balanced: Equilibrium | None = None, *, split: bool = True) -> LinearModel:
@@ -65,6 +65,7 @@ def linear_model(scene: Scene, balanced: Equilibrium | None = None, *, split: bo
         orientation=None if balanced.iterations == 0 else pose.rotation,
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
+        rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
     )
 
 

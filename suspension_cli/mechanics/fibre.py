@@ -123,12 +123,12 @@ class Moving:
         result = {"bending-upper": 0.0, "bending-lower": 0.0}
         length, top = sum(section.length for section in sections), 0.0
         for section, motion, (waves, rigidity, mass) in zip(sections, each, self._bends[self._twin(part)], strict=True):
-            lost = np.asarray(rigidity).imag
+            lost = np.imag(rigidity)
             for half, value in enumerate(curvature.squared(waves, motion)):
                 centre = top + (0.25 + 0.5 * half) * section.length
                 result["bending-upper" if centre < length / 2 else "bending-lower"] += lost * value
             if self.strand.surrounded is not None and self.strand.massive:
-                result["gas"] = result.get("gas", 0.0) - np.asarray(mass).imag * self.omega**2 * curvature.displaced(waves, motion)
+                result["gas"] = result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * curvature.displaced(waves, motion)
             top += section.length
         return result
 
@@ -137,7 +137,7 @@ class Moving:
         total = 0.0
         for section, motion in zip(sections, each, strict=True):
             rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
-            total = total + np.asarray(rigidity).imag * rod.strained(rigidity, mass, section.length / 2, self.omega, motion)
+            total = total + np.imag(rigidity) * rod.strained(rigidity, mass, section.length / 2, self.omega, motion)
         return {name: total}
 
     def _twin(self, part: str) -> str:

@@ -45,6 +45,9 @@ class LinearModel:
         Names of the wires (string rung).
     terms : tuple of Term
         What depends on frequency (`beam`, `violin`): see `mechanics.dispersion`.
+    rigid : (..., N, 6) array or None
+        How the coordinates go when everything moves with the support as one body, for unit motions of the support in m and rad: 0 for what
+        is told relative to a body (tips of blades, the frame).  None if that is not known.
     """
 
     body: tuple[str, ...]
@@ -59,6 +62,7 @@ class LinearModel:
     residual: float = 0.0
     wire: tuple[str, ...] = ()
     terms: tuple[Term, ...] = ()
+    rigid: Any = None
 
     @property
     def size(self) -> int:

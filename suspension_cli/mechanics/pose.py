@@ -15,7 +15,7 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.scene import Array, Index, Scene
-from suspension_cli.rotations import turning
+from suspension_cli.rotations import cross_matrix, turning
 
 
 @dataclass(frozen=True)
@@ -98,6 +98,29 @@ def displaced(numbering: Layout, pose: Pose, step: Any) -> Pose:
         turn=turn + pose.turn + turn @ pose.turn,
         deflection=pose.deflection + padded[..., numbering.blade],
     )
+
+
+def rigid_motion(size: int, position: Any) -> Array:
+    """How all coordinates go when everything moves as one body with the support.
+
+    Parameters
+    ----------
+    size : int
+        Number N of coordinates; those after the bodies' are relative to a body, and stay 0.
+    position : (..., n + 1, 3) array
+        COM of each body from the suspension point, m; row 0 is the support.
+
+    Returns
+    -------
+    (..., N, 6) array
+        For unit motions of the support, in m and rad.
+    """
+    position = np.asarray(position, dtype=float)
+    result = np.zeros((*position.shape[:-2], size, 6))
+    for n in range(position.shape[-2]):
+        result[..., 6 * n : 6 * n + 6, :] = np.eye(6)
+        result[..., 6 * n : 6 * n + 3, 3:] = -cross_matrix(position[..., n, :] - position[..., 0, :])
+    return result
 
 
 def point_jacobian(numbering: Layout, pose: Pose, body: Index, arm: Any, blade: Index | None = None) -> Array:

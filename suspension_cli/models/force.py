@@ -21,9 +21,10 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.derive import blade_loss, blade_stiffness, body_inertia, body_mass, set_geometry, wire_loss, wire_stiffness
+from suspension_cli.design.derive import blade_loss, blade_stiffness, body_inertia, body_mass, com_positions, set_geometry, wire_loss, wire_stiffness
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.rotations import cross_matrix
 
 BLOCKS = {"longitudinal-pitch": ("x", "pitch"), "transverse-roll": ("y", "roll"), "vertical": ("z",), "yaw": ("yaw",)}
 """The four blocks and their coordinates of each body."""
@@ -279,6 +280,7 @@ def linear_model(design: Design) -> LinearModel:
         stiffness=_whole(links, size),
         damping=np.zeros((size, size)),
         lossy=_whole(chain(design, lossy=True), size) if lossy else None,
+        rigid=_together(design),
     )
 
 
@@ -294,4 +296,13 @@ def _whole(links: Chain, size: int) -> Any:
     for name, matrix in blocks.items():
         rows = _rows(name, size // 6)
         result[np.ix_(rows, rows)] = matrix
+    return result
+
+
+def _together(design: Design) -> Any:
+    """How all coordinates go (N, 6) when everything moves as one with the support: a body below a turning support swings out."""
+    positions = com_positions(design)
+    result = np.concatenate([np.eye(6)] * (len(design.stage) + 1))
+    for n, stage in enumerate(design.stage, 1):
+        result[6 * n : 6 * n + 3, 3:] = -cross_matrix(np.array(positions[stage.name]))
     return result

@@ -5,7 +5,8 @@ stiffness sqrt(T EI) against turning (Gonzalez and Saulson, J. Acoust. Soc. Am. 
 
     swinging:  u / l,        turning:  sum sqrt(T EI) / (2 sum (T z + k x^2))       (z, x: where the wires hold the body, from its COM)
 
-are the relative changes of frequencies; where a design tells the points at which wires seem to bend, (u / l)^2 is left.  Torsion changes yaw by sum(GJ / l) / (2 sum(T r^2 / l)).
+are the relative changes of frequencies; where a design tells the points at which wires seem to bend, (u / l)^2 is left.  Torsion changes yaw by
+sum(GJ / l) / (2 sum(T r^2 / l)).
 
 Mass.  A wire of mass m_w swings with its body as m_w / 3 would, which lowers a frequency by m_w / (6 m); at a frequency f its inertia counts against its
 tension as (f / f1)^2, f1 its first violin mode.

@@ -88,4 +88,5 @@ def with_frame(model: LinearModel, design: Design) -> LinearModel:
         damping=widened(model.damping, own["damping"]),
         lossy=lossy,
         terms=tuple(term.spread(spread) for term in model.terms),
+        rigid=None if model.rigid is None else np.concatenate([model.rigid, np.zeros((*model.rigid.shape[:-2], count, 6))], axis=-2),
     )

@@ -82,7 +82,9 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
 def _line(axes: Axes, row: Row, name: str, **look: Any) -> None:
     """One method, with a cross where it breaks."""
     error, at = _shown(row.error[name]), row.broken_at(name)
-    axes.plot(row.value, error, label=name, **look)
+    along = np.linspace(0, len(error) - 1, 20 * len(error))  # points between, so that the legend sees the whole line
+    value, shown = (np.exp(np.interp(along, np.arange(len(error)), np.log(part))) for part in (row.value, error))
+    axes.plot(value, shown, label=name, **look)
     if at is not None:
         size = 3.5 + look["linewidth"]
         axes.plot(at, error[list(row.value).index(at)], "x", color=look["color"], markersize=size, markeredgewidth=1.2, zorder=look["zorder"] + 1)
