@@ -14,6 +14,7 @@ from suspension_cli.analysis.modes import Modes
 from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
+from suspension_cli.errors import InputError
 from suspension_cli.mechanics.equilibrium import loads
 from suspension_cli.mechanics.model import LinearModel
 
@@ -73,7 +74,7 @@ def of(design: Design, model: LinearModel, found: Modes) -> Limits:
     return Limits(
         digits=_near(found.label, digits, int(digits.argmax()), worth=bool((digits > DIGITS).any())),
         tipping=_near(found.label, height, int(height.argmin()), worth=bool((height < TIPPING).any())),
-        slack=slackest(design, statics.solve(design)) if _may_differ(design) else None,
+        slack=_slackest(design) if _may_differ(design) else None,
         balance=model.residual if model.residual > BALANCE else 0.0,
     )
 
@@ -105,6 +106,14 @@ def slackest(design: Design, carried: statics.Carried) -> Near | None:
             if wire.tension < worst.value * mean:
                 worst = Near(wire.label, wire.tension / mean)
     return worst if worst.value < SLACK else None
+
+
+def _slackest(design: Design) -> Near | None:
+    """The same from the design; None too where it balances only on wires that bend."""
+    try:
+        return slackest(design, statics.solve(design))
+    except InputError:
+        return None
 
 
 def _may_differ(design: Design) -> bool:

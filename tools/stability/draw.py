@@ -74,7 +74,7 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
     if span[1] < 100 * span[0]:
         axes.set_xticks(row.value[::3], [f"{value:g}" for value in row.value[::3]])
     handles, labels = axes.get_legend_handles_labels()
-    key = axes.legend(handles, labels, fontsize=5.6, loc="best", handlelength=2.0, labelspacing=0.25, borderaxespad=0.2, frameon=True, framealpha=0.85)
+    key = axes.legend(handles, labels, fontsize=5.6, loc=row.legend, handlelength=2.0, labelspacing=0.25, borderaxespad=0.2, frameon=True, framealpha=0.85)
     key.get_frame().set_linewidth(0.0)
     key.set_zorder(10)
 

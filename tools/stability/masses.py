@@ -81,7 +81,7 @@ def row(mass: Any = MASS) -> Row:
         answers = {
             f"{SHIPPED}: pitch of the light body": relative(equilibrium.solve(scene).pose.turn[2, 0, 2], exact),
             f"{SHIPPED}: ω² of all modes": relative(np.sort(modes.solve(drawn).omega_squared), reference),
-            "pitch, judged by the whole weight": relative(whole_weight(scene).turn[2, 0, 2], exact),
+            "pitch, by the whole weight": relative(whole_weight(scene).turn[2, 0, 2], exact),
             "ω², eigenvalues of M⁻¹K": relative(naive.unscaled(drawn), reference),
         }
         for name, off in answers.items():
@@ -97,4 +97,5 @@ def row(mass: Any = MASS) -> Row:
             "The program judges the forces on every body by what that body carries; eigenvalues do not mind, as each mass scales its own rows."
         ),
         limit="none found",
+        legend="upper left",
     )
