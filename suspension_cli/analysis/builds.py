@@ -77,12 +77,15 @@ class Builds:
     mirrors: Any
 
 
-def balance(scene: Scene, design: Design, *, allow_unstable: bool = False) -> Builds:
-    """Equilibrium and linear model of every scene of a batch with one axis; an unstable one is a failure unless that is allowed."""
+def balance(scene: Scene, design: Design, *, allow_unstable: bool = False, split: bool = False) -> Builds:
+    """Equilibrium and linear model of every scene of a batch with one axis; an unstable one is a failure unless that is allowed.
+
+    `split` looks for mirror symmetries that all scenes share: then what one scene gets depends on the others, unless all have the same ones.
+    """
     numbering = layout(scene)
     with np.errstate(all="ignore"):
         found = solve(scene, numbering)
-        model = surrounded(assemble.linear_model(scene, found, split=False), design)
+        model = surrounded(assemble.linear_model(scene, found, split=split), design)
         slack = found.tension <= 0
         status = np.full(scene.batch, GOOD, dtype=np.uint8)
         if not allow_unstable:

@@ -172,7 +172,7 @@ def what(argv: list[str]) -> str:
     return options.command_line(["pendsus", *kept])
 
 
-def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, setting: dict[str, Any], voice: options.Voice, fill: Any) -> None:
+def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, setting: dict[str, Any], voice: options.Voice, fill: Any, after: Any = None) -> None:
     """Run a sweep into its file, with a progress bar on stderr if it takes more than a second."""
     from suspension_cli.batch import Plan, run
     from suspension_cli.cli.progress import Bar
@@ -181,7 +181,7 @@ def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, settin
     origin = Provenance(source.text, what(sys.argv), choice.level, choice.reason, sweep=job.identity)
     try:
         with Bar(enabled=not voice.quiet) as bar:
-            run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill)
+            run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill, after)
     except KeyboardInterrupt:
         voice.warn(f"interrupted; what is done is in {path}.part, and the same command with --resume goes on")
         raise

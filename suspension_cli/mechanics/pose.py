@@ -142,7 +142,7 @@ def point_jacobian(numbering: Layout, pose: Pose, body: Index, arm: Any, blade: 
         Derivative of each point's position with respect to each coordinate.
     """
     batch, count = np.broadcast_shapes(arm.shape[:-2], pose.shift.shape[:-2]), len(body)
-    result = np.zeros((*batch, numbering.size + 1, count, 3))
+    result = np.zeros((*batch, numbering.size + 1, count, 3), dtype=np.result_type(arm, pose.rotation))
     points = np.arange(count)
     for axis in range(3):
         result[..., 6 * body + axis, points, axis] = 1.0
