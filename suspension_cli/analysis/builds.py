@@ -17,7 +17,7 @@ from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import assemble
 from suspension_cli.mechanics.blocks import mirrored
-from suspension_cli.mechanics.equilibrium import CONVERGED, solve
+from suspension_cli.mechanics.equilibrium import solve
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.mechanics.pose import layout
 from suspension_cli.models.surroundings import surrounded
@@ -91,7 +91,7 @@ def balance(scene: Scene, design: Design, *, allow_unstable: bool = False, split
         if not allow_unstable:
             status[grows(model)] = UNSTABLE
         status[slack.any(-1)] = SLACK
-        status[~(found.residual < CONVERGED)] = UNBALANCED
+        status[~found.converged] = UNBALANCED
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
     orientation = model.orientation if model.orientation is not None else found.pose.rotation

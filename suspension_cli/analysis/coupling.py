@@ -41,6 +41,9 @@ OF_BODY = {
 PARAMETERS = OF_WIRE | OF_BODY
 """What can be swept by a short name, and what it is; any dotted path of the design file goes too."""
 
+FAINT = 1e-17
+"""Ratio below which rounding shows: attachments are known to the last bit of their coordinates, and what that couples is of order 1e-19."""
+
 UNITS = {name: "1" if "factor" in text else "m" for name, text in PARAMETERS.items()}
 
 

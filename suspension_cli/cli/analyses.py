@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import options
+from suspension_cli.cli import limits, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.auto import Asked
@@ -115,6 +115,7 @@ def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voi
         if not allow_unstable:
             raise InputError([Fault("stage", f"the equilibrium is unstable: {worst}", "make it stable (raise d, say), or give --allow-unstable")])
         voice.warn(f"{source.design.design.name} is unstable: {worst}")
+    limits.warn(source.design, model, found, voice)
     return model
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import analyses, options
+from suspension_cli.cli import analyses, limits, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.modes import Modes
@@ -49,6 +49,7 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
         else:
             click.echo(("\n" if number else "") + table(source, choice, modes))
         _warn_of_series(source, choice, modes, voice)
+        limits.warn_on(source.design, choice.level, modes, voice)
         for label, rate in zip(modes.label, modes.growth_rate, strict=True):
             if rate > 0:
                 voice.warn(f"{source.design.design.name} is unstable: {label} grows at {rate:.4g} 1/s")
