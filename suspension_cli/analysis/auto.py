@@ -198,12 +198,19 @@ def _shifted(old: modes.Modes, without: LinearModel, new: modes.Modes, refined: 
         return float("inf")
     count = 6 * len(without.body)
     mass = refined.mass[6 : 6 + count, 6 : 6 + count]
-    overlap = np.abs(new.shape[:, :count] @ mass @ old.shape[:, :count].T)
-    from scipy.optimize import linear_sum_assignment
-
-    rows, columns = linear_sum_assignment(-overlap)
-    a, b = np.abs(old.omega_squared[columns]), np.abs(new.omega_squared[rows])
+    columns = _paired(np.abs(new.shape[:, :count] @ mass @ old.shape[:, :count].T))
+    a, b = np.abs(old.omega_squared[columns]), np.abs(new.omega_squared)
     return float(np.abs(np.sqrt(a / np.where(b == 0, 1.0, b)) - 1)[b > 0].max(initial=0.0))
+
+
+def _paired(overlap: Any) -> Any:
+    """For each row its column, the largest overlaps first; shapes that are all but orthogonal leave no choice."""
+    left, result = overlap.copy(), np.zeros(len(overlap), dtype=np.intp)
+    for _ in range(len(left)):
+        row, column = divmod(int(left.argmax()), left.shape[1])
+        result[row] = column
+        left[row], left[:, column] = -1.0, -1.0
+    return result
 
 
 def _loaded(found: modes.Modes, model: LinearModel) -> float:
