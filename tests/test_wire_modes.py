@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import finite_elements
 import numpy as np
 import pytest
 import scenes
 from scipy.optimize import linear_sum_assignment
 
-from suspension_cli.analysis import modes, response, signals, wire_modes
+from suspension_cli.analysis import modes, response, signals, thermal, wire_modes
+from suspension_cli.design.reader import read
+from suspension_cli.errors import InputError
 from suspension_cli.mechanics import count
 from suspension_cli.models import fidelity
 
+CONFIGS = Path(__file__).parent.parent / "configs"
 ELEMENTS = 16
 
 
@@ -130,3 +135,42 @@ def test_order_of_shapes_pairs_with_the_beam():
     rows, columns = linear_sum_assignment(-overlap)
     assert (rows == columns).all()
     assert overlap[rows, columns].min() > 0.99
+
+
+def test_held_twisting_has_no_dilution():
+    """Wires that twist between bodies that all but stand still: every wire has its mode, all of its energy in shear, which is lossy."""
+    design = read(CONFIGS / "double.toml").design
+    found = wire_modes.solve(fidelity.linear_model(design, "violin"), 6000.0)
+    for stage in design.stage:
+        here = [n for n, home in enumerate(found.home) if home == (stage.name, "twist")]
+        assert len(here) == stage.wires.count
+        assert found.dilution[here] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_orders_of_wires_that_are_not_alike():
+    """Each violin mode is near the multiple, by its order, of the first of its own wire."""
+    model = fidelity.linear_model(read(CONFIGS / "five-wires.toml").design, "violin")
+    found = wire_modes.solve(model, 900.0)
+    firsts = np.array([term.strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi) for term in model.terms if hasattr(term, "strand")])
+    assert len(firsts) > 2
+    for frequency, order in zip(found.frequency[found.order > 0], found.order[found.order > 0], strict=True):
+        assert np.abs(frequency / (order * firsts) - 1).min() < 0.01
+
+
+def test_ends_at_their_own_temperature():
+    """Thermoelastic loss and noise of each end at its own: with both alike they are those of a wire of that temperature."""
+    stage = {"name": "test", "body": {"mass": 1.0, "inertia": [1e-3] * 3}, "wires": {"count": 1, "l": 0.5, "material": "c70steel", "radius": 2e-4, "d": 0.0}}
+    raw = {"design": {"name": "one"}, "materials": {"c70steel": {"loss": {"angle": 0.0}}}, "stage": [stage]}
+    parts = {}
+    for name, temperature in (("cold", 100.0), ("warm", 290.0), ("both", {"upper": 100.0, "lower": 290.0})):
+        stage["wires"]["temperature"] = temperature
+        model = fidelity.linear_model(scenes.design_of(raw), "beam")
+        parts[name] = thermal.solve(model, np.array([10.0]), *reversed(thermal.observed(model, "test.x")), 290.0).parts
+    assert parts["both"]["test.bending-upper"] == pytest.approx(parts["cold"]["test.bending-upper"], rel=1e-6)
+    assert parts["both"]["test.bending-lower"] == pytest.approx(parts["warm"]["test.bending-lower"], rel=1e-6)
+
+
+def test_nothing_below_the_lowest_mode():
+    model = fidelity.linear_model(read(CONFIGS / "double.toml").design, "violin")
+    with pytest.raises(InputError, match="lies below the lowest mode"):
+        wire_modes.solve(model, 0.1)

@@ -21,7 +21,7 @@ HIGHEST = 1000.0
 @click.command("modes")
 @options.designs
 @click.option(
-    "--max-frequency", type=click.FloatRange(1e-6, 1e6), metavar="HZ", help="List all modes up to here, those of the wires' own mass included (violin)."
+    "--max-frequency", type=options.Finite(1e-6, 1e6), metavar="HZ", help="List all modes up to here; with auto and violin those of the wires' own mass too."
 )
 @options.tolerance
 @options.analysis

@@ -17,6 +17,7 @@ from suspension_cli.design import fibres
 from suspension_cli.design.expand import expand
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.models import indicators
 from suspension_cli.models.fidelity import Choice
 
 WHERE = ("auto", "beam", "violin")
@@ -92,12 +93,9 @@ def first_violin(design: Design) -> tuple[float, str]:
     wire : str
     """
     wires = expand(design).wires
-    found = [(np.inf, "")]
-    for number, fibre in enumerate(fibres.fibres(design).wire):
-        length = sum(section.length for section in fibre.sections)
-        mass = sum(section.length * section.mass for section in fibre.sections) / length
-        found.append((float(np.sqrt(wires.tension[number] / mass) / (2 * length)), fibre.label))
-    return min(found, key=lambda pair: pair[0])
+    made = fibres.fibres(design).wire
+    found = [(indicators.first_violin(fibre, float(wires.tension[number])), fibre.label) for number, fibre in enumerate(made)]
+    return min(found, key=lambda pair: pair[0], default=(np.inf, ""))
 
 
 def _demand(design: Design, *, massive: bool) -> None:
