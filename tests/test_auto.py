@@ -121,7 +121,7 @@ def test_bending_points_of_thick_ends():
     stage = {"name": "test", "body": {"mass": 10.0, "inertia": [0.05, 0.04, 0.04]}, "wires": wires}
     design = scenes.design_of({"design": {"name": "thick"}, "stage": [stage]})
     thin, thick = (modes.solve(fidelity.linear_model(design, level)) for level in ("string", "beam"))
-    assert thick.of("x") == pytest.approx(thin.of("x"), rel=1e-2)  # with hinges of the end section alone it would be 9 % off
+    assert thick.of("x") == pytest.approx(thin.of("x"), rel=1e-2)
     assert thick.of("y") == pytest.approx(thin.of("y"), rel=1e-2)
 
 
