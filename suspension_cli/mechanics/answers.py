@@ -53,7 +53,7 @@ def answers(block: Block, omega: Array, wanted: Asked) -> Iterator[tuple[slice, 
     finite : (f,) bool array
         Where there is a response.
     """
-    slow = int(np.searchsorted(omega, block.resonances.min(initial=np.inf))) if _left_behind(block, wanted) else 0
+    slow = int(omega.searchsorted(block.resonances[0] if len(block.resonances) else np.inf)) if _left_behind(block, wanted) else 0
     step = min(max(CHUNK // max(len(block.keep) * wanted.moves.shape[1], 1), 256), 4096)
     for first, last, carried in ((0, slow, True), (slow, len(omega), False)):
         if first == last:
