@@ -125,14 +125,15 @@ class Block:
         result, dropped = forces[self.keep], forces[self.drop]
         return result + self.recover @ dropped if dropped.any() else result
 
-    def factored(self, omega: Array, limit: float | None = None) -> elimination.Factors | packed.Packed:
-        """K + i omega C - omega^2 M at some ascending frequencies (f,) in rad/s, ready to be solved.
+    def measured(self, omega: Array, limit: float) -> elimination.Factors:
+        """K + i omega C - omega^2 M at some ascending frequencies (f,) in rad/s, ready to be solved, with what elimination loses measured.
 
-        With a limit, growth is measured, and where it is above the limit systems are to be solved densely; without, they are but where
-        a part is so close to resonating by itself that refining has nothing to start from.
+        Where growth is above the limit systems are to be solved densely.
         """
-        if limit is not None:
-            return elimination.factored(*self._systems(omega), self.tree, limit)
+        return elimination.factored(*self._systems(omega), self.tree, limit)
+
+    def factored(self, omega: Array) -> elimination.Factors | packed.Packed:
+        """The same unmeasured: to be solved densely but where a part is so close to resonating by itself that refining has nothing to start from."""
         buried = self._buried(omega)
         if self.plan is None:
             return elimination.factored(*self._systems(omega), self.tree, buried=buried)
