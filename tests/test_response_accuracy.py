@@ -73,6 +73,20 @@ def test_at_random(kind, level, loss, seed):
 
 
 @pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
+def test_each_input_by_itself(kind, level, loss):
+    """Few inputs are worked out in another way than many: close to poles, at random, and where parts of the chain resonate by themselves."""
+    model = plants.model(kind, level, loss=loss)
+    inputs, outputs = signals_of(model)
+    beside = modes.solve(model).frequency * (1 + 1e-6)
+    parts = held_resonances(model) if kind != "five" else []
+    frequency = np.concatenate([beside, parts, np.geomspace(0.01, 100, 400)])
+    together = response.solve(model, frequency, inputs, outputs).value
+    for n, signal in enumerate(inputs):
+        alone = response.solve(model, frequency, [signal], outputs).value[..., 0]
+        assert (np.abs(alone - together[..., n]) <= 2 * REQUIRED * np.abs(together[..., n])).all()
+
+
+@pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
 @pytest.mark.parametrize("part", range(2))
 def test_on_resonance(kind, level, loss, part):
     """At the frequencies that `modes` tells, exactly; at those of modes without loss as closely as 1e-8."""

@@ -97,42 +97,53 @@ def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], 
     """
     if model.terms:
         return _dispersive(model, omega, drives, acts, rows)
-    moves = np.array([np.zeros_like(d[:6]) if act else d[:6] for d, act in zip(drives, acts, strict=True)]).T  # (6, i)
-    forces = np.array([d if act else np.zeros_like(d) for d, act in zip(drives, acts, strict=True)]).T  # (N, i)
+    moves, forces = _given(drives, acts)
     order = None if (omega[1:] >= omega[:-1]).all() else np.argsort(omega, kind="stable")
     ascending = omega if order is None else omega[order]
     result = np.zeros((len(rows), drives.shape[0], len(omega)), dtype=complex)
-    _add(result, rows[:, :6] @ moves)
-    reached = rows[:, :6] @ moves != 0  # memory that nothing has reached stays untouched
-    seen: Any = rows.any(0)
-    pushed: Any = forces.any(1) | model.pulled[:, moves.any(1)].any(1)
+    constant = rows[:, :6] @ moves
+    reached = constant != 0  # memory that nothing has reached stays untouched
+    if reached.any():
+        result[reached] += constant[reached][:, None]
     count = 0
-    for number, group in enumerate(model.blocks):
-        if not (seen[group].any() and pushed[group].any()):
-            continue
+    for number in _touched(model, rows, moves, forces):
+        group = model.blocks[number]
         watched = np.flatnonzero(rows[:, group].any(1))
         part = prepared(model, number)
-        touched = np.flatnonzero(part.driven(moves, forces))
+        touched = part.driven(moves, forces).nonzero()[0]
         count += 1
-        wanted = Asked(rows[np.ix_(watched, part.keep)], moves[:, touched], part.pushed(forces[:, touched]))
+        wanted = Asked(rows[watched[:, None], part.keep], moves[:, touched], part.pushed(forces[:, touched]))
         for now, values, finite in answers(part, ascending, wanted):
             _demand_finite(finite, ascending[now])
-            for row, value in zip(watched, values, strict=True):
-                for column, i in enumerate(touched):
+            for row, value in zip(watched.tolist(), values, strict=True):
+                for column, i in enumerate(touched.tolist()):
                     if reached[row, i]:
                         result[row, i, now] += value[column]
                     else:
                         result[row, i, now] = value[column]
-        reached[np.ix_(watched, touched)] = True
+        reached[watched[:, None], touched] = True
     if order is not None:
         result[..., order] = result.copy()
-    return np.moveaxis(result, -1, 0), count
+    return result.transpose(2, 0, 1), count
+
+
+def _given(drives: Array, acts: list[bool]) -> tuple[Any, Any]:
+    """Motions of the support (6, i) and forces (N, i) that some drives (i, N) are."""
+    pushes = np.array(acts, dtype=bool)
+    return np.where(pushes, 0.0, drives[:, :6].T), np.where(pushes, drives.T, 0.0)
+
+
+def _touched(model: LinearModel, rows: Array, moves: Any, forces: Any) -> list[int]:
+    """The blocks that both an output sees and an input drives."""
+    seen, pushed = rows.any(0), forces.any(1)
+    pushed |= model.pulled[:, moves.any(1)].any(1)
+    driven = set(model.member[pushed].tolist())
+    return [number for number in sorted(set(model.member[seen].tolist())) if number in driven and number >= 0]
 
 
 def _dispersive(model: LinearModel, omega: Array, drives: Array, acts: list[bool], rows: Array) -> tuple[Any, int]:
     """The same for a model whose stiffness depends on frequency."""
-    moves = np.array([np.zeros_like(d[:6]) if act else d[:6] for d, act in zip(drives, acts, strict=True)]).T
-    forces = np.array([d if act else np.zeros_like(d) for d, act in zip(drives, acts, strict=True)]).T
+    moves, forces = _given(drives, acts)
     result = np.zeros((len(omega), len(rows), len(drives)), dtype=complex) + rows[:, :6] @ moves
     count = 0
     for block in dispersive.blocks(model):
@@ -156,9 +167,3 @@ def _demand_finite(finite: Any, omega: Array) -> None:
         raise InputError(
             [Fault("--frequency", "is a resonance without loss, where the response is infinite", "move it, or give loss_angle or damping", f"{at!r}")]
         )
-
-
-def _add(result: Any, constant: Any) -> None:
-    """Add what does not depend on frequency (o, i), where it is not 0."""
-    for o, i in np.argwhere(constant != 0):
-        result[o, i] += constant[o, i]

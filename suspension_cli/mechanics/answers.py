@@ -53,7 +53,7 @@ def answers(block: Block, omega: Array, wanted: Asked) -> Iterator[tuple[slice, 
     finite : (f,) bool array
         Where there is a response.
     """
-    slow = int(np.searchsorted(omega, block.resonances.min(initial=np.inf))) if _left_behind(block, wanted) else 0
+    slow = int(omega.searchsorted(block.resonances[0] if len(block.resonances) else np.inf)) if _left_behind(block, wanted) else 0
     step = min(max(CHUNK // max(len(block.keep) * wanted.moves.shape[1], 1), 256), 4096)
     for first, last, carried in ((0, slow, True), (slow, len(omega), False)):
         if first == last:
@@ -71,16 +71,20 @@ def _left_behind(block: Block, wanted: Asked) -> bool:
     if not moved.any():
         return False
     moves = wanted.moves[:, moved]
-    if moves[3:5].any() or (np.count_nonzero(moves, axis=0) > 1).any():
+    if moves[3:5].any() or ((moves != 0).sum(0) > 1).any():
         return True
     return bool((np.abs(wanted.seen @ (block.settled @ moves)) < 0.5).any())
 
 
 def _answers(block: Block, omega: Array, wanted: Asked, bounds: Table, limit: Any, *, carried: bool) -> tuple[list[Any], Any]:
-    factors = block.factored(omega, None if wanted.moves.shape[1] < MANY else LIGHT)
+    if wanted.moves.shape[1] < MANY:
+        factors, growth = block.factored(omega), None
+    else:
+        factors = block.measured(omega, LIGHT)
+        growth = factors.growth
     x = block.solve(factors, omega, wanted.moves, wanted.pushed, carried=carried)
     values = [_combined(form, x) for form in wanted.seen]
-    bad = _doubtful(values, limit, bounds.cell(omega), None if wanted.moves.shape[1] < MANY else factors.growth)
+    bad = _doubtful(values, limit, bounds.cell(omega), growth)
     where = bad.nonzero()
     if len(where[0]):
         better = refined(block, factors, where[1], omega[where[1]], wanted.moves[:, where[0]], wanted.pushed[:, where[0]], x[:, *where])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design.scene import Array, Index
-from suspension_cli.mechanics import elimination, reduction
+from suspension_cli.mechanics import elimination, packed, reduction
 from suspension_cli.mechanics.invariance import completed
 from suspension_cli.mechanics.model import LinearModel
 
@@ -125,22 +125,45 @@ class Block:
         result, dropped = forces[self.keep], forces[self.drop]
         return result + self.recover @ dropped if dropped.any() else result
 
-    def factored(self, omega: Array, limit: float | None = None) -> elimination.Factors:
-        """K + i omega C - omega^2 M at some ascending frequencies (f,) in rad/s, ready to be solved.
+    def measured(self, omega: Array, limit: float) -> elimination.Factors:
+        """K + i omega C - omega^2 M at some ascending frequencies (f,) in rad/s, ready to be solved, with what elimination loses measured.
 
-        With a limit, growth is measured, and where it is above the limit systems are to be solved densely; without, they are but where
-        a part is so close to resonating by itself that refining has nothing to start from.
+        Where growth is above the limit systems are to be solved densely.
         """
+        return elimination.factored(*self._systems(omega), self.tree, limit)
+
+    def factored(self, omega: Array) -> elimination.Factors | packed.Packed:
+        """The same unmeasured: to be solved densely but where a part is so close to resonating by itself that refining has nothing to start from."""
+        buried = self._buried(omega)
+        if self.plan is None:
+            return elimination.factored(*self._systems(omega), self.tree, buried=buried)
+        whole = elimination.whole(*self._systems(omega[buried]), self.tree) if len(buried) else None
+        return packed.factored(self.plan, omega, buried, whole)
+
+    def _systems(self, omega: Array) -> tuple[list[Any], list[Any]]:
+        """The matrix of each node, and between its parent and it."""
         square = omega**2
         diagonal = [_everywhere(piece.at(omega, square), len(omega)) for piece in self.own]
-        links = [None if piece is None else piece.at(omega, square) for piece in self.link]
-        if limit is not None:
-            return elimination.factored(diagonal, links, self.tree, limit)
-        around = np.searchsorted(omega, self.parts[:, None] * (1 - BURIED, 1 + BURIED))
-        buried = np.unique(np.concatenate([NOTHING, *(np.arange(first, last) for first, last in around.tolist() if last > first)]))
-        return elimination.factored(diagonal, links, self.tree, buried=buried)
+        return diagonal, [None if piece is None else piece.at(omega, square) for piece in self.link]
 
-    def solve(self, factors: elimination.Factors, omega: Array, moves: Any, pushed: Any, *, carried: bool) -> Any:
+    def _buried(self, omega: Array) -> Any:
+        """Which of some ascending frequencies are too close to a part's own resonance."""
+        first, last = omega.searchsorted(self._surroundings)
+        if (first == last).all():
+            return NOTHING
+        return np.unique(np.concatenate([np.arange(a, b) for a, b in zip(first.tolist(), last.tolist(), strict=True)]))
+
+    @cached_property
+    def _surroundings(self) -> Any:
+        """Between what frequencies (2, p) a part resonates."""
+        return np.array([self.parts * (1 - BURIED), self.parts * (1 + BURIED)])
+
+    @cached_property
+    def plan(self) -> packed.Plan | None:
+        """How it is eliminated in large steps, where that is possible."""
+        return packed.plan(self.tree, self.own, self.link, self.support, self.carried)
+
+    def solve(self, factors: elimination.Factors | packed.Packed, omega: Array, moves: Any, pushed: Any, *, carried: bool) -> Any:
         """Coordinates (c, i, f) for support motions (6, i) and forces (c, i).
 
         Far below the resonances all that a motion of the support does is to carry the coordinates to S s, which no inertia resists, and what is
@@ -151,6 +174,9 @@ class Block:
         in which nothing cancels, where in (...) x = -K_s s + ... it would be all but omega^2 of everything.  Far above them it is the other
         way round.
         """
+        if isinstance(factors, packed.Packed):
+            result = factors.solve(moves, pushed, carried=carried)
+            return np.add(result, (self.settled @ moves)[..., None], out=result) if carried else result
         square = omega**2
         moved, forced = moves.any(0).nonzero()[0], pushed.any(0).nonzero()[0]
         right = []
@@ -162,8 +188,10 @@ class Block:
         result = factors.solve_columns(right, moves.shape[1])
         return result + (self.settled @ moves)[..., None] if carried else result
 
-    def corrected(self, factors: elimination.Factors, right: Any) -> Any:
+    def corrected(self, factors: elimination.Factors | packed.Packed, right: Any) -> Any:
         """Coordinates (c, P) for right sides (c, P), one a system."""
+        if isinstance(factors, packed.Packed):
+            return factors.corrected(right)
         only = np.zeros(1, dtype=np.intp)
         return factors.solve_columns([elimination.Columns(only, right[where][:, None]) for where in self.tree.where], 1)[:, 0]
 

@@ -56,16 +56,17 @@ class Table:
 
         Growth is counted if `grown`; else it is left to be measured.
         """
-        inputs = np.abs(np.concatenate([moves, pushed]))
-        whole = (np.abs(rows) / DOUBT) @ self.size.reshape(len(self.size), -1)  # products of plain matrices, not one for every frequency
-        felt = (whole.reshape(-1, len(inputs)) @ inputs).reshape(len(rows), -1, inputs.shape[1])
-        return np.swapaxes(felt * self.growth[:, None] if grown else felt, 1, 2)
+        inputs, used = np.abs(np.concatenate([moves, pushed])), np.flatnonzero(rows.any(0))
+        size = self.size[used[0] : used[0] + 1] if len(used) == 1 else self.size[used]
+        felt = (np.abs(rows[:, used]) / DOUBT) @ (size @ inputs).reshape(len(used), -1)
+        felt = felt.reshape(len(rows), -1, inputs.shape[1]).swapaxes(1, 2)
+        return felt * self.growth if grown else felt
 
     def cell(self, omega: Array) -> Any:
         """Between which of the grid's frequencies and the next some ascending ones lie."""
-        place = np.searchsorted(omega, self.edge)
+        place = omega.searchsorted(self.edge)
         place[0], place[-1] = 0, len(omega)
-        return np.repeat(np.arange(len(self.edge) - 1), place[1:] - place[:-1])
+        return np.arange(len(self.edge) - 1).repeat(place[1:] - place[:-1])
 
 
 def table(block: Block, low: float, high: float, *, carried: bool) -> Table:
@@ -73,7 +74,7 @@ def table(block: Block, low: float, high: float, *, carried: bool) -> Table:
     key, span = (Table, carried), (low, high)
     if key not in block.kept or block.kept[key][0] != span:  # the last is kept, for calls that repeat
         edge = _edges(block, low, high)
-        size, growth = _sizes(block, edge, carried=carried), block.factored(edge, np.inf).growth
+        size, growth = _sizes(block, edge, carried=carried), block.measured(edge, np.inf).growth
         size, growth = np.maximum(size[:-1], size[1:]), np.nan_to_num(np.maximum(growth[:-1], growth[1:]), nan=HOPELESS, posinf=HOPELESS)
         size[_enclosing(edge, block.resonances)] = HOPELESS
         growth[_enclosing(edge, block.parts)] = HOPELESS

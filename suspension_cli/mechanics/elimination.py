@@ -203,19 +203,21 @@ def factored(diagonal: list[Any], links: list[Any], structure: Tree, limit: floa
     if buried is None:
         buried = np.flatnonzero(~(growth < limit))
         growth[buried] = 1.0
-    return Factors(structure, tuple(schur), tuple(toward), growth, buried, _whole(diagonal, links, structure, buried))
+    return Factors(structure, tuple(schur), tuple(toward), growth, buried, whole([part[..., buried] for part in diagonal], _some(links, buried), structure))
 
 
-def _whole(diagonal: list[Any], links: list[Any], structure: Tree, which: Any) -> Any:
-    """Some of the systems (c, c, b), put together."""
+def _some(parts: list[Any], which: Any) -> list[Any]:
+    """Some of the systems; what is constant stays as it is."""
+    return [part if part is None or part.shape[-1] == 1 else part[..., which] for part in parts]
+
+
+def whole(diagonal: list[Any], links: list[Any], structure: Tree) -> Any:
+    """The systems (c, c, P) made of what `factored` takes, put together."""
     size = sum(len(part) for part in diagonal)
-    result = np.zeros((size, size, len(which)), dtype=np.result_type(*diagonal, *(link for link in links if link is not None)))
-    if not len(which):
-        return result
-    for node, up, own, link in zip(structure.nodes, structure.parent, diagonal, links, strict=True):
-        result[np.ix_(node, node)] = own[..., which]
+    result = np.zeros((size, size, diagonal[0].shape[-1]), dtype=np.result_type(*diagonal, *(link for link in links if link is not None)))
+    for node, up, own, across in zip(structure.nodes, structure.parent, diagonal, links, strict=True):
+        result[np.ix_(node, node)] = own
         if up >= 0:
-            across = link[..., which] if link.shape[-1] > 1 else link
             result[np.ix_(structure.nodes[up], node)] = across
             result[np.ix_(node, structure.nodes[up])] = np.swapaxes(across, 0, 1)
     return result

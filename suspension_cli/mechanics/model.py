@@ -90,6 +90,14 @@ class LinearModel:
         return {}
 
     @cached_property
+    def member(self) -> Any:
+        """Number of the block that each coordinate is in, (N,); -1 for the support's."""
+        result = np.full(self.size, -1)
+        for number, group in enumerate(self.blocks):
+            result[group] = number
+        return result
+
+    @cached_property
     def blocks(self) -> tuple[Index, ...]:
         """Groups of coordinates that do not couple: the connected parts of the graph of non-zero elements.
 

@@ -16,7 +16,8 @@ import numpy as np
 from suspension_cli.design.scene import Array
 from suspension_cli.mechanics.condensed import Block
 from suspension_cli.mechanics.elimination import Factors
-from suspension_cli.mechanics.twofold import Twofold, gathered, two_product, two_sum
+from suspension_cli.mechanics.packed import Packed
+from suspension_cli.mechanics.twofold import Halved, Twofold, two_sum
 
 STEPS = 5
 """At most; beside a lossless pole to the last bit no number of steps helps."""
@@ -36,24 +37,26 @@ class Equations:
 
     Attributes
     ----------
-    column : (r, w) int array
-    factor : Twofold of (r, w, 1) arrays
-    heavy, damped : (h,), (d,) int arrays
+    column : (w, r) int array
+    factor : Halved of (w, r, 1) arrays
+    heavy, damped : slices or (h,), (d,) int arrays
         Which of v have mass and damping.
     split : bool
     """
 
     column: Any
-    factor: Twofold
+    factor: Halved
     heavy: Any
     damped: Any
     split: bool
 
     def residual(self, omega: Array, moves: Any, pushed: Any, x: Twofold) -> Any:
         """b - D x, rounded (r, P), for support motions (6, P) and forces (c, P)."""
-        v = Twofold.stacked([Twofold.of(moves), x])
-        powers = [v, v[self.heavy] * Twofold(*two_product(omega, omega))] + ([v[self.damped] * Twofold.of(omega)] if len(self.damped) else [])
-        moved = gathered(self.factor, Twofold.stacked(powers), self.column).total()
+        v, whole = Twofold(np.concatenate([moves, x.high]), np.concatenate([np.zeros_like(moves), x.low])), Halved.of(Twofold.of(omega))
+        powers = [v, Halved.of(v[self.heavy]) * Halved.of(whole * whole)]
+        if self.split:
+            powers.append(Halved.of(v[self.damped]) * whole)
+        moved = (self.factor * Halved.of(Twofold.stacked(powers)).take(self.column)).summed()
         force = np.concatenate([pushed.real, pushed.imag]) if self.split else pushed
         return (force - moved.high) - moved.low
 
@@ -78,8 +81,13 @@ def _equations(block: Block) -> Equations:
     width = 1 << int(np.ceil(np.log2(max((high != 0).sum(1).max(initial=0), 1))))  # sums are taken in pairs
     width = min(width, high.shape[1])
     column = np.argsort(high == 0, axis=1, kind="stable")[:, :width]  # what is not 0 first
-    factor = Twofold(np.take_along_axis(high, column, 1)[..., None], np.take_along_axis(low, column, 1)[..., None])
-    return Equations(column, factor, used[1], used[2], split)
+    factor = Twofold(*(np.ascontiguousarray(np.take_along_axis(part, column, 1).T)[..., None] for part in (high, low)))
+    return Equations(np.ascontiguousarray(column.T), Halved.of(factor), _sliced(used[1]), _sliced(used[2]), split)
+
+
+def _sliced(which: Any) -> Any:
+    """Numbers as a slice if they follow each other."""
+    return slice(which[0], which[-1] + 1) if len(which) and which[-1] - which[0] + 1 == len(which) else which
 
 
 def _rows(real: Any, imag: Any, *, split: bool) -> Any:
@@ -87,7 +95,7 @@ def _rows(real: Any, imag: Any, *, split: bool) -> Any:
     return np.block([[real, -imag[:, 6:]], [imag, real[:, 6:]]]) if split else real
 
 
-def refined(block: Block, factors: Factors, which: Any, omega: Array, moves: Any, pushed: Any, x: Any) -> tuple[Twofold, Twofold | None]:
+def refined(block: Block, factors: Factors | Packed, which: Any, omega: Array, moves: Any, pushed: Any, x: Any) -> tuple[Twofold, Twofold | None]:
     """Coordinates of single systems, each one input at one frequency.
 
     Parameters
@@ -120,7 +128,7 @@ def refined(block: Block, factors: Factors, which: Any, omega: Array, moves: Any
     return (found[:count], found[count:]) if given.split else (found, None)
 
 
-def _refined(block: Block, given: Equations, factors: Factors, omega: Array, moves: Any, pushed: Any, x: Any) -> Twofold:
+def _refined(block: Block, given: Equations, factors: Factors | Packed, omega: Array, moves: Any, pushed: Any, x: Any) -> Twofold:
     count = len(x)
     found = Twofold.of(np.concatenate([x.real, x.imag]) if given.split else x)
     left, size = slice(None), np.inf

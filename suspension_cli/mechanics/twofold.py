@@ -65,33 +65,50 @@ class Twofold:
 
     def total(self) -> Twofold:
         """Sum over the second axis, in pairs."""
+        return Twofold(self.high.swapaxes(0, 1), self.low.swapaxes(0, 1)).summed()
+
+    def summed(self) -> Twofold:
+        """Sum over the first axis, in pairs."""
         high, low = self.high, self.low
-        if not high.shape[1]:
-            return Twofold.of(np.zeros((len(high), *high.shape[2:])))
-        while (count := high.shape[1]) > 1:
+        if not len(high):
+            return Twofold.of(np.zeros(high.shape[1:]))
+        while (count := len(high)) > 1:
             half = count // 2
-            summed, error = two_sum(high[:, :half], high[:, half : 2 * half])
-            error += low[:, :half] + low[:, half : 2 * half]
+            summed, error = two_sum(high[:half], high[half : 2 * half])
+            error += low[:half]
+            error += low[half : 2 * half]
             if count % 2:
-                summed, error = np.concatenate([summed, high[:, -1:]], axis=1), np.concatenate([error, low[:, -1:]], axis=1)
+                summed, error = np.concatenate([summed, high[-1:]]), np.concatenate([error, low[-1:]])
             high, low = summed, error
-        return _normal(high[:, 0], low[:, 0])
+        return _normal(high[0], low[0])
 
 
-def gathered(factor: Twofold, of: Twofold, column: Any) -> Twofold:
-    """Products (r, w, P) of factors (r, w, 1) with rows of some (n, P), told by their numbers (r, w); the halves of these are cut but once."""
-    upper = cut(of.high)
-    whole, first, second = of.high[column], upper[column], (of.high - upper)[column]
-    product, a1 = factor.high * whole, cut(factor.high)
-    a2, error, term = factor.high - a1, a1 * first, np.empty_like(whole)
-    error -= product
-    whole *= factor.low  # no longer needed itself
-    error += np.multiply(a1, second, out=term)
-    error += np.multiply(a2, first, out=term)
-    error += np.multiply(a2, second, out=term)
-    error += whole
-    error += np.multiply(factor.high, of.low[column], out=term)
-    return Twofold(product, error)
+@dataclass(frozen=True, slots=True)
+class Halved:
+    """Twofold numbers whose high parts are cut in halves, once for all products."""
+
+    high: Any
+    upper: Any
+    lower: Any
+    low: Any
+
+    @staticmethod
+    def of(value: Twofold) -> Halved:
+        """The same numbers."""
+        upper = cut(value.high)
+        return Halved(value.high, upper, value.high - upper, value.low)
+
+    def take(self, index: Any) -> Halved:
+        """Some along the first axis."""
+        return Halved(*(part.take(index, axis=0) for part in (self.high, self.upper, self.lower, self.low)))
+
+    def __mul__(self, other: Halved) -> Twofold:
+        product, error = self.high * other.high, self.upper * other.upper
+        error -= product
+        term = np.empty_like(error)
+        for a, b in ((self.upper, other.lower), (self.lower, other.upper), (self.lower, other.lower), (self.high, other.low), (self.low, other.high)):
+            error += np.multiply(a, b, out=term)
+        return Twofold(product, error)
 
 
 def two_sum(a: Any, b: Any) -> tuple[Any, Any]:
