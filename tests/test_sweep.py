@@ -254,3 +254,10 @@ def test_a_coarse_grid_is_warned_of(tmp_path):
         result = run("sweep", TRIPLE, "--vary", f"{path}={grid}", "--out", tmp_path, "--no-plot", "--workers", "1")
         assert result.exit_code == 0
         assert ("take a finer grid" in result.stderr) is warned
+
+
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_rungs_that_no_sweep_has_are_refused(level, tmp_path):
+    options = ("--vary", "stage.test.wires.d=1e-3,2e-3", "--fidelity", level, "--json", "--out", tmp_path / "out")
+    (line,) = assert_refused(run("sweep", SINGLE, *options), SINGLE, tmp_path / "out")
+    assert "--fidelity" in line

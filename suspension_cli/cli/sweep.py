@@ -37,6 +37,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     from suspension_cli.analysis import modes, scalars, signals
     from suspension_cli.analysis.sweep import ParameterSweep
     from suspension_cli.cli import analyses
+    from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.models import fidelity
     from suspension_cli.results import sweep as files
 
@@ -44,6 +45,10 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
         over = axes(list(setting["vary"]))
+        if setting["fidelity"] in ("beam", "violin"):
+            raise InputError(
+                [Fault("--fidelity", "does not go through sweeps, whose wires are strings", "take auto, string or force", shown(setting["fidelity"]))]
+            )
         choice = fidelity.choose(source.design, setting["fidelity"])
         model = fidelity.linear_model(source.design, choice.level)
         asked = scalars.parse(list(setting["result"]) or [scalars.ALL], modes.solve(model), signals.bodies(model))
