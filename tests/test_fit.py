@@ -49,7 +49,7 @@ def modes_of(truth, noise=None, share=0.005, labelled=True):
 
 def test_the_truth_is_found_without_noise(truth):
     for labelled in (True, False):
-        found = fit.solve(TRIPLE.read_text(), Measured(mode=modes_of(truth, labelled=labelled), parameter=FREE))
+        found = fit.solve([TRIPLE.read_text()], Measured(mode=modes_of(truth, labelled=labelled), parameter=FREE))
         np.testing.assert_allclose(found.value, list(TRUTH.values()), rtol=1e-8)
         assert found.chi_squared < 1e-12
         assert found.freedom == 15
@@ -62,7 +62,7 @@ def test_the_truth_lies_in_the_95_percent_region_so_often(truth, part):
     inside = 0
     for trial in range(25 * part, 25 * part + 25):
         noise = np.random.default_rng(trial).standard_normal(18)
-        found = fit.solve(text, Measured(mode=modes_of(truth, noise)[:9], parameter=FREE))
+        found = fit.solve([text], Measured(mode=modes_of(truth, noise)[:9], parameter=FREE))
         away = (found.value - list(TRUTH.values())) / found.sigma
         correlation = found.covariance / np.outer(found.sigma, found.sigma)
         inside += float(away @ np.linalg.solve(correlation, away)) < REGION
@@ -72,7 +72,7 @@ def test_the_truth_lies_in_the_95_percent_region_so_often(truth, part):
 def test_one_number_by_hand():
     """Young's modulus from the vertical mode alone: f goes with its root but for what gravity adds."""
     given = Measured(mode=[Mode(frequency=11.4, uncertainty=0.1, label="test vertical")], parameter=[Free(name="materials.steel302.youngs_modulus")])
-    found = fit.solve(CASE.read_text(), given)
+    found = fit.solve([CASE.read_text()], given)
     design = reader.read(CASE).design
     m, l, t, radius, g = 20.0, 0.36, 0.133, design.stage[0].wires.radius, 9.81
     sin2 = (t / l) ** 2
@@ -87,16 +87,17 @@ def test_priors_bounds_and_what_the_data_cannot_tell():
     """E and radius only count as E r^2: a prior on one gives the other; without, that combination alone is known."""
     both = [Free(name="materials.steel302.youngs_modulus"), Free(name="stage.test.wires.radius", prior=142.5e-6, uncertainty=1e-6)]
     modes_measured = [Mode(frequency=f, uncertainty=0.05, label=label) for f, label in ((11.4, "test vertical"), (19.0, "test roll"))]
-    found = fit.solve(CASE.read_text(), Measured(mode=modes_measured, parameter=both))
+    found = fit.solve([CASE.read_text()], Measured(mode=modes_measured, parameter=both))
     assert found.value[1] == pytest.approx(142.5e-6, rel=1e-6) and found.sigma[1] == pytest.approx(1e-6, rel=1e-6)
     relative = found.sigma / found.value
     assert found.singular[1] < 1e-8 * found.singular[0]
     np.testing.assert_allclose(np.abs(found.direction[1]), np.array([2, 1]) / np.sqrt(5), rtol=1e-6)
     assert relative[0] == pytest.approx(np.hypot(2 * relative[1], found.singular[0] ** -1 * np.sqrt(5)), rel=1e-4)
-    blind = fit.solve(CASE.read_text(), Measured(mode=modes_measured, parameter=[both[0], Free(name="stage.test.wires.radius")]))
+    blind = fit.solve([CASE.read_text()], Measured(mode=modes_measured, parameter=[both[0], Free(name="stage.test.wires.radius")]))
     assert np.isinf(blind.sigma).all()
     bounded = fit.solve(
-        CASE.read_text(), Measured(mode=modes_measured, parameter=[Free(name="materials.steel302.youngs_modulus", lower=1.6e11, upper=1.65e11, start=1.62e11)])
+        [CASE.read_text()],
+        Measured(mode=modes_measured, parameter=[Free(name="materials.steel302.youngs_modulus", lower=1.6e11, upper=1.65e11, start=1.62e11)]),
     )
     assert bounded.at_bound.all() or 1.6e11 < bounded.value[0] < 1.65e11
 

@@ -34,7 +34,7 @@ def fitted(row: dict, columns: list[str], *, frame: bool = False) -> fit.Fit:
     if frame:
         free += [Free(name=FRAME[0], start=1e6, lower=1e4, upper=RIGID), Free(name=FRAME[1], start=3e4, lower=1e3, upper=RIGID)]
     text = (ROOT / "configs" / "husman2000" / f"table1-case{row['case']}.toml").read_text()
-    return fit.solve(text, measured(row, columns, free))
+    return fit.solve([text], measured(row, columns, free))
 
 
 def told(found: fit.Fit, n: int = 0, unit: float = 1e11, digits: int = 2) -> str:
