@@ -71,6 +71,11 @@ class Experiment:
         return modes.solve(self.drawn)
 
     @cached_property
+    def home(self) -> list[str]:
+        """What moves most in each."""
+        return [dof for _, dof in self.names.home]
+
+    @cached_property
     def shape(self) -> Array:
         """Their shapes, by which they are followed."""
         return spectrum.of_one(self.drawn).shape[0]
@@ -124,16 +129,16 @@ class Experiment:
             slope[:, n] = frequencies(found, base.linear, change)[order]
         return found.frequency[order], slope
 
-    def measured(self, x: Array, places: list[int]) -> tuple[Array, Array]:
+    def measured(self, x: Array) -> tuple[Array, Array]:
         """Frequencies (k,) of the modes measured, 0 of an unstable one, and their derivatives (k, q)."""
-        frequency, slope = self.solved(x)
+        (frequency, slope), places = self.solved(x), self.places(x)
         return np.nan_to_num(frequency[places], nan=0.0), np.nan_to_num(slope[places])
 
     def places(self, x: Array) -> list[int]:
         """Which mode each measurement is of: by its label, or the nearest frequencies that are left, all together."""
         from scipy.optimize import linear_sum_assignment
 
-        given = self._labelled()
+        given = dict(self.labelled)
         left = [n for n in range(len(self.mode)) if n not in given]
         frequency, _ = self.solved(x)
         open_modes = [m for m in range(len(frequency)) if m not in given.values() and frequency[m] > 0]
@@ -143,7 +148,7 @@ class Experiment:
             for row, n in enumerate(left):
                 allowed = self.mode[n].dof
                 if allowed is not None:
-                    apart[row, [m for m, mode in enumerate(open_modes) if self.names.home[mode][1] not in allowed]] = FAR
+                    apart[row, [m for m, mode in enumerate(open_modes) if self.home[mode] not in allowed]] = FAR
             rows, columns = linear_sum_assignment(apart)
             for row, column in zip(rows, columns, strict=True):
                 if apart[row, column] == FAR:
@@ -151,7 +156,9 @@ class Experiment:
                 given[left[row]] = open_modes[column]
         return [given[n] for n in range(len(self.mode))]
 
-    def _labelled(self) -> dict[int, int]:
+    @cached_property
+    def labelled(self) -> dict[int, int]:
+        """Measurements with a label, and the mode that each is of."""
         given: dict[int, int] = {}
         for n, item in enumerate(self.mode):
             if item.label is not None:

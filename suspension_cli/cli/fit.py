@@ -15,9 +15,19 @@ if TYPE_CHECKING:
     from suspension_cli.cli.analyses import Read
     from suspension_cli.design.measured import Measured
 
+SAME = 1e-3
+"""Relative difference of chi^2 below which two searches ended at the same place."""
+
+LARGEST = 6
+"""Numbers told of a combination."""
+
 
 @click.command("fit")
 @click.argument("files", nargs=-1, required=True, metavar="[DESIGN] MEASURED")
+@click.option(
+    "--starts", type=click.IntRange(1, 100_000), default=1, show_default=True, help="Searches, all but the first from random numbers; the best counts."
+)
+@click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=1, show_default=True, help="Of the random numbers.")
 @options.analysis
 @click.pass_context
 def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
@@ -31,6 +41,7 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
 
     from suspension_cli.analysis import fit
     from suspension_cli.cli import analyses
+    from suspension_cli.cli.progress import Bar
     from suspension_cli.design import measured as measurements
     from suspension_cli.errors import InputError
     from suspension_cli.models.fidelity import Choice
@@ -40,7 +51,9 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     given = measurements.read(files[-1])
     sources, setting = _designs(ctx, files, given, overrides)
     try:
-        found = fit.solve([source.text for source in sources], given, [source.file for source in sources])
+        with Bar(enabled=not quiet) as bar:
+            how: dict[str, Any] = {"starts": setting["starts"], "seed": setting["seed"], "tell": bar}
+            found = fit.solve([source.text for source in sources], given, [source.file for source in sources], **how)
     except InputError as error:
         raise error if error.file else error.in_file(files[-1]) from None
     joint = given.experiment is not None
@@ -121,6 +134,7 @@ def document(name: str, files: list[str], found: Fit) -> dict[str, Any]:
         "covariance": [[plain(value) for value in row] for row in found.covariance],
         "modes": modes,
         "chi_squared": found.chi_squared,
+        "chi_squared_of_starts": found.ends.tolist(),
         "degrees_of_freedom": found.freedom,
         "singular_values": found.singular.tolist(),
         "directions": found.direction.tolist(),
@@ -139,9 +153,14 @@ def table(found: Fit) -> list[str]:
         known = f"{found.measured[n]:#9.5g} +- {found.uncertainty[n]:.2g}"
         lines.append(f"{known:18} {found.before[n]:#9.5g} {found.after[n]:#9.5g}  {found.residual[n]:+8.2f}  {label}")
     lines += ["", f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
+    if len(found.ends) > 1:
+        same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
+        rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
+        lines.append(f"{same} of {len(found.ends)} searches ended there{rest}")
     lines += ["", "what the modes by themselves say, from best to worst known combination of relative changes:"]
     for value, row in zip(found.singular, found.direction, strict=True):
-        parts = " ".join(f"{share:+.2f} {name}" for share, name in zip(row, found.parameters, strict=True) if abs(share) >= 0.05)
+        largest = sorted(zip(row, found.parameters, strict=True), key=lambda item: -abs(item[0]))[:LARGEST]
+        parts = " ".join(f"{share:+.2f} {name}" for share, name in largest if abs(share) >= 0.05)
         lines.append(f"  {f'to {100 / value:.2g} %' if value > 1e-9 * found.singular[0] else 'not at all'}: {parts}")
     if len(found.singular) < len(found.name):
         lines.append(f"  and {len(found.name) - len(found.singular)} not at all: there are more numbers than modes")

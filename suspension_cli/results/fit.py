@@ -38,6 +38,7 @@ def save(path: Path, found: Fit, origin: Provenance, designs: list[str], measure
         for name in ("measured", "uncertainty", "before", "after"):
             dataset(group, name, getattr(found, name), "Hz", mode)
         dataset(group, "residual", found.residual, "1", mode)
+        dataset(group, "ends", found.ends, "1", scale(group, "search", np.arange(1, len(found.ends) + 1), "1"))
         dataset(group, "singular_value", found.singular, "1", combination)
         dataset(group, "direction", found.direction, "1", combination, parameter)
 
@@ -47,7 +48,7 @@ def save(path: Path, found: Fit, origin: Provenance, designs: list[str], measure
 def load(group: Any) -> Fit:
     """A fit from its group."""
     experiments, names, labels, designs = (tuple(group[name].asstr()[:]) for name in ("experiment", "parameter", "label", "fitted_design"))
-    arrays = ("shared", "start", "value", "sigma", "covariance", "at_bound", "measured", "uncertainty", "before", "after", "direction")
+    arrays = ("shared", "start", "value", "sigma", "covariance", "at_bound", "measured", "uncertainty", "before", "after", "direction", "ends")
     return Fit(
         experiment=experiments,
         name=names,
