@@ -75,11 +75,10 @@ def table2() -> str:
         rows.append([item.name.removeprefix("stage."), hint, told(found.value[n], found.sigma[n]), gained, f"{used[item.name]:g}"])
     same = int((found.ends <= 1.001 * found.ends[0]).sum())
     lines = ["# What the paper does not say of Table II's triple pendulum", ""]
-    lines += [f"`pendsus fit configs/husman2000/table2.toml measured/husman2000/table2.toml --starts {STARTS}`, on `string`: χ² {found.chi_squared:.1f} for"]
-    lines += [
-        f"{found.freedom} degrees of freedom (18 frequencies, {len(found.name) - 3} hints, {len(found.name)} numbers); {same} of {len(found.ends)} searches ended there, the next best"
-    ]
-    lines += [f"at {found.ends[same]:.1f}." if same < len(found.ends) else "and no other.", "", "## Numbers (SI)", ""]
+    more = f"the next best at {found.ends[same]:.1f}" if same < len(found.ends) else "and no other"
+    lines += [f"`pendsus fit configs/husman2000/table2.toml measured/husman2000/table2.toml --starts {STARTS}`, on `string`."]
+    lines += [f"χ² {found.chi_squared:.1f} for {found.freedom} degrees of freedom (18 frequencies, 25 hints, 28 numbers);"]
+    lines += [f"{same} of {len(found.ends)} searches ended there, {more}.", "", "## Numbers (SI)", ""]
     lines += table(["number", "hint", "fit", "σ of the hint's", "table2.toml"], rows)
     lines += ["## Frequencies (Hz)", "", *_frequencies(found), "## What the 18 frequencies by themselves tell apart", "", *combinations(found)]
     return "\n".join(lines)

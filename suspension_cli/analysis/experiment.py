@@ -44,6 +44,8 @@ class Experiment:
         Before key paths of the modes, in faults.
     file : str
         The design's, for faults.
+    known : dict
+        What was solved already.
     """
 
     text: str
@@ -113,7 +115,7 @@ class Experiment:
         key = np.asarray(x, dtype=float).tobytes()
         if key not in self.known:
             with self.faults():
-                self.known = {key: self._solved(x)}
+                self.known[key] = self._solved(x)
         return self.known[key]
 
     def _solved(self, x: Array) -> tuple[Array, Array]:

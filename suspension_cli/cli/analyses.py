@@ -126,6 +126,29 @@ def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
     return Provenance(source.text, options.command_line(argv), choice.level, choice.reason, error=choice.error)
 
 
+def differentiable(setting: dict[str, Any], file: str) -> Choice:
+    """The rung that has exact derivatives.
+
+    Raises
+    ------
+    InputError
+        If another is asked for.
+    """
+    from suspension_cli.errors import Fault, InputError, shown
+    from suspension_cli.models.fidelity import Choice
+
+    if setting["fidelity"] not in ("auto", "string"):
+        raise InputError([Fault("--fidelity", "has no derivatives", "take auto or string", shown(setting["fidelity"]))], file)
+    return Choice("string", "general string model, whose derivatives are exact")
+
+
+def plain(values: Any) -> Any:
+    """Numbers for JSON, as lists like their arrays: null for those that are not finite."""
+    import numpy as np
+
+    return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
+
+
 def estimate(choice: Choice) -> float | None:
     """The estimated relative error of a rung, for JSON."""
     return choice.error if math.isfinite(choice.error) else None

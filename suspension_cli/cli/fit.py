@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ if TYPE_CHECKING:
     from suspension_cli.analysis.fit import Fit
     from suspension_cli.cli.analyses import Read
     from suspension_cli.design.measured import Measured
+    from suspension_cli.models.fidelity import Choice
 
 SAME = 1e-3
 """Relative difference of chi^2 below which two searches ended at the same place."""
@@ -44,12 +44,11 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     from suspension_cli.cli.progress import Bar
     from suspension_cli.design import measured as measurements
     from suspension_cli.errors import InputError
-    from suspension_cli.models.fidelity import Choice
     from suspension_cli.results import fit as results
 
     voice = options.Voice(quiet, verbose)
     given = measurements.read(files[-1])
-    sources, setting = _designs(ctx, files, given, overrides)
+    sources, setting, choice = _designs(ctx, files, given, overrides)
     try:
         with Bar(enabled=not quiet) as bar:
             how: dict[str, Any] = {"starts": setting["starts"], "seed": setting["seed"], "tell": bar}
@@ -59,7 +58,6 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     joint = given.experiment is not None
     name, folder = Path(files[-1]).stem if joint else found.experiment[0], options.folder(out)
     path = folder / f"{name}-fit.h5"
-    choice = Choice("string", "general string model, whose derivatives are exact")
     title = (given.title if joint else sources[0].design.design.title) or name
     text = Path(files[-1]).read_text(encoding="utf-8-sig")
     results.save(path, found, analyses.provenance(sources[0], choice, sys.argv), [source.text for source in sources], text, title)
@@ -83,8 +81,8 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
         click.echo("\n".join(table(found)))
 
 
-def _designs(ctx: click.Context, files: tuple[str, ...], given: Measured, overrides: tuple[str, ...]) -> tuple[list[Read], dict[str, Any]]:
-    """The designs that were measured, and the options (of the first, where defaults stand in the designs)."""
+def _designs(ctx: click.Context, files: tuple[str, ...], given: Measured, overrides: tuple[str, ...]) -> tuple[list[Read], dict[str, Any], Choice]:
+    """The designs that were measured, the options (of the first, where defaults stand in the designs), and the rung."""
     from pathlib import Path
 
     from suspension_cli.cli import analyses
@@ -102,28 +100,29 @@ def _designs(ctx: click.Context, files: tuple[str, ...], given: Measured, overri
             raise InputError([Fault("experiment", "names its designs itself", "write pendsus fit MEASURED", shown(files[0]))], files[-1])
         asked = [(str(Path(files[-1]).parent / item.design), tuple(item.set)) for item in given.experiment]
     read = [analyses.prepared(ctx, file, (*own, *overrides)) for file, own in asked]
-    for source, setting in read:
-        if setting["fidelity"] not in ("auto", "string"):
-            raise InputError([Fault("--fidelity", "has no derivatives", "take auto or string", shown(setting["fidelity"]))], source.file)
-    return [source for source, _ in read], read[0][1]
+    choices = [analyses.differentiable(setting, source.file) for source, setting in read]
+    return [source for source, _ in read], read[0][1], choices[0]
 
 
 def document(name: str, files: list[str], found: Fit) -> dict[str, Any]:
     """The JSON document; null for an uncertainty that is infinite or that of a number at its bound."""
-
-    def plain(value: float) -> float | None:
-        return float(value) if math.isfinite(value) else None
+    from suspension_cli.cli.analyses import plain
 
     who = found.experiment
     learned = [
-        {"name": label, "start": float(found.start[n]), "value": float(found.value[n]), "sigma": plain(found.sigma[n]), "at_bound": bool(found.at_bound[n])}
+        {"name": label, "start": plain(found.start[n]), "value": plain(found.value[n]), "sigma": plain(found.sigma[n]), "at_bound": bool(found.at_bound[n])}
         | {"experiments": [name for name, here in zip(who, found.shared[n], strict=True) if here]}
         for n, label in enumerate(found.name)
     ]
+    columns = {
+        "measured_hz": found.measured,
+        "uncertainty_hz": found.uncertainty,
+        "before_hz": found.before,
+        "after_hz": found.after,
+        "residual": found.residual,
+    }
     modes = [
-        {"experiment": who[e], "label": label, "measured_hz": float(m), "uncertainty_hz": float(u)}
-        | {"before_hz": plain(b), "after_hz": plain(a), "residual": plain(r)}
-        for e, label, m, u, b, a, r in zip(found.of, found.label, found.measured, found.uncertainty, found.before, found.after, found.residual, strict=True)
+        {"experiment": who[found.of[n]], "label": label} | {key: plain(values[n]) for key, values in columns.items()} for n, label in enumerate(found.label)
     ]
     return {
         "command": "fit",
@@ -131,7 +130,7 @@ def document(name: str, files: list[str], found: Fit) -> dict[str, Any]:
         "fidelity": "string",
         "experiments": [{"name": experiment, "design": file} for experiment, file in zip(who, files, strict=True)],
         "parameters": learned,
-        "covariance": [[plain(value) for value in row] for row in found.covariance],
+        "covariance": plain(found.covariance),
         "modes": modes,
         "chi_squared": found.chi_squared,
         "chi_squared_of_starts": found.ends.tolist(),

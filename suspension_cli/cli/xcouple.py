@@ -148,10 +148,7 @@ def _warn_of_faint(question: Question, answer: Any, voice: options.Voice) -> Non
 
 def document(name: str, answer: Any) -> dict[str, Any]:
     """The JSON document: first axis first; a failed build is null."""
-    import numpy as np
-
-    def plain(values: Any) -> Any:
-        return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
+    from suspension_cli.cli.analyses import plain
 
     single = len(answer.frequency) == 1
     ratio = answer.ratio[..., 0] if single else answer.ratio

@@ -86,6 +86,8 @@ class Measured(Table, frozen=True):
 def read(file: str | Path) -> Measured:
     """Read and check a file of measured modes; raises `InputError` with all its faults."""
     raw = reader.document(file)
+    if "stage" in raw:
+        raise InputError([Fault("", "is a design, not a file of measured modes", "write pendsus fit DESIGN MEASURED")], str(file))
     found = faults.of_table(raw, Measured)
     if not found:
         measured = msgspec.convert(raw, Measured)
