@@ -15,7 +15,7 @@ from golden import CONFIGS, ROOT
 from suspension_cli.analysis import fit, modes, parameters, scalars
 from suspension_cli.design import measured, reader
 from suspension_cli.design.measured import Experiment, Free, Measured, Mode
-from suspension_cli.models import fidelity
+from suspension_cli.models import closed_form, fidelity
 from suspension_cli.plots.fit import told
 
 sys.path.insert(0, str(ROOT / "tools"))
@@ -179,6 +179,24 @@ def test_the_story_of_section_4c():
     free = youngs_modulus.framed("z roll y pitch", youngs_modulus.INERTIA)
     assert abs(free.value[0] - 1.7e11) < 2 * free.sigma[0]
     assert (np.abs(free.value[-3:] - [0.1472, 0.1176, 0.1107]) < 1.5 * free.sigma[-3:]).all()
+
+
+@pytest.mark.parametrize("case", youngs_modulus.PAPER["table1"]["case"], ids=lambda row: str(row["case"]))
+def test_a_frame_that_gives_way_sideways_lowers_roll_where_wires_lean(case):
+    """The paper's equations in y and roll, with the frame's y in series by hand: moving the frame by u is moving the mass by -u."""
+    mass, inertia, stiffness, geometry = 20.0, (0.1472, 0.1176, 0.1107), 6.5e4, case["geometry"]
+    wires = closed_form.FourWires(mass, inertia, k=1.7e11 * np.pi * 142.8e-6**2 / geometry["l"], **geometry)
+    weight = np.diag([mass, inertia[0]])
+    rigid = -weight @ closed_form.sideways_roll(wires)
+    row = rigid[0]
+    series = rigid - np.outer(row, row) / (row[0] + stiffness)
+    expected = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(weight, series)).real)) / (2 * np.pi)
+    file = HUSMAN / f"table1-case{case['case']}.toml"
+    found = modes.solve(fidelity.linear_model(reader.read(file, (f"support.stiffness.y={stiffness}",)).design, "string"))
+    np.testing.assert_allclose([*found.of("y"), *found.of("roll")], expected, rtol=1e-9)
+    alone = modes.solve(fidelity.linear_model(reader.read(file).design, "string")).of("roll")[0]
+    lower = alone - found.of("roll")[0]
+    assert (abs(lower) < 1e-3) if geometry["t1"] == geometry["t2"] else lower > 0.5
 
 
 def test_what_table1_does_not_print():
