@@ -154,8 +154,10 @@ def test_designs_are_given_once(tmp_path):
     alone = MEASURED / "table1-case4.toml"
     assert_refused(run("fit", alone, "--out", tmp_path / "out"), alone, tmp_path / "out")
     assert_refused(run("fit", CASES[0], "--out", tmp_path / "out"), CASES[0], tmp_path / "out")
-    gone = joint(tmp_path, experiment=[ONE | {"design": "gone.toml"}])
-    assert_refused(run("fit", gone, "--out", tmp_path / "out"), tmp_path / "gone.toml", tmp_path / "out")
+    gone = joint(tmp_path, experiment=[ONE | {"design": "gone.toml"}, ONE | {"design": "gone.toml", "name": "b"}, ONE | {"design": "far.toml"}])
+    result = run("fit", gone, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert [line.partition(": ")[0] for line in result.stderr.splitlines()] == [str(tmp_path / "gone.toml"), str(tmp_path / "far.toml")]
 
 
 def test_numbers_are_told_to_the_digits_that_count():

@@ -86,7 +86,7 @@ def _designs(ctx: click.Context, files: tuple[str, ...], given: Measured, overri
     from pathlib import Path
 
     from suspension_cli.cli import analyses
-    from suspension_cli.errors import Fault, InputError, shown
+    from suspension_cli.errors import Fault, InputError, joined, shown
 
     if given.experiment is None:
         if len(files) != 2:
@@ -99,7 +99,14 @@ def _designs(ctx: click.Context, files: tuple[str, ...], given: Measured, overri
         if len(files) != 1:
             raise InputError([Fault("experiment", "names its designs itself", "write pendsus fit MEASURED", shown(files[0]))], files[-1])
         asked = [(str(Path(files[-1]).parent / item.design), tuple(item.set)) for item in given.experiment]
-    read = [analyses.prepared(ctx, file, (*own, *overrides)) for file, own in asked]
+    read, bad = [], {}
+    for file, own in asked:
+        try:
+            read.append(analyses.prepared(ctx, file, (*own, *overrides)))
+        except InputError as error:
+            bad[str(error)] = error
+    if bad:
+        raise joined(list(bad.values()))
     choices = [analyses.differentiable(setting, source.file) for source, setting in read]
     return [source for source, _ in read], read[0][1], choices[0]
 
