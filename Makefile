@@ -4,9 +4,10 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
+DOCS_READY := $(VENV)/docs-ready
 
 
-.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus stability test lint bench golden clean
+.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus stability test lint docs reference bench golden clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 12
@@ -15,6 +16,10 @@ $(READY): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: install it, or make PYTHON=/path/to/python"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@touch $@
+
+$(DOCS_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	@touch $@
 
 tables: $(READY) ## Tables I and II of the paper, into results/
@@ -56,6 +61,14 @@ lint: $(READY)   ## style, types, layering
 	$(BIN)/basedpyright
 	$(BIN)/lint-imports
 
+docs: $(DOCS_READY) ## the site, into site/, with every link checked
+	rm -rf site
+	$(BIN)/python -m sphinx -W --keep-going -q -n -d build/doctrees -c docs . site
+	$(BIN)/python tools/links.py site
+
+reference: $(READY) ## the tables of docs/ that the program itself knows: keys and options
+	$(BIN)/python tools/reference.py
+
 bench: $(READY)  ## what things cost, as ratios to a floor measured in the same run
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python bench/run.py
 
@@ -63,4 +76,4 @@ golden: $(READY) ## regenerate tests/golden (say why in CHANGELOG.md, "Numbers c
 	$(BIN)/python tests/golden.py
 
 clean:           ## remove the environment and caches
-	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis build *.egg-info
+	rm -rf $(VENV) site .pytest_cache .ruff_cache .hypothesis build *.egg-info

@@ -73,7 +73,9 @@ class MaterialLoss(Table, frozen=True):
     """What makes a material lossy beyond a constant loss angle; acts where wires bend."""
 
     angle: Annotated[LossAngle, Meta(description="constant loss angle of the bulk in rad")] | None = None
-    table: Annotated[LossTable, Meta(description="loss angle of the bulk against frequency, instead of a constant one")] | None = None
+    table: (
+        Annotated[LossTable, Meta(description="loss angle of the bulk against frequency, instead of a constant one: straight lines in the logarithms")] | None
+    ) = None
     surface_depth: (
         Annotated[
             float,
@@ -199,7 +201,9 @@ class Stage(Table, frozen=True):
     name: Name
     body: Body
     hangs_from: Annotated[Name, Meta(description=f'"support" or an earlier stage, which makes a tree; default the stage before ({NAMES})')] | None = None
-    position: Annotated[Vector, Meta(description="nominal COM from the COM above (or support point), m; implied by a symmetric set")] | None = None
+    position: (
+        Annotated[Vector, Meta(description="nominal COM from the COM above (or support point), m; implied by a symmetric set, needed otherwise")] | None
+    ) = None
     wires: WireSet | None = None
     wire: Annotated[list[Wire], Meta(description="wires anywhere, instead of a symmetric set")] = field(default_factory=list)
     blades: BladeSet | None = None
@@ -243,10 +247,20 @@ class Loop(Table, frozen=True):
         Meta(description='"support": sensor and actuator sit between body and support structure; "inertial": neither refers to anything'),
     ] = "support"
     damper: Annotated[float, Meta(ge=-1e12, le=1e12, description="force per velocity, N s/m (N m s/rad): H = 2 pi i f times this")] | None = None
-    gain: Annotated[float, Meta(ge=-1e20, le=1e20, description="N/m (N m/rad) times Hz to the number of poles less that of zeros")] | None = None
+    gain: (
+        Annotated[
+            float,
+            Meta(
+                ge=-1e20,
+                le=1e20,
+                description="H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad) times Hz to the number of poles less that of zeros",
+            ),
+        ]
+        | None
+    ) = None
     zeros: Root = field(default_factory=list)
     poles: Root = field(default_factory=list)
-    sensor_noise: Annotated[float, Meta(ge=0, le=1e3, description="amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz)")] = 0.0
+    sensor_noise: Annotated[float, Meta(ge=0, le=1e3, description="amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz), flat")] = 0.0
 
 
 class Control(Table, frozen=True):

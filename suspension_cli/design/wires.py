@@ -37,20 +37,24 @@ class Section(Table, frozen=True):
 
 Radii = Annotated[list[Length], Meta(min_length=2, max_length=2, description="radius in m at the upper and at the lower end of a taper")]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
-Steps = Annotated[int, Meta(ge=1, le=256, description="number of uniform steps that stand for a taper")]
+Steps = Annotated[int, Meta(ge=1, le=256, description="number of uniform steps that stand for a taper; 16 if not given")]
 
 
 class WireSection(Table, frozen=True):
     """A stretch of a wire: uniform, or tapered linearly from one radius to another."""
 
-    length: Annotated[Length, Meta(description="loaded length, m; one section may leave it out and takes the rest")] | None = None
+    length: (
+        Annotated[Length, Meta(description="loaded length, m; one section may leave it out and takes the rest, otherwise they sum to the wire's")] | None
+    ) = None
     radius: Annotated[Length | Radii, Meta(description="radius of a round stretch, m; [upper, lower] of a tapered one")] | None = None
     section: Section | None = None
     material: Annotated[Name, Meta(description=f"name of a material; default the wire's ({NAMES})")] | None = None
     steps: Steps | None = None
 
 
-Sections = Annotated[list[WireSection], Meta(min_length=1, max_length=100, description="stretches from the upper to the lower end")]
+Sections = Annotated[
+    list[WireSection], Meta(min_length=1, max_length=100, description="stretches from the upper to the lower end, instead of radius and section")
+]
 
 
 class Clamp(Table, frozen=True):
@@ -83,7 +87,7 @@ class WireSet(Table, frozen=True):
 
     count: Annotated[Literal[1, 2, 4], Meta(description="number of wires")]
     l: Annotated[Length, Meta(description="loaded length of each wire, m")]
-    s: Annotated[Separation, Meta(description="half separation in x, upper and lower, m")] | None = None
+    s: Annotated[Separation, Meta(description="half separation in x at both ends, m (four wires)")] | None = None
     s_upper: Annotated[Separation, Meta(description="half separation in x at the upper end, m")] | None = None
     s_lower: Annotated[Separation, Meta(description="half separation in x at the lower end, m")] | None = None
     t1: Annotated[Separation, Meta(description="half separation in y at the upper end, m")] | None = None
