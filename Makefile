@@ -7,7 +7,7 @@ READY := $(VENV)/ready
 DOCS_READY := $(VENV)/docs-ready
 
 
-.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus stability test lint docs reference bench golden clean
+.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus stability test lint docs reference tutorial bench golden clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 12
@@ -68,6 +68,9 @@ docs: $(DOCS_READY) ## the site, into site/, with every link checked
 
 reference: $(READY) ## the tables of docs/ that the program itself knows: keys and options
 	$(BIN)/python tools/reference.py
+
+tutorial: $(READY) ## run the tutorial, and take in what it prints and draws
+	$(BIN)/python tools/tutorial.py
 
 bench: $(READY)  ## what things cost, as ratios to a floor measured in the same run
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python bench/run.py
