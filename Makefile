@@ -7,7 +7,10 @@ READY := $(VENV)/ready
 DOCS_READY := $(VENV)/docs-ready
 
 
-.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus stability test lint docs reference tutorial bench golden clean
+# What `make all` makes; a new result is one more word here and a section in results/README.md.
+RESULTS := tables fig3 fig4 fig5 fig6 modulus support blades thermal stability
+
+.PHONY: help all $(RESULTS) test lint docs reference tutorial bench golden clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 12
@@ -21,6 +24,9 @@ $(READY): pyproject.toml
 $(DOCS_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	@touch $@
+
+all: $(RESULTS)  ## every table, figure and chart, into results/
+	$(BIN)/python tools/overview.py
 
 tables: $(READY) ## Tables I and II of the paper, into results/
 	$(BIN)/python tools/tables.py
