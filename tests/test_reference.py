@@ -5,23 +5,14 @@ from __future__ import annotations
 import sys
 from typing import get_type_hints
 
-import msgspec
 import pytest
 from golden import ROOT
 
 from suspension_cli.cli.main import COMMANDS
-from suspension_cli.design import schema, wires
 
 sys.path.insert(0, str(ROOT / "tools"))
 import links
 import reference
-
-TYPES = {
-    name: kind
-    for module in (schema, wires)
-    for name, kind in vars(module).items()
-    if isinstance(kind, type) and issubclass(kind, msgspec.Struct) and kind.__struct_fields__
-}
 
 
 @pytest.mark.parametrize("path", reference.PAGES, ids=lambda path: path.name)
@@ -39,13 +30,13 @@ def test_every_table_of_the_format_is_there():
     """Those that are not, are told inside the row of the key that takes them, key by key."""
     text = (ROOT / "docs" / "design-file.md").read_text()
     shown = {found[2] for found in reference.BLOCK.finditer(text)}
-    within = {name for name, kind in TYPES.items() if f"`{{ {', '.join(kind.__struct_fields__)} }}`" in text}
-    assert set(TYPES) - shown - within == {"Design", "Control", "Tolerance"}  # which hold nothing but tables that are shown
+    within = {name for name, kind in reference.TYPES.items() if f"`{{ {', '.join(kind.__struct_fields__)} }}`" in text}
+    assert set(reference.TYPES) - shown - within == {"Design", "Control", "Tolerance"}  # which hold nothing but tables that are shown
 
 
-@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("name", reference.TYPES)
 def test_every_key_says_what_it_means(name):
-    for key, hint in get_type_hints(TYPES[name], include_extras=True).items():
+    for key, hint in get_type_hints(reference.TYPES[name], include_extras=True).items():
         if name != "Design":
             assert reference.description(hint) or "tables" in reference.takes(hint), key
         assert reference.takes(hint)

@@ -15,12 +15,14 @@ import click
 import msgspec
 
 from suspension_cli.cli.main import COMMANDS, main
-from suspension_cli.design import schema, wires
-from suspension_cli.design.quantities import NAMES
+from suspension_cli.design import schema
+from suspension_cli.design.quantities import NAMES, Table
 
 ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
 BLOCK = re.compile(r"<!-- (keys|options): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
+TYPES = {kind.__name__: kind for kind in Table.__subclasses__() if kind.__name__ in schema.json_schema()["$defs"]}
+"""Every table of the file format, by name."""
 SHARED = ("--set", "--out", "--fidelity", "--json", "--plot", "--quiet", "--verbose", "--tolerance", "--allow-unstable")
 """Options that the head of docs/commands.md explains once."""
 
@@ -40,7 +42,7 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 def keys(name: str) -> str:
     """The keys of one type of the file format: what each takes, its default, its meaning."""
-    kind = getattr(schema, name, None) or getattr(wires, name)
+    kind = TYPES[name]
     hints = get_type_hints(kind, include_extras=True)
     rows = []
     for field in msgspec.structs.fields(kind):
