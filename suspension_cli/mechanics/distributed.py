@@ -69,6 +69,12 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearModel
     return replace(model, terms=tuple(terms))
 
 
+def loaded(model: LinearModel) -> LinearModel:
+    """A model on `beam` with the mass of its wires, so on `violin`."""
+    terms = (replace(term, strand=replace(term.strand, massive=True)) if isinstance(term, WireTerm) else term for term in model.terms)
+    return replace(model, terms=tuple(terms))
+
+
 def _to_clamps(scene: Scene) -> Scene:
     """A scene whose wires end at their clamps, where the design tells the points at which they seem to bend.
 
