@@ -41,6 +41,7 @@ LEAST_ARM = 1e-4
 """m; lever arm of a body whose attachments lie at its COM."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
+PARTS_OF_POSE = ("shift", "turn", "deflection")
 
 
 @dataclass(frozen=True)
@@ -138,6 +139,23 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     return _merged(found, doubtful, _followed(picked(scene, doubtful), numbering))
 
 
+def resolved(scene: Scene, numbering: Layout, found: Equilibrium, where: Any) -> Equilibrium:
+    """Equilibria of a batch with those `where` something in the scene has changed sought anew, from where they were."""
+    if not scene.batch:
+        return solve(scene, numbering, start=found.pose)
+    some = Pose(*(getattr(found.pose, name)[where] for name in PARTS_OF_POSE))
+    better = solve(picked(scene, where), numbering, start=some)
+
+    def take(old: Any, new: Any) -> Any:
+        result = np.array(np.broadcast_to(old, where.shape + new.shape[1:]))
+        result[where] = new
+        return result
+
+    pose = Pose(*(take(getattr(found.pose, name), getattr(better.pose, name)) for name in PARTS_OF_POSE))
+    parts = {name: take(getattr(found, name), getattr(better, name)) for name in ("residual", "rounding", "tension", "stiffness")}
+    return Equilibrium(pose=pose, iterations=max(found.iterations, better.iterations), **parts)
+
+
 def _trusted(scene: Scene, found: Equilibrium) -> Any:
     """Whether each scene has settled on taut wires in a pose that is not plainly unstable."""
     good = found.converged & (found.tension > 0).all(-1)
@@ -178,7 +196,7 @@ def _merged(found: Equilibrium, where: Any, better: Equilibrium, *, whole: bool 
         result[chosen] = new[chosen] if whole else new[better.converged]
         return result
 
-    pose = Pose(*(take(getattr(found.pose, name), getattr(better.pose, name)) for name in ("shift", "turn", "deflection")))
+    pose = Pose(*(take(getattr(found.pose, name), getattr(better.pose, name)) for name in PARTS_OF_POSE))
     parts = {name: take(getattr(found, name), getattr(better, name)) for name in ("residual", "rounding", "tension", "stiffness")}
     return Equilibrium(pose=pose, iterations=max(found.iterations, better.iterations), **parts)
 

@@ -25,31 +25,35 @@ import numpy as np
 
 from suspension_cli.design.scene import Flex, Scene
 from suspension_cli.mechanics import string
-from suspension_cli.mechanics.fibre import Strand
+from suspension_cli.mechanics.fibre import Strand, fitted
 from suspension_cli.mechanics.geometric import add_arms
 from suspension_cli.mechanics.pose import Layout, Pose
 from suspension_cli.rotations import cross_matrix
 
 
-def flexible(scene: Scene, tension: Any = None) -> Scene:
-    """A scene whose wires bend and twist, with the stiffness that they have under a tension (w,), by default the nominal one."""
+def flexible(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
+    """A scene whose wires bend and twist, with the stiffness that they have under a tension and at a length (..., w), by default the nominal ones."""
     assert scene.fibres is not None
-    tension = scene.wires.tension if tension is None else tension
-    bend, twist = [], []
+    wires = scene.wires
+    shape = (*scene.batch, len(wires.label))
+    taut, long, k = (np.broadcast_to(v, shape) for v in (wires.tension if tension is None else tension, wires.length if length is None else length, wires.stiffness))
+    bend, twist = np.empty((*shape, 2, 3)), np.empty(shape)
     for number, fibre in enumerate(scene.fibres.wire):
-        static = Strand(fibre, float(tension[number]), massive=False, lossy=False).static
-        bend.append([_turning(static[part]) for part in ("bend-1", "bend-2")])
-        twist.append(static["twist"][1, 1] / 4)
+        own = (..., number)
+        hung = fitted(fibre, np.ravel(long[own]), np.ravel(k[own]))
+        rest = Strand(hung, np.ravel(taut[own]), massive=False, lossy=False).rest
+        for plane, part in enumerate(("bend-1", "bend-2")):
+            bend[..., number, plane, :] = _turning(rest[part]).reshape(*scene.batch, 3)
+        twist[own] = (rest["twist"][1, 1] / 4).reshape(scene.batch)
     planes = [[_planes(fibre.plane, clamp) for clamp in fibre.clamp] for fibre in scene.fibres.wire]
-    flex = Flex(np.array([p[0] for p in planes]), np.array([p[1] for p in planes]), np.array(bend), np.array(twist))
+    flex = Flex(*(np.array([p[end] for p in planes]).reshape(-1, 2, 3) for end in (0, 1)), bend, twist)
     return replace(scene, flex=flex)
 
 
-def _turning(stiffness: Any) -> list[float]:
-    """S_uu, S_ul, S_ll: against slopes of the ends with no displacement, T_s = (b - a) / 2 and T_a = (a + b) / 2."""
-    forms = np.array([[0, -0.5, 0, 0.5], [0, 0.5, 0, 0.5]])
-    s = forms @ stiffness @ forms.T
-    return [s[0, 0], s[0, 1], s[1, 1]]
+def _turning(stiffness: Any) -> Any:
+    """S_uu, S_ul, S_ll (f, 3): against slopes a and b of the ends with no displacement, T_s = (b - a) / 2 and T_a = (a + b) / 2."""
+    even, odd, mixed = stiffness[1, 1], stiffness[3, 3], stiffness[1, 3]
+    return np.stack([even + odd - 2 * mixed, odd - even, even + odd + 2 * mixed], axis=-1) / 4
 
 
 def _planes(plane: Any, clamp: Any) -> Any:
@@ -63,8 +67,8 @@ def _vectors(scene: Scene, pose: Pose) -> tuple[Any, Any]:
     """The planes' unit vectors (..., w, 2, 3) at both ends in global axes."""
     flex, wires = scene.flex, scene.wires
     assert flex is not None
-    upper = np.einsum("...wij,wpj->...wpi", pose.rotation[..., wires.upper, :, :], flex.upper)
-    return upper, np.einsum("...wij,wpj->...wpi", pose.rotation[..., wires.lower, :, :], flex.lower)
+    upper, lower = ((pose.rotation[..., body, None, :, :] @ n[..., None])[..., 0] for body, n in ((wires.upper, flex.upper), (wires.lower, flex.lower)))
+    return upper, lower
 
 
 def _slopes(direction: Any, upper: Any, lower: Any) -> tuple[Any, Any, Any]:
@@ -96,8 +100,9 @@ def add(scene: Scene, numbering: Layout, pose: Pose, gradient: Any, hessian: Any
     rows = []
     across = np.eye(3) - e[..., :, None] * e[..., None, :]  # P
     for n, body, moment, side in ((upper, wires.upper, moments[0], "upper"), (lower, wires.lower, moments[1], "lower")):
-        flat = np.einsum("...wij,...wpj->...wpi", across, n)  # n_+
-        rows.append(-np.einsum("...Nwi,...wpi->...Nwp", span, flat * over) - np.einsum("...Nwpi,...wi->...Nwp", turn[side], e))
+        flat = n - (n * e[..., None, :]).sum(-1, keepdims=True) * e[..., None, :]  # n_+
+        by_span = (span[..., :, :, None, :] * (flat * over)[..., None, :, :, :]).sum(-1)
+        rows.append(-by_span - (turn[side] * e[..., None, :, None, :]).sum(-1))
         pull = -(moment[..., None] * flat * over).sum(-2)
         add_arms(outer, wires.lower, pull, now.lower_arm)
         add_arms(outer, wires.upper, -pull, now.upper_arm)
@@ -105,13 +110,13 @@ def add(scene: Scene, numbering: Layout, pose: Pose, gradient: Any, hessian: Any
         product = e[..., None, :, None] * flat[..., None, :]
         curve = product + np.swapaxes(product, -1, -2) + (e[..., None, :] * n).sum(-1)[..., None, None] * across[..., None, :, :]
         curve = (moment[..., None, None] * curve).sum(-3) * over**2
-        hessian += np.einsum("...Nwi,...wij,...Mwj->...NM", span, curve, span)
-        mixed = -np.einsum("...Nwi,...wij,...wp,...Mwpj->...NM", span, across * over, moment, turn[side])
+        hessian += _outer(_each(span, curve), _flat(span))
+        mixed = -_outer(_flat(span), _each((moment[..., None, :, :, None] * turn[side]).sum(-2), across * over))
         hessian += mixed + np.swapaxes(mixed, -1, -2)
         for plane in (0, 1):
             add_arms(outer, body, -moment[..., plane, None] * e, n[..., plane, :])
     for plane in (0, 1):
-        (up, low), (uu, ul, ll) = (r[..., plane] for r in rows), np.moveaxis(flex.bend[..., plane, :], -1, 0)
+        (up, low), (uu, ul, ll) = (r[..., plane] for r in rows), np.moveaxis(flex.bend[..., None, :, plane, :], -1, 0)
         gradient += (up * moments[0][..., None, :, plane] + low * moments[1][..., None, :, plane]).sum(-1)
         hessian += _outer(up * uu + low * ul, up) + _outer(up * ul + low * ll, low)
     _add_twist(scene, twist, upper, lower, turn, gradient, hessian, outer)
@@ -124,17 +129,27 @@ def _add_twist(scene: Scene, twist: Any, upper: Any, lower: Any, turn: dict[str,
     row = 0.0
     for sign, low, up in ((0.5, 0, 1), (-0.5, 1, 0)):
         by_low, by_up = turn["lower"][..., low, :], turn["upper"][..., up, :]
-        row = row + sign * (np.einsum("...Nwi,...wi->...Nw", by_low, upper[..., up, :]) + np.einsum("...Nwi,...wi->...Nw", by_up, lower[..., low, :]))
-        mixed = sign * np.einsum("...Nwi,...w,...Mwi->...NM", by_low, torque, by_up)
+        row = row + sign * ((by_low * upper[..., None, :, up, :]).sum(-1) + (by_up * lower[..., None, :, low, :]).sum(-1))
+        mixed = sign * _outer(_flat(by_low * torque[..., None, :, None]), _flat(by_up))
         hessian += mixed + np.swapaxes(mixed, -1, -2)
         add_arms(outer, wires.lower, sign * torque[..., None] * upper[..., up, :], lower[..., low, :])
         add_arms(outer, wires.upper, sign * torque[..., None] * lower[..., low, :], upper[..., up, :])
     gradient += (row * torque[..., None, :]).sum(-1)
-    hessian += _outer(row * flex.twist, row)
+    hessian += _outer(row * flex.twist[..., None, :], row)
 
 
 def _outer(a: Any, b: Any) -> Any:
     return a @ np.swapaxes(b, -1, -2)
+
+
+def _flat(vectors: Any) -> Any:
+    """Vectors (..., N, w, 3) of all wires in one row (..., N, 3 w)."""
+    return vectors.reshape(*vectors.shape[:-2], -1)
+
+
+def _each(vectors: Any, matrix: Any) -> Any:
+    """Vectors (..., N, w, 3) times the symmetric matrix (..., w, 3, 3) of their wire, in one row."""
+    return _flat((vectors[..., None, :] * matrix[..., None, :, :, :]).sum(-1))
 
 
 def _turn_jacobian(numbering: Layout, body: Any, vector: Any) -> Any:
