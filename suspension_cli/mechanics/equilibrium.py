@@ -7,7 +7,7 @@ error, so the search goes to the stationary point next to the nominal pose and d
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -143,17 +143,24 @@ def resolved(scene: Scene, numbering: Layout, found: Equilibrium, where: Any) ->
     """Equilibria of a batch with those `where` something in the scene has changed sought anew, from where they were."""
     if not scene.batch:
         return solve(scene, numbering, start=found.pose)
-    some = Pose(*(getattr(found.pose, name)[where] for name in PARTS_OF_POSE))
-    better = solve(picked(scene, where), numbering, start=some)
+    return _placed(found, where, solve(picked(scene, where), numbering, start=_picked_pose(found.pose, where)))
 
-    def take(old: Any, new: Any) -> Any:
-        result = np.array(np.broadcast_to(old, where.shape + new.shape[1:]))
-        result[where] = new
+
+def _picked_pose(pose: Pose, where: Any) -> Pose:
+    return Pose(*(getattr(pose, name)[where] for name in PARTS_OF_POSE))
+
+
+def _placed(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
+    """Results of a batch with those `where` others were found (given for these alone) replaced."""
+
+    def take(old: Any, some: Any) -> Any:
+        result = np.array(np.broadcast_to(old, where.shape + some.shape[1:]))
+        result[where] = some
         return result
 
-    pose = Pose(*(take(getattr(found.pose, name), getattr(better.pose, name)) for name in PARTS_OF_POSE))
-    parts = {name: take(getattr(found, name), getattr(better, name)) for name in ("residual", "rounding", "tension", "stiffness")}
-    return Equilibrium(pose=pose, iterations=max(found.iterations, better.iterations), **parts)
+    pose = Pose(*(take(getattr(found.pose, name), getattr(new.pose, name)) for name in PARTS_OF_POSE))
+    parts = {name: take(getattr(found, name), getattr(new, name)) for name in ("residual", "rounding", "tension", "stiffness")}
+    return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **parts)
 
 
 def _trusted(scene: Scene, found: Equilibrium) -> Any:
@@ -212,8 +219,13 @@ def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int,
         return Equilibrium(pose, left, np.zeros_like(left), 0, string.state(scene, pose).tension, hessian)
     spinning = free_to_spin(scene)
     cap = CAP * np.where(_is_rotation(numbering)[free], 1.0, lever_arm(scene)[..., None])
-    count = 0
+    count, rest_of = 0, None
     while count < most and not np.all(settled):
+        if scene.batch and 2 * np.count_nonzero(settled) > settled.size:  # most are there: go on with the others alone
+            left_over = ~settled
+            goal = target if np.isscalar(target) else target[left_over]
+            rest_of = left_over, _newton(picked(scene, left_over), numbering, _picked_pose(pose, left_over), goal, most - count)
+            break
         step = _newton_step(gradient[..., free] - wanted, hessian[..., free, free], unit, spins(scene, numbering, pose, spinning))
         over = np.maximum(_size(step / cap), 1.0)
         step = np.where(settled[..., None], 0.0, step / over[..., None])
@@ -224,7 +236,11 @@ def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int,
         settled = settled | ((_size(step) < LAST_STEP) & ((left < SETTLED) | (left > before / 2)))
         count += 1
     tension = string.state(scene, pose).tension
-    return Equilibrium(pose, left, _rounding(scene, pose, tension, unit), count, tension, hessian)
+    found = Equilibrium(pose, left, _rounding(scene, pose, tension, unit), count, tension, hessian)
+    if rest_of is None:
+        return found
+    where, others = rest_of
+    return _placed(found, where, replace(others, iterations=count + others.iterations))
 
 
 def _as_drawn(scene: Scene, numbering: Layout, gradient: Any) -> Any:
