@@ -151,10 +151,7 @@ def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: li
     systems = None if builds.terms else Systems.of(model, good)
     for start in range(0, len(omega) if len(good) else 0, step):
         now = slice(start, start + step)
-        if systems is None:
-            x = dispersive(model, builds.terms, good, omega[now], moves, forces)
-        else:
-            x = systems.solve(omega[now], moves[good], forces[good])
+        x = dispersive(model, builds.terms, good, omega[now], moves, forces) if systems is None else systems.solve(omega[now], moves[good], forces[good])
         result[good, now] = rows[good][:, None, :, 6:] @ x + (rows[good][..., :6] @ moves[good])[:, None]
     for o, out in enumerate(outputs):
         for i, into in enumerate(inputs):

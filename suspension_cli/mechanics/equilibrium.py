@@ -17,6 +17,7 @@ from suspension_cli.design.stack import blended, picked
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import string
 from suspension_cli.mechanics.pose import Layout, Pose, displaced, layout, nominal_pose
+from suspension_cli.mechanics.shares import lever_arm, units
 from suspension_cli.mechanics.spins import free_to_spin, spins
 from suspension_cli.mechanics.tangent import tangent
 
@@ -37,8 +38,6 @@ CORRECTIONS = 4
 """Newton steps after each."""
 ROUNDINGS = 16
 """How many rounding errors of a displacement add up in the forces on a body, at most."""
-LEAST_ARM = 1e-4
-"""m; lever arm of a body whose attachments lie at its COM."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
 PARTS_OF_POSE = ("shift", "turn", "deflection")
@@ -97,13 +96,6 @@ class Equilibrium:
 
 def _key(label: str) -> str:
     return f"stage.{label.rsplit('.', 1)[0]}.wire"
-
-
-def lever_arm(scene: Scene) -> Any:
-    """Largest distance of an attachment from a COM along an axis, m, at least 1 mm; shape ``batch``."""
-    points = (scene.wires.upper_point, scene.wires.lower_point, scene.springs.lower_point)
-    largest = [np.abs(p).max((-2, -1), initial=1e-3) for p in points]
-    return np.broadcast_to(np.maximum.reduce(np.broadcast_arrays(*largest)), scene.batch)
 
 
 def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = None) -> Equilibrium:
@@ -210,7 +202,7 @@ def _merged(found: Equilibrium, where: Any, better: Equilibrium, *, whole: bool 
 
 def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int, *, rest: bool = False) -> Equilibrium:
     """Newton's method to the pose in which the gradient equals a target (..., N); a nominal pose at `rest` is left alone."""
-    unit, free = _units(scene, numbering), slice(6, None)
+    unit, free = units(scene, numbering), slice(6, None)
     wanted = target if np.isscalar(target) else target[..., free]
     gradient, hessian = tangent(scene, numbering, pose)
     left = _size((gradient[..., free] - wanted) / unit)
@@ -223,7 +215,7 @@ def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int,
     while count < most and not np.all(settled):
         if scene.batch and 2 * np.count_nonzero(settled) > settled.size:  # most are there: go on with the others alone
             left_over = ~settled
-            goal = target if np.isscalar(target) else target[left_over]
+            goal = target[left_over] if isinstance(target, np.ndarray) else target
             rest_of = left_over, _newton(picked(scene, left_over), numbering, _picked_pose(pose, left_over), goal, most - count)
             break
         step = _newton_step(gradient[..., free] - wanted, hessian[..., free, free], unit, spins(scene, numbering, pose, spinning))
@@ -249,42 +241,6 @@ def _as_drawn(scene: Scene, numbering: Layout, gradient: Any) -> Any:
         return True
     meant, _ = tangent(scene.drawn, numbering, nominal_pose(scene.drawn))
     return (gradient == meant).all(-1)
-
-
-def _units(scene: Scene, numbering: Layout) -> Any:
-    """What a residual is a share of, (..., N - 6): for forces the load of the body (or of the body below, on a blade), for torques that times its lever arm."""
-    load, arm = loads(scene), lever_arms(scene)
-    bodies = np.stack([np.stack([load] * 3, -1), np.stack([load * arm] * 3, -1)], -2)
-    result = np.ones((*scene.batch, numbering.size + 1)) * scene.weight[..., None]
-    result[..., 6 : 6 * load.shape[-1] + 6] = bodies.reshape(*load.shape[:-1], -1)
-    for wire in np.flatnonzero(scene.wires.blade >= 0):
-        result[..., numbering.blade[scene.wires.blade[wire]]] = load[..., scene.wires.lower[wire] - 1, None]
-    return result[..., 6:-1]
-
-
-def loads(scene: Scene) -> Any:
-    """What each body carries (..., n): its own weight and that of all that hangs on it, N."""
-    wires, springs, bodies = scene.wires, scene.springs, scene.bodies
-    result = np.array(np.broadcast_to(scene.gravity * bodies.mass, (*scene.batch, len(bodies.name))))
-    for number, body in enumerate(scene.blades.body.tolist()):
-        if body > 0:
-            result[..., body - 1] += scene.gravity * scene.blades.tip_mass[..., number]
-    parent = {low: up for part in (springs, wires) for up, low in zip(part.upper.tolist(), part.lower.tolist(), strict=True)}
-    for body in range(len(bodies.name), 0, -1):
-        if parent.get(body, 0) > 0:
-            result[..., parent[body] - 1] += result[..., body - 1]
-    return result
-
-
-def lever_arms(scene: Scene) -> Any:
-    """Largest distance of an attachment of each body (..., n) from its COM along an axis, m, at least `LEAST_ARM`."""
-    wires, springs = scene.wires, scene.springs
-    result = np.full((*scene.batch, len(scene.bodies.name) + 1), LEAST_ARM)
-    ends = ((wires.upper, wires.upper_point), (wires.lower, wires.lower_point), (springs.lower, springs.lower_point))
-    for body, points in ends:
-        for number, own in enumerate(body.tolist()):
-            result[..., own] = np.maximum(result[..., own], np.abs(points[..., number, :]).max(-1))
-    return result[..., 1:]
 
 
 def _rounding(scene: Scene, pose: Pose, tension: Any, unit: Any) -> Any:

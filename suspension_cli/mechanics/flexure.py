@@ -36,7 +36,8 @@ def flexible(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
     assert scene.fibres is not None
     wires = scene.wires
     shape = (*scene.batch, len(wires.label))
-    taut, long, k = (np.broadcast_to(v, shape) for v in (wires.tension if tension is None else tension, wires.length if length is None else length, wires.stiffness))
+    tension, length = wires.tension if tension is None else tension, wires.length if length is None else length
+    taut, long, k = (np.broadcast_to(v, shape) for v in (tension, length, wires.stiffness))
     bend, twist = np.empty((*shape, 2, 3)), np.empty(shape)
     for number, fibre in enumerate(scene.fibres.wire):
         own = (..., number)
@@ -46,7 +47,8 @@ def flexible(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
             bend[..., number, plane, :] = _turning(rest[part]).reshape(*scene.batch, 3)
         twist[own] = (rest["twist"][1, 1] / 4).reshape(scene.batch)
     planes = [[_planes(fibre.plane, clamp) for clamp in fibre.clamp] for fibre in scene.fibres.wire]
-    flex = Flex(*(np.array([p[end] for p in planes]).reshape(-1, 2, 3) for end in (0, 1)), bend, twist)
+    upper, lower = (np.array([pair[end] for pair in planes]).reshape(-1, 2, 3) for end in (0, 1))
+    flex = Flex(upper, lower, bend, twist)
     return replace(scene, flex=flex)
 
 
