@@ -14,6 +14,7 @@ import numpy as np
 from suspension_cli.analysis import builds, modes, sampling
 from suspension_cli.analysis.builds import Column
 from suspension_cli.analysis.coupling import Question, over_unit
+from suspension_cli.analysis.systems import solved
 from suspension_cli.design import reader
 from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
@@ -148,7 +149,7 @@ def followed(found: builds.Builds, shapes: Array, keep: Any) -> Array:
     stiffness = model.stiffness[..., keep[:, None], keep]
     if len(light):
         across = model.stiffness[..., keep[:, None], light]
-        stiffness = stiffness - across @ builds.solved(model.stiffness[..., light[:, None], light], np.swapaxes(across, -1, -2))
+        stiffness = stiffness - across @ solved(model.stiffness[..., light[:, None], light], np.swapaxes(across, -1, -2))
     bad = found.status != builds.GOOD
     mass = np.where(bad[:, None, None], np.eye(len(keep)), model.mass[..., keep[:, None], keep])
     inverse = np.linalg.inv(np.linalg.cholesky(mass))

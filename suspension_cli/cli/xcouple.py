@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 DEFAULT_GRID = {"k": "0.6:1.4:41", "mass": "0.9:1.1:41", "inertia": "0.9:1.1:41"}
 OTHER_GRID = "-2e-3:2e-3:5"
+LEVELS = ("string", "beam", "violin")
+"""Rungs that imperfect builds have; the first unless another is asked for."""
 
 
 @click.command("xcouple")
@@ -48,7 +50,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides, extra=swept_names())
     with source.faults():
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, imperfect=True)
+        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, rungs=LEVELS)
         question = analyses.question(model, setting)
     if setting["matrix"]:
         _matrix(source, choice, model, question, setting, out, as_json, voice)
@@ -111,7 +113,7 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
 
     table = source.design.analysis.get("xcouple", {})
     with source.faults():
-        job = Sweep(source.text, axes(setting["sweep"], table), question, setting["allow_unstable"])
+        job = Sweep(source.text, axes(setting["sweep"], table), question, setting["allow_unstable"], choice.level)
         job.check()
     path = options.folder(out) / f"{source.design.design.name}-xcouple.h5"
     analyses.swept(job, path, "xcouple", source, choice, setting, voice, lambda group: files.fill(group, job))
@@ -127,7 +129,7 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
     if as_json:
         import json
 
-        click.echo(json.dumps(document(source.design.design.name, answer)))
+        click.echo(json.dumps(document(source.design.design.name, choice.level, answer)))
     else:
         click.echo(summary(answer))
 
@@ -146,7 +148,7 @@ def _warn_of_faint(question: Question, answer: Any, voice: options.Voice) -> Non
         )
 
 
-def document(name: str, answer: Any) -> dict[str, Any]:
+def document(name: str, level: str, answer: Any) -> dict[str, Any]:
     """The JSON document: first axis first; a failed build is null."""
     import numpy as np
 
@@ -158,6 +160,7 @@ def document(name: str, answer: Any) -> dict[str, Any]:
     return {
         "command": "xcouple",
         "design": name,
+        "fidelity": level,
         "axes": [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes],
         "ratio_real": plain(ratio.real),
         "ratio_imag": plain(ratio.imag),
@@ -213,6 +216,7 @@ def _matrix(source: Any, choice: Any, model: LinearModel, question: Question, se
         head = {
             "command": "xcouple",
             "design": source.design.design.name,
+            "fidelity": choice.level,
             "frequency_hz": list(question.frequency),
             "input": answer.input,
             "output": answer.output,
