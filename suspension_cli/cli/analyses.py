@@ -181,7 +181,7 @@ def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, settin
     from suspension_cli.cli.progress import Bar
     from suspension_cli.results import Provenance
 
-    origin = Provenance(source.text, what(sys.argv), choice.level, choice.reason, sweep=job.identity)
+    origin = Provenance(source.text, what(sys.argv), choice.level, choice.reason, sweep=job.identity, error=choice.error)
     try:
         with Bar(enabled=not voice.quiet) as bar:
             run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill, after)

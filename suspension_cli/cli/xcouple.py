@@ -11,13 +11,16 @@ import click
 from suspension_cli.cli import options
 
 if TYPE_CHECKING:
-    from suspension_cli.analysis.coupling import Axis, Question
+    from suspension_cli.analysis.coupling import Axis, Question, Sweep
     from suspension_cli.mechanics.model import LinearModel
+    from suspension_cli.models.fidelity import Choice
 
 DEFAULT_GRID = {"k": "0.6:1.4:41", "mass": "0.9:1.1:41", "inertia": "0.9:1.1:41"}
 OTHER_GRID = "-2e-3:2e-3:5"
 LEVELS = ("string", "beam", "violin")
 """Rungs that imperfect builds have; the first unless another is asked for."""
+TOLD = 0.01
+"""Share of the largest coupling from which it is a warning what strings leave out; imperfections are hardly known any better."""
 
 
 @click.command("xcouple")
@@ -115,6 +118,7 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
     with source.faults():
         job = Sweep(source.text, axes(setting["sweep"], table), question, setting["allow_unstable"], choice.level)
         job.check()
+        choice = _weighed(job, choice, setting, voice)
     path = options.folder(out) / f"{source.design.design.name}-xcouple.h5"
     analyses.swept(job, path, "xcouple", source, choice, setting, voice, lambda group: files.fill(group, job))
     answer = files.load(path)
@@ -129,9 +133,24 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
     if as_json:
         import json
 
-        click.echo(json.dumps(document(source.design.design.name, choice.level, answer)))
+        click.echo(json.dumps(document(source.design.design.name, choice, answer)))
     else:
         click.echo(summary(answer))
+
+
+def _weighed(job: Sweep, choice: Choice, setting: dict[str, Any], voice: options.Voice) -> Choice:
+    """What strings leave out, in the choice; said with a number where it is more than the tolerance."""
+    from dataclasses import replace
+
+    from suspension_cli.analysis import rungs
+
+    if choice.level != "string" or setting["fidelity"] != "auto":
+        return choice
+    rung, error = rungs.coupling_error(job)
+    if error > TOLD:
+        voice.warn(f"bending and mass of wires change these couplings by {100 * error:.2g} % of the largest: --fidelity {rung} has them")
+    left = f"left out: bending and mass of wires ({error:.1g} of the largest coupling)" if error >= 0 else "unknown, as wires lack material or cross-section: their bending"
+    return replace(choice, error=error, reason=f"{choice.reason}; {left}")
 
 
 def _warn_of_faint(question: Question, answer: Any, voice: options.Voice) -> None:
@@ -148,9 +167,11 @@ def _warn_of_faint(question: Question, answer: Any, voice: options.Voice) -> Non
         )
 
 
-def document(name: str, level: str, answer: Any) -> dict[str, Any]:
+def document(name: str, choice: Choice, answer: Any) -> dict[str, Any]:
     """The JSON document: first axis first; a failed build is null."""
     import numpy as np
+
+    from suspension_cli.cli import analyses
 
     def plain(values: Any) -> Any:
         return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
@@ -160,7 +181,8 @@ def document(name: str, level: str, answer: Any) -> dict[str, Any]:
     return {
         "command": "xcouple",
         "design": name,
-        "fidelity": level,
+        "fidelity": choice.level,
+        "estimated_error": analyses.estimate(choice),
         "axes": [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes],
         "ratio_real": plain(ratio.real),
         "ratio_imag": plain(ratio.imag),

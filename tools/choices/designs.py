@@ -20,6 +20,11 @@ BLADES = ((1, 1), (2, 1), (2, 2), (4, 2), (4, 4))
 
 def random_design(seed: int) -> Design:
     """A design that stands on every rung of the ladder."""
+    return reader.convert(random_raw(seed))
+
+
+def random_raw(seed: int) -> dict[str, Any]:
+    """The same as a TOML file gives it."""
     rng = np.random.default_rng([77, seed])
     bladed, stress = rng.random() < 0.3, float(np.exp(rng.uniform(*np.log(STRESS))))
     stages = [_stage(rng, f"mass{n}", bladed=bool(bladed and (n == 1 or rng.random() < 0.6))) for n in range(1, 2 + seed % 4)]
@@ -27,7 +32,7 @@ def random_design(seed: int) -> Design:
     raw: dict[str, Any] = {"design": {"name": f"scene-{seed}"}, "stage": stages}
     if rng.random() < 0.25:
         raw["perturbation"] = [item for stage in stages for item in _imperfect(rng, stage, stress / MODULUS)]
-    return reader.convert(raw)
+    return raw
 
 
 def _between(rng: Generator, low: float, high: float) -> float:
