@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis.modes import RIGID
+from suspension_cli.analysis.graded import RIGID
 from suspension_cli.analysis.signals import Signal, row
 from suspension_cli.analysis.systems import Systems, dispersive
 from suspension_cli.conventions import PARITY_X, PARITY_Y
