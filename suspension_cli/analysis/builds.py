@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis.modes import RIGID
+from suspension_cli.analysis.graded import RIGID
 from suspension_cli.analysis.signals import Signal, row
 from suspension_cli.analysis.systems import Systems, dispersive
 from suspension_cli.conventions import PARITY_X, PARITY_Y
@@ -31,7 +31,7 @@ STATUS = ("good", "a wire is slack", "no equilibrium near the nominal pose", "th
 NOTHING = complex(np.nan, np.nan)
 """Response of a build that failed."""
 SYSTEMS = 4096
-"""Systems (builds times frequencies) solved at once, at most, unless there are more builds."""
+"""Systems (builds times frequencies) solved at once, at most, unless there are more builds; a quarter of that where wires bend, which takes more memory."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: li
     omega = 2 * np.pi * np.asarray(frequency)
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
     good = np.flatnonzero(builds.status == GOOD)
-    step = max(1, SYSTEMS // max(len(good), 1))
+    step = max(1, SYSTEMS // (4 if builds.terms else 1) // max(len(good), 1))
     systems = None if builds.terms else Systems.of(model, good)
     for start in range(0, len(omega) if len(good) else 0, step):
         now = slice(start, start + step)
