@@ -18,7 +18,9 @@ STEEL = {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0}
 
 def pendulum(radius=1e-4, count=4, **wires):
     """A body of 4 kg on wires of half a metre at the height of its COM, far apart."""
-    given = {"count": count, "l": 0.5, "material": "plain", "radius": radius, "k": 1e6} | ({"s": 0.1, "t1": 0.1, "t2": 0.1} if count == 4 else {"d": 0.01}) | wires
+    given = (
+        {"count": count, "l": 0.5, "material": "plain", "radius": radius, "k": 1e6} | ({"s": 0.1, "t1": 0.1, "t2": 0.1} if count == 4 else {"d": 0.01}) | wires
+    )
     stage = {"name": "test", "body": {"mass": 4.0, "inertia": [0.02, 0.02, 0.02]}, "wires": given}
     return scenes.design_of({"design": {"name": "one"}, "materials": {"plain": STEEL}, "stage": [stage]})
 

@@ -26,11 +26,11 @@ PROMISED = 10.0
 
 HEAD = """# What `auto` leaves out, and what that costs
 
-{count} random suspensions (`tools/choices/designs.py`): one to four stages, with and without blades, wires from rods at 10 MPa to hairs at 3 GPa, of two steels and
-fused silica, round and ribbons, half of them told by where they seem to bend, a quarter built imperfectly. Each is asked one thing (a quarter each), to a tolerance
-between 0.0001 and 0.1. The true error is that against `violin`: of mode frequencies, paired by their shapes; of responses and noise at {checked} of {points}
-frequencies from 0.1 Hz to between 1 and 100 Hz, in size, or in frequency where that is nearer (beside a resonance); of couplings in all builds. Cost is the time of deciding and solving over that of `violin`, in
-turns in one process on one thread, medians of {turns}.
+{count} random suspensions (`tools/choices/designs.py`): one to four stages, with and without blades, wires from rods at 10 MPa to hairs at 3 GPa, of
+two steels and fused silica, round and ribbons, half of them told by where they seem to bend, a quarter built imperfectly. Each is asked one thing, to a
+tolerance between 0.0001 and 0.1. The error is that against `violin`: of mode frequencies, paired by their shapes; of responses and noise at {checked} of
+{points} frequencies from 0.1 Hz to between 1 and 100 Hz, in size, or in frequency where that is nearer (beside a resonance). Cost is the time of deciding
+and solving over that of `violin`, in turns in one process on one thread, medians of {turns}.
 
 ![Error against tolerance, and cost](auto.png)
 

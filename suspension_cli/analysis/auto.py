@@ -45,7 +45,9 @@ class Asked(Protocol):
     """
 
     @property
-    def settled(self) -> dict[str, tuple[float, float]]: ...
+    def settled(self) -> dict[str, tuple[float, float]]:
+        """Where estimates settle it."""
+        ...
 
     def estimated(self, found: Modes, of: Estimates) -> dict[str, Array]:
         """About its relative change by bending and by mass of each stage's wires (s,)."""

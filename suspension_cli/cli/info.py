@@ -11,8 +11,8 @@ from suspension_cli.cli import analyses, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.auto import Decision
-    from suspension_cli.models.fidelity import Choice
     from suspension_cli.analysis.estimates import Estimates
+    from suspension_cli.models.fidelity import Choice
 
 
 @click.command("info")
@@ -91,7 +91,9 @@ def document(name: str, tolerance: float, found: Estimates, decisions: dict[str,
             {"quantity": quantity, "fidelity": choice.level, "estimated_error": analyses.estimate(choice), "reason": choice.reason, "refinements": []}
         )
     indicators = [
-        {"stage": stage, "refinement": name, "value": _finite(float(values[n]))} for n, stage in enumerate(found.stage) for name, values in _largest(found).items()
+        {"stage": stage, "refinement": name, "value": _finite(float(values[n]))}
+        for n, stage in enumerate(found.stage)
+        for name, values in _largest(found).items()
     ]
     return {"command": "info", "design": name, "tolerance": tolerance, "indicators": indicators, "choices": choices}
 

@@ -149,7 +149,11 @@ def _weighed(job: Sweep, choice: Choice, setting: dict[str, Any], voice: options
     rung, error = rungs.coupling_error(job)
     if error > TOLD:
         voice.warn(f"bending and mass of wires change these couplings by {100 * error:.2g} % of the largest: --fidelity {rung} has them")
-    left = f"left out: bending and mass of wires ({error:.1g} of the largest coupling)" if error >= 0 else "unknown, as wires lack material or cross-section: their bending"
+    left = (
+        f"left out: bending and mass of wires ({error:.1g} of the largest coupling)"
+        if error >= 0
+        else "unknown, as wires lack material or cross-section: their bending"
+    )
     return replace(choice, error=error, reason=f"{choice.reason}; {left}")
 
 

@@ -71,7 +71,6 @@ def loaded(model: LinearModel) -> LinearModel:
     return replace(model, terms=tuple(terms))
 
 
-
 def _wire_terms(scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry, *, massive: bool) -> list[Term]:
     assert scene.fibres is not None
     forms = wire_forms(scene, numbering, balanced.pose)

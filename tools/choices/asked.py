@@ -64,7 +64,9 @@ class Trial:
     seconds: float
 
 
-def compared(seed: int, quantity: str, design: Design, tolerance: float, ours: Callable[[], Answer], top: Callable[[], Answer], apart: Callable[..., float]) -> Trial:
+def compared(
+    seed: int, quantity: str, design: Design, tolerance: float, ours: Callable[[], Answer], top: Callable[[], Answer], apart: Callable[..., float]
+) -> Trial:
     """Both answers, in turns."""
     times: tuple[list[float], list[float]] = ([], [])
     answers: list[Answer] = [ours(), top()]

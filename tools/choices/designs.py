@@ -76,4 +76,7 @@ def _imperfect(rng: Generator, stage: dict[str, Any], strain: float) -> list[dic
     wire = f"{stage['name']}.{rng.integers(1, wires['count'] + 1)}"
     offset = (rng.uniform(-1, 1, 3) * min(1e-3, most)).tolist()
     com = (rng.uniform(-1, 1, 3) * min(5e-4, most)).tolist()
-    return [{"wire": wire, "k_factor": float(rng.uniform(0.9, 1.1)), "upper_offset": offset, "hold": "natural-length"}, {"body": stage["name"], "com_offset": com}]
+    return [
+        {"wire": wire, "k_factor": float(rng.uniform(0.9, 1.1)), "upper_offset": offset, "hold": "natural-length"},
+        {"body": stage["name"], "com_offset": com},
+    ]
