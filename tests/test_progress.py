@@ -69,6 +69,7 @@ def test_before_anything_is_known(monkeypatch):
 
 
 def test_of_a_run(monkeypatch, tmp_path):
+    monkeypatch.setattr(progress, "PATIENCE", 1e6)
     assert "#" not in run("xcouple", FILE, *GRID, "--out", tmp_path).stderr
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
     shown = run("xcouple", FILE, *GRID, "--out", tmp_path)

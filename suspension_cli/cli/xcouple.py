@@ -118,13 +118,15 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
     with source.faults():
         job = Sweep(source.text, axes(setting["sweep"], table), question, setting["allow_unstable"], choice.level)
         job.check()
-        choice = _weighed(job, choice, setting, voice)
+        choice, higher = _weighed(job, choice, setting)
     path = options.folder(out) / f"{source.design.design.name}-xcouple.h5"
     analyses.swept(job, path, "xcouple", source, choice, setting, voice, lambda group: files.fill(group, job))
     answer = files.load(path)
     bad = {reason: count for reason, count in answer.failures.items() if count}
     if bad:
         voice.warn("; ".join(f"{count} of {job.count} builds failed: {reason}" for reason, count in bad.items()))
+    if higher and choice.error > TOLD:
+        voice.warn(f"bending and mass of wires change these couplings by {100 * choice.error:.2g} % of the largest: --fidelity {higher} has them")
     _warn_of_faint(question, answer, voice)
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import coupling as picture
@@ -138,23 +140,17 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
         click.echo(summary(answer))
 
 
-def _weighed(job: Sweep, choice: Choice, setting: dict[str, Any], voice: options.Voice) -> Choice:
-    """What strings leave out, in the choice; said with a number where it is more than the tolerance."""
+def _weighed(job: Sweep, choice: Choice, setting: dict[str, Any]) -> tuple[Choice, str]:
+    """What strings leave out, in the choice, and the rung that has it; "" if there is none, or a rung was asked for."""
     from dataclasses import replace
 
     from suspension_cli.analysis import rungs
 
     if choice.level != "string" or setting["fidelity"] != "auto":
-        return choice
-    rung, error = rungs.coupling_error(job)
-    if error > TOLD:
-        voice.warn(f"bending and mass of wires change these couplings by {100 * error:.2g} % of the largest: --fidelity {rung} has them")
-    left = (
-        f"left out: bending and mass of wires ({error:.1g} of the largest coupling)"
-        if error >= 0
-        else "unknown, as wires lack material or cross-section: their bending"
-    )
-    return replace(choice, error=error, reason=f"{choice.reason}; {left}")
+        return choice, ""
+    higher, error = rungs.coupling_error(job)
+    left = f"left out: bending and mass of wires ({error:.1g} of the largest coupling)" if error >= 0 else "unknown, as wires lack material or cross-section: their bending"
+    return replace(choice, error=error, reason=f"{choice.reason}; {left}"), higher
 
 
 def _warn_of_faint(question: Question, answer: Any, voice: options.Voice) -> None:
