@@ -116,7 +116,33 @@ def of(base: Differentiable, name: str) -> Linear | None:
     Linear or None
         Per SI unit of the number; None if it cannot change alone: the suspension would not balance as it is drawn.
     """
-    design = stepped(base.design, name)
+    return along(base, {name: 1.0})
+
+
+def along(base: Differentiable, rates: dict[str, float]) -> Linear | None:
+    """The same as several numbers change together, each at its rate."""
+    now = moved(base, rates)
+    if now is None:
+        return None
+    whole = _linear(now.design, now.scene, base.numbering, now.pose, tangent(now.scene, base.numbering, now.pose)[1])
+    parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
+    return Linear(*(np.imag(part) / STEP for part in parts), mirrors=mirrored(_enlarged(now.scene)))
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A design and its equilibrium with `STEP` i (times their rates) added to some numbers: imaginary parts over `STEP` are derivatives."""
+
+    design: Design
+    scene: Scene
+    pose: Pose
+
+
+def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
+    """The design and its equilibrium as numbers change, each at its rate; None if it would not balance as it is drawn."""
+    design = base.design
+    for name, rate in rates.items():
+        design = stepped(design, name, rate)
     scene = expand(design)
     if _unbalanced(base, scene, design):
         return None
@@ -128,9 +154,7 @@ def of(base: Differentiable, name: str) -> Linear | None:
         change[free] = -_solved(base.stiffness[free, free], gradient[free])
         if change.any():
             pose = displaced(base.numbering, pose, 1j * STEP * change)
-    whole = _linear(design, scene, base.numbering, pose, tangent(scene, base.numbering, pose)[1])
-    parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
-    return Linear(*(np.imag(part) / STEP for part in parts), mirrors=mirrored(_enlarged(scene)))
+    return Moved(design, scene, pose)
 
 
 def _enlarged(scene: Scene) -> Scene:

@@ -35,6 +35,7 @@ from suspension_cli.design.quantities import (
     SpecificHeat,
     Stem,
     Stiffness,
+    Strength,
     Table,
     Vector,
     Wrench,
@@ -86,6 +87,7 @@ class Material(Table, frozen=True):
     modulus_slope: ModulusSlope | None = None
     specific_heat: SpecificHeat | None = None
     thermal_conductivity: Conductivity | None = None
+    tensile_strength: Strength | None = None
     loss_angle: LossAngle | None = None
     loss: MaterialLoss | None = None
     source: str = ""
