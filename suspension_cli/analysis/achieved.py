@@ -7,7 +7,7 @@ asked for.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,7 @@ def of(text: str, quantities: tuple[Quantity, ...], level: str, follow: Callable
     """
     design = reader.parse(text)
     choice, model = _built(design, lambda _: auto.Frequencies(), level, top="beam")
-    found = modes.solve(replace(model, terms=()) if model.terms and choice.level == "violin" else model)
+    found = modes.solve(model)
     families = Families.of(mirrored(nominal(design)), found.energy)
     ranked = families.ranked(found.energy)
     named = any(isinstance(item, OfMode) and item.number >= 0 for item in quantities)

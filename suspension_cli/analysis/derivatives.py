@@ -122,8 +122,11 @@ def of(base: Differentiable, name: str) -> Linear | None:
 def along(base: Differentiable, rates: dict[str, float]) -> Linear | None:
     """The same as several numbers change together, each at its rate."""
     now = moved(base, rates)
-    if now is None:
-        return None
+    return None if now is None else linear(base, now)
+
+
+def linear(base: Differentiable, now: Moved) -> Linear:
+    """The derivative of all matrices that a move makes."""
     whole = _linear(now.design, now.scene, base.numbering, now.pose, tangent(now.scene, base.numbering, now.pose)[1])
     parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
     return Linear(*(np.imag(part) / STEP for part in parts), mirrors=mirrored(_enlarged(now.scene)))

@@ -65,7 +65,9 @@ class Freed:
         try:
             return Freed(made.toml(made.start), made.free, made.equal, made.start, fixed)
         except InputError as error:
-            raise InputError([Fault("equal", f"does not start from a sound design: {fault.key}: {fault.problem}", fault.remedy) for fault in error.faults]) from None
+            raise InputError(
+                [Fault("equal", f"does not start from a sound design: {fault.key}: {fault.problem}", fault.remedy) for fault in error.faults]
+            ) from None
 
     @property
     def lower(self) -> Array:

@@ -8,7 +8,7 @@ search's and it goes on from there, until the two agree: limits then hold for th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,10 @@ from suspension_cli.analysis.achieved import Achieved
 from suspension_cli.analysis.families import Families
 from suspension_cli.analysis.freed import Freed
 from suspension_cli.analysis.modes import Modes
-from suspension_cli.analysis.quantities import Limit, Wanted, wanted
-from suspension_cli.analysis.search import Held, Point, Search, margin
+from suspension_cli.analysis.optimum import Optimum, Starts
+from suspension_cli.analysis.outcome import told
+from suspension_cli.analysis.quantities import wanted
+from suspension_cli.analysis.search import Point, Search, margin
 from suspension_cli.analysis.valued import Values, with_imperfections
 from suspension_cli.design import checks
 from suspension_cli.design.expand import nominal
@@ -37,187 +39,8 @@ ROUNDS = 6
 """Times that the search is corrected for what a higher rung finds, at most."""
 SETTLED = 1e-7
 """Change of that correction at which it has settled, of the value."""
-EQUAL = 1e-6
-"""Relative difference up to which a value equals what it was to equal."""
 SAME = 1e-2
 """Distance, as a share of the way between the bounds, within which starts have arrived at the same design."""
-
-
-@dataclass(frozen=True)
-class Numbers:
-    """The numbers that changed: the free ones, then those that follow from them; (n,) arrays.
-
-    Attributes
-    ----------
-    name : tuple of str
-        Dotted paths.
-    tied : bool array
-    before, after, lower, upper : arrays
-        SI; NaN where there is no bound.
-    bound : int array
-        -1 at the lower bound, 1 at the upper one, 0 between them.
-    multiplier : array
-        What the objective would gain if the bound gave way, for all of the way between the bounds.
-    """
-
-    name: tuple[str, ...]
-    tied: Any
-    before: Array
-    after: Array
-    lower: Array
-    upper: Array
-    bound: Any
-    multiplier: Array
-
-
-@dataclass(frozen=True)
-class Quantities:
-    """What goals are about, (q,).
-
-    Attributes
-    ----------
-    name, unit : tuple of str
-    before, after : arrays
-        As the ordinary analyses have them; NaN for an unstable mode.
-    searched : array
-        As the search had them, on `string`.
-    mode : int array
-        Place of the mode that each is about among those of the new design, from 0; -1 for others.
-    weight : array
-        Of what was to be made small (above 0) or large (below 0); 0 for others.
-    """
-
-    name: tuple[str, ...]
-    unit: tuple[str, ...]
-    before: Array
-    after: Array
-    searched: Array
-    mode: Any
-    weight: Array
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What was asked of them, (k,).
-
-    Attributes
-    ----------
-    name : tuple of str
-        ``yaw 3 <= 5 Hz``.
-    goal : int array
-        Number of the goal in its file, from 1.
-    quantity, other : int arrays
-        Place of the quantity, and of the one that it is to lie apart from (-1: none).
-    sense : tuple of str
-    limit, value : arrays
-        Of a separation, ratios or differences.
-    margin : array
-        Logarithm of value over limit, or of limit over value: below 0 the limit is not met; of an equality, less its absolute value.
-    met, active : bool arrays
-        Active limits are those that hold the search back.
-    multiplier : array
-        What the objective would gain a unit of margin.
-    """
-
-    name: tuple[str, ...]
-    goal: Any
-    quantity: Any
-    other: Any
-    sense: tuple[str, ...]
-    limit: Array
-    value: Array
-    margin: Array
-    met: Any
-    active: Any
-    multiplier: Array
-
-
-@dataclass(frozen=True)
-class Every:
-    """All modes, by family and rank, (m,).
-
-    Attributes
-    ----------
-    name : tuple of str
-    label : tuple of str
-        Of the new design, as `pendsus modes` has it.
-    before, after : arrays
-        Hz; NaN for an unstable one.
-    share_before, share_after : arrays
-        Share of the kinetic energy in the top mass.
-    number : int array
-        Place among the modes of the new design, from 0.
-    """
-
-    name: tuple[str, ...]
-    label: tuple[str, ...]
-    before: Array
-    after: Array
-    share_before: Array
-    share_after: Array
-    number: Any
-
-
-@dataclass(frozen=True)
-class Starts:
-    """Where the search began, (s,); the first start is the design as drawn.
-
-    Attributes
-    ----------
-    before, after : arrays
-        Largest violation of a limit (logarithm); NaN where there is no design.
-    objective : array
-    place : int array
-        Number of the design at which each arrived, from 1: the same number for the same design; 0 where there is none.
-    """
-
-    before: Array
-    after: Array
-    objective: Array
-    place: Any
-
-
-@dataclass(frozen=True)
-class Optimum:
-    """A design that was made to meet goals.
-
-    Attributes
-    ----------
-    numbers, quantities, limits, modes, starts
-    unknown : tuple of str
-        What was asked for but is not known, and what the design would have to give.
-    objective : str
-        What was made small.
-    stationarity : float
-        What multipliers leave of the objective's gradient, of all of it.
-    rounds : int
-        Times that the search was corrected for what a higher rung finds.
-    fidelity, reason : str
-        The rung of the modes.
-    error : float
-        Its estimated relative error.
-    design : str
-        TOML.
-    """
-
-    numbers: Numbers
-    quantities: Quantities
-    limits: Limits
-    modes: Every
-    starts: Starts
-    unknown: tuple[str, ...]
-    objective: str
-    stationarity: float
-    rounds: int
-    fidelity: str
-    reason: str
-    error: float
-    design: str
-
-    @property
-    def met(self) -> bool:
-        """Whether all limits are, and nothing that was asked for is unknown."""
-        return bool(self.limits.met.all()) and not self.unknown
 
 
 def solve(text: str, goals: Goals, *, level: str = "auto", starts: int = STARTS, seed: int = SEED, report: Any = None) -> Optimum:
@@ -232,7 +55,7 @@ def solve(text: str, goals: Goals, *, level: str = "auto", starts: int = STARTS,
         Rung on which the result is checked, or ``auto``.
     starts, seed : int
     report : callable, optional
-        Called with the share of the starts that are done.
+        Called with the starts that are done, all of them, and how many a second.
 
     Raises
     ------
@@ -247,7 +70,7 @@ def solve(text: str, goals: Goals, *, level: str = "auto", starts: int = STARTS,
     points, before = _searched(search, starts, seed, report)
     best = min((point for point in points if point is not None), key=lambda point: point.rank)
     best, made, rounds = _checked(search, best, level)
-    return _told(search, goals, best, made, _starts(points, before), rounds, level)
+    return told(search, best, _achieved(search, freed.start, level), made, _starts(points, before), rounds)
 
 
 def _values(freed: Freed, goals: Goals) -> Values:
@@ -266,7 +89,7 @@ def _values(freed: Freed, goals: Goals) -> Values:
 def _searched(search: Search, starts: int, seed: int, report: Any) -> tuple[list[Point | None], list[float]]:
     """Where each start led, and the violation at it."""
     begins = [search.begin, *_chosen(search, starts - 1, seed)]
-    points, before = [], []
+    points, before, began = [], [], time.monotonic()
     for n, share in enumerate(begins):
         now = search.value(share)
         if now is not None:
@@ -275,7 +98,7 @@ def _searched(search: Search, starts: int, seed: int, report: Any) -> tuple[list
         before.append(np.nan if begin is None else begin.violation)
         points.append(search.run(share))
         if report is not None:
-            report((n + 1) / len(begins))
+            report(n + 1, len(begins), (n + 1) / (time.monotonic() - began))
     return points, before
 
 
@@ -285,7 +108,8 @@ def _chosen(search: Search, count: int, seed: int) -> list[Array]:
 
     if count < 1:
         return []
-    shares = qmc.Sobol(len(search.begin), seed=seed).random(SAMPLES)
+    how: Any = {"seed": seed}
+    shares = qmc.Sobol(len(search.begin), **how).random(SAMPLES)
     logs = search.values.batch(np.array([search.freed.numbers(share) for share in shares]))
     rows, sides = search.freed.ties()
     worst = np.full(len(shares), np.inf)
@@ -342,130 +166,3 @@ def _starts(points: list[Point | None], before: list[float]) -> Starts:
         return np.array([np.nan if point is None else getattr(point, name) for point in points])
 
     return Starts(np.array(before), each("violation"), each("objective"), place)
-
-
-def _told(search: Search, goals: Goals, best: Point, made: Achieved, starts: Starts, rounds: int, level: str) -> Optimum:
-    """Everything that there is to say, from what the new design achieves."""
-    freed, asked = search.freed, search.wanted
-    drawn = _achieved(search, freed.start, level)
-    held = search.held(best)
-    number = freed.numbers(best.share)
-    return Optimum(
-        numbers=_numbers(freed, number, held),
-        quantities=Quantities(
-            name=tuple(item.text for item in asked.quantities),
-            unit=tuple(item.unit for item in asked.quantities),
-            before=drawn.value,
-            after=made.value,
-            searched=np.exp(best.log - search.offset),
-            mode=made.place,
-            weight=np.array([sum(wish.weight for wish in asked.wishes if wish.quantity == n) for n in range(len(asked.quantities))]),
-        ),
-        limits=_limits(search, made, held),
-        modes=_modes(drawn, made),
-        starts=starts,
-        unknown=tuple(f"{what}: {missing} is not given" for what, missing in asked.unknown),
-        objective="the logarithms to be made small, less those to be made large" if asked.wishes else OBJECTIVE[goals.prefer],
-        stationarity=held.stationarity,
-        rounds=rounds,
-        fidelity=made.choice.level,
-        reason=made.choice.reason,
-        error=made.choice.error,
-        design=freed.toml(number),
-    )
-
-
-OBJECTIVE = {
-    "near": "half the square of the distance from the design as drawn, in shares of the way between the bounds",
-    "margin": "less the smallest margin",
-}
-
-
-def _numbers(freed: Freed, number: Array, held: Held) -> Numbers:
-    before, after = freed.values(freed.start), freed.values(number)
-    lower, upper = ([getattr(item, name) for item in (*freed.free, *freed.equal)] for name in ("lower", "upper"))
-    count, ties = len(freed.free), len(freed.equal)
-
-    def known(values: list[float | None]) -> Array:
-        return np.array([np.nan if value is None else value for value in values])
-
-    bound = np.concatenate([held.bound, np.zeros(ties, dtype=int)])
-    for n in range(count, count + ties):
-        value = list(after.values())[n]
-        size = 1e-6 * max(abs(value), 1e-12)
-        bound[n] = -1 if abs(value - known(lower)[n]) <= size else 1 if abs(value - known(upper)[n]) <= size else 0
-    return Numbers(
-        name=tuple(after),
-        tied=np.arange(count + ties) >= count,
-        before=np.array(list(before.values())),
-        after=np.array(list(after.values())),
-        lower=known(lower),
-        upper=known(upper),
-        bound=bound,
-        multiplier=np.concatenate([held.bound_multiplier, np.zeros(ties)]),
-    )
-
-
-def _limits(search: Search, made: Achieved, held: Held) -> Limits:
-    """All limits against what the new design achieves; neighbours of modes that are to lie apart are those that it has."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        log = np.log(made.value)
-    before = {limit: n for n, limit in enumerate(search.limits)}
-    limits = (*search.wanted.limits, *search.order(log))
-    margins = np.array([-abs(margin(limit, log)[0]) if limit.sense == "equals" else margin(limit, log)[0] for limit in limits])
-    room = np.array([-EQUAL if limit.sense == "equals" else 0.0 for limit in limits])
-    values = [_value(limit, made.value) for limit in limits]
-    places = [before.get(limit, -1) for limit in limits]
-    return Limits(
-        name=tuple(_named(limit, search.wanted) for limit in limits),
-        goal=np.array([limit.goal + 1 for limit in limits], dtype=int),
-        quantity=np.array([limit.quantity for limit in limits], dtype=int),
-        other=np.array([limit.other for limit in limits], dtype=int),
-        sense=tuple(limit.sense for limit in limits),
-        limit=np.array([limit.value for limit in limits]),
-        value=np.array(values, dtype=float),
-        margin=margins,
-        met=margins >= room,  # NaN is not met
-        active=np.array([place >= 0 and bool(held.active[place]) for place in places], dtype=bool),
-        multiplier=np.array([held.multiplier[place] if place >= 0 else 0.0 for place in places]),
-    )
-
-
-def _value(limit: Limit, value: Array) -> float:
-    if limit.other < 0:
-        return float(value[limit.quantity])
-    high, low = value[limit.quantity], value[limit.other]
-    return float(high - low if limit.hertz else high / low)
-
-
-def _named(limit: Limit, asked: Wanted) -> str:
-    item = asked.quantities[limit.quantity]
-    sign = {"at_least": ">=", "at_most": "<=", "equals": "="}[limit.sense]
-    unit = "" if item.unit == "1" else f" {item.unit}"
-    if limit.other >= 0:
-        other = asked.quantities[limit.other].text
-        return f"{item.text} - {other} >= {limit.value:g} Hz" if limit.hertz else f"{item.text} / {other} >= {limit.value:g}"
-    word = " from the top mass" if getattr(item, "share", False) else ""
-    return f"{item.text}{word} {sign} {limit.value:g}{unit}"
-
-
-def _modes(drawn: Achieved, made: Achieved) -> Every:
-    """All modes of both designs by family and rank."""
-    names, old, new = [], [], []
-    for family, (was, now) in enumerate(zip(drawn.families.ranked(drawn.modes.energy), made.families.ranked(made.modes.energy), strict=False)):
-        for rank, (a, b) in enumerate(zip(was, now, strict=False)):
-            names.append(f"{made.families.name(family)} {rank + 1}")
-            old.append(int(a))
-            new.append(int(b))
-    labels = made.modes.label
-    return Every(
-        name=tuple(names),
-        label=tuple(labels[n] for n in new),
-        before=drawn.modes.frequency[old],
-        after=made.modes.frequency[new],
-        share_before=drawn.modes.top_share[old],
-        share_after=made.modes.top_share[new],
-        number=np.array(new),
-    )
-
-

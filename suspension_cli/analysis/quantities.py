@@ -186,8 +186,8 @@ def _asked(goal: Goal, key: str, design: Design, found: Modes, families: Familie
     if goal.kind in ("isolation", "cross-coupling"):
         (ratio,) = scalars.parse([goal.response or ""], found, known, f"{key}.response")
         assert isinstance(ratio, Ratio)
-        imperfect = " imperfect" if goal.perturbation else ""
-        return [OfResponse(f"|{ratio.text}|{imperfect}".replace(":", " at ") + " Hz", ratio.unit, ratio, tuple(goal.perturbation or ()))], []
+        text = f"|{ratio.text.partition(':')[0]}| at {ratio.frequency:g} Hz" + (", imperfect" if goal.perturbation else "")
+        return [OfResponse(text, ratio.unit, ratio, tuple(goal.perturbation or ()))], []
     if goal.kind == "stress":
         return _of_parts(goal, key, design)
     stages = [stage.name for stage in design.stage]

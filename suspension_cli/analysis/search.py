@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from suspension_cli.design.goals import Goals
 from suspension_cli.design.scene import Array
 from suspension_cli.errors import InputError
 
-STEPS = 200
+STEPS = 100
 """Of each of the two searches, at most."""
 PRECISION = 1e-10
 KEPT = 1e-8
@@ -66,7 +67,7 @@ class Held:
     ----------
     active : (k,) bool array
     multiplier : (k,) array
-        Of the limits: what the objective would gain a unit of margin.
+        Of the limits: what the objective would gain a unit of margin; where not all limits are kept, the largest violation takes its place.
     bound : (p,) int array
         -1 at the lower, 1 at the upper bound.
     bound_multiplier : (p,) array
@@ -126,7 +127,7 @@ class Search:
         found = []
         for goal, places, value, hertz in self.wanted.separations:
             ranked = sorted(places, key=lambda n: log[n])
-            found += [Limit(goal, high, "at_least", value, low, hertz) for low, high in zip(ranked[:-1], ranked[1:], strict=True)]
+            found += [Limit(goal, high, "at_least", value, low, hertz) for low, high in pairwise(ranked)]
         return tuple(found)
 
     def value(self, share: Array) -> Valued | None:
@@ -253,25 +254,26 @@ class Search:
         now = self.value(point.share)
         assert now is not None
         c, dc, e, de = self.margins(now, point.share)
-        gradient = self.objective(now, point.share)[1]
         edge = np.where(point.share <= KEPT, -1, np.where(point.share >= 1 - KEPT, 1, 0))
-        reach = c.min(initial=np.inf) if self.roomy else 0.0
+        most = self.roomy or point.violation > KEPT  # then the smallest margin is what counts, and margins share out a weight of 1
+        reach = float(np.min(np.concatenate([c, [] if self.roomy else -np.abs(e)]), initial=np.inf)) if most else 0.0
         near, at = np.flatnonzero(c <= reach + ACTIVE), np.flatnonzero(edge)
-        columns = [dc[near], -np.eye(len(edge))[at] * edge[at][:, None], de, -de]
-        matrix, right = np.concatenate(columns).T, gradient
-        if self.roomy:  # margins share out a weight of 1 among them
-            matrix = np.vstack([matrix, np.concatenate([np.ones(len(near)), np.zeros(matrix.shape[1] - len(near))])])
-            right = np.append(np.zeros(len(gradient)), 1.0)
-        share, left = nnls(matrix, right) if matrix.shape[1] else (np.zeros(0), float(np.linalg.norm(right)))
-        plain, equal = [n for n, limit in enumerate(self.limits) if limit.sense != "equals"], [n for n, limit in enumerate(self.limits) if limit.sense == "equals"]
+        forced = np.flatnonzero(np.abs(e) >= -reach - ACTIVE) if most and not self.roomy else np.arange(len(e))
+        matrix = np.concatenate([dc[near], de[forced], -de[forced], -np.eye(len(edge))[at] * edge[at][:, None]]).T
+        right = np.zeros(len(edge)) if most else self.objective(now, point.share)[1]
+        if most:
+            equal = 0.0 if self.roomy else 1.0
+            matrix = np.vstack([matrix, [1.0] * len(near) + [equal] * (2 * len(forced)) + [0.0] * len(at)])
+            right = np.append(right, 1.0)
+        weight, left = nnls(matrix, right) if matrix.shape[1] else (np.zeros(0), float(np.linalg.norm(right)))
+        parts = np.split(weight, np.cumsum([len(near), len(forced), len(forced)]))
         multiplier, active = np.zeros(len(self.limits)), np.zeros(len(self.limits), dtype=bool)
-        for value, n in zip(share, near, strict=False):
-            if n < len(plain):
-                multiplier[plain[n]], active[plain[n]] = value, True
-        forced = share[len(near) + len(at) :]
-        multiplier[equal], active[equal] = forced[: len(e)] - forced[len(e) :], True
+        plain, equals = (np.array([n for n, limit in enumerate(self.limits) if (limit.sense == "equals") == same], dtype=int) for same in (False, True))
+        own = near < len(plain)  # the others are bounds of numbers that follow
+        multiplier[plain[near[own]]], active[plain[near[own]]] = parts[0][own], True
+        multiplier[equals[forced]], active[equals[forced]] = parts[1] - parts[2], True
         bounds = np.zeros(len(edge))
-        bounds[at] = share[len(near) : len(near) + len(at)]
+        bounds[at] = parts[3]
         return Held(active, multiplier, edge, bounds, float(left / max(np.linalg.norm(right), 1e-12)))
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from suspension_cli.analysis import builds, derivatives, families, loads, modes, spectrum, variants
 from suspension_cli.analysis.builds import Builds
-from suspension_cli.analysis.derivatives import Differentiable, Linear
+from suspension_cli.analysis.derivatives import Differentiable, Linear, Moved
 from suspension_cli.analysis.families import Families
 from suspension_cli.analysis.freed import Freed
 from suspension_cli.analysis.modes import DEGENERATE, Modes
@@ -87,7 +87,7 @@ class Values:
         """Values and derivatives for the free numbers (p,); raises `InputError` if there is no such design."""
         design = self.freed.design(number)
         own = _Built.of(design, self.freed)
-        imperfect = {(): own}
+        imperfect: dict[tuple[Perturbation, ...], _Built] = {(): own}
         found = modes.solve(own.model)
         places = self.places(found, own.base.linear.mass, number)
         rates = np.stack([squares(found, change) for change in own.changes], axis=1)
@@ -169,24 +169,23 @@ class Values:
 
 @dataclass(frozen=True)
 class _Built:
-    """One design, its model, and the derivatives of its matrices along each free number."""
+    """One design, its model, how it moves along each free number, and the derivatives of its matrices."""
 
-    freed: Freed
     base: Differentiable
     model: LinearModel
+    moves: list[Moved]
     changes: list[Linear]
 
     @staticmethod
     def of(design: Design, freed: Freed) -> _Built:
-        base, changes = derivatives.prepared(design), []
+        base, moves = derivatives.prepared(design), []
         for rates in freed.directions():
-            change = derivatives.along(base, rates)
-            if change is None:
-                name = next(iter(rates))
+            now = derivatives.moved(base, rates)
+            if now is None:
                 remedy = "tie what has to change with it by [[equal]]"
-                raise InputError([Fault(f"free.{name}", "cannot change like this: the suspension would not balance as it is drawn", remedy)])
-            changes.append(change)
-        return _Built(freed, base, fidelity.linear_model(design, "string"), changes)
+                raise InputError([Fault(f"free.{next(iter(rates))}", "cannot change like this: the suspension would not balance as it is drawn", remedy)])
+            moves.append(now)
+        return _Built(base, fidelity.linear_model(design, "string"), moves, [derivatives.linear(base, now) for now in moves])
 
     def response(self, item: OfResponse) -> tuple[float, Array]:
         """Logarithm of the size of a response, and its derivatives."""
@@ -197,12 +196,8 @@ class _Built:
 
     def load(self, item: OfPart | OfDepth) -> tuple[float, Array]:
         """Logarithm of a stress or a height, and its derivatives."""
-        base, rates = self.base, []
-        value = float(np.real(_load(item, base.design, base.scene, base.pose)))
-        for direction in self.freed.directions():
-            now = derivatives.moved(base, direction)
-            assert now is not None
-            rates.append(np.imag(_load(item, now.design, now.scene, now.pose)) / STEP)
+        value = float(np.real(_load(item, self.base.design, self.base.scene, self.base.pose)))
+        rates = [np.imag(_load(item, now.design, now.scene, now.pose)) / STEP for now in self.moves]
         return np.log(value), np.array(rates) / value
 
 
