@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
 
-.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus stability test lint bench golden clean
+.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus optimise stability test lint bench golden clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 12
@@ -46,6 +46,9 @@ stability: $(READY) ## where methods fail, and that ours does not
 
 modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 	$(BIN)/python tools/youngs_modulus.py
+
+optimise: $(READY) ## from vertical wires to a triple all of whose modes can be damped
+	$(BIN)/python tools/optimise.py
 
 test: $(READY)   ## run the tests
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
