@@ -103,7 +103,7 @@ def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
         return [_uniform(length, wire.material, wire)]
     given = sum(piece.length or 0.0 for piece in wire.sections)
     rest = length - given if any(piece.length is None for piece in wire.sections) else 0.0
-    scale = 1.0 if rest > 0 else length / given
+    scale = 1.0 if rest.real > 0 else length / given
     return [one for piece in wire.sections for one in _steps(piece, scale * (rest if piece.length is None else piece.length), wire.material)]
 
 
