@@ -213,6 +213,25 @@ def test_modes_are_followed_by_their_shapes_through_crossings():
     assert again.frequency[found.quantities.mode[0]] <= 0.9 < 1.1 < again.of("x")[0]
 
 
+def test_the_share_in_the_top_mass_is_how_fast_a_mode_is_damped_from_there():
+    """With C = beta M of the top mass every pole moves to the left by beta s/2, for a small beta."""
+    model, beta = fidelity.linear_model(reader.read(TRIPLE).design, "string"), 1e-4
+    top = np.zeros_like(model.mass)
+    top[6:12, 6:12] = beta * model.mass[6:12, 6:12]
+    own = slice(6, None)
+    keep, drop = np.flatnonzero(~model.massless[own]), np.flatnonzero(model.massless[own])
+    mass, stiffness, damping = model.mass[own, own], model.stiffness[own, own], top[own, own]
+    soft = stiffness[np.ix_(keep, keep)] - stiffness[np.ix_(keep, drop)] @ np.linalg.solve(stiffness[np.ix_(drop, drop)], stiffness[np.ix_(drop, keep)])
+    inverse = np.linalg.inv(mass[np.ix_(keep, keep)])
+    zero, one = np.zeros_like(soft), np.eye(len(soft))
+    poles = np.linalg.eigvals(np.block([[zero, one], [-inverse @ soft, -inverse @ damping[np.ix_(keep, keep)]]]))
+    poles = poles[poles.imag > 0]
+    found = modes.solve(model)
+    for omega, share in zip(2 * np.pi * found.frequency, found.top_share, strict=True):
+        near = poles[np.abs(poles.imag / omega - 1) < 1e-7]
+        assert np.abs(-near.real / (beta / 2) - share).min() < 1e-6
+
+
 def test_modes_lie_apart():
     """Two frequencies that were 6 % apart end 20 % apart, or 0.2 Hz."""
     for limit in (Goal(kind="separation", dof=["x", "yaw"], at_least=1.2), Goal(kind="separation", dof=["x", "yaw"], at_least=0.2, apart="hertz")):

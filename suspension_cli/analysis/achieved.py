@@ -21,11 +21,10 @@ from suspension_cli.analysis.quantities import OfDepth, OfMode, OfPart, OfRespon
 from suspension_cli.analysis.valued import with_imperfections
 from suspension_cli.design import materials, reader
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.expand import expand, nominal
+from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import equilibrium
-from suspension_cli.mechanics.blocks import mirrored
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.models import fidelity
 from suspension_cli.models.fidelity import Choice
@@ -38,11 +37,12 @@ class Achieved:
     Attributes
     ----------
     value : (q,) array
-        NaN for an unstable mode.
+        NaN for an unstable mode, and for one that cannot be followed to this design.
     place : (q,) int array
         The mode that each is about, from 0; -1 for other quantities.
     modes : Modes
-    families : Families
+    ranked : list of int arrays
+        Places of each family's modes, in ascending order.
     choice : Choice
         The rung of the modes.
     """
@@ -50,11 +50,11 @@ class Achieved:
     value: Array
     place: Any
     modes: Modes
-    families: Families
+    ranked: list[Any]
     choice: Choice
 
 
-def of(text: str, quantities: tuple[Quantity, ...], level: str, follow: Callable[[Modes, Array], Any]) -> Achieved:
+def of(text: str, quantities: tuple[Quantity, ...], families: Families, level: str, follow: Callable[[Modes, Array], Any]) -> Achieved:
     """Work out quantities of a design.
 
     Parameters
@@ -62,15 +62,16 @@ def of(text: str, quantities: tuple[Quantity, ...], level: str, follow: Callable
     text : str
         The design as TOML.
     quantities : tuple of Quantity
+    families : Families
+        Of the design that quantities were named in.
     level : str
         Rung of the ladder of models, or ``auto``.
     follow : callable
-        Which of some modes (with their mass matrix) each mode of the starting design has become.
+        Which of some modes (with their mass matrix) each mode of the starting design has become; -1 where there is no telling.
     """
     design = reader.parse(text)
     choice, model = _built(design, lambda _: auto.Frequencies(), level, top="beam")
     found = modes.solve(model)
-    families = Families.of(mirrored(nominal(design)), found.energy)
     ranked = families.ranked(found.energy)
     named = any(isinstance(item, OfMode) and item.number >= 0 for item in quantities)
     followed = follow(found, model.basis @ model.mass @ model.basis.T) if named else None
@@ -78,14 +79,14 @@ def of(text: str, quantities: tuple[Quantity, ...], level: str, follow: Callable
     for n, item in enumerate(quantities):
         if isinstance(item, OfMode):
             place[n] = ranked[item.family][item.rank] if item.number < 0 or followed is None else followed[item.number]
-            value[n] = (found.top_share if item.share else found.frequency)[place[n]]
+            value[n] = np.nan if place[n] < 0 else (found.top_share if item.share else found.frequency)[place[n]]
         elif isinstance(item, OfResponse):
             value[n] = _response(design, item, level)
         elif isinstance(item, OfPart):
             value[n] = _stress(design, item.part)
         else:
             value[n] = _depth(design, item)
-    return Achieved(value, place, found, families, choice)
+    return Achieved(value, place, found, ranked, choice)
 
 
 def _built(design: Design, make: Callable[[LinearModel], Asked], level: str, top: str = "violin") -> tuple[Choice, LinearModel]:

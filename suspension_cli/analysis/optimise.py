@@ -146,7 +146,7 @@ def _achieved(search: Search, number: Array, level: str) -> Achieved:
     def follow(found: Modes, mass: Array) -> Any:
         return families.became(freed.text, freed.values(freed.start), freed.values(number), values.nominal, found, mass)
 
-    return achieved.of(freed.toml(number), values.wanted.quantities, level, follow)
+    return achieved.of(freed.toml(number), values.wanted.quantities, values.families, level, follow)
 
 
 def _starts(points: list[Point | None], before: list[float]) -> Starts:

@@ -32,7 +32,7 @@ def told(search: Search, best: Point, drawn: Achieved, made: Achieved, starts: S
             weight=np.array([sum(wish.weight for wish in asked.wishes if wish.quantity == n) for n in range(len(asked.quantities))]),
         ),
         limits=_limits(search, made, held),
-        modes=_modes(drawn, made),
+        modes=_modes(search, drawn, made),
         starts=starts,
         unknown=tuple(f"{what}: {missing} is not given" for what, missing in asked.unknown),
         objective="the logarithms to be made small, less those to be made large" if asked.wishes else OBJECTIVE[search.goals.prefer],
@@ -119,12 +119,12 @@ def _named(limit: Limit, asked: Wanted) -> str:
     return f"{item.text}{word} {sign} {limit.value:g}{unit}"
 
 
-def _modes(drawn: Achieved, made: Achieved) -> Every:
+def _modes(search: Search, drawn: Achieved, made: Achieved) -> Every:
     """All modes of both designs by family and rank."""
     names, old, new = [], [], []
-    for family, (was, now) in enumerate(zip(drawn.families.ranked(drawn.modes.energy), made.families.ranked(made.modes.energy), strict=False)):
-        for rank, (a, b) in enumerate(zip(was, now, strict=False)):
-            names.append(f"{made.families.name(family)} {rank + 1}")
+    for family, (was, now) in enumerate(zip(drawn.ranked, made.ranked, strict=True)):
+        for rank, (a, b) in enumerate(zip(was, now, strict=True)):
+            names.append(f"{search.values.families.name(family)} {rank + 1}")
             old.append(int(a))
             new.append(int(b))
     labels = made.modes.label

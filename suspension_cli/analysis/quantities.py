@@ -171,6 +171,8 @@ def wanted(goals: Goals, design: Design, found: Modes, families: Families, known
         limits += [Limit(n, place, sense, value) for place in places for sense, value in given]
         if goal.minimise or goal.maximise:
             wishes += [Wish(n, place, (goal.weight or 1.0) * (1 if goal.minimise else -1)) for place in places]
+    if not faults and not quantities:
+        faults.append(Fault("goal", "asks for nothing that is known of this design", f"give {next(iter(unknown))[1]}"))
     if faults:
         raise InputError(faults)
     return Wanted(tuple(quantities), tuple(limits), tuple(separations), tuple(wishes), tuple(unknown))

@@ -146,7 +146,7 @@ def _others(found: Optimum) -> list[int]:
 
 def _margins(axes: Axes, found: Optimum, which: list[int]) -> None:
     limits = found.limits
-    rows = _rows(axes, [plain(limits.name[n].replace(" of breaking", ""), 52) for n in which])
+    rows = _rows(axes, [plain(_sign(limits.name[n].removesuffix(" of breaking")), 52) for n in which])
     values = np.nan_to_num(100 * limits.margin[which], nan=-WIDEST)
     shown = np.clip(values, -WIDEST, WIDEST)
     axes.barh(rows, shown, height=0.55, color=[AFTER if limits.met[n] else MISSED for n in which])
@@ -158,3 +158,8 @@ def _margins(axes: Axes, found: Optimum, which: list[int]) -> None:
         axes.annotate(text, (end, row), (3, 0), textcoords="offset points", va="center", fontsize=6.5)
     axes.set_xlabel("room to the limit (%)")
     axes.set_title("other limits", loc="left", fontsize=7.5, color=INK)
+
+
+def _sign(text: str) -> str:
+    """A limit with the signs of print."""
+    return text.replace("<=", "≤").replace(">=", "≥")
