@@ -20,6 +20,7 @@ from suspension_cli.design import goals, reader
 from suspension_cli.design.expand import nominal
 from suspension_cli.design.goals import Equal, Free, Goal, Goals
 from suspension_cli.design.schema import Perturbation
+from suspension_cli.errors import InputError
 from suspension_cli.mechanics.blocks import mirrored
 from suspension_cli.models import fidelity
 from suspension_cli.results import optimise as files
@@ -186,6 +187,15 @@ def test_what_is_not_known_is_not_met():
     found = solved(PAPER / "table2.toml", [Goal(kind="stress", at_most=0.5)], [Free(name="stage.upper.wires.radius", lower=1e-4, upper=3e-4)])
     assert [what.partition(":")[0] for what in found.unknown] == ["stress of upper blades", "stress of middle blades"]
     assert found.limits.met.all() and not found.met
+
+
+def test_nothing_that_is_known_is_a_fault():
+    raw = tomllib.loads(VERTICAL.read_text())
+    wires = raw["stage"][0]["wires"]
+    del wires["radius"], wires["material"]
+    wires["k"] = 4e4
+    with pytest.raises(InputError, match=r"nothing that is known of this design; give stage.test.wires.radius"):
+        solved(reader.dump(raw), [Goal(kind="stress", at_most=0.5)], [Free(name=f"{WIRES}.l", lower=0.1, upper=1.0)])
 
 
 def test_ties_hold_to_the_last_bit():

@@ -7,7 +7,7 @@ import numpy as np
 from suspension_cli.analysis.achieved import Achieved
 from suspension_cli.analysis.freed import Freed
 from suspension_cli.analysis.optimum import Every, Limits, Numbers, Optimum, Quantities, Starts
-from suspension_cli.analysis.quantities import Limit, Wanted
+from suspension_cli.analysis.quantities import Limit, OfMode, Quantity, Wanted
 from suspension_cli.analysis.search import Held, Point, Search, margin
 from suspension_cli.design.scene import Array
 
@@ -23,7 +23,7 @@ def told(search: Search, best: Point, drawn: Achieved, made: Achieved, starts: S
     return Optimum(
         numbers=_numbers(freed, number, held),
         quantities=Quantities(
-            name=tuple(item.text for item in asked.quantities),
+            name=tuple(_titled(item) for item in asked.quantities),
             unit=tuple(item.unit for item in asked.quantities),
             before=drawn.value,
             after=made.value,
@@ -113,10 +113,14 @@ def _named(limit: Limit, asked: Wanted) -> str:
     sign = {"at_least": ">=", "at_most": "<=", "equals": "="}[limit.sense]
     unit = "" if item.unit == "1" else f" {item.unit}"
     if limit.other >= 0:
-        other = asked.quantities[limit.other].text
+        other = _titled(asked.quantities[limit.other])
         return f"{item.text} - {other} >= {limit.value:g} Hz" if limit.hertz else f"{item.text} / {other} >= {limit.value:g}"
-    word = " from the top mass" if getattr(item, "share", False) else ""
-    return f"{item.text}{word} {sign} {limit.value:g}{unit}"
+    return f"{_titled(item)} {sign} {limit.value:g}{unit}"
+
+
+def _titled(item: Quantity) -> str:
+    """A quantity by a name of its own: a mode has a frequency and a share."""
+    return item.text + (" from the top mass" if isinstance(item, OfMode) and item.share else "")
 
 
 def _modes(search: Search, drawn: Achieved, made: Achieved) -> Every:

@@ -183,9 +183,11 @@ def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
 def _starts(found: Optimum) -> list[str]:
     """How many starts arrived where."""
     place, kept = found.starts.place, found.starts.after <= 1e-8
-    best = int((place == 1).sum())
-    others = int(((place > 1) & kept).sum())
-    failed = len(place) - best - others
-    text = f"{best} of {len(place)} starts arrived at this design"
+    if len(place) == 1:
+        return []
+    text = f"{int((place == 1).sum())} of {len(place)} starts arrived at this design"
+    if not kept[place == 1].any():
+        return [text + ", and none keeps to all limits"]
+    others, failed = int(((place > 1) & kept).sum()), int((~kept).sum())
     text += f", {others} at others that keep to all limits" if others else ""
-    return [text + (f", {failed} at none that does" if failed else "")] if len(place) > 1 else []
+    return [text + (f", {failed} at none that does" if failed else "")]

@@ -106,14 +106,15 @@ def _shares(axes: Axes, found: Optimum) -> None:
     modes, limits = found.modes, found.limits
     rows = _rows(axes, [""] * len(modes.name))
     after, before = (np.maximum(values, LEAST_SHARE) for values in (modes.share_after, modes.share_before))
-    axes.plot(before, rows, "o", markersize=4, markerfacecolor="white", markeredgecolor=BEFORE, linestyle="")
+    edge: dict[str, Any] = {"linestyle": "", "clip_on": False, "zorder": 3}  # marks on the edge of the axes are whole
+    axes.plot(before, rows, "o", markersize=4, markerfacecolor="white", markeredgecolor=BEFORE, **edge)
     good = np.ones(len(rows), dtype=bool)
     for row in rows:
         for n in _of_row(found, row, "1"):
             axes.fill_betweenx([row - 0.5, row + 0.5], limits.asked[n], 1.0, color=BAND, linewidth=0, zorder=0)
             good[row] &= limits.met[n]
     for which, colour in ((good, AFTER), (~good, MISSED)):
-        axes.plot(after[which], rows[which], "D", markersize=3.4, color=colour, linestyle="")
+        axes.plot(after[which], rows[which], "D", markersize=3.4, color=colour, **edge)
     axes.set_xscale("log")
     axes.set_xlim(LEAST_SHARE, 1.0)
     axes.set_xticks([1e-4, 1e-2, 1.0], ["≤ 0.01 %", "1 %", "100 %"], fontsize=6.5)
