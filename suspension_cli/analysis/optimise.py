@@ -1,6 +1,6 @@
 """Numbers of a design chosen so that it meets goals.
 
-Starts are taken from the design itself and from a Sobol sequence between the bounds, worked out as one batch; from the best of them the search (`search`)
+Starts are taken from the design itself and from a Sobol sequence between the bounds, worked out as one batch; from the best of them the search (`constrained`)
 goes on.  It works on the `string` rung, whose derivatives are exact.  What it found is written as TOML, read back, and every goal worked out anew
 by the ordinary analyses (`achieved`) on the rung that they take by themselves.  Where that rung differs, the difference of the logarithms is added to the
 search's and it goes on from there, until the two agree: limits then hold for the better model.
@@ -15,13 +15,13 @@ import numpy as np
 
 from suspension_cli.analysis import achieved, families, modes, signals
 from suspension_cli.analysis.achieved import Achieved
+from suspension_cli.analysis.constrained import Point, Search, margin
 from suspension_cli.analysis.families import Families
 from suspension_cli.analysis.freed import Freed
 from suspension_cli.analysis.modes import Modes
 from suspension_cli.analysis.optimum import Optimum, Starts
 from suspension_cli.analysis.outcome import told
 from suspension_cli.analysis.quantities import wanted
-from suspension_cli.analysis.search import Point, Search, margin
 from suspension_cli.analysis.valued import Values, with_imperfections
 from suspension_cli.design import checks
 from suspension_cli.design.expand import nominal

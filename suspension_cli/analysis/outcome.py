@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from suspension_cli.analysis.achieved import Achieved
+from suspension_cli.analysis.constrained import Held, Point, Search, margin
 from suspension_cli.analysis.freed import Freed
 from suspension_cli.analysis.optimum import Every, Limits, Numbers, Optimum, Quantities, Starts
 from suspension_cli.analysis.quantities import Limit, OfMode, Quantity, Wanted
-from suspension_cli.analysis.search import Held, Point, Search, margin
 from suspension_cli.design.scene import Array
 
 EQUAL = 1e-6
