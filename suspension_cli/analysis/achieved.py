@@ -7,12 +7,12 @@ asked for.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import auto, loads, modes, response, statics
+from suspension_cli.analysis import auto, loads, modes, response, statics, wire_modes
 from suspension_cli.analysis.auto import Asked
 from suspension_cli.analysis.families import Families
 from suspension_cli.analysis.loads import Part
@@ -70,15 +70,17 @@ def of(text: str, quantities: tuple[Quantity, ...], families: Families, level: s
         Which of some modes (with their mass matrix) each mode of the starting design has become; -1 where there is no telling.
     """
     design = reader.parse(text)
-    choice, model = _built(design, lambda _: auto.Frequencies(), level, top="beam")
+    choice, model = _built(design, lambda _: auto.Frequencies(), level)
     found = modes.solve(model)
+    if choice.level == "violin":
+        found = _of_bodies(wire_modes.solve(model, float(np.nanmax(found.frequency))))  # the mass of wires lowers all frequencies
     ranked = families.ranked(found.energy)
     named = any(isinstance(item, OfMode) and item.number >= 0 for item in quantities)
     followed = follow(found, model.basis @ model.mass @ model.basis.T) if named else None
     value, place = np.empty(len(quantities)), np.full(len(quantities), -1)
     for n, item in enumerate(quantities):
         if isinstance(item, OfMode):
-            place[n] = ranked[item.family][item.rank] if item.number < 0 or followed is None else followed[item.number]
+            place[n] = _ranked(ranked[item.family], item.rank) if item.number < 0 or followed is None else followed[item.number]
             value[n] = np.nan if place[n] < 0 else (found.top_share if item.share else found.frequency)[place[n]]
         elif isinstance(item, OfResponse):
             value[n] = _response(design, item, level)
@@ -89,10 +91,22 @@ def of(text: str, quantities: tuple[Quantity, ...], families: Families, level: s
     return Achieved(value, place, found, ranked, choice)
 
 
-def _built(design: Design, make: Callable[[LinearModel], Asked], level: str, top: str = "violin") -> tuple[Choice, LinearModel]:
+def _of_bodies(found: Modes) -> Modes:
+    """The modes that are none of wires alone."""
+    kept = found.order == 0
+    parts = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order")
+    return replace(found, **{name: getattr(found, name)[kept] for name in parts})
+
+
+def _ranked(places: Any, rank: int) -> int:
+    """The place of a family's mode of some rank; -1 if there is none."""
+    return int(places[rank]) if rank < len(places) else -1
+
+
+def _built(design: Design, make: Callable[[LinearModel], Asked], level: str) -> tuple[Choice, LinearModel]:
     """The rung asked for, or that which `auto` takes, and its model."""
     if level == "auto":
-        decision = auto.decide(design, make, top=top)
+        decision = auto.decide(design, make)
         return decision.choice, decision.model
     choice = fidelity.choose(design, level)
     return choice, fidelity.linear_model(design, choice.level)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspension_cli.analysis import control, poles, signals
+from suspension_cli.analysis import control, lightly, poles, signals
 from suspension_cli.analysis.poles import Margins, Poles
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
@@ -54,7 +54,7 @@ class Damped:
     @property
     def stable(self) -> bool:
         """Whether no closed-loop pole grows."""
-        return bool((self.closed.value.real <= poles.ROUNDING * np.abs(self.closed.value)).all())
+        return bool((self.closed.value.real <= self.closed.rounding * np.abs(self.closed.value)).all())
 
 
 def solve(design: Design, model: LinearModel, output: str, drive: str, frequency: Array, duration: float, samples: int = 4001) -> Damped:
@@ -79,8 +79,8 @@ def solve(design: Design, model: LinearModel, output: str, drive: str, frequency
     everything = control.closed_loop(plant, [], _all_motions(model))
     open_plant = control.Plant(model, (), [], [], np.zeros((0, model.size)), np.zeros((0, model.size)))
     open_system = control.closed_loop(open_plant, [driven], [watched])
-    closed = poles.poles(everything)
-    bare = poles.poles(control.closed_loop(open_plant, [], _all_motions(model)))
+    closed = lightly.refined(poles.poles(everything), plant)
+    bare = lightly.refined(poles.poles(control.closed_loop(open_plant, [], _all_motions(model))), open_plant)
     fine = fine_grid(frequency, closed, bare)
     answer = control.closed(plant, frequency, [driven], [watched])
     gains = control.closed(plant, fine, [driven], [watched]).loop_gain

@@ -127,7 +127,7 @@ def _modes(search: Search, drawn: Achieved, made: Achieved) -> Every:
     """All modes of both designs by family and rank."""
     names, old, new = [], [], []
     for family, (was, now) in enumerate(zip(drawn.ranked, made.ranked, strict=True)):
-        for rank, (a, b) in enumerate(zip(was, now, strict=True)):
+        for rank, (a, b) in enumerate(zip(was, now, strict=False)):
             names.append(f"{search.values.families.name(family)} {rank + 1}")
             old.append(int(a))
             new.append(int(b))

@@ -26,10 +26,13 @@ class Poles:
         rad/s.
     state : tuple of str
         The state that takes most part in each.
+    rounding : float
+        Real part, over the size, that may be a rounding error.
     """
 
     value: Any
     state: tuple[str, ...]
+    rounding: float = 0.0
 
     @property
     def frequency(self) -> Array:
@@ -38,8 +41,8 @@ class Poles:
 
     @property
     def q(self) -> Array:
-        """|p| / (-2 Re p): infinite without damping (but for rounding), 1/2 for a real pole, negative for one that grows."""
-        undamped = np.abs(self.value.real) <= ROUNDING * np.abs(self.value)
+        """|p| / (-2 Re p): infinite without damping, 1/2 for a real pole, negative for one that grows."""
+        undamped = np.abs(self.value.real) <= self.rounding * np.abs(self.value)
         return np.where(undamped, np.inf, np.abs(self.value) / (-2 * np.where(undamped, 1.0, self.value.real)))
 
 
@@ -57,7 +60,7 @@ def poles(system: statespace.StateSpace) -> Poles:
     held = (participation * mechanical).sum(0) / participation.sum(0)
     participation = np.where(mechanical | (held < NAMED), participation, 0.0)
     lead = participation[:, keep].argmax(0)[order]
-    return Poles(values[keep][order], tuple(system.state[n].removesuffix(" rate") for n in lead))
+    return Poles(values[keep][order], tuple(system.state[n].removesuffix(" rate") for n in lead), ROUNDING)
 
 
 @dataclass(frozen=True)

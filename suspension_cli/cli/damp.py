@@ -85,7 +85,7 @@ def table(choice: Choice, answer: Damped) -> str:
     """Poles and margins for people."""
     lines = [f"{choice.level}: {choice.reason}", "", "  closed-loop pole       Q  lives in"]
     for frequency, q, value, state in zip(answer.closed.frequency, answer.closed.q, answer.closed.value, answer.closed.state, strict=True):
-        size = "grows" if value.real > 1e-9 * abs(value) else "undamped" if abs(q) > 1e9 else f"{q:.4g}"
+        size = "grows" if value.real > 0 else "undamped" if q == float("inf") else f"{q:.4g}"
         lines.append(f"  {frequency:#11.5g} Hz  {size:>8}  {state}")
     lines += ["", "  loop           phase margin             gain margin          nearest to -1"]
     for loop, m in zip(answer.loop, answer.margin, strict=True):
