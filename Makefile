@@ -8,7 +8,7 @@ DOCS_READY := $(VENV)/docs-ready
 
 
 # What `make all` makes; a new result is one more word here and a section in results/README.md.
-RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability auto
+RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability auto optimise
 
 .PHONY: help all $(RESULTS) test lint docs reference tutorial bench golden clean
 
@@ -60,6 +60,9 @@ auto: $(READY)   ## what auto leaves out, and what that costs, on 300 random sus
 
 modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 	$(BIN)/python tools/youngs_modulus.py
+
+optimise: $(READY) ## from vertical wires to a triple all of whose modes can be damped
+	$(BIN)/python tools/optimise.py
 
 inference: $(READY) ## what the paper does not print of Tables I and II
 	$(BIN)/python tools/inference.py

@@ -12,7 +12,7 @@ import pytest
 from commandline import run
 
 from suspension_cli.cli.main import COMMANDS, main
-from suspension_cli.design import materials, measured, schema, wires
+from suspension_cli.design import goals, materials, measured, schema, wires
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -50,6 +50,7 @@ MAKES = {
     "sweep": ["sweep", "configs/double.toml", "--vary", "stage.test.wires.d=1e-3,2e-3", "--result", "1", "--result", "test.x/support.x:1", "--workers", "1"],
     "sensitivity": ["sensitivity", "configs/double.toml"],
     "fit": ["fit", "configs/husman2000/table1-case4.toml", "measured/husman2000/table1-case4.toml"],
+    "optimise": ["optimise", "configs/husman2000/triple-vertical.toml", "goals/geo600.toml", "--starts", "1"],
     "damp": ["damp", "configs/triple-damped.toml", "--frequency", "1,2", "--duration", "1"],
     "statespace": ["export", "configs/double.toml", "--format", "hdf5"],
     "zpk": ["export", "configs/double.toml", "--format", "zpk", "--input", "support.x", "--output", "test.x"],
@@ -89,7 +90,7 @@ def named(cell: str) -> list[str]:
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """An empty folder to run in, with the designs that we ship."""
-    for name in ("configs", "measured"):
+    for name in ("configs", "goals", "measured"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -157,7 +158,7 @@ def test_designs_in_toml_are_tables_of_the_format(document):
     """Every example in TOML parses, and its tables are known."""
     import tomllib
 
-    known = measured.Measured if document.name == "fit.md" else schema.Design
+    known = {"fit.md": measured.Measured, "optimise.md": goals.Goals}.get(document.name, schema.Design)
     for block in blocks(document.read_text(), "toml"):
         assert set(tomllib.loads("\n".join(block))) <= set(known.__struct_fields__)
 

@@ -253,6 +253,21 @@ def test_the_command(tmp_path):
     assert percent == pytest.approx(derivative * 9.81 / answer["results"][0]["nominal"], rel=1e-12)
 
 
+def test_sections_of_wires():
+    """A stretch of wire k_i = E A_i/l_i in series with others: vertical omega^2 of a plumb mass is 4 k/m, k = E/(sum of l_i/A_i)."""
+    raw = tomllib.loads((CASES / "table1-case1.toml").read_text())
+    wires = raw["stage"][0]["wires"]
+    thin, length = wires.pop("radius"), wires["l"]
+    wires["sections"] = [{"radius": thin, "length": 0.1}, {"radius": [1.3 * thin, 1.2 * thin]}]
+    share = dict(zip((found := solved(reader.dump(raw), "test vertical")).parameter, found.one_percent[:, 0], strict=True))
+    first, second = 0.1 / thin**2, (length - 0.1) / (1.3 * 1.2 * thin**2)
+    path, whole = "stage.test.wires.sections", first + second
+    assert share[f"{path}.1.radius"] == pytest.approx(first / whole, rel=1e-9)  # twice its share of the compliance, by half
+    for end in (1, 2):
+        assert share[f"{path}.2.radius.{end}"] == pytest.approx(second / whole / 2, rel=1e-9)
+    assert share[f"{path}.1.length"] == pytest.approx(-(first - 0.1 / (1.3 * 1.2 * thin**2)) / whole / 2, rel=1e-9)
+
+
 def test_units_of_time_mass_and_length():
     """f is 1/s: scaled units of time, mass and length scale g (m/s^2), E (kg/(m s^2)), masses and all lengths, and nothing else."""
     found = solved((CASES / "figure6.toml").read_text())

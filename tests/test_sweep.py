@@ -62,7 +62,7 @@ def test_batches_of_designs_are_those_designs(case):
             expected = modes.solve(alone)
             np.testing.assert_allclose(solved.omega_squared[n], expected.omega_squared, rtol=1e-9, atol=1e-10 * expected.omega_squared.max())
             ratio = scalars.Ratio("", signals.motion(f"{alone.body[-1]}.x", alone.body), None, signals.drive("support.x", ("support",)), 7.0)
-            assert sweep._response(found, ratio)[n] == pytest.approx(
+            assert sweep.ratio_of(found, ratio)[n] == pytest.approx(
                 response.solve(alone, np.array([7.0]), [ratio.input], [ratio.over]).value[0, 0, 0], rel=1e-8
             )
             seen.append(point)

@@ -122,7 +122,40 @@ def of(base: Differentiable, name: str) -> Linear | None:
     Linear or None
         Per SI unit of the number; None if it cannot change alone: the suspension would not balance as it is drawn.
     """
-    design = stepped(base.design, name)
+    return along(base, {name: 1.0})
+
+
+def along(base: Differentiable, rates: dict[str, float]) -> Linear | None:
+    """The same as several numbers change together, each at its rate."""
+    now = moved(base, rates)
+    return None if now is None else linear(base, now)
+
+
+def linear(base: Differentiable, now: Moved) -> Linear:
+    """The derivative of all matrices that a move makes."""
+    whole = _linear(now.design, now.scene, base.numbering, now.pose, now.stiffness)
+    parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
+    return Linear(*(np.imag(part) / STEP for part in parts), scene=now.scene)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A design, its equilibrium and the stiffness there with `STEP` i (times their rates) added to some numbers.
+
+    Imaginary parts over `STEP` are derivatives.
+    """
+
+    design: Design
+    scene: Scene
+    pose: Pose
+    stiffness: Any
+
+
+def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
+    """The design and its equilibrium as numbers change, each at its rate; None if it would not balance as it is drawn."""
+    design = base.design
+    for name, rate in rates.items():
+        design = stepped(design, name, rate)
     scene = expand(design)
     if _unbalanced(base, scene, design):
         return None
@@ -135,9 +168,7 @@ def of(base: Differentiable, name: str) -> Linear | None:
         if change.any():
             pose = displaced(base.numbering, pose, 1j * STEP * change)
             stiffness = tangent(scene, base.numbering, pose)[1]
-    whole = _linear(design, scene, base.numbering, pose, stiffness)
-    parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
-    return Linear(*(np.imag(part) / STEP for part in parts), scene=scene)
+    return Moved(design, scene, pose, stiffness)
 
 
 def _enlarged(scene: Scene) -> Scene:

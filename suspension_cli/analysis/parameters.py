@@ -89,15 +89,15 @@ def twins(name: str) -> tuple[str, ...]:
     return (name, ".".join([*head, column, row])) if row.isdigit() and column.isdigit() and row != column else (name,)
 
 
-def stepped(design: Design, name: str) -> Design:
-    """A design with `STEP` i added to one of its numbers."""
+def stepped(design: Design, name: str, rate: float = 1.0) -> Design:
+    """A design with `STEP` i (times a rate) added to one of its numbers."""
     keys = name.split(".")
     if keys[0] == "materials":  # what is built in may be moved too
         given = design.materials.get(keys[1], Material())  # what is not moved stays as it was, and only losses that are given count for strings
         own = msgspec.structs.replace(materials.resolve(design, keys[1]), loss=given.loss, loss_angle=given.loss_angle)
-        return msgspec.structs.replace(design, materials=design.materials | {keys[1]: _moved(own, keys[2:])})
+        return msgspec.structs.replace(design, materials=design.materials | {keys[1]: _moved(own, keys[2:], rate)})
     for path in twins(name):
-        design = _moved(design, path.split("."))
+        design = _moved(design, path.split("."), rate)
     return design
 
 
@@ -106,12 +106,12 @@ def _place(items: Any, key: str) -> int:
     return named[0] if named else int(key) - 1
 
 
-def _moved(node: Any, keys: list[str]) -> Any:
+def _moved(node: Any, keys: list[str], rate: float) -> Any:
     """The same tree with the number at a path moved; nothing of the old one changes."""
     if not keys:
-        return node + STEP * 1j
+        return node + STEP * rate * 1j
     key, rest = keys[0], keys[1:]
     if isinstance(node, (list, tuple)):
         place = _place(node, key)
-        return type(node)(_moved(item, rest) if n == place else item for n, item in enumerate(node))
-    return msgspec.structs.replace(node, **{key: _moved(getattr(node, key), rest)})
+        return type(node)(_moved(item, rest, rate) if n == place else item for n, item in enumerate(node))
+    return msgspec.structs.replace(node, **{key: _moved(getattr(node, key), rest, rate)})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -128,25 +128,24 @@ class ParameterSweep:
                 continue
             if "shape" in result:
                 well = (found.status == builds.GOOD) | (found.status == builds.UNSTABLE)
-                solved = spectrum.solve(_some(found, well).model)
+                solved = spectrum.solve(picked(found.model, well))
                 result["omega_squared"][here[well]], result["shape"][here[well]] = solved.omega_squared, solved.shape
             for n, ratio in enumerate(self.ratios):
-                result["response"][here, n] = _response(found, ratio)
+                result["response"][here, n] = ratio_of(found, ratio)
         return result
 
 
-def _some(found: Builds, which: Any) -> Builds:
-    from dataclasses import replace
-
-    model, count = found.model, len(found.status)
+def picked(model: LinearModel, which: Any) -> LinearModel:
+    """The models of a batch for which `which` (p,) holds."""
+    count = len(which)
 
     def cut(matrix: Any) -> Any:
-        return None if matrix is None else np.broadcast_to(matrix, (count, *matrix.shape[-2:]))[which]
+        return np.broadcast_to(matrix, (count, *matrix.shape[-2:]))[which]
 
-    return replace(found, model=replace(model, mass=cut(model.mass), stiffness=cut(model.stiffness), lossy=None))
+    return replace(model, mass=cut(model.mass), stiffness=cut(model.stiffness), lossy=None)
 
 
-def _response(found: Builds, ratio: Ratio) -> Any:
+def ratio_of(found: Builds, ratio: Ratio) -> Any:
     """A response or a ratio of two, (p,), complex."""
     outputs = [ratio.over] + ([] if ratio.under is None else [ratio.under])
     with np.errstate(all="ignore"):

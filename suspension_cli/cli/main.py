@@ -15,6 +15,7 @@ COMMANDS = {
     "sweep": "Modes, responses and couplings over any parameters.",
     "sensitivity": "What 1 % of every number of a design moves.",
     "fit": "Learn numbers of a design from measured modes.",
+    "optimise": "Choose numbers of a design so that it meets goals.",
     "xcouple": "Cross-coupling of imperfect builds, over any imperfections.",
     "tolerance": "Random builds: scatter of modes and cross-coupling, what matters most.",
     "damp": "Local control: closed-loop poles, margins, impulse response, sensor noise.",

@@ -111,6 +111,13 @@ def _fit(results: Any, _: Any) -> Any:
     return picture.draw(stored.load(results["fit"]), str(results["fit"].attrs["title"]))
 
 
+def _optimise(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import optimise as picture
+    from suspension_cli.results import optimise as stored
+
+    return picture.draw(stored.load(results["optimise"]), design.design.title or design.design.name)
+
+
 def _tolerance(results: Any, design: Any) -> Any:
     from suspension_cli.plots import tolerance as picture
     from suspension_cli.results import tolerance as stored
@@ -131,5 +138,6 @@ _DRAWN = {
     "sweep": _sweep,
     "sensitivity": _sensitivity,
     "fit": _fit,
+    "optimise": _optimise,
 }
 """Group of a results file to its figure."""

@@ -20,7 +20,9 @@ BUILT_IN: dict[str, Material] = {
         thermal_expansion=17.2e-6,
         specific_heat=500.0,
         thermal_conductivity=16.2,
-        source="E: Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), section 4c, measured on an 8 m wire; others: ASM Metals Handbook, AISI 302",
+        tensile_strength=2.07e9,
+        source="E: Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), section 4c, measured on an 8 m wire; others: ASM Metals Handbook, AISI 302; "
+        "strength: ASTM A313, spring wire of type 302 up to 0.5 mm thick (at least 300 ksi; annealed or thicker wire breaks earlier)",
     ),
     "c70steel": Material(
         youngs_modulus=2.12e11,
@@ -40,8 +42,10 @@ BUILT_IN: dict[str, Material] = {
         thermal_expansion=11e-6,
         specific_heat=460.0,
         thermal_conductivity=20.0,
+        tensile_strength=1.7e9,
         loss=MaterialLoss(angle=1e-4),
-        source=f"{PYGWINC}, maraging steel blades",
+        source=f"{PYGWINC}, maraging steel blades; strength: the least 0.2 % proof stress of 18 % nickel steel as most commonly used, "
+        "Rao and Sivasubramanian, Mater. Sci. Appl. 2, 1116 (2011), above which blades yield",
     ),
     "fused-silica": Material(
         youngs_modulus=7.2e10,
@@ -51,8 +55,10 @@ BUILT_IN: dict[str, Material] = {
         modulus_slope=1.52e-4,
         specific_heat=772.0,
         thermal_conductivity=1.38,
+        tensile_strength=3.7e9,
         loss=MaterialLoss(angle=4.1e-10, surface_depth=1.5e-2),
-        source=f"{PYGWINC}, fused silica fibres; losses after Gretarsson and Harry, Rev. Sci. Instrum. 70, 4081 (1999), "
+        source=f"{PYGWINC}, fused silica fibres; strength: the best of the ribbons of Heptonstall et al., Phys. Lett. A 354, 353 (2006), a scratched fibre "
+        "has far less; losses after Gretarsson and Harry, Rev. Sci. Instrum. 70, 4081 (1999), "
         "and Penn et al., Phys. Lett. A 352, 3 (2006)",
     ),
     "silicon": Material(

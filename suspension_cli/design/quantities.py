@@ -23,6 +23,7 @@ Position = Annotated[float, Meta(ge=-1e5, le=1e5, description="signed length in 
 Angle = Annotated[float, Meta(ge=-3.2, le=3.2, description="angle in rad")]
 Mass = Annotated[float, Meta(ge=1e-9, le=1e9, description="mass in kg")]
 Inertia = Annotated[float, Meta(ge=-1e15, le=1e15, description="moment or product of inertia in kg m^2")]
+Strength = Annotated[float, Meta(ge=1.0, le=1e13, description="stress in Pa at which the material breaks (or, of blades, yields)")]
 Density = Annotated[float, Meta(ge=1e-3, le=1e6, description="density in kg/m^3")]
 Modulus = Annotated[float, Meta(ge=1.0, le=1e15, description="Young's modulus in Pa")]
 Poisson = Annotated[float, Meta(gt=-1, lt=0.5, description="Poisson's ratio, for the twisting of wires; 0.3 if not given")]

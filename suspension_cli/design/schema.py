@@ -37,6 +37,7 @@ from suspension_cli.design.quantities import (
     StageName,
     Stem,
     Stiffness,
+    Strength,
     Table,
     Vector,
     Wrench,
@@ -105,6 +106,7 @@ class Material(Table, frozen=True):
     modulus_slope: ModulusSlope | None = None
     specific_heat: SpecificHeat | None = None
     thermal_conductivity: Conductivity | None = None
+    tensile_strength: Strength | None = None
     loss_angle: Annotated[LossAngle, Meta(description="constant loss angle in rad: short for angle in the table loss")] | None = None
     loss: MaterialLoss | None = None
     source: Annotated[str, Meta(description="where the numbers come from, for people")] = ""

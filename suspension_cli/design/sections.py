@@ -82,8 +82,14 @@ def area(radius: float | None, section: Section | None) -> float:
 def thinnest(wire: WireSet | Wire) -> float | None:
     """Smallest cross-section of a wire in m^2, where the stress is largest; None if the design does not tell."""
     if wire.sections is not None:
-        return min(area(min(piece.radius) if isinstance(piece.radius, list) else piece.radius, piece.section) for piece in wire.sections)
+        thin = (min(piece.radius, key=_real) if isinstance(piece.radius, list) else piece.radius for piece in wire.sections)
+        return min((area(radius, piece.section) for radius, piece in zip(thin, wire.sections, strict=True)), key=_real)
     return None if wire.radius is None and wire.section is None else area(wire.radius, wire.section)
+
+
+def _real(value: complex) -> float:
+    """What numbers with complex steps are compared by."""
+    return value.real
 
 
 def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
@@ -97,7 +103,7 @@ def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
         return [_uniform(length, wire.material, wire)]
     given = sum(piece.length or 0.0 for piece in wire.sections)
     rest = length - given if any(piece.length is None for piece in wire.sections) else 0.0
-    scale = 1.0 if rest > 0 else length / given
+    scale = 1.0 if rest.real > 0 else length / given
     return [one for piece in wire.sections for one in _steps(piece, scale * (rest if piece.length is None else piece.length), wire.material)]
 
 
@@ -113,7 +119,7 @@ def _steps(piece: WireSection, length: float, material: str | None) -> list[Stre
 
 
 def _uniform(length: float, material: str | None, table: WireSet | Wire | WireSection) -> Stretch:
-    radius = table.radius if isinstance(table.radius, float) else 0.0
+    radius = 0.0 if table.radius is None or isinstance(table.radius, list) else table.radius
     return Stretch(length, material, table.section, (radius, radius))
 
 
