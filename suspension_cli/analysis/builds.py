@@ -17,7 +17,7 @@ from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import assemble
 from suspension_cli.mechanics.blocks import mirrored
-from suspension_cli.mechanics.equilibrium import CONVERGED, solve
+from suspension_cli.mechanics.equilibrium import CONVERGED, Equilibrium, solve
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.mechanics.pose import layout
 from suspension_cli.models.surroundings import surrounded
@@ -91,8 +91,12 @@ def balance(scene: Scene, design: Design, *, allow_unstable: bool = False) -> Bu
         status[~(found.residual < CONVERGED)] = UNBALANCED
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
-    orientation = model.orientation if model.orientation is not None else found.pose.rotation
-    return Builds(replace(model, orientation=orientation), status, wire, found.residual, mirrored(scene))
+    return Builds(oriented(model, found), status, wire, found.residual, mirrored(scene))
+
+
+def oriented(model: LinearModel, found: Equilibrium) -> LinearModel:
+    """A model that tells how its bodies are turned even if none of the batch is."""
+    return replace(model, orientation=model.orientation if model.orientation is not None else found.pose.rotation)
 
 
 def grows(model: LinearModel) -> Any:

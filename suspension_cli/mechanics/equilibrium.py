@@ -125,6 +125,11 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     return _merged(found, doubtful, _followed(picked(scene, doubtful), numbering))
 
 
+def stepped(scene: Scene, steps: int) -> Equilibrium:
+    """Where so many Newton steps from the nominal pose lead, converged or not: one is the linear solution, none the nominal pose."""
+    return _newton(scene, layout(scene), nominal_pose(scene), 0.0, steps)
+
+
 def _trusted(scene: Scene, found: Equilibrium) -> Any:
     """Whether each scene has settled on taut wires in a pose that is not plainly unstable."""
     good = found.converged & (found.tension > 0).all(-1)

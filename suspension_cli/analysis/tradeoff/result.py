@@ -1,0 +1,147 @@
+"""What methods cost against what they get wrong: the results of `pendsus tradeoff`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.scene import Array
+
+ROUNDING = 1e-14
+"""Errors below this are rounding: none of them is better than another."""
+QUARTILES = ("lower", "median", "upper")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One method on one rung.
+
+    Attributes
+    ----------
+    rung, method : str
+    error : (c,) array
+        Relative, by component.
+    once, batch : (3,) arrays
+        Quartiles (lower, median, upper) of the time in s for one evaluation, and for one item of a batch.
+    vectorised : bool
+        Whether it takes a whole batch at once; if not, an item costs what one evaluation costs.
+    """
+
+    rung: str
+    method: str
+    error: Array
+    once: Array
+    batch: Array
+    vectorised: bool
+
+    @property
+    def label(self) -> str:
+        """``string, chain elimination``."""
+        return f"{self.rung}, {self.method}"
+
+    def time(self, kind: str) -> float:
+        """Median time in s, ``once`` or in a ``batch``."""
+        return float(getattr(self, kind)[1])
+
+
+@dataclass(frozen=True)
+class Left:
+    """A method that does not apply, and why."""
+
+    rung: str
+    method: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class View:
+    """Components of a quantity that are judged together, by the worst of them."""
+
+    title: str
+    components: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """All methods for one quantity.
+
+    Attributes
+    ----------
+    quantity : str
+        ``modes``, ``response``, ...
+    title : str
+    start : str
+        From where to where the time runs.
+    item : str
+        What a batch is made of: ``design``, ``frequency``, ``build``.
+    count : int
+        How many of them were in the batch.
+    reference : str
+        What errors are taken against.
+    component : tuple of str
+        What `Entry.error` is told of: kinds of modes, frequencies, ...
+    entries : tuple of Entry
+    left : tuple of Left
+    views : tuple of View
+    """
+
+    quantity: str
+    title: str
+    start: str
+    item: str
+    count: int
+    reference: str
+    component: tuple[str, ...]
+    entries: tuple[Entry, ...]
+    left: tuple[Left, ...]
+    views: tuple[View, ...]
+
+    def fastest(self, kind: str) -> float:
+        """Shortest median time in s, ``once`` or in a ``batch``."""
+        return min((entry.time(kind) for entry in self.entries), default=np.nan)
+
+    def worst(self, view: View) -> Array:
+        """Largest error of each entry (e,) over the components of a view."""
+        return np.array([entry.error[list(view.components)].max() for entry in self.entries])
+
+    def front(self, kind: str, view: View) -> list[int]:
+        """The entries that no other beats in both time and error, from the fastest on."""
+        return front(np.array([entry.time(kind) for entry in self.entries]), self.worst(view))
+
+
+@dataclass(frozen=True)
+class Tradeoff:
+    """Everything measured for one design.
+
+    Attributes
+    ----------
+    panels : tuple of Panel
+    repeat : int
+        How often every time was taken.
+    """
+
+    panels: tuple[Panel, ...]
+    repeat: int
+
+
+def front(time: Any, error: Any) -> list[int]:
+    """Pareto front: the points that no other beats in one and equals or beats in the other.
+
+    Parameters
+    ----------
+    time, error : (n,) arrays
+        Errors below `ROUNDING` are all alike.
+
+    Returns
+    -------
+    list of int
+        In ascending order of time, errors strictly falling.
+    """
+    level = np.maximum(np.asarray(error, dtype=float), ROUNDING)
+    kept: list[int] = []
+    for n in np.lexsort((level, time)).tolist():
+        if not kept or level[n] < level[kept[-1]]:
+            kept.append(n)
+    return kept

@@ -1,0 +1,61 @@
+"""Times that can be compared: every work warm, all in turns, several times over.
+
+Machines are shared and noisy.  Taking turns makes a drift hit all works alike, so that ratios of medians hold where times themselves do not;
+quartiles say how far they do.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from suspension_cli.design.scene import Array
+
+Work = Callable[[], object]
+
+LEAST = 2e-3
+"""Seconds that a sample takes at least: quick works are done several times in it."""
+MOST = 200
+"""Times that a work is done in one sample, at most."""
+
+
+def quartiles(works: Sequence[Work], repeat: int) -> Array:
+    """Lower quartile, median and upper quartile of the time of each work, s: (w, 3).
+
+    Parameters
+    ----------
+    works : sequence of callables
+    repeat : int
+        Samples of each.
+    """
+    times = [_calibrated(work) for work in works]
+    samples = np.zeros((len(works), repeat))
+    # the collector would charge one work with what another left behind
+    enabled = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        for sample in range(repeat):
+            for n, (work, count) in enumerate(zip(works, times, strict=True)):
+                samples[n, sample] = _timed(work, count)
+    finally:
+        if enabled:
+            gc.enable()
+    return np.quantile(samples, (0.25, 0.5, 0.75), axis=1).T.reshape(-1, 3)
+
+
+def _calibrated(work: Work) -> int:
+    """How often a work is to be done in one sample; done twice for it, so that it is warm."""
+    work()
+    return int(np.clip(np.ceil(LEAST / max(_timed(work, 1), 1e-9)), 1, MOST))
+
+
+def _timed(work: Work, count: int) -> float:
+    """Seconds of a work, mean of so many."""
+    begin = time.perf_counter()
+    for _ in range(count):
+        work()
+    return (time.perf_counter() - begin) / count
