@@ -13,6 +13,7 @@ COMMANDS = {
     "response": "Transfer functions from the support or a force to any motion.",
     "xcouple": "Cross-coupling of imperfect builds, over any imperfections.",
     "tolerance": "Random builds: scatter of modes and cross-coupling, what matters most.",
+    "tradeoff": "Speed against accuracy of every rung and method.",
     "damp": "Local control: closed-loop poles, margins, impulse response, sensor noise.",
     "export": "State space for control: mat, npz, hdf5, zpk, python-control.",
     "check": "Check designs and show what their wires carry.",

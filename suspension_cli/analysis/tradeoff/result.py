@@ -9,8 +9,10 @@ import numpy as np
 
 from suspension_cli.design.scene import Array
 
-ROUNDING = 1e-14
-"""Errors below this are rounding: none of them is better than another."""
+ROUNDING = 1e-12
+"""Errors below this are rounding: to a designer none of them is better than another."""
+GAIN = 0.01
+"""Share by which an error must fall to be worth any time."""
 QUARTILES = ("lower", "median", "upper")
 
 
@@ -132,7 +134,7 @@ def front(time: Any, error: Any) -> list[int]:
     Parameters
     ----------
     time, error : (n,) arrays
-        Errors below `ROUNDING` are all alike.
+        Errors below `ROUNDING`, and errors closer to each other than `GAIN`, are alike.
 
     Returns
     -------
@@ -142,6 +144,14 @@ def front(time: Any, error: Any) -> list[int]:
     level = np.maximum(np.asarray(error, dtype=float), ROUNDING)
     kept: list[int] = []
     for n in np.lexsort((level, time)).tolist():
-        if not kept or level[n] < level[kept[-1]]:
+        if not kept or level[n] < (1 - GAIN) * level[kept[-1]]:
             kept.append(n)
     return kept
+
+
+def spell(seconds: float) -> str:
+    """A time in the unit that suits it: ``83 µs``."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"

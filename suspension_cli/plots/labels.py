@@ -1,0 +1,96 @@
+"""Labels of points that do not lie on each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
+from matplotlib.text import Text
+
+from suspension_cli.plots.style import NOTE
+
+NEAR = 4.5
+"""Distance of a label from its point, points (1/72 in)."""
+REACHES = (1.0, 2.2, 3.6, 5.2, 7.0, 9.0, 11.5)
+"""Factors on it, tried from the nearest on; past the first a line leads to the point."""
+SIDES = ((1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (0, -1))
+"""Where a label may stand, the best place first."""
+ON_LABEL, ON_POINT, ON_LINE, OUTSIDE, FAR = 60.0, 25.0, 4.0, 200.0, 1.0
+"""What overlapping costs a place, and each step away from the point."""
+
+
+def annotate(
+    axes: Axes, points: Sequence[tuple[float, float]], texts: Sequence[str], colours: Sequence[str], size: float, taken: Sequence[Any] = (), lines: Sequence[Any] = ()
+) -> list[Text]:
+    """Label points, each where it overlaps least with other labels, points and the frame.
+
+    Parameters
+    ----------
+    axes : Axes
+        With its limits and its place in the figure final.
+    points : sequence of (x, y)
+        In data coordinates.
+    texts, colours : sequences of str
+    size : float
+        Of the font, points.
+    taken : sequence of (x0, y0, x1, y1)
+        Other places to leave free, pixels.
+    lines : sequence of (x0, y0, x1, y1)
+        Upright or level lines that labels had better not cross, pixels.
+
+    Returns
+    -------
+    list of Text
+    """
+    figure: Any = axes.get_figure()
+    renderer, pixel = figure.canvas.get_renderer(), figure.dpi / 72
+    where = axes.transData.transform(np.array(points, dtype=float).reshape(-1, 2))
+    frame = axes.get_window_extent(renderer)
+    boxes = [np.array(box, dtype=float) for box in taken]
+    dots = [np.array([x - 3 * pixel, y - 3 * pixel, x + 3 * pixel, y + 3 * pixel]) for x, y in where]
+    result = []
+    # from the left, so that a row of points fills from one side
+    for n in np.lexsort((where[:, 1], where[:, 0])).tolist():
+        text = axes.annotate(texts[n], points[n], xytext=(0, 0), textcoords="offset points", fontsize=size, color=colours[n], zorder=5)
+        text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
+        extent = text.get_window_extent(renderer)
+        width, height = extent.width, extent.height
+        best, box = min(((cost, place) for cost, place in _places(where[n], width, height, pixel, frame, boxes, dots, n, lines)), key=lambda item: item[0])[1]
+        boxes.append(box)
+        text.set_position(((box[0] - where[n, 0]) / pixel, (box[1] - where[n, 1]) / pixel))
+        text.set_verticalalignment("bottom")
+        if best > 1.0:
+            _lead(axes, where[n], box, pixel)
+        result.append(text)
+    return result
+
+
+def _places(point: Any, width: float, height: float, pixel: float, frame: Any, boxes: list[Any], dots: list[Any], own: int, lines: Any) -> Any:
+    """Cost, reach and box of every place that a label may take."""
+    for reach, (side, up) in product(REACHES, SIDES):
+        gap = NEAR * reach * pixel
+        left = point[0] + (gap if side > 0 else -gap - width if side < 0 else -width / 2)
+        low = point[1] + (0.55 * gap if up > 0 else -0.55 * gap - height if up < 0 else -height / 2)
+        box = np.array([left, low, left + width, low + height])
+        cost = FAR * reach + 0.05 * SIDES.index((side, up))
+        cost += ON_LABEL * sum(_overlap(box, other) > 0 for other in boxes)
+        cost += ON_POINT * sum(_overlap(box, dot) > 0 for n, dot in enumerate(dots) if n != own)
+        cost += ON_LINE * sum(box[0] < line[2] and line[0] < box[2] and box[1] < line[3] and line[1] < box[3] for line in lines)
+        cost += OUTSIDE * (box[0] < frame.x0 or box[2] > frame.x1 or box[1] < frame.y0 or box[3] > frame.y1)
+        yield cost, (reach, box)
+
+
+def _overlap(a: Any, b: Any) -> float:
+    """Common area of two boxes."""
+    return max(min(a[2], b[2]) - max(a[0], b[0]), 0.0) * max(min(a[3], b[3]) - max(a[1], b[1]), 0.0)
+
+
+def _lead(axes: Axes, point: Any, box: Any, pixel: float) -> None:
+    """A thin line from a label's nearest edge to its point."""
+    end = np.array([np.clip(point[0], box[0], box[2]), np.clip(point[1], box[1] + pixel, box[3] - pixel)])
+    ends = axes.transData.inverted().transform(np.array([point, end]))
+    axes.plot(ends[:, 0], ends[:, 1], color=NOTE, linewidth=0.4, zorder=2, solid_capstyle="butt")
