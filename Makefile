@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
 
-.PHONY: help tables fig5 fig6 blades support test lint bench golden clean
+.PHONY: help tables fig5 fig6 blades support thermal test lint bench golden clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 12
@@ -31,6 +31,9 @@ blades: $(READY) ## what taking blades in series with angled wires costs
 
 support: $(READY) ## what a support that gives way does to Table I
 	$(BIN)/python tools/support.py
+
+thermal: $(READY) ## thermal noise of a triple with a fused-silica final stage
+	$(BIN)/python tools/thermal.py
 
 test: $(READY)   ## run the tests
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto

@@ -69,9 +69,11 @@ def main() -> None:
     import startup
     import stiffness
     import sweeps
+    import thermal
 
     stiffness.run(ratio, absolute)
     responses.run(ratio, absolute)
+    thermal.run(ratio, absolute)
     startup.run(ratio, shell)
     sweeps.run(ratio, absolute, judged)
     if over:

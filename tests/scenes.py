@@ -205,6 +205,19 @@ def perturbations(rng: Generator, raw: Raw) -> Raw:
     return raw | {"perturbation": items}
 
 
+def fibred(raw: Raw, stress: float = 6e8, *, material: str = "steel302", ribbons: bool = False) -> Raw:
+    """The same symmetric chain on wires of a cross-section that carries its load at such a stress (Pa)."""
+    result, load = copy.deepcopy(raw), 0.0
+    for one in reversed(result["stage"]):
+        load += 9.81 * one["body"]["mass"]
+        wires = one["wires"]
+        del wires["k"]
+        area = load / wires["count"] / stress
+        section = {"section": {"width": (4 * area) ** 0.5, "thickness": (area / 4) ** 0.5}} if ribbons else {"radius": (area / np.pi) ** 0.5}
+        wires |= {"material": material} | section
+    return result
+
+
 def step_of(rng: Generator, names: tuple[str, ...], length: float, angle: float, *, support: bool = True) -> Any:
     """A random step in generalised coordinates: up to `length` (m) and `angle` (rad)."""
     scale = np.array([angle if name.rsplit(".", 1)[1] in ("roll", "pitch", "yaw") else length for name in names])

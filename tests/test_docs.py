@@ -43,6 +43,7 @@ TABLES = {
 MAKES = {
     "modes": ["modes", "configs/husman2000/figure6.toml", "--max-frequency", "700"],
     "response": ["response", "configs/double.toml", "--frequency", "1,2"],
+    "thermal": ["thermal", "configs/husman2000/figure6.toml", "--frequency", "1,2"],
     "xcouple": ["xcouple", "configs/husman2000/figure6.toml", "--sweep", "k=1,1.1,mass=1", "--workers", "1"],
     "tolerance": ["tolerance", "configs/triple-tolerance.toml", "--builds", "3", "--workers", "1"],
     "damp": ["damp", "configs/triple-damped.toml", "--frequency", "1,2", "--duration", "1"],

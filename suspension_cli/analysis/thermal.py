@@ -18,18 +18,19 @@ import numpy as np
 
 from suspension_cli.analysis import signals
 from suspension_cli.analysis.signals import Signal
-from suspension_cli.conventions import DOFS
+from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.design.scene import Array
+from suspension_cli.errors import Fault, InputError, shown
 from suspension_cli.mechanics import dispersive
 from suspension_cli.mechanics.dispersive import EvaluatedBlock
 from suspension_cli.mechanics.model import LinearModel
 
-BOLTZMANN = 1.380649e-23
-"""J/K (exact, SI 2019)."""
 EARTH = 6.371e6
 """Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""
-CHUNK = 512
+CHUNK = 1024
 """Frequencies worked on at once: their matrices stay in the cache."""
+ROUNDING = 1e-9
+"""A source below 0 by more than this share of the sum gives power back; by less, it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,8 @@ class Thermal:
         What dissipates: ``test.bending-upper`` and so on, the strongest (over all frequencies) first.
     density : (s, f) array
         One-sided power spectral density of each source's part, unit^2/Hz.
+    tilt : float
+        Angle (rad) by which the direction observed rises above x.
     """
 
     frequency: Array
@@ -55,6 +58,7 @@ class Thermal:
     unit: str
     source: tuple[str, ...]
     density: Array
+    tilt: float = 0.0
 
     @property
     def amplitude(self) -> Array:
@@ -82,6 +86,16 @@ def solve(model: LinearModel, frequency: Array, row: Array, signal: Signal, temp
         Its name and unit.
     temperature : float
         Of dampers and of the support's loss, K.
+
+    Returns
+    -------
+    Thermal
+        Without the sources that have no part in the motion; none at all for a model (or a motion) without loss.
+
+    Raises
+    ------
+    InputError
+        At a resonance without loss, and if a part gives power back (a spring or damper whose matrix is not positive).
     """
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     powers: dict[str, Array] = {}
@@ -96,10 +110,29 @@ def solve(model: LinearModel, frequency: Array, row: Array, signal: Signal, temp
             for (cause, warmth), lost in dissipated(there, motion, temperature).items():
                 power = powers.setdefault(cause, np.zeros(len(omega)))
                 power[now] += 4 * BOLTZMANN * warmth * lost / omega[now]
-    # the same mean for all frequencies, so that the order of the sources says which matters most where people look: over the band
-    order = sorted(powers, key=lambda name: -float(np.log(powers[name] + 1e-300).mean()))
-    density = np.array([powers[name] for name in order]).reshape(-1, len(omega))
+    powers = {name: power for name, power in powers.items() if power.any()}
+    _demand_sound(powers, omega)
+    order = strongest_first(powers)
+    density = np.array([powers[name] for name in order]).reshape(-1, len(omega)).clip(0)
     return Thermal(np.asarray(frequency), signal.text, signal.unit, tuple(order), density)
+
+
+def strongest_first(densities: dict[str, Array]) -> list[str]:
+    """Sources by the mean of the logarithm of their densities: those first that matter over most of the band."""
+    return sorted(densities, key=lambda name: -float(np.log(densities[name].clip(1e-300)).mean()))
+
+
+def _demand_sound(powers: dict[str, Array], omega: Array) -> None:
+    """Raise `InputError` where a density is infinite or below 0."""
+    total = sum(powers.values(), np.zeros(len(omega)))
+    if not np.isfinite(total).all():
+        at = float(omega[~np.isfinite(total)][0]) / (2 * np.pi)
+        remedy = "move it, or give loss_angle or damping"
+        raise InputError([Fault("--frequency", "is a resonance without loss, where the noise is infinite", remedy, shown(at))])
+    for name, power in powers.items():
+        if (power < -ROUNDING * total).any():
+            remedy = "make its stiffness and damping matrices positive, or its loss angle 0"
+            raise InputError([Fault(name, "gives power back instead of dissipating it, so it has no thermal noise", remedy)])
 
 
 def dissipated(there: EvaluatedBlock, motion: Any, temperature: float) -> dict[tuple[str, float], Array]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +15,14 @@ import click
 from suspension_cli.cli import options
 
 if TYPE_CHECKING:
+    from suspension_cli.analysis.auto import Asked
     from suspension_cli.analysis.coupling import Question
     from suspension_cli.design.schema import Design
     from suspension_cli.mechanics.model import LinearModel
     from suspension_cli.models.fidelity import Choice
     from suspension_cli.results import Provenance
+
+    Asker = Callable[[LinearModel], Asked]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,15 +54,25 @@ def prepared(ctx: click.Context, file: str, overrides: tuple[str, ...], extra: t
     return Read(source.design, source.text, source.file), options.with_analysis_table(ctx, table, source.file, extra)
 
 
-def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.Voice, *, imperfect: bool = False, rational: bool = False) -> tuple[Choice, LinearModel]:
-    """The linear model on the rung that the design needs, or that its imperfect builds need; one with constant matrices if it must be `rational`.
+def modelled(
+    source: Read,
+    fidelity: str,
+    allow_unstable: bool,
+    voice: options.Voice,
+    *,
+    asked: Asker | None = None,
+    tolerance: float = options.TOLERANCE,
+    imperfect: bool = False,
+    rational: bool = False,
+) -> tuple[Choice, LinearModel]:
+    """The linear model on the rung that what is asked for needs, or imperfect builds; one with constant matrices if it must be `rational`.
 
     Raises
     ------
     InputError
         If the equilibrium is unstable and that is not allowed, or a rung is asked for that does not hold.
     """
-    from suspension_cli.analysis import modes
+    from suspension_cli.analysis import auto
     from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.models import fidelity as ladder
 
@@ -67,28 +81,53 @@ def modelled(source: Read, fidelity: str, allow_unstable: bool, voice: options.V
     if rational and fidelity == "violin":
         problem = "does not hold here: wires with mass have no state space of finite order"
         raise InputError([Fault("--fidelity", problem, "take beam, which holds below the first violin mode", shown(fidelity))])
-    choice = ladder.choose(source.design, fidelity)
-    if imperfect:
-        choice = ladder.Choice("string", "general string model, as imperfect builds need it")
-    model = ladder.linear_model(source.design, choice.level)
+    model = None
+    if asked is not None and fidelity == "auto":
+        decision = auto.decide(source.design, asked, tolerance)
+        choice, model = decision.choice, decision.model
+    else:
+        choice = ladder.choose(source.design, fidelity)
+        if imperfect:
+            choice = ladder.Choice("string", "general string model, as imperfect builds need it")
+    return choice, stood(source, choice, allow_unstable, voice, model, rational=rational)
+
+
+def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voice, model: LinearModel | None = None, *, rational: bool = False) -> LinearModel:
+    """The linear model on a rung, if its equilibrium is stable or may be unstable; with constant matrices if it must be `rational`.
+
+    Raises
+    ------
+    InputError
+        If it is unstable and that is not allowed.
+    """
+    from suspension_cli.analysis import modes
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.models import fidelity as ladder
+
+    model = ladder.linear_model(source.design, choice.level) if model is None else model
     if rational and model.terms:
         model = dataclasses.replace(model, terms=())
         voice.say(f"{source.design.design.name}: losses that depend on frequency are left out, as no state space has them")
     voice.detail(f"{source.design.design.name}: {choice.level}: {choice.reason}; balanced to {model.residual:.0e} of the weight")
-    found = modes.solve(model)
+    found = modes.solve(dataclasses.replace(model, terms=()))
     if not found.stable:
         worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
         if not allow_unstable:
             raise InputError([Fault("stage", f"the equilibrium is unstable: {worst}", "make it stable (raise d, say), or give --allow-unstable")])
         voice.warn(f"{source.design.design.name} is unstable: {worst}")
-    return choice, model
+    return model
 
 
 def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
     """What a results file says of where it comes from."""
     from suspension_cli.results import Provenance
 
-    return Provenance(source.text, options.command_line(argv), choice.level, choice.reason)
+    return Provenance(source.text, options.command_line(argv), choice.level, choice.reason, choice.error)
+
+
+def estimate(choice: Choice) -> float | None:
+    """The estimated relative error of a rung, for JSON."""
+    return choice.error if math.isfinite(choice.error) else None
 
 
 def draw(figure: Any, path: Path, voice: options.Voice) -> None:

@@ -11,6 +11,7 @@ from suspension_cli import __version__
 COMMANDS = {
     "modes": "Frequencies and shapes of the normal modes.",
     "response": "Transfer functions from the support or a force to any motion.",
+    "thermal": "Thermal noise of any motion, split by what dissipates.",
     "xcouple": "Cross-coupling of imperfect builds, over any imperfections.",
     "tolerance": "Random builds: scatter of modes and cross-coupling, what matters most.",
     "tradeoff": "Speed against accuracy of every rung and method.",

@@ -20,7 +20,10 @@ HIGHEST = 1000.0
 
 @click.command("modes")
 @options.designs
-@click.option("--max-frequency", type=click.FloatRange(1e-6, 1e6), metavar="HZ", help="List all modes up to here, those of the wires' own mass included (violin).")
+@click.option(
+    "--max-frequency", type=click.FloatRange(1e-6, 1e6), metavar="HZ", help="List all modes up to here, those of the wires' own mass included (violin)."
+)
+@options.tolerance
 @options.analysis
 @click.pass_context
 def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
@@ -88,13 +91,16 @@ def _read_all(files: tuple[str, ...], overrides: tuple[str, ...]) -> list[Source
 
 
 def _solve(source: Source, setting: dict[str, Any]) -> tuple[Choice, Modes]:
-    from suspension_cli.analysis import modes, wire_modes
+    from suspension_cli.analysis import auto, modes, wire_modes
     from suspension_cli.errors import InputError
     from suspension_cli.models import fidelity as ladder
 
     highest, level = setting["max_frequency"], setting["fidelity"]
     try:
-        choice = ladder.choose(source.design, "violin" if highest is not None and level == "auto" else level)
+        if highest is None and level == "auto":
+            decision = auto.decide(source.design, lambda _: auto.Frequencies(), setting["tolerance"], top="beam")
+            return decision.choice, modes.solve(decision.model)
+        choice = ladder.choose(source.design, "violin" if level == "auto" else level)
         model = ladder.linear_model(source.design, choice.level)
         if choice.level != "violin":
             found = modes.solve(model)
@@ -110,7 +116,7 @@ def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool
     from suspension_cli.results import modes as files
 
     path = folder / f"{source.design.design.name}-modes.h5"
-    files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason))
+    files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason, choice.error))
     voice.say(f"wrote {path}")
     if plot:
         from suspension_cli.design.expand import expand
@@ -143,7 +149,7 @@ def document(name: str, choice: Choice, modes: Modes) -> dict[str, Any]:
             row["growth_rate_per_s"] = float(modes.growth_rate[n])
         share = {"label": labels[n], "share": float(modes.shares[n].max()), "top_mass_share": float(modes.top_share[n]), "verdict": verdicts[n]}
         rows.append(row | share)
-    return {"command": "modes", "design": name, "fidelity": choice.level, "stable": modes.stable, "modes": rows}
+    return {"command": "modes", "design": name, "fidelity": choice.level, "estimated_error": analyses.estimate(choice), "stable": modes.stable, "modes": rows}
 
 
 def table(source: Source, choice: Choice, modes: Modes) -> str:

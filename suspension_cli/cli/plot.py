@@ -62,6 +62,13 @@ def _response(results: Any, design: Any) -> Any:
     return picture.draw(stored.load(results["response"]), design.design.title or design.design.name)
 
 
+def _thermal(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import thermal as picture
+    from suspension_cli.results import thermal as stored
+
+    return picture.draw(stored.load(results["thermal"]), design.design.title or design.design.name)
+
+
 def _damp(results: Any, design: Any) -> Any:
     from suspension_cli.plots import damp as picture
     from suspension_cli.results import damp as stored
@@ -99,5 +106,14 @@ def _tradeoff(results: Any, design: Any) -> Any:
     return picture.draw(stored.load(results["tradeoff"]), design.design.title or design.design.name)
 
 
-_DRAWN = {"modes": _modes, "response": _response, "damp": _damp, "matrix": _matrix, "xcouple": _xcouple, "tolerance": _tolerance, "tradeoff": _tradeoff}
+_DRAWN = {
+    "modes": _modes,
+    "response": _response,
+    "thermal": _thermal,
+    "damp": _damp,
+    "matrix": _matrix,
+    "xcouple": _xcouple,
+    "tolerance": _tolerance,
+    "tradeoff": _tradeoff,
+}
 """Group of a results file to its figure."""

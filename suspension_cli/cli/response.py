@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import options
+from suspension_cli.cli import analyses, options
 
 if TYPE_CHECKING:
+    from suspension_cli.analysis.auto import Transfer
     from suspension_cli.analysis.response import Response
+    from suspension_cli.mechanics.model import LinearModel
+    from suspension_cli.models.fidelity import Choice
 
 DEFAULT_GRID = "0.1:100:2000"
 
@@ -26,6 +30,7 @@ DEFAULT_GRID = "0.1:100:2000"
 @click.option("--frequency", default=DEFAULT_GRID, show_default=True, metavar="GRID", help="start:stop:count[:log|lin], a comma list or a number; Hz.")
 @click.option("--scale", type=click.Choice(["db", "absolute"]), default="db", show_default=True, help="Magnitude axis of the plot.")
 @options.allow_unstable
+@options.tolerance
 @options.analysis
 @click.pass_context
 def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
@@ -33,13 +38,13 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
     Several inputs and outputs give a matrix.  Writes DIR/NAME-response.h5 and .png.
     """
-    from suspension_cli.cli import analyses
     from suspension_cli.results import response as files
 
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice)
+        asker = partial(_asked, setting=setting)
+        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, asked=asker, tolerance=setting["tolerance"])
         answer = _solved(model, setting)
     path = options.folder(out) / f"{source.design.design.name}-response.h5"
     origin = analyses.provenance(source, choice, sys.argv)
@@ -52,32 +57,46 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     if as_json:
         import json
 
-        click.echo(json.dumps(document(source.design.design.name, choice.level, answer)))
+        click.echo(json.dumps(document(source.design.design.name, choice, answer)))
     else:
         click.echo(summary(answer, choice))
 
 
-def _solved(model: Any, setting: dict[str, Any]) -> Response:
+def _asked(model: LinearModel, setting: dict[str, Any]) -> Transfer:
+    """What is asked for, in terms of any model of the design."""
     import numpy as np
 
-    from suspension_cli.analysis import response, signals
+    from suspension_cli.analysis import signals
+    from suspension_cli.analysis.auto import Transfer
     from suspension_cli.grids import grid
 
     bodies = (*signals.bodies(model),)
     inputs = [signals.drive(text, bodies) for text in setting["inputs"] or ("support.x",)]
     outputs = [signals.motion(text, bodies) for text in setting["outputs"] or (f"{model.body[-1]}.x",)]
-    frequency = np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-    return response.solve(model, frequency, inputs, outputs)
+    return Transfer(inputs, outputs, np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0)))
 
 
-def document(name: str, level: str, answer: Response) -> dict[str, Any]:
+def _solved(model: LinearModel, setting: dict[str, Any]) -> Response:
+    from suspension_cli.analysis import response
+
+    asked = _asked(model, setting)
+    return response.solve(model, asked.frequency, asked.inputs, asked.outputs)
+
+
+def document(name: str, choice: Choice, answer: Response) -> dict[str, Any]:
     """The JSON document: one response flat, several in a list."""
     pairs = [
         {"input": into, "output": out, "unit": answer.unit[o][i], "real": answer.value[:, o, i].real.tolist(), "imag": answer.value[:, o, i].imag.tolist()}
         for o, out in enumerate(answer.output)
         for i, into in enumerate(answer.input)
     ]
-    head = {"command": "response", "design": name, "fidelity": level, "frequency_hz": answer.frequency.tolist()}
+    head = {
+        "command": "response",
+        "design": name,
+        "fidelity": choice.level,
+        "estimated_error": analyses.estimate(choice),
+        "frequency_hz": answer.frequency.tolist(),
+    }
     return head | (pairs[0] if len(pairs) == 1 else {"responses": pairs})
 
 

@@ -108,6 +108,8 @@ class Fibre:
         Unit vectors along which the upper and the lower end leave their clamps, both pointing down the wire.
     temperature : tuple of float
         At the upper and the lower end, K.
+    effective : bool
+        Whether the design's ends are where the wire seems to bend, its clamps being beyond.
     """
 
     label: str
@@ -115,6 +117,7 @@ class Fibre:
     plane: Array
     clamp: tuple[Array, Array]
     temperature: tuple[float, float]
+    effective: bool = False
 
 
 @dataclass(frozen=True)
@@ -205,7 +208,7 @@ def fibres(design: Design) -> Fibres:
             pieces = stretches(table, length)
             along = 1.0 if table.k is None else table.k * sum(piece.length / (losses(piece.material or "").youngs_modulus * piece.area) for piece in pieces)
             sections = tuple(_section(design, piece, losses(piece.material or ""), along) for piece in pieces)
-            wire.append(Fibre(one.label, sections, _plane(one.direction), _clamp(part.stage, number, table, one), both))
+            wire.append(Fibre(one.label, sections, _plane(one.direction), _clamp(part.stage, number, table, one), both, table.clamp == "bending-point"))
         tables = [part.stage.blades] * len(part.blades) if part.stage.blades is not None else part.stage.blade
         for one, table in zip(part.blades.values(), tables, strict=True):
             material = blade_material(table)

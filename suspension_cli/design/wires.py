@@ -63,8 +63,12 @@ class EndTemperatures(Table, frozen=True):
 
 
 Clamped = Annotated[
-    Annotated[Literal["wire"], Meta(description='"wire", or a table of directions { upper = [x, y, z], lower = [x, y, z] }')] | Clamp,
-    Meta(description='how the ends are held: "wire" (along the nominal wire), or directions { upper = [x, y, z], lower = [x, y, z] }'),
+    Annotated[Literal["wire", "bending-point"], Meta(description='"wire", "bending-point", or a table of directions { upper = [x, y, z], lower = [x, y, z] }')]
+    | Clamp,
+    Meta(
+        description='how the ends are held: "wire" (along the nominal wire), "bending-point" (the ends are where the wire seems to bend, its clamps '
+        "beyond), or directions { upper = [x, y, z], lower = [x, y, z] }"
+    ),
 ]
 Temperature = Annotated[Kelvin | EndTemperatures, Meta(description="temperature in K, or { upper, lower }; default that of [constants]")]
 

@@ -23,8 +23,6 @@ import numpy as np
 
 from suspension_cli.mechanics.beam import Waves
 
-CUBIC = 3e-3
-"""Below this |alpha^2 + beta^2| h^2 the displacement of a wire is taken as a cubic."""
 POINTS = 12
 """Of the quadrature; exact for polynomials of order 23, where the curvature is one of order 4 or so."""
 
@@ -55,21 +53,28 @@ def squared(found: Waves, ends: Any) -> tuple[Any, Any]:
 def displaced(found: Waves, ends: Any) -> Any:
     """Integral (r, f) of |w|^2 over the whole wire, m^3; for the drag of a gas.
 
-    In a stiff, slow wire the waves cancel; there the cubics through the ends are taken, within (|alpha^2 + beta^2| h^2)^2 of the truth.
+    In a stiff, slow wire the waves cancel; there w is its ends' line and slope plus twice the integral of its curvature:
+    w(x) = W - (h - x) T + integral from x to h of (y - x) w''(y) dy, for the even and for the odd motion.
     """
-    k1, k2, k3, k4 = _factors(found, ends)
+    factors = _factors(found, ends)
+    k1, k2, k3, k4 = factors
     with np.errstate(all="ignore"):
         total, _ = _closed(found, (k1 / found.alpha2, -k2 / found.beta2, k3 / found.alpha2, -k4 / found.beta2))
-    return 2 * np.where(np.abs(found.both) * found.half**2 < CUBIC, _cubic(found.half, ends), total)
+    if np.any(found.slow):
+        total = np.where(found.slow, _moved(found, factors, ends), total)
+    return 2 * total
 
 
-def _cubic(h: float, ends: Any) -> Any:
-    """Integral of |w|^2 over half a wire for w_s = W_s + h T_s (x^2/h^2 - 1)/2, w_a = (x/h) W_a + (h T_a - W_a) (x^3/h^3 - x/h)/2."""
-    even, even_turn, odd, odd_turn = ends[0], h * ends[1], ends[2], h * ends[3] - ends[2]
-    straight = np.abs(even) ** 2 + np.abs(odd) ** 2 / 3
-    bent = np.abs(even_turn) ** 2 * (2 / 15) + np.abs(odd_turn) ** 2 * (2 / 105)
-    mixed = (even * np.conj(even_turn)).real * (-2 / 3) + (odd * np.conj(odd_turn)).real * (-2 / 15)
-    return h * (straight + bent + mixed)
+def _moved(found: Waves, factors: tuple[Any, Any, Any, Any], ends: Any) -> Any:
+    """Integral of |w|^2 over half a stiff, slow wire."""
+    h, (nodes, weights) = found.half, np.polynomial.legendre.leggauss(POINTS)
+    twice = np.polynomial.legendre.legint(np.eye(POINTS), m=2, lbnd=1)  # of each Legendre polynomial, from the end
+    twice = np.polynomial.legendre.legval(nodes, twice).T @ np.linalg.inv(np.polynomial.legendre.legvander(nodes, POINTS - 1))
+    total, bend = 0.0, _bend(found, factors, (nodes + 1) * h / 2)
+    for (place, turn), curved in zip((ends[:2], ends[2:]), bend, strict=True):
+        line = place - np.multiply.outer((1 - nodes) * h / 2, turn)
+        total = total + np.einsum("x,xrf->rf", weights * h / 2, np.abs(line + np.tensordot(twice * (h / 2) ** 2, curved, 1)) ** 2)
+    return total
 
 
 def _factors(found: Waves, ends: Any) -> tuple[Any, Any, Any, Any]:
@@ -126,17 +131,20 @@ def _integrals(found: Waves) -> tuple[Any, ...]:
 
 def _quadrature(found: Waves, factors: tuple[Any, Any, Any, Any]) -> tuple[Any, Any]:
     """The same by quadrature: for wires that are stiff and slow."""
+    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
+    even, odd = _bend(found, factors, (nodes + 1) * found.half / 2)
+    weight = weights * found.half / 2
+    total = np.einsum("x,xrf->rf", weight, np.abs(even) ** 2 + np.abs(odd) ** 2)
+    return total, 2 * np.einsum("x,xrf->rf", weight, (even * np.conj(odd)).real)
+
+
+def _bend(found: Waves, factors: tuple[Any, Any, Any, Any], at: Any) -> tuple[Any, Any]:
+    """Even and odd part (x, r, f) of the curvature at places (x,) of a stiff, slow wire."""
     k1, k2, k3, k4 = factors
     alpha, beta = np.where(found.slow, found.alpha, 0), np.where(found.slow, found.beta, 0)
-    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
-    over = 1 / np.cosh(alpha * found.half)
-    total = across = 0.0
-    for x, weight in zip((nodes + 1) * found.half / 2, weights * found.half / 2, strict=True):
-        even = k1 * (np.cosh(alpha * x) * over) + k2 * np.cos(beta * x)
-        odd = k3 * (np.sinh(alpha * x) * over) + k4 * np.sin(beta * x)
-        total = total + weight * (np.abs(even) ** 2 + np.abs(odd) ** 2)
-        across = across + 2 * weight * (even * np.conj(odd)).real
-    return total, across
+    over, x = 1 / np.cosh(alpha * found.half), at[:, None, None]
+    even = k1 * (np.cosh(alpha * x) * over) + k2 * np.cos(beta * x)
+    return even, k3 * (np.sinh(alpha * x) * over) + k4 * np.sin(beta * x)
 
 
 def _gap(x: Any, y: Any) -> Any:

@@ -30,11 +30,15 @@ class Term(Protocol):
         ...
 
     def at(self, omega: Any, *, lossy: bool = True) -> Evaluated:
-        """This term at frequencies (f,), rad/s; complex to differentiate by them."""
+        """The term at frequencies (f,), rad/s; complex to differentiate by them."""
         ...
 
     def within(self, columns: Any) -> Term:
         """The same for some of the coordinates, in which the others do not take part."""
+        ...
+
+    def spread(self, from_new: Any) -> Term:
+        """The same for new coordinates, from which the old ones follow as `from_new` (N, N') @ new."""
         ...
 
 
@@ -95,7 +99,7 @@ class WireTerm:
         return np.array(result)
 
     def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedWires:
-        """These wires at frequencies (f,)."""
+        """The wires at frequencies (f,)."""
         strand = self.strand if lossy else replace(self.strand, lossy=False)
         return EvaluatedWires(self, strand.at(omega))
 
@@ -124,6 +128,12 @@ class WireTerm:
         largest = {part: np.abs(form).max(initial=0.0) for part, form in self.forms.items()}
         some = {part: np.where(np.abs(f := form[..., columns]) > 1e-14 * largest[part], f, 0.0) for part, form in self.forms.items()}
         return WireTerm(self.stage, self.strand, some, self.allowed[np.ix_(columns, columns)])
+
+    def spread(self, from_new: Any) -> WireTerm:
+        """The same for new coordinates."""
+        reach = (from_new != 0).astype(float)
+        forms = {part: form @ from_new for part, form in self.forms.items()}
+        return WireTerm(self.stage, self.strand, forms, reach.T @ self.allowed @ reach > 0)
 
 
 @dataclass(frozen=True)
@@ -186,12 +196,16 @@ class LossTerm:
         return self.matrix[None]
 
     def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedLoss:
-        """This loss at frequencies (f,)."""
+        """The loss at frequencies (f,)."""
         return EvaluatedLoss(self, self.angle(omega) if lossy else np.zeros(np.shape(omega)), lossy)
 
     def within(self, columns: Any) -> LossTerm:
         """The same for some of the coordinates."""
         return LossTerm(self.cause, self.temperature, self.matrix[np.ix_(columns, columns)], self.angle, self.elastic)
+
+    def spread(self, from_new: Any) -> LossTerm:
+        """The same for new coordinates."""
+        return LossTerm(self.cause, self.temperature, from_new.T @ self.matrix @ from_new, self.angle)
 
 
 @dataclass(frozen=True)

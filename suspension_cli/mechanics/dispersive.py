@@ -51,7 +51,7 @@ class DispersiveBlock:
         return rows, columns, used, stacked[:, rows, columns].T
 
     def at(self, omega: Array, *, lossy: bool = True) -> EvaluatedBlock:
-        """This block at frequencies (f,), rad/s; complex to differentiate by them."""
+        """The block at frequencies (f,), rad/s; complex to differentiate by them."""
         return EvaluatedBlock(self, omega, [term.at(omega, lossy=lossy) for term in self.terms], lossy)
 
     def pulled(self, moves: Any) -> bool:

@@ -50,7 +50,7 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearModel
         If there is no equilibrium, or a wire is slack in it.
     """
     numbering = layout(scene)
-    scene, balanced = _balanced(scene, numbering)
+    scene, balanced = _balanced(_to_clamps(scene), numbering)
     adapted = symmetry(scene, numbering)
     still = replace(
         scene,
@@ -65,6 +65,31 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearModel
         *_gas_terms(scene, numbering, balanced.pose, adapted, drag),
     ]
     return replace(model, terms=tuple(terms))
+
+
+def _to_clamps(scene: Scene) -> Scene:
+    """A scene whose wires end at their clamps, where the design tells the points at which they seem to bend.
+
+    A long wire under tension T pulls as if it were hinged at u = sqrt(EI / T) from its clamp (Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207
+    (1994)), so its clamps lie u beyond those points, in line with the wire: what carries the weight is the same.
+    """
+    assert scene.fibres is not None
+    ends = np.zeros((len(scene.wires.label), 2))
+    for n, fibre in enumerate(scene.fibres.wire):
+        if fibre.effective:
+            ends[n] = [np.sqrt(fibre.sections[end].rigidity[0] / scene.wires.tension[n]) for end in (0, -1)]
+    if not ends.any():
+        return scene
+    wires = scene.wires
+    e, longer = wires.span / wires.length[:, None], ends.sum(1)
+    moved = replace(
+        wires,
+        upper_point=wires.upper_point - ends[:, :1] * e,
+        lower_point=wires.lower_point + ends[:, 1:] * e,
+        span=wires.span + longer[:, None] * e,
+        length=wires.length + longer,
+    )
+    return replace(scene, wires=moved)
 
 
 def _balanced(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:

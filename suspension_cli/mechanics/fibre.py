@@ -47,7 +47,7 @@ class Strand:
         return all(section.round for section in self.fibre.sections)
 
     def at(self, omega: Any) -> Moving:
-        """This wire at frequencies (f,), rad/s."""
+        """The wire at frequencies (f,), rad/s."""
         return Moving(self, omega)
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from suspension_cli.design import fibres
@@ -20,10 +21,11 @@ LEVELS = ("auto", "closed-form", "force", "string", "beam", "violin")
 
 @dataclass(frozen=True)
 class Choice:
-    """A rung and why it was taken, in one line for the user."""
+    """A rung and why it was taken, in one line for the user; the estimated relative error of what is asked for, NaN where none was estimated."""
 
     level: str
     reason: str
+    error: float = math.nan
 
 
 def choose(design: Design, wanted: str = "auto") -> Choice:
@@ -33,7 +35,7 @@ def choose(design: Design, wanted: str = "auto") -> Choice:
     ----------
     design : Design
     wanted : str
-        One of `LEVELS`.
+        One of `LEVELS`; ``auto`` looks at the structure of the design only (`analysis.auto` weighs what is asked for too).
 
     Raises
     ------
@@ -49,6 +51,11 @@ def choose(design: Design, wanted: str = "auto") -> Choice:
     if why:
         raise InputError([Fault("--fidelity", f"does not hold for {design.design.name}: {why}", "take auto or string", shown(wanted))])
     return Choice(wanted, "as asked" + (_approximation(design) if wanted == "force" else ""))
+
+
+def approximate(design: Design) -> bool:
+    """Whether the force model only approximates a design that it holds for."""
+    return bool(force.series_is_approximate(design))
 
 
 def unsuited(design: Design, level: str) -> str:

@@ -87,4 +87,5 @@ def with_frame(model: LinearModel, design: Design) -> LinearModel:
         stiffness=widened(model.stiffness, own["stiffness"]),
         damping=widened(model.damping, own["damping"]),
         lossy=lossy,
+        terms=tuple(term.spread(spread) for term in model.terms),
     )

@@ -7,6 +7,7 @@ What each analysis puts into its group stands in a module of its own beside this
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -38,6 +39,8 @@ class Provenance:
         The rung of the ladder that was used.
     reason : str
         Why, and what was left out.
+    error : float
+        Estimated relative error of the rung; NaN where none was estimated.
     sweep : str
         What identifies the points of a sweep; empty for others.
     """
@@ -46,6 +49,7 @@ class Provenance:
     command: str
     fidelity: str
     reason: str
+    error: float = math.nan
     sweep: str = ""
 
 
@@ -110,6 +114,7 @@ def root_attributes(file: h5py.File, origin: Provenance) -> None:
     file.attrs["command"] = origin.command
     file.attrs["fidelity"] = origin.fidelity
     file.attrs["fidelity_reason"] = origin.reason
+    file.attrs["estimated_error"] = origin.error
 
 
 def scale(group: h5py.Group, name: str, values: Any, units: str) -> h5py.Dataset:

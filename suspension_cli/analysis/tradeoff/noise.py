@@ -26,20 +26,21 @@ def unsuited(subject: Subject) -> str:
     return "" if reference(subject).all() else "nothing dissipates"
 
 
-def one_temperature(subject: Subject) -> str:
-    """Why the imaginary part of the susceptibility does not tell the noise; empty if it does."""
+def warmth(subject: Subject) -> set[float]:
+    """Temperatures (K) of all that dissipates in the motion."""
     model = subject.model(subject.top)
     _, row = thermal.observed(model, f"{subject.last}.x")
-    warmth = set()
+    found = set()
     for block in dispersive.blocks(model):
-        there = block.at(2 * np.pi * np.array(NOISE))
         if row[block.keep].any():
-            warmth |= {kelvin for _, kelvin in thermal.dissipated(there, np.zeros((len(block.keep), len(NOISE))), _temperature(subject))}
-    return "its parts have different temperatures" if len(warmth) > 1 else ""
+            still = np.zeros((len(block.keep), len(NOISE)))
+            found |= {kelvin for _, kelvin in thermal.dissipated(block.at(2 * np.pi * np.array(NOISE)), still, subject.temperature)}
+    return found
 
 
-def _temperature(subject: Subject) -> float:
-    return subject.design.constants.temperature
+def one_temperature(subject: Subject) -> str:
+    """Why the imaginary part of the susceptibility does not tell the noise; empty if it does."""
+    return "" if warmth(subject) <= {subject.temperature} else "not all that dissipates has the temperature of [constants]"
 
 
 def reference(subject: Subject) -> Any:
@@ -54,7 +55,7 @@ def reference(subject: Subject) -> Any:
             continue
         there = block.at(omega)
         motion = np.stack([exact.pushed(there.matrix[:, 6:, n], force) for n in range(len(omega))], axis=-1)
-        for (_, warmth), lost in thermal.dissipated(there, motion, _temperature(subject)).items():
+        for (_, warmth), lost in thermal.dissipated(there, motion, subject.temperature).items():
             density += 4 * thermal.BOLTZMANN * warmth * lost / omega
     return np.sqrt(density)
 
@@ -75,10 +76,10 @@ def method(rung: str, solve: Any) -> tuple[Any, Any]:
     """A method from a rung's model on: for the frequencies compared, and for a batch of them."""
 
     def once(subject: Subject) -> Any:
-        return solve(subject.fresh(rung), np.array(NOISE), subject.last, _temperature(subject))
+        return solve(subject.fresh(rung), np.array(NOISE), subject.last, subject.temperature)
 
     def batch(subject: Subject) -> Any:
         frequency = np.geomspace(*BAND, SWEEP)
-        return lambda: solve(subject.fresh(rung), frequency, subject.last, _temperature(subject))
+        return lambda: solve(subject.fresh(rung), frequency, subject.last, subject.temperature)
 
     return once, batch

@@ -90,6 +90,11 @@ class Subject:
         return Subject(msgspec.structs.replace(self.design, perturbation=[*self.design.perturbation, item]))
 
     @property
+    def temperature(self) -> float:
+        """Of everything that has none of its own, K."""
+        return self.design.constants.temperature
+
+    @property
     def omega(self) -> Array:
         """The frequencies of responses, rad/s."""
         return 2 * np.pi * np.array(FREQUENCIES)

@@ -1,0 +1,245 @@
+"""`auto`: the lowest rung of the ladder whose error in what is asked for is under the tolerance.
+
+Three refinements can be left out: blades as coordinates (`force` takes them in series), bending and torsion of wires (`beam` has them), the mass of
+wires (`violin`).  Before solving, `models.indicators` estimates what each would change.  What is plainly negligible, or plainly not, is decided by that; in
+between the asked quantity itself is sampled with and without the refinement.  A refinement is taken if it changes more than a share of the tolerance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from suspension_cli.analysis import modes, response
+from suspension_cli.analysis.signals import Signal
+from suspension_cli.design.scene import Array
+from suspension_cli.design.schema import Design
+from suspension_cli.mechanics import dispersive
+from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.models import fidelity
+from suspension_cli.models.fidelity import Choice
+from suspension_cli.models.indicators import BENDING, MASS, REFINEMENTS, SERIES, Indicator, indicators
+
+TOLERANCE = 1e-3
+"""Relative error that `auto` allows by default."""
+NEGLIGIBLE = 0.01
+"""Share of the tolerance below which an indicator settles that a refinement is left out."""
+CLEAR = 300.0
+"""Multiple of the tolerance above which an indicator settles that it is taken."""
+MARGIN = 0.4
+"""Share of the tolerance that a refinement which is left out may be seen to change."""
+SAMPLES = 12
+"""Frequencies at which a response is sampled."""
+NEAR = 0.05
+"""Relative distance of a mode within which a response is not sampled: there a shift by delta changes it by 2 Q delta."""
+
+
+class Asked(Protocol):
+    """A quantity that is asked for."""
+
+    @property
+    def highest(self) -> float:
+        """The highest frequency that it depends on, Hz; 0: that of the highest mode."""
+        ...
+
+    def change(self, without: LinearModel, refined: LinearModel) -> float:
+        """Its largest relative change from one model to a more refined one."""
+        ...
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """What one refinement does to what is asked for.
+
+    Attributes
+    ----------
+    name : str
+        One of `indicators.REFINEMENTS`.
+    indicator : float
+        The largest of any stage; NaN where the design does not say enough.
+    stage : str
+        That stage.
+    change : float or None
+        Relative change of the asked quantity, sampled; None where the indicator settled it.
+    taken : bool
+    """
+
+    name: str
+    indicator: float
+    stage: str
+    change: float | None
+    taken: bool
+
+    @property
+    def estimate(self) -> float:
+        """Relative change of the asked quantity, sampled or indicated."""
+        return self.indicator if self.change is None else self.change
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A rung, its model, and what was weighed."""
+
+    choice: Choice
+    model: LinearModel
+    refinements: tuple[Refinement, ...]
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """The frequencies of all modes of the bodies."""
+
+    highest: float = 0.0
+
+    def change(self, without: LinearModel, refined: LinearModel) -> float:
+        """Largest relative change of a frequency; modes are paired by their shapes."""
+        old = modes.solve(without)
+        if not _massive(refined):
+            return _shifted(old, without, modes.solve(refined), refined)
+        return _loaded(modes.solve(refined), refined)
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Responses of outputs to inputs over frequencies (f,) in Hz."""
+
+    inputs: list[Signal]
+    outputs: list[Signal]
+    frequency: Array
+
+    @cached_property
+    def highest(self) -> float:
+        """The highest frequency asked for, Hz."""
+        return float(np.max(self.frequency))
+
+    def change(self, without: LinearModel, refined: LinearModel) -> float:
+        """Largest relative change at sampled frequencies away from all modes."""
+        known = np.concatenate([modes.solve(model).frequency for model in (without, refined)])
+        grid = np.asarray(self.frequency, dtype=float)
+        away = grid[(np.abs(grid[:, None] / known[np.isfinite(known) & (known > 0)] - 1) > NEAR).all(1)]
+        if not len(away):
+            away = grid
+        chosen = np.unique(away[np.linspace(0, len(away) - 1, min(SAMPLES, len(away))).astype(int)])
+        old, new = (response.solve(model, chosen, self.inputs, self.outputs).value for model in (without, refined))
+        # a zero of the response between samples must not decide: sizes are compared with the geometric mean about them
+        size = np.maximum(np.abs(new), 0.1 * _smooth(np.abs(new)))
+        different = np.where(size > 0, np.abs(old - new) / np.where(size > 0, size, 1.0), np.where(old == new, 0.0, np.inf))
+        return float(different.max())
+
+
+def decide(design: Design, make: Callable[[LinearModel], Asked], tolerance: float = TOLERANCE, top: str = "violin") -> Decision:
+    """The lowest rung on which what is asked for is right to a relative tolerance.
+
+    Where a design does not say what its wires are made of, their bending and mass cannot be known, and are left out.
+
+    Parameters
+    ----------
+    design : Design
+    make : callable
+        What is asked for, given the simplest model.
+    tolerance : float
+    top : {"violin", "beam"}
+        The highest rung that the analysis can take.
+    """
+    base = fidelity.choose(design)
+    build = _Builder(design)
+    asked = make(build(base.level))
+    found = indicators(design, asked.highest or _highest(build(base.level)))
+    refinements = [_weigh(name, base.level, found, asked, build, tolerance) for name in _possible(design, base.level)]
+    if top == "beam":
+        refinements = [replace(item, taken=item.taken and item.name != MASS) for item in refinements]
+    taken = [item for item in refinements if item.taken]
+    level = REFINEMENTS[taken[-1].name] if taken else base.level
+    error = float(sum(item.estimate for item in refinements if not item.taken))
+    return Decision(Choice(level, _reason(base, level, refinements, tolerance), error), build(level), tuple(refinements))
+
+
+def _possible(design: Design, base: str) -> list[str]:
+    """Refinements above a rung, in the order of the ladder."""
+    return [name for name in REFINEMENTS if name != SERIES or (base == "force" and fidelity.approximate(design))]
+
+
+def _weigh(name: str, base: str, found: list[Indicator], asked: Asked, build: Callable[[str], LinearModel], tolerance: float) -> Refinement:
+    of = [item for item in found if item.refinement == name]
+    worst = max(of, key=lambda item: np.nan_to_num(item.value, nan=np.inf), default=Indicator("", name, 0.0))
+    if np.isnan(worst.value) or worst.value < NEGLIGIBLE * tolerance:
+        return Refinement(name, worst.value, worst.stage, None, taken=False)
+    if name == BENDING and worst.value > CLEAR * tolerance:
+        return Refinement(name, worst.value, worst.stage, None, taken=True)
+    change = asked.change(build("beam" if name == MASS else base), build(REFINEMENTS[name]))
+    return Refinement(name, worst.value, worst.stage, change, taken=not change <= MARGIN * tolerance)
+
+
+class _Builder:
+    """Builds the model of each rung once."""
+
+    def __init__(self, design: Design) -> None:
+        self._design = design
+        self._known: dict[str, LinearModel] = {}
+
+    def __call__(self, level: str) -> LinearModel:
+        if level not in self._known:
+            self._known[level] = fidelity.linear_model(self._design, level)
+        return self._known[level]
+
+
+def _highest(model: LinearModel) -> float:
+    known = modes.solve(model).frequency
+    return float(np.max(known[np.isfinite(known)], initial=0.0))
+
+
+def _massive(model: LinearModel) -> bool:
+    return any(getattr(getattr(term, "strand", None), "massive", False) for term in model.terms)
+
+
+def _shifted(old: modes.Modes, without: LinearModel, new: modes.Modes, refined: LinearModel) -> float:
+    """Largest relative change of a frequency between two static models, modes paired by their shapes."""
+    if old.stable != new.stable:
+        return float("inf")
+    count = 6 * len(without.body)
+    mass = refined.mass[6 : 6 + count, 6 : 6 + count]
+    overlap = np.abs(new.shape[:, :count] @ mass @ old.shape[:, :count].T)
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = linear_sum_assignment(-overlap)
+    a, b = np.abs(old.omega_squared[columns]), np.abs(new.omega_squared[rows])
+    return float(np.abs(np.sqrt(a / np.where(b == 0, 1.0, b)) - 1)[b > 0].max(initial=0.0))
+
+
+def _loaded(found: modes.Modes, model: LinearModel) -> float:
+    """Largest relative change of a frequency by the mass of wires, to first order: v^T (Z(omega) - K + omega^2 M) v / (2 omega^2)."""
+    good = found.omega_squared > 0
+    omega = np.sqrt(found.omega_squared[good])
+    shapes = np.linalg.solve(model.basis, np.pad(found.shape[good], ((0, 0), (6, 0))).T)
+    change = np.zeros(len(omega))
+    for block in dispersive.blocks(model):
+        there = block.at(omega, lossy=False)
+        own = shapes[block.keep]
+        static = block.constant[:, 6:, None] - omega**2 * block.mass[:, 6:, None]
+        change += np.einsum("im,ijm,jm->m", own, there.matrix[:, 6:] - static.real, own)
+    return float(np.abs(change / (2 * omega**2)).max(initial=0.0))
+
+
+def _smooth(size: Any) -> Any:
+    """Geometric mean of each size with its neighbours along the first axis."""
+    logs = np.log(np.where(size > 0, size, 1e-300))
+    padded = np.concatenate([logs[:1], logs, logs[-1:]])
+    return np.where(size > 0, np.exp((padded[:-2] + padded[1:-1] + padded[2:]) / 3), 0.0)
+
+
+def _reason(base: Choice, level: str, refinements: list[Refinement], tolerance: float) -> str:
+    """One line: what was left out, and why."""
+    left = [item for item in refinements if not item.taken]
+    unknown = [item.name for item in left if np.isnan(item.indicator)]
+    small = [f"{item.name} ({item.estimate:.1g})" for item in left if not np.isnan(item.indicator)]
+    taken = [f"{item.name} ({item.estimate:.1g}, {item.stage})" for item in refinements if item.taken]
+    parts = [base.reason] if level == base.level else [f"for {', '.join(taken)}"]
+    if small:
+        parts.append(f"left out: {', '.join(small)}; tolerance {tolerance:g}")
+    if unknown:
+        parts.append(f"unknown, as wires lack material or cross-section: {', '.join(unknown)}")
+    return "; ".join(parts)

@@ -1,0 +1,92 @@
+"""Which rung thermal noise needs: whether the mass of wires counts at the frequencies asked for.
+
+A wire is a string to all but its ends.  Held above and moved by x below at omega, its slope is k x / sin(k L) at the upper end and
+k x cos(k L) / sin(k L) at the lower one, with k L = pi f / f1 and f1 = sqrt(T / mu) / (2 L) its first violin mode (any text on vibrations).
+Loss sits where it bends, at its ends, and goes with the square of the slope there.  With X = k L,
+
+    upper: (x/L)^2 (1 + X^2/3 + ...),    lower: (x/L)^2 (1 - 2 X^2/3 + ...),    mean: (x/L)^2 (1 - X^2/6 + ...),
+
+so leaving mass out makes the amplitude of the sum too large by X^2/12 = 0.82 (f/f1)^2, that of one end wrong by up to 3.3 (f/f1)^2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from suspension_cli.design import fibres
+from suspension_cli.design.expand import expand
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.models.fidelity import Choice
+
+WHERE = ("auto", "beam", "violin")
+"""Levels of fidelity that know where along a wire its loss sits."""
+BELOW = 0.03
+"""Of the lowest first violin mode: up to here leaving mass out costs less than 1e-3."""
+ERROR = np.pi**2 / 12
+"""Relative error of the amplitude that this makes, over (f/f1)^2."""
+
+
+def choose(design: Design, wanted: str, highest: float) -> Choice:
+    """The rung for the thermal noise of a design.
+
+    Parameters
+    ----------
+    design : Design
+    wanted : str
+        One of `fidelity.LEVELS`.
+    highest : float
+        The highest frequency asked for, Hz.
+
+    Raises
+    ------
+    InputError
+        If the rung does not know where loss sits, or the design does not say what its wires are.
+    """
+    if wanted not in WHERE:
+        raise InputError([Fault("--fidelity", "does not know where along a wire its loss sits", "take auto, beam or violin", shown(wanted))])
+    _demand(design, massive=False)
+    if wanted == "beam":
+        return Choice("beam", "as asked; wires are without mass")
+    _demand(design, massive=True)
+    if wanted == "violin":
+        return Choice("violin", "as asked")
+    lowest, wire = first_violin(design)
+    if wire == "":
+        return Choice("beam", "no wire has a violin mode")
+    share = highest / lowest
+    first = f"the lowest first violin mode ({lowest:.4g} Hz, wire {wire})"
+    if share > BELOW:
+        return Choice("violin", f"the mass of wires counts, as {highest:.4g} Hz is {100 * share:.3g} % of {first}")
+    return Choice("beam", f"wires are without mass, which changes the sum by {ERROR * share**2:.1g}, as {highest:.4g} Hz is {100 * share:.2g} % of {first}")
+
+
+def first_violin(design: Design) -> tuple[float, str]:
+    """Lowest first violin mode of all wires, as strings, and the name of that wire; infinite and "" without wires.
+
+    Parameters
+    ----------
+    design : Design
+        With a cross-section and a density for every wire.
+
+    Returns
+    -------
+    frequency : float
+        sqrt(T / mu) / (2 L) with the mean mass a length, Hz.
+    wire : str
+    """
+    wires = expand(design).wires
+    found = [(np.inf, "")]
+    for number, fibre in enumerate(fibres.fibres(design).wire):
+        length = sum(section.length for section in fibre.sections)
+        mass = sum(section.length * section.mass for section in fibre.sections) / length
+        found.append((float(np.sqrt(wires.tension[number] / mass) / (2 * length)), fibre.label))
+    return min(found, key=lambda pair: pair[0])
+
+
+def _demand(design: Design, *, massive: bool) -> None:
+    """Raise `InputError` unless every wire has all that the model takes."""
+    why = fibres.unsuited(design, massive)
+    if why:
+        remedy = "give its material's density, or take --fidelity beam" if massive else "give its material and radius or section, for its loss"
+        raise InputError([Fault("stage", why, remedy)])
