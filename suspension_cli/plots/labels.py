@@ -24,7 +24,13 @@ ON_LABEL, ON_POINT, ON_LINE, OUTSIDE, FAR = 60.0, 25.0, 4.0, 200.0, 1.0
 
 
 def annotate(
-    axes: Axes, points: Sequence[tuple[float, float]], texts: Sequence[str], colours: Sequence[str], size: float, taken: Sequence[Any] = (), lines: Sequence[Any] = ()
+    axes: Axes,
+    points: Sequence[tuple[float, float]],
+    texts: Sequence[str],
+    colours: Sequence[str],
+    size: float,
+    taken: Sequence[Any] = (),
+    lines: Sequence[Any] = (),
 ) -> list[Text]:
     """Label points, each where it overlaps least with other labels, points and the frame.
 
@@ -55,7 +61,7 @@ def annotate(
     result = []
     # from the left, so that a row of points fills from one side
     for n in np.lexsort((where[:, 1], where[:, 0])).tolist():
-        text = axes.annotate(texts[n], points[n], xytext=(0, 0), textcoords="offset points", fontsize=size, color=colours[n], zorder=5)
+        text = axes.annotate(str(texts[n]), points[n], xytext=(0, 0), textcoords="offset points", fontsize=size, color=colours[n], zorder=5)
         text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
         extent = text.get_window_extent(renderer)
         width, height = extent.width, extent.height

@@ -12,7 +12,9 @@ from suspension_cli.analysis.tradeoff.result import ROUNDING, Panel, Tradeoff, V
 from suspension_cli.plots.labels import annotate
 from suspension_cli.plots.style import INK, NOTE, PALE, PALETTE, house, new_figure, place, plain, write
 
-COLOUR = dict(zip(("closed-form", "force", "string", "beam", "violin"), (PALETTE[3], PALETTE[2], PALETTE[0], PALETTE[1], PALETTE[6]), strict=True))
+COLOUR: dict[str, str] = dict(
+    zip(("closed-form", "force", "string", "beam", "violin"), (PALETTE[3], PALETTE[2], PALETTE[0], PALETTE[1], PALETTE[6]), strict=True)
+)
 WIDTH, LEFT, GAP, RIGHT = 7.4, 0.68, 0.2, 0.12
 ROW, CHART, HEAD, FOOT = 2.0, 1.38, 0.62, 0.22
 """Inches: of a row, of the charts in it, above and below all rows."""
@@ -41,7 +43,7 @@ def draw(found: Tradeoff, title: str) -> Figure:
             _row(figure, panel, view, top)
         for n, (name, reason) in enumerate(left):
             write(figure, 0.1, HEAD + ROW * len(rows) + 0.12 + 0.14 * n, plain(f"{name}: left out, {reason}", 130), 6.5, NOTE)
-        across, up = figure.get_size_inches()
+        up = figure.get_size_inches()[1]
         figure.text(0.5, 0.1 / up, "time relative to the fastest", ha="center", va="bottom", fontsize=8)
     return figure
 
@@ -115,7 +117,7 @@ def _scaled(axes: Axes, times: Any, errors: Any, floor: float) -> None:
     axes.set_yticks([*([floor] if exact else []), *10.0**chosen], ["rounding"] * exact + [f"$10^{{{int(n)}}}$" for n in chosen])
     room = np.log10(top / floor)
     axes.set_ylim(floor / 10 ** (0.12 * room + 0.15), top * 10 ** (0.3 * room + 0.2))
-    ticks = [1, 2, 5, 10, 20, 50] if most < 30 else [10.0**n for n in range(0, int(np.log10(most)) + 2)]
+    ticks = [1, 2, 5, 10, 20, 50] if most < 30 else [10.0**n for n in range(int(np.log10(most)) + 2)]
     axes.set_xticks(ticks, [f"{tick:g}" if tick < 1000 else f"$10^{{{int(np.log10(tick))}}}$" for tick in ticks])
     axes.minorticks_off()
     axes.grid(visible=True, which="major", color=PALE, linewidth=0.3)

@@ -82,10 +82,8 @@ def response(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
         if not row[block.keep].any() or not block.pulled(drive[:6, None]):
             continue
         for n, w in enumerate(omega):
-            if block.terms:
-                whole = converted(block.at(omega[n : n + 1]).matrix[..., 0])
-            else:
-                whole = dynamic(block.constant, block.mass, block.damping, w)
+            now = block.at(omega[n : n + 1])
+            whole = converted(now.matrix[..., 0]) if block.terms else dynamic(block.constant, block.mass, block.damping, w)
             right = [[-sum((a * mp.mpf(float(s)) for a, s in zip(line[:6], drive[:6], strict=True) if s), mp.zero)] for line in whole]
             moved = eliminate([line[6:] for line in whole], right)
             result[n] += complex(sum((mp.mpf(float(c)) * x[0] for c, x in zip(row[block.keep], moved, strict=True) if c), mp.zero))

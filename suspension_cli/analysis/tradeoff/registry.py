@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis.tradeoff import eigen, imperfect, noise, transfer
+from suspension_cli.analysis.tradeoff import eigen, imperfect, noise, spectra, transfer
 from suspension_cli.analysis.tradeoff.result import View
 from suspension_cli.analysis.tradeoff.subject import COUPLING, FREQUENCIES, NOISE, Subject
 
@@ -139,14 +139,14 @@ QUANTITIES: dict[str, Quantity] = {
             item="design",
             count=eigen.DESIGNS,
             against=EXACT_STRING,
-            reference=eigen.digits_reference,
-            error=eigen.digits_error,
+            reference=spectra.reference,
+            error=spectra.error,
             methods=(
-                Method("string", "blocks", eigen.by_block, eigen.by_block_batch),
-                Method("string", "dense", eigen.whole, eigen.whole_batch),
-                Method("string", "eig(M⁻¹K)", eigen.unsymmetric, eigen.unsymmetric_batch),
-                Method("string", "state-space poles", eigen.poles),
-                Method("string", "counted", eigen.bisected),
+                Method("string", "blocks", spectra.by_block, spectra.by_block_batch),
+                Method("string", "dense", spectra.whole, spectra.whole_batch),
+                Method("string", "eig(M⁻¹K)", spectra.unsymmetric, spectra.unsymmetric_batch),
+                Method("string", "state-space poles", spectra.poles),
+                Method("string", "counted", spectra.bisected),
             ),
             views={},
         ),

@@ -1,0 +1,103 @@
+"""Eigenvalues of the string rung's matrices by every method: what arithmetic alone costs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analysis import modes, signals, statespace
+from suspension_cli.analysis.tradeoff import eigen, exact
+from suspension_cli.analysis.tradeoff.subject import Subject
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.scene import Array
+from suspension_cli.mechanics import count
+from suspension_cli.mechanics.model import LinearModel
+
+
+def reference(subject: Subject) -> eigen.Reference:
+    """The eigenvalues of the string rung's matrices in 50 digits, and the kinds of its modes in the same order."""
+    model = subject.model("string")
+    found = modes.solve(model)
+    return eigen.Reference(eigen.signed(exact.omega_squared(model)), eigen.kinds(found), found.shape)
+
+
+def error(_: Subject, found: Array, wanted: eigen.Reference) -> dict[str, float]:
+    """Largest relative error of a frequency of each kind; frequencies are so near to the true ones that rank pairs them."""
+    ours = np.sort(eigen.signed(found))
+    off = {kind: [n for n, name in enumerate(wanted.kind) if name == kind and wanted.frequency[n] != 0] for kind in eigen.KINDS}
+    return {kind: max((abs(ours[n] / wanted.frequency[n] - 1) for n in places), default=0.0) for kind, places in off.items()}
+
+
+def by_block(subject: Subject) -> Array:
+    """M^(-1/2) K M^(-1/2), symmetric, block by block."""
+    model = subject.fresh("string")
+    return np.concatenate([_symmetric(model, block) for block in model.blocks], axis=-1)
+
+
+def whole(subject: Subject) -> Array:
+    """The same in one matrix."""
+    model = subject.fresh("string")
+    return _symmetric(model, np.arange(6, model.size))
+
+
+def unsymmetric(subject: Subject) -> Array:
+    """Eigenvalues of M^-1 K, as eig(M, K) gives them."""
+    model = subject.fresh("string")
+    return _unsymmetric(model)
+
+
+def poles(subject: Subject) -> Array:
+    """Eigenvalues of the matrix A of the state space, squared."""
+    model = subject.fresh("string")
+    known = signals.bodies(model)
+    inputs = [signals.drive(f"support.{dof}", known) for dof in DOFS]
+    outputs = [signals.motion(f"{body}.{dof}", known) for body in model.body for dof in DOFS]
+    values = np.linalg.eigvals(statespace.build(model, inputs, outputs).a)
+    squares = np.sort(-(values**2).real)
+    return (squares[::2] + squares[1::2]) / 2  # each mode has two poles
+
+
+def bisected(subject: Subject) -> Array:
+    """Counted and bisected, as for wires with mass."""
+    model = subject.fresh("string")
+    found = modes.solve(model).omega_squared
+    omega = np.sqrt(found[found > 0])
+    return np.concatenate([found[found <= 0], count.frequencies(model, eigen.HIGHEST * float(omega[-1]), float(omega[0]) / eigen.HIGHEST) ** 2])
+
+
+def _symmetric(model: LinearModel, block: Any) -> Any:
+    _, mass, stiffness, _ = modes.condensed(model, block)
+    inverse = np.linalg.inv(np.linalg.cholesky(mass))
+    dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
+    return np.linalg.eigvalsh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
+
+
+def _unsymmetric(model: LinearModel) -> Any:
+    _, mass, stiffness, _ = modes.condensed(model, np.arange(6, model.size))
+    return np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
+
+
+def _many(subject: Subject) -> LinearModel:
+    """The string model with a batch of stiffnesses."""
+    model = subject.model("string")
+    return replace(model, stiffness=model.stiffness * eigen.scattered()[:, None, None])
+
+
+def by_block_batch(subject: Subject) -> Any:
+    """Many at once, block by block."""
+    model = _many(subject)
+    return lambda: [_symmetric(model, block) for block in model.blocks]
+
+
+def whole_batch(subject: Subject) -> Any:
+    """Many at once in one matrix each."""
+    model = _many(subject)
+    return lambda: _symmetric(model, np.arange(6, model.size))
+
+
+def unsymmetric_batch(subject: Subject) -> Any:
+    """Many at once."""
+    model = _many(subject)
+    return lambda: _unsymmetric(model)
