@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
 
-.PHONY: help tables fig5 fig6 blades support thermal test lint bench golden clean
+.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus stability test lint bench golden clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 12
@@ -19,6 +19,12 @@ $(READY): pyproject.toml
 
 tables: $(READY) ## Tables I and II of the paper, into results/
 	$(BIN)/python tools/tables.py
+
+fig3: $(READY)   ## Figure 3: tilt against the separation of the wires in x
+	$(BIN)/python tools/figure3.py
+
+fig4: $(READY)   ## Figure 4: rotation against their upper separation in y
+	$(BIN)/python tools/figure4.py
 
 fig5: $(READY)   ## Figure 5: the triple's longitudinal transfer function
 	$(BIN)/python tools/figure5.py
@@ -34,6 +40,12 @@ support: $(READY) ## what a support that gives way does to Table I
 
 thermal: $(READY) ## thermal noise of a triple with a fused-silica final stage
 	$(BIN)/python tools/thermal.py
+
+stability: $(READY) ## where methods fail, and that ours does not
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/atlas.py
+
+modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
+	$(BIN)/python tools/youngs_modulus.py
 
 test: $(READY)   ## run the tests
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto

@@ -24,7 +24,7 @@ import h5py
 
 from suspension_cli.errors import PendsusError
 from suspension_cli.results import Provenance
-from suspension_cli.store import UNIT, Job, opened
+from suspension_cli.store import UNIT, After, Job, opened
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Plan:
     progress: Callable[[int, int, float], None] = field(default=lambda _done, _all, _rate: None)
 
 
-def run(job: Job, path: Path, group: str, origin: Provenance, plan: Plan, fill: Callable[[h5py.Group], None]) -> None:
+def run(job: Job, path: Path, group: str, origin: Provenance, plan: Plan, fill: Callable[[h5py.Group], None], after: After | None = None) -> None:
     """Compute all points of a job into one HDF5 file.
 
     Parameters
@@ -66,6 +66,8 @@ def run(job: Job, path: Path, group: str, origin: Provenance, plan: Plan, fill: 
     plan : Plan
     fill : callable
         Puts what else belongs into the group (axes, names) when the file is made.
+    after : callable, optional
+        Fills in, once all points are there, columns that need them all; takes the path of the unfinished file.
     """
     chunk = max(UNIT, plan.chunk // UNIT * UNIT)
     with _connected(plan) as client, opened(job, path, group, origin, plan.resume, fill) as store:
@@ -77,7 +79,7 @@ def run(job: Job, path: Path, group: str, origin: Provenance, plan: Plan, fill: 
                 store.put(start, stop, values)
                 done, fresh = done + stop - start, fresh + stop - start
                 plan.progress(done, job.count, fresh / max(time.monotonic() - began, 1e-9))
-        store.finish()
+        store.finish(after)
 
 
 Results = Generator[tuple[tuple[int, int], dict[str, Any]], None, None]

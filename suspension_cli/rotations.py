@@ -22,13 +22,18 @@ def cross(a: Any, b: Any) -> Any:
     return np.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
 
 
-def rotation_matrix(vector: Any) -> Any:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in rad: the exponential of `cross_matrix`.
+def turning(vector: Any) -> Any:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in rad, less the unit matrix: all digits of however small a turn.
 
-    Rodrigues' formula, I + sin(a)/a [v] + (1 - cos(a))/a^2 [v]^2, with both factors written through sinc so that
+    Rodrigues' formula, sin(a)/a [v] + (1 - cos(a))/a^2 [v]^2, with both factors written through sinc so that
     neither cancels as the angle a goes to 0.  Complex vectors work too (complex-step derivatives).
     """
     vector = np.asarray(vector)
     angle = np.sqrt((vector**2).sum(-1))[..., None, None]
     cross = cross_matrix(vector)
-    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
+    return np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
+
+
+def rotation_matrix(vector: Any) -> Any:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in rad: the exponential of `cross_matrix`."""
+    return np.eye(3) + turning(vector)

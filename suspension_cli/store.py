@@ -31,6 +31,10 @@ SYNC_SECONDS = 2.0
 """How often results are forced to the disk and entered into the journal."""
 
 
+After = Callable[[Path], None]
+"""What is done to an unfinished file that has all its points."""
+
+
 class Job(Protocol):
     """What a sweep computes.  It must be picklable, and its results must not depend on how points are grouped."""
 
@@ -108,10 +112,13 @@ class Store:
         self.pending.clear()
         self.synced = time.monotonic()
 
-    def finish(self) -> None:
-        """Give the complete file its name."""
+    def finish(self, after: After | None = None) -> None:
+        """Give the complete file its name, once `after` has filled in what needs all points."""
         self.sync()
         assert self.done.all(), "every unit must have been written"
+        if after is not None:
+            after(_part(self.path))
+            os.fsync(self.handle)
         with writing_to(self.path):
             os.replace(_part(self.path), self.path)
             _journal(self.path).unlink()

@@ -1,17 +1,29 @@
-"""Responses in arithmetic of 50 digits, and how much the last digit of a model's numbers changes them."""
+"""Responses in arithmetic of 50 digits, and how much the last digit of a model's numbers changes them.
+
+The numbers of a model are not all independent: moving everything together along x, y, z or by yaw costs nothing, so in every row the elements
+towards the row's own body follow from those towards all others.  In double precision they obey that to their last digit only, and at 0.01 Hz
+some responses are made of what is left after the first nine digits have cancelled.  So here those elements are taken from the others, in 50
+digits; all else, roll and pitch of the support among it, is taken from the model's matrices as they stand.  `completed` spells it out, and tells
+how far that moved any element.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
+import mpmath
 import numpy as np
 
 from suspension_cli.analysis import response, signals
-from suspension_cli.analysis.tradeoff.exact import context, dynamic, eliminate
 from suspension_cli.mechanics.model import LinearModel
 
-MP = context()
+MP = mpmath.mp.clone()
+MP.dps = 50
+TOGETHER = (0, 1, 2, 5)
+"""x, y, z and yaw among the support's coordinates."""
+ROUNDING = 1e-10
+"""Share of the sizes of its terms up to which a sum counts as 0; dampers on bodies that have moved from where they were drawn do not."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +47,7 @@ class Compared:
 
 
 def compare(model: LinearModel, frequency: Any, inputs: list[Any], outputs: list[Any]) -> Compared:
-    """`response.solve` against LU with partial pivoting in 50 digits of the very same matrices, tips without mass included."""
+    """`response.solve` against LU with partial pivoting in 50 digits, tips without mass included."""
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     drives, rows = (np.array([signals.row(signal, model) for signal in group]) for group in (inputs, outputs))
     acts = [signal.acts for signal in inputs]
@@ -44,18 +56,49 @@ def compare(model: LinearModel, frequency: Any, inputs: list[Any], outputs: list
     return Compared(*(np.array([part[k] for part in parts]) for k in range(3)))
 
 
+def completed(matrix: Any, model: LinearModel) -> list[list[Any]]:
+    """A matrix in 50 digits whose rows feel nothing when everything moves together, where they should: K_r,own = -sum of K_r,m R_m."""
+    result = [[MP.mpf(float(value)) if value else MP.zero for value in row] for row in matrix]
+    motion = model.rigid
+    follows: set[tuple[int, int]] = set()
+    for r in range(6, model.size):
+        name = model.coordinate[r].split(".")[0]
+        own = 6 * (model.body.index(name) + 1) if name in model.body else 0
+        for dof in TOGETHER:
+            terms = [result[r][m] * MP.mpf(float(motion[m, dof])) for m in range(model.size) if motion[m, dof] and m != own + dof]
+            total, here = -sum(terms, MP.zero), result[r][own + dof]
+            if abs(total - here) <= ROUNDING * (sum(map(abs, terms), MP.zero) + abs(here)):
+                result[r][own + dof] = total
+                follows.add((r, own + dof))
+    for r, c in follows:
+        if c >= 6 and (c, r) not in follows:
+            result[c][r] = result[r][c]
+    return result
+
+
+_KEPT: dict[int, Any] = {}
+
+
+def _matrices(model: LinearModel) -> Any:
+    """Stiffness, its imaginary part, damping and mass in 50 digits; worked out once a model (which is kept, so that its id stays its own)."""
+    if id(model) not in _KEPT:
+        full = model.stiffness if model.lossy is None else model.lossy
+        mass = [[MP.mpf(float(value)) if value else MP.zero for value in row] for row in model.mass]
+        _KEPT[id(model)] = (model, completed(full.real, model), completed(full.imag, model), completed(model.damping, model), mass)
+    return _KEPT[id(model)][1:]
+
+
 def _at(model: LinearModel, omega: float, drives: Any, acts: list[bool], rows: Any, found: Any) -> tuple[Any, Any, Any]:
-    full = model.stiffness if model.lossy is None else model.lossy
-    matrix = dynamic(full, model.mass, model.damping, omega)
+    dynamic = _dynamic(*_matrices(model), MP.mpf(float(omega)))
     given = [[MP.zero if act else MP.mpf(float(v)) for v in drive[:6]] for drive, act in zip(drives, acts, strict=True)]
     size = model.size - 6
     right: list[list[Any]] = [[] for _ in range(size)]
     for n in range(size):
         for drive, act, moved in zip(drives, acts, given, strict=True):
             value = MP.mpf(float(drive[6 + n])) if act else MP.zero
-            right[n].append(value - sum((a * s for a, s in zip(matrix[6 + n][:6], moved, strict=True) if s), MP.zero))
+            right[n].append(value - sum((a * s for a, s in zip(dynamic[6 + n][:6], moved, strict=True) if s), MP.zero))
         right[n] += [MP.mpf(float(row[6 + n])) for row in rows]  # D is symmetric, so that D y = c gives the condition
-    solved = eliminate([row[6:] for row in matrix[6:]], right)
+    solved = eliminate([row[6:] for row in dynamic[6:]], right)
     k, exact, error = len(drives), np.zeros(found.shape, dtype=complex), np.zeros(found.shape)
     whole = [[moved[n] for moved in given] for n in range(6)] + [row[:k] for row in solved]
     for o, row in enumerate(rows):
@@ -65,6 +108,43 @@ def _at(model: LinearModel, omega: float, drives: Any, acts: list[bool], rows: A
             difference = abs(MP.mpc(complex(found[o, i])) - value)
             error[o, i] = float(difference / abs(value)) if value else (0.0 if found[o, i] == 0 else np.inf)
     x, y = (abs(np.array([[complex(v) for v in row] for row in part])) for part in (whole, [row[k:] for row in solved]))
+    full = model.stiffness if model.lossy is None else model.lossy
     size = abs(full.real) + abs(full.imag) + omega * abs(model.damping) + omega**2 * abs(model.mass)
     moved = y.T @ size[6:] @ x + abs(rows) @ x
     return exact, error, moved / np.where(exact == 0, 1.0, abs(exact))
+
+
+def _dynamic(stiffness: Any, loss: Any, damping: Any, mass: Any, w: Any) -> list[list[Any]]:
+    """K + i w C - w^2 M."""
+
+    def element(k: Any, h: Any, c: Any, m: Any) -> Any:
+        real, imag = k - w * w * m if m else k, h + w * c
+        return MP.mpc(real, imag) if imag else real
+
+    return [[element(*values) for values in zip(*parts, strict=True)] for parts in zip(stiffness, loss, damping, mass, strict=True)]
+
+
+def eliminate(matrix: list[list[Any]], right: list[list[Any]]) -> list[list[Any]]:
+    """Gaussian elimination with partial pivoting that skips zeros; both arguments are used up."""
+    size = len(matrix)
+    for n in range(size):
+        pivot = max(range(n, size), key=lambda row: abs(matrix[row][n]))
+        matrix[n], matrix[pivot], right[n], right[pivot] = matrix[pivot], matrix[n], right[pivot], right[n]
+        beyond = [j for j in range(n + 1, size) if matrix[n][j]]
+        driven = [j for j, value in enumerate(right[n]) if value]
+        for row in range(n + 1, size):
+            if matrix[row][n]:
+                factor = matrix[row][n] / matrix[n][n]
+                for j in beyond:
+                    matrix[row][j] -= factor * matrix[n][j]
+                for j in driven:
+                    right[row][j] -= factor * right[n][j]
+    for n in reversed(range(size)):
+        beyond = [j for j in range(n + 1, size) if matrix[n][j]]
+        for j in range(len(right[n])):
+            value = right[n][j]
+            for m in beyond:
+                if right[m][j]:
+                    value -= matrix[n][m] * right[m][j]
+            right[n][j] = value / matrix[n][n] if value else value
+    return right

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
+from suspension_cli.design.fibres import fibres
 from suspension_cli.mechanics import tangent
 from suspension_cli.mechanics.pose import layout, nominal_pose
 
@@ -179,6 +180,11 @@ def _grown(matrix, form, added, p):
     result[size:, columns] = added[p : p + inner][:, ends] @ to
     result[columns, size:] = result[size:, columns].T
     return result
+
+
+def with_fibres(scene, design):
+    """The scene of a design, with what its wires are made of."""
+    return replace(scene, fibres=fibres(design))
 
 
 def frequencies(scene, elements=20):

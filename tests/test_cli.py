@@ -77,9 +77,9 @@ def test_nothing_to_do():
 def test_json_of_modes(base, tmp_path):
     file = written(tmp_path, RAW[base])
     answer = modes_json(file, "--out", tmp_path / "out")
-    assert list(answer) == ["command", "design", "fidelity", "stable", "modes"]
+    assert list(answer) == ["command", "design", "fidelity", "stable", "modes", "estimated_error"]
     assert (answer["command"], answer["design"], answer["stable"]) == ("modes", base, True)
-    assert answer["fidelity"] in ("force", "string")
+    assert answer["fidelity"] in ("force", "string", "beam")
     for mode in answer["modes"]:
         assert {"frequency_hz", "dof", "stage", "q"} <= set(mode)
         assert "growth_rate_per_s" not in mode
@@ -237,7 +237,7 @@ def test_analysis_table_gives_options_and_the_command_line_wins(tmp_path):
     out = tmp_path / "out"
     assert modes_json(file, "--out", out)["fidelity"] == "string"
     assert modes_json(file, "--out", out, "--fidelity", "closed-form")["fidelity"] == "closed-form"
-    assert modes_json(file, "--out", out, "--fidelity", "auto")["fidelity"] == "force"
+    assert modes_json(file, "--out", out, "--fidelity", "auto")["fidelity"] == "beam"
     assert run("modes", file, "--out", out).exit_code == 0
     assert [path.name for path in out.iterdir()] == ["single-modes.h5"]
 

@@ -263,3 +263,40 @@ def test_what_is_left_over_is_named():
     assert "stage.test" in str(caught.value)
     torque = float(str(caught.value).split("left over")[0].split("pose:")[1].split("N m of pitch")[0].split(",")[-1])
     assert abs(torque) == pytest.approx(weight * 0.01, rel=0.05)
+
+
+BELOW = {"count": 4, "l": 0.28, "s": 0.005, "t1": 0.09, "t2": 0.09, "d": 0.001}
+
+
+def pair(k):
+    """A soft imperfect stage above one on wires of k N/m."""
+    stages = [{"name": name, "body": BODY, "wires": BELOW | {"k": stiffness}} for name, stiffness in (("upper", 1.2e4), ("test", k))]
+    upper = {"wire": "upper.1", "lower_offset": [1e-3, 5e-4, 0.0], "length_change": 1e-4}
+    return scenes.scene_of(scenes.raw_of(*stages) | {"perturbation": [upper, {"body": "test", "com_offset": [1e-4, 2e-4, 0.0]}]})
+
+
+def test_stiff_wires_balance_as_well_as_rounding_lets_them():
+    """A displacement of 0.1 mm is known to 1e-20 m, which a wire of 1e12 N/m turns into 1e-8 N: no reason to refuse the design."""
+    soft, *stiff = (equilibrium.solve(pair(k)) for k in (1e11, 1e12, 1e13, 1e14))
+    for found in stiff:
+        assert found.converged
+        assert found.residual < found.rounding
+        assert np.abs(points(pair(1e12), found.pose) - points(pair(1e12), soft.pose)).max() < 1e-8
+
+
+def test_wires_too_stiff_to_be_balanced_are_told_as_such():
+    with pytest.raises(InputError, match=r"1.0e\+17 N/m are too stiff to be balanced"):
+        equilibrium.solve(pair(1e17)).demand(pair(1e17))
+
+
+@pytest.mark.parametrize("mass", [1.0, 1e-3, 1e-6])
+def test_a_light_stage_below_a_heavy_one_is_not_taken_for_rounding(mass):
+    """A milligram below a tonne tilts by what it does below the support: the tonne does not move."""
+    size = (mass / 2200) ** (1 / 3)
+    wires = {"count": 4, "l": 0.3, "s": 0.1 * size, "t1": 0.5 * size, "t2": 0.5 * size, "d": 0.02 * size, "k": 400 * mass * 9.81 / 0.3}
+    light = {"name": "light", "body": {"mass": mass, "inertia": [0.15 * mass * size**2] * 3}, "wires": wires}
+    heavy = {"name": "heavy", "body": {"mass": 1e3, "inertia": [60.0] * 3}, "wires": BELOW | {"s": 0.2, "k": 5e6}}
+    imperfect = {"perturbation": [{"wire": "light.1", "lower_offset": [1e-6 * size, 0.0, 0.0]}]}
+    tilt = [equilibrium.solve(scenes.scene_of(scenes.raw_of(*stages) | imperfect)).pose.turn[-1, 0, 2] for stages in ([light], [heavy, light])]
+    assert tilt[0] != 0
+    assert tilt[1] == pytest.approx(tilt[0], rel=2 * mass / 1e3 + 1e-9)

@@ -1,10 +1,8 @@
-"""Responses against 50-digit arithmetic on the very same matrices.
+"""Every response to 12 digits, against 50-digit arithmetic.
 
-The yardstick is what nobody can avoid: relative errors of one rounding (EPS) in each element of K, C and M change a response by up to
-EPS times its condition (`exact.Compared`).  Every error must be within LIMIT roundings of that, for every pair of signals at any frequency.
-In itself an error must be below 1e-12 wherever the condition allows it: it does not on a resonance of high Q, where a response is all but
-zero (its summands cancel, so that they are what the error must be compared with), and for motions that a slow support hardly causes (roll from
-support.y goes as the frequency squared, and the couplings that cancel in it do not).
+What is compared with are the model's own numbers, taken as `exact` says.  Errors are relative ones of each single response, whatever its size:
+on resonance and off, from motions that a slow support hardly causes (1e-12 of its own) to transmissions of 1e-40, and at frequencies drawn at
+random, some of which fall near a zero.  Only within 1e-9 of a pole without loss is the condition of the problem the yardstick.
 """
 
 from __future__ import annotations
@@ -17,11 +15,10 @@ import scenes
 from scipy.linalg import eigh
 
 from suspension_cli.analysis import modes, response
-from suspension_cli.conventions import DOFS
 from suspension_cli.models import fidelity
 
 EPS = 2.0**-53
-LIMIT = 64
+REQUIRED = 1e-12
 MODELS = [("triple", "force"), ("triple", "string"), ("quadruple", "force"), ("quadruple", "string"), ("five", "string")]
 CASES = [(kind, level, loss) for kind, level in MODELS for loss in (False, True)]
 IDS = ["-".join((kind, level, "lossy" if loss else "lossless")) for kind, level, loss in CASES]
@@ -29,20 +26,19 @@ CHAINS = [case for case in CASES if case[0] != "five"]
 
 
 def signals_of(model):
-    """Support motions, forces on both ends of the chain; motions of both ends, and of a point of the last."""
+    """Support motions, forces on both ends of the chain; motions of all bodies, and of points of both ends."""
     first, last = model.body[0], model.body[-1]
     ends = dict.fromkeys((first, last))
     inputs = plants.moves(model) + [force for body in ends for force in plants.forces(model, body)]
     inputs += plants.drives(model, f"{last}.force_x@0.01,-0.02,0.03")
     points = plants.motions(model, f"{last}.x@0.01,0.02,-0.003", f"{first}.z@0.05,-0.1,0.01")
-    return inputs, plants.all_motions(model, *ends) + points
+    return inputs, plants.all_motions(model) + points
 
 
-def assert_exact(model, frequency, limit=LIMIT):
-    """Errors within what the condition allows (where it leaves digits at all: it is of first order); returns the comparison."""
-    inputs, outputs = signals_of(model)
-    compared = exact.compare(model, frequency, inputs, outputs)
-    assert ((compared.error <= limit * EPS * compared.condition) | (EPS * compared.condition > 1e-3)).all()
+def assert_exact(model, frequency):
+    """All pairs of signals to 12 digits; returns the comparison."""
+    compared = exact.compare(model, frequency, *signals_of(model))
+    assert compared.error.max() < REQUIRED
     return compared
 
 
@@ -64,14 +60,49 @@ def held_resonances(model):
 
 @pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
 def test_from_slow_to_fast(kind, level, loss):
+    assert_exact(plants.model(kind, level, loss=loss), np.geomspace(0.01, 1e4, 13))
+
+
+@pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
+@pytest.mark.parametrize("seed", range(2))
+def test_at_random(kind, level, loss, seed):
+    """Half of them among the modes, where zeros are."""
+    rng = np.random.default_rng([11, seed])
+    frequency = np.exp(np.concatenate([rng.uniform(np.log(0.01), np.log(1e4), 6), rng.uniform(np.log(0.3), np.log(30.0), 8)]))
+    assert_exact(plants.model(kind, level, loss=loss), frequency)
+
+
+@pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
+def test_each_input_by_itself(kind, level, loss):
+    """Few inputs are worked out in another way than many: close to poles, at random, and where parts of the chain resonate by themselves."""
     model = plants.model(kind, level, loss=loss)
-    frequency = np.geomspace(0.01, 1e4, 15)
-    compared = assert_exact(model, frequency)
-    assert compared.error[compared.condition < 500].max() < 1e-12
-    off = np.abs(frequency[:, None] / modes.solve(model).frequency - 1).min(1) > 1e-3
-    outputs = [signal.text for signal in signals_of(model)[1]]
-    for dof in ("x", "y", "z", "yaw"):  # how a motion of the support arrives at the last body
-        assert compared.error[off, outputs.index(f"{model.body[-1]}.{dof}"), DOFS.index(dof)].max() < 1e-12
+    inputs, outputs = signals_of(model)
+    beside = modes.solve(model).frequency * (1 + 1e-6)
+    parts = held_resonances(model) if kind != "five" else []
+    frequency = np.concatenate([beside, parts, np.geomspace(0.01, 100, 400)])
+    together = response.solve(model, frequency, inputs, outputs).value
+    for n, signal in enumerate(inputs):
+        alone = response.solve(model, frequency, [signal], outputs).value[..., 0]
+        assert (np.abs(alone - together[..., n]) <= 2 * REQUIRED * np.abs(together[..., n])).all()
+
+
+@pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
+@pytest.mark.parametrize("part", range(2))
+def test_on_resonance(kind, level, loss, part):
+    """At the frequencies that `modes` tells, exactly; at those of modes without loss as closely as 1e-8."""
+    model = plants.model(kind, level, loss=loss)
+    found = modes.solve(model)
+    lossless = np.array([True] * len(found.q) if not loss else [q is None or not q < 1e12 for q in found.q])
+    assert loss == (not lossless.all())
+    frequency = np.where(lossless, found.frequency * (1 + 1e-8), found.frequency)
+    assert_exact(model, frequency[part::2])
+
+
+@pytest.mark.parametrize("kind", ["triple", "quadruple", "five"])
+@pytest.mark.parametrize("offset", [1e-4, -1e-6, 3e-9])
+def test_beside_a_resonance(kind, offset):
+    model = plants.model(kind, "string")
+    assert_exact(model, modes.solve(model).frequency[::3] * (1 + offset))
 
 
 @pytest.mark.parametrize("kind", ["triple", "quadruple", "five"])
@@ -82,20 +113,7 @@ def test_with_dampers(kind):
 
 
 @pytest.mark.parametrize("kind", ["triple", "quadruple", "five"])
-@pytest.mark.parametrize("loss", [False, True], ids=["lossless", "lossy"])
-def test_on_resonance(kind, loss):
-    """At the frequencies that `modes` tells, where a lossless system has no digits but its lossy twin has all but those that Q takes."""
-    model = plants.model(kind, "string", loss=loss)
-    found = modes.solve(model)
-    compared = assert_exact(model, found.frequency[::2] * (1.0 if loss else 1 + 1e-13))  # not on a pole to the last bit
-    if loss:
-        worst = compared.error.reshape(len(compared.error), -1).max(1)
-        assert np.median(worst) < 1e-9
-        assert compared.error[compared.condition < 500].max() < 1e-12
-
-
-@pytest.mark.parametrize("kind", ["triple", "quadruple", "five"])
-@pytest.mark.parametrize("offset", [1e-9, -1e-6])
+@pytest.mark.parametrize("offset", [1e-9, -1e-10])
 def test_near_a_pole(kind, offset):
     """The closer to a lossless pole, the less the last digit of a spring constant lets us know.
 
@@ -124,14 +142,14 @@ def test_where_a_part_resonates_by_itself(kind, level, loss, offset):
     model = plants.model(kind, level, loss=loss)
     frequency = held_resonances(model) * (1 + offset)
     assert len(frequency) >= 12
-    compared = assert_exact(model, frequency[:: len(frequency) // 6])
-    assert compared.error[compared.condition < 500].max() < 1e-12
+    assert_exact(model, frequency[:: len(frequency) // 6])
 
 
+@pytest.mark.parametrize("loss", [False, True], ids=["lossless", "lossy"])
 @pytest.mark.parametrize("kind", ["triple", "quadruple"])
-def test_near_a_zero(kind):
-    """Where a response vanishes its summands have all their digits: the error is a rounding of those, not of what is left."""
-    model = plants.model(kind, "string")
+def test_near_a_zero(kind, loss):
+    """Where a response changes its sign, to the last bit of the frequency: what is left of its summands has 12 digits too."""
+    model = plants.model(kind, "string", loss=loss)
     inputs, outputs = plants.drives(model, f"{model.body[0]}.force_x"), plants.motions(model, f"{model.body[0]}.x")
     grid = np.geomspace(0.1, 10, 4001)
     value = response.solve(model, grid, inputs, outputs).value[:, 0, 0].real
@@ -139,29 +157,51 @@ def test_near_a_zero(kind):
     found = 0
     for n in turns:
         low, high = grid[n], grid[n + 1]
-        for _ in range(60):
-            middle = (low + high) / 2
-            same = response.solve(model, np.array([middle]), inputs, outputs).value[0, 0, 0].real * value[n] > 0
-            low, high = (middle, high) if same else (low, middle)
+        for _ in range(9):
+            points = np.linspace(low, high, 101)
+            same = response.solve(model, points, inputs, outputs).value[:, 0, 0].real * value[n] > 0
+            last = int(np.flatnonzero(same)[-1])
+            low, high = points[last], points[min(last + 1, 100)]
         compared = exact.compare(model, [low, high], inputs, outputs)
         if np.abs(compared.exact).max() > np.abs(value[n]):  # a pole
             continue
         found += 1
-        assert compared.condition.max() > 1e10
-        error = (compared.error * np.abs(compared.exact)).max()
-        assert error <= LIMIT * EPS * (compared.condition * np.abs(compared.exact)).max()
+        assert loss or compared.condition.max() > 1e10
+        assert compared.error.max() < REQUIRED
     assert found >= len(model.body) - 1
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(6))
 def test_trees_without_symmetry(seed):
-    """Beyond the chains: a recoil mass beside the mirror, springs, 18 coordinates that all couple.
-
-    One factor more than LIMIT: LU with partial pivoting is stable against the largest elements, not against each by itself, and
-    these systems mix them all.
-    """
+    """Beyond the chains: a recoil mass beside the mirror, springs, 18 coordinates that all couple."""
     model = fidelity.linear_model(scenes.design_of(scenes.crooked(np.random.default_rng(seed))), "string")
     assert len(model.blocks) == 1
     rng = np.random.default_rng([7, seed])
-    compared = assert_exact(model, np.exp(rng.uniform(np.log(0.03), np.log(1e3), 4)), limit=8 * LIMIT)
-    assert compared.error[compared.condition < 10].max() < 1e-12
+    assert_exact(model, np.append(np.exp(rng.uniform(np.log(0.01), np.log(1e4), 3)), 0.01))
+
+
+@pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
+def test_one_input_at_a_time(kind, level, loss):
+    """What a single input needs solved again is told in another way than for many: among the modes, and where a part resonates by itself."""
+    model = plants.model(kind, level, loss=loss)
+    rng = np.random.default_rng(13)
+    parts = held_resonances(model) if len(model.body) > 1 else np.zeros(0)
+    frequency = np.sort(np.concatenate([np.exp(rng.uniform(np.log(0.3), np.log(30.0), 4)), parts[::5] * (1 + 1e-9), parts[1::5] * (1 + 1e-4)]))
+    frequency = np.concatenate([[0.01], frequency, [1e3]])
+    inputs, outputs = signals_of(model)
+    for drive in inputs[:: 1 if len(model.body) == 1 else 4]:
+        assert exact.compare(model, frequency, [drive], outputs).error.max() < REQUIRED
+
+
+@pytest.mark.parametrize("kind", ["triple", "quadruple"])
+@pytest.mark.parametrize("massless", [False, True])
+def test_on_a_support_that_gives_way(kind, massless):
+    """What the structure does, too: of a slow ground's motion it feels next to nothing."""
+    raw = plants.raw(kind, loss=True)
+    raw["support"] = {"stiffness": {"x": 2e6, "z": 5e6, "pitch": 3e5, "yaw": 4e5}, "loss_angle": 1e-3}
+    if not massless:
+        raw["support"] |= {"mass": 300.0, "inertia": [20.0, 30.0, 40.0]}
+    model = fidelity.linear_model(scenes.design_of(raw), "string")
+    inputs = plants.moves(model) + plants.drives(model, "frame.force_x", "frame.torque_yaw", f"{model.body[-1]}.force_z")
+    outputs = plants.all_motions(model, model.body[0], model.body[-1]) + plants.motions(model, "frame.x", "frame.z", "frame.pitch", "frame.yaw")
+    assert exact.compare(model, np.geomspace(0.01, 1e3, 9), inputs, outputs).error.max() < REQUIRED

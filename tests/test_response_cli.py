@@ -26,9 +26,9 @@ def out(tmp_path):
     return tmp_path / "out"
 
 
-def asked(file, out, *options):
+def asked(file, out, *options, rung=("--fidelity", "force")):
     """The JSON document of a run that went well and wrote nothing but its results."""
-    result = run("response", file, "--json", "--out", out, *options)
+    result = run("response", file, "--json", "--out", out, *rung, *options)
     assert result.exit_code == 0, result.stderr
     assert [path.name for path in out.iterdir()] == ["triple-response.h5"]
     return strict_json(result.stdout)
@@ -41,7 +41,7 @@ def expected(frequency, inputs, outputs):
 
 def test_one_response_is_flat(file, out):
     answer = asked(file, out, "--input", "support.x", "--output", "test.x@0,0,0.001", "--frequency", "0.3,3,30")
-    assert list(answer) == ["command", "design", "fidelity", "frequency_hz", "input", "output", "unit", "real", "imag"]
+    assert list(answer) == ["command", "design", "fidelity", "frequency_hz", "input", "output", "unit", "real", "imag", "estimated_error"]
     assert (answer["command"], answer["design"], answer["fidelity"]) == ("response", "triple", "force")
     assert (answer["input"], answer["output"], answer["unit"]) == ("support.x", "test.x@0,0,0.001", "m/m")
     assert answer["frequency_hz"] == [0.3, 3.0, 30.0]
@@ -53,7 +53,7 @@ def test_one_response_is_flat(file, out):
 
 def test_several_are_a_list(file, out):
     answer = asked(file, out, *MATRIX, "--frequency", "1:10:4")
-    assert list(answer) == ["command", "design", "fidelity", "frequency_hz", "responses"]
+    assert list(answer) == ["command", "design", "fidelity", "frequency_hz", "responses", "estimated_error"]
     inputs, outputs = ("support.x", "upper.torque_pitch"), ("test.x@0,0,0.001", "test.pitch", "upper.z")
     assert [(one["output"], one["input"]) for one in answer["responses"]] == [(o, i) for o in outputs for i in inputs]
     assert [one["unit"] for one in answer["responses"]] == ["m/m", "m/(N m)", "rad/m", "rad/(N m)", "m/m", "m/(N m)"]
@@ -175,7 +175,7 @@ def test_results_file(file, out):
 def test_defaults_from_the_design(out, tmp_path):
     table = {"input": ["support.z"], "output": ["middle.z"], "frequency": "1:2:3:lin", "fidelity": "string"}
     file = written(tmp_path, plants.raw("triple") | {"analysis": {"response": table}}, "triple.toml")
-    answer = asked(file, out)
+    answer = asked(file, out, rung=())
     assert (answer["input"], answer["output"], answer["fidelity"], answer["frequency_hz"]) == ("support.z", "middle.z", "string", [1.0, 1.5, 2.0])
     answer = asked(file, out, "--output", "test.z", "--fidelity", "force", "--frequency", "4")
     assert (answer["input"], answer["output"], answer["fidelity"], answer["frequency_hz"]) == ("support.z", "test.z", "force", [4.0])
@@ -203,7 +203,7 @@ def test_pictures(file, out):
 
 
 def test_text_for_people(file, out):
-    result = run("response", file, "--no-plot", "--out", out, "--frequency", "0.1:10:100")
+    result = run("response", file, "--no-plot", "--out", out, "--fidelity", "force", "--frequency", "0.1:10:100")
     first, second = result.stdout.splitlines()
     assert first.startswith("force: ")
     assert second.startswith("test.x / support.x (m/m): 1.0")

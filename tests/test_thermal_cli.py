@@ -46,7 +46,18 @@ def expected(frequency, text, level="beam", tilt=0.0):
 
 def test_one_motion_is_flat(file, out):
     answer = asked(file, out, "--output", "test.x@0,0,0.001", "--frequency", "0.3,3,4")
-    assert list(answer) == ["command", "design", "fidelity", "frequency_hz", "output", "unit", "tilt_rad", "displacement_asd", "contributions"]
+    assert list(answer) == [
+        "command",
+        "design",
+        "fidelity",
+        "frequency_hz",
+        "output",
+        "unit",
+        "tilt_rad",
+        "displacement_asd",
+        "contributions",
+        "estimated_error",
+    ]
     assert (answer["command"], answer["design"], answer["fidelity"]) == ("thermal", "triple", "beam")
     assert (answer["output"], answer["unit"], answer["tilt_rad"]) == ("test.x@0,0,0.001", "m/sqrt(Hz)", 0.0)
     assert answer["frequency_hz"] == [0.3, 3.0, 4.0]
@@ -59,7 +70,7 @@ def test_one_motion_is_flat(file, out):
 
 def test_several_are_a_list(file, out):
     answer = asked(file, out, "--output", "test.x", "--output", "test.pitch", "--output", "upper.z", *GRID)
-    assert list(answer) == ["command", "design", "fidelity", "frequency_hz", "noises"]
+    assert list(answer) == ["command", "design", "fidelity", "frequency_hz", "noises", "estimated_error"]
     assert [(one["output"], one["unit"]) for one in answer["noises"]] == [
         ("test.x", "m/sqrt(Hz)"),
         ("test.pitch", "rad/sqrt(Hz)"),

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -41,9 +40,8 @@ NEAR = 0.05
 class Asked(Protocol):
     """A quantity that is asked for."""
 
-    @property
-    def highest(self) -> float:
-        """The highest frequency that it depends on, Hz; 0: that of the highest mode."""
+    def highest(self, model: LinearModel) -> float:
+        """The highest frequency that it depends on, Hz, seen from the simplest model."""
         ...
 
     def change(self, without: LinearModel, refined: LinearModel) -> float:
@@ -93,7 +91,10 @@ class Decision:
 class Frequencies:
     """The frequencies of all modes of the bodies."""
 
-    highest: float = 0.0
+    def highest(self, model: LinearModel) -> float:
+        """That of the highest mode, Hz."""
+        known = modes.solve(model).frequency
+        return float(np.max(known[np.isfinite(known)], initial=0.0))
 
     def change(self, without: LinearModel, refined: LinearModel) -> float:
         """Largest relative change of a frequency; modes are paired by their shapes."""
@@ -111,8 +112,7 @@ class Transfer:
     outputs: list[Signal]
     frequency: Array
 
-    @cached_property
-    def highest(self) -> float:
+    def highest(self, model: LinearModel) -> float:
         """The highest frequency asked for, Hz."""
         return float(np.max(self.frequency))
 
@@ -148,7 +148,7 @@ def decide(design: Design, make: Callable[[LinearModel], Asked], tolerance: floa
     base = fidelity.choose(design)
     build = _Builder(design)
     asked = make(build(base.level))
-    found = indicators(design, asked.highest or _highest(build(base.level)))
+    found = indicators(design, asked.highest(build(base.level)))
     refinements = [_weigh(name, base.level, found, asked, build, tolerance) for name in _possible(design, base.level)]
     if top == "beam":
         refinements = [replace(item, taken=item.taken and item.name != MASS) for item in refinements]
@@ -170,7 +170,8 @@ def _weigh(name: str, base: str, found: list[Indicator], asked: Asked, build: Ca
         return Refinement(name, worst.value, worst.stage, None, taken=False)
     if name == BENDING and worst.value > CLEAR * tolerance:
         return Refinement(name, worst.value, worst.stage, None, taken=True)
-    change = asked.change(build("beam" if name == MASS else base), build(REFINEMENTS[name]))
+    without = {SERIES: base, BENDING: "string", MASS: "beam"}[name]  # one refinement at a time
+    change = asked.change(build(without), build(REFINEMENTS[name]))
     return Refinement(name, worst.value, worst.stage, change, taken=not change <= MARGIN * tolerance)
 
 
@@ -187,11 +188,6 @@ class _Builder:
         return self._known[level]
 
 
-def _highest(model: LinearModel) -> float:
-    known = modes.solve(model).frequency
-    return float(np.max(known[np.isfinite(known)], initial=0.0))
-
-
 def _massive(model: LinearModel) -> bool:
     return any(getattr(getattr(term, "strand", None), "massive", False) for term in model.terms)
 
@@ -202,12 +198,19 @@ def _shifted(old: modes.Modes, without: LinearModel, new: modes.Modes, refined: 
         return float("inf")
     count = 6 * len(without.body)
     mass = refined.mass[6 : 6 + count, 6 : 6 + count]
-    overlap = np.abs(new.shape[:, :count] @ mass @ old.shape[:, :count].T)
-    from scipy.optimize import linear_sum_assignment
-
-    rows, columns = linear_sum_assignment(-overlap)
-    a, b = np.abs(old.omega_squared[columns]), np.abs(new.omega_squared[rows])
+    columns = _paired(np.abs(new.shape[:, :count] @ mass @ old.shape[:, :count].T))
+    a, b = np.abs(old.omega_squared[columns]), np.abs(new.omega_squared)
     return float(np.abs(np.sqrt(a / np.where(b == 0, 1.0, b)) - 1)[b > 0].max(initial=0.0))
+
+
+def _paired(overlap: Any) -> Any:
+    """For each row its column, the largest overlaps first; shapes that are all but orthogonal leave no choice."""
+    left, result = overlap.copy(), np.zeros(len(overlap), dtype=np.intp)
+    for _ in range(len(left)):
+        row, column = divmod(int(left.argmax()), left.shape[1])
+        result[row] = column
+        left[row], left[:, column] = -1.0, -1.0
+    return result
 
 
 def _loaded(found: modes.Modes, model: LinearModel) -> float:

@@ -17,7 +17,7 @@ from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import assemble
 from suspension_cli.mechanics.blocks import mirrored
-from suspension_cli.mechanics.equilibrium import CONVERGED, Equilibrium, solve
+from suspension_cli.mechanics.equilibrium import Equilibrium, solve
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.mechanics.pose import layout
 from suspension_cli.models.surroundings import surrounded
@@ -77,18 +77,21 @@ class Builds:
     mirrors: Any
 
 
-def balance(scene: Scene, design: Design, *, allow_unstable: bool = False) -> Builds:
-    """Equilibrium and linear model of every scene of a batch with one axis; an unstable one is a failure unless that is allowed."""
+def balance(scene: Scene, design: Design, *, allow_unstable: bool = False, split: bool = False) -> Builds:
+    """Equilibrium and linear model of every scene of a batch with one axis; an unstable one is a failure unless that is allowed.
+
+    `split` looks for mirror symmetries that all scenes share: then what one scene gets depends on the others, unless all have the same ones.
+    """
     numbering = layout(scene)
     with np.errstate(all="ignore"):
         found = solve(scene, numbering)
-        model = surrounded(assemble.linear_model(scene, found, split=False), design)
+        model = surrounded(assemble.linear_model(scene, found, split=split), design)
         slack = found.tension <= 0
         status = np.full(scene.batch, GOOD, dtype=np.uint8)
         if not allow_unstable:
             status[grows(model)] = UNSTABLE
         status[slack.any(-1)] = SLACK
-        status[~(found.residual < CONVERGED)] = UNBALANCED
+        status[~found.converged] = UNBALANCED
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
     return Builds(oriented(model, found), status, wire, found.residual, mirrored(scene))

@@ -6,17 +6,16 @@ product of any number of swept imperfections.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import builds
+from suspension_cli.analysis import builds, variants
 from suspension_cli.analysis.builds import Column
 from suspension_cli.analysis.signals import Signal
-from suspension_cli.design import perturb, reader, stack
+from suspension_cli.design import perturb, reader
 from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
@@ -41,6 +40,9 @@ OF_BODY = {
 }
 PARAMETERS = OF_WIRE | OF_BODY
 """What can be swept by a short name, and what it is; any dotted path of the design file goes too."""
+
+FAINT = 1e-17
+"""Ratio below which rounding shows: attachments are known to the last bit of their coordinates, and what that couples is of order 1e-19."""
 
 UNITS = {name: "1" if "factor" in text else "m" for name, text in PARAMETERS.items()}
 
@@ -157,7 +159,7 @@ class Sweep:
         if len(imperfections) == len(values):
             return answer(imperfect(expand(self._design), values, self.question), self._design, self.question, self.allow_unstable)
         result = {column.name: _nothing(column, stop - start) for column in self.columns}
-        for scene, design, here in self._variants({name: value for name, value in values.items() if name not in PARAMETERS}):
+        for scene, design, here in variants.scenes(self.text, {name: value for name, value in values.items() if name not in PARAMETERS}):
             part = {name: value[here] for name, value in imperfections.items()}
             found = answer(imperfect(scene, part, self.question) if part else scene, design, self.question, self.allow_unstable)
             for name, value in found.items():
@@ -167,33 +169,6 @@ class Sweep:
     @cached_property
     def _design(self) -> Any:
         return reader.parse(self.text)
-
-    def _variants(self, values: dict[str, Array]) -> Iterator[tuple[Scene, Design, Any]]:
-        """The designs that dotted paths make, in batches of those that differ in nothing but the arrays of their scenes.
-
-        Yields
-        ------
-        scene : Scene
-            With the builds as its first axis.
-        design : Design
-            One of them.
-        here : (p,) int array
-            Which builds they are.  One whose design is at fault is in no batch.
-        """
-        rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
-        alike: dict[tuple[Any, ...], list[tuple[int, Scene, Design]]] = {}
-        for n, row in enumerate(rows):
-            try:
-                design = reader.overridden(self.text, tuple(f"{path}={float(v)!r}" for path, v in zip(values, row, strict=True)))
-                scene = expand(design)
-            except InputError:
-                continue
-            alike.setdefault(_common(scene, design, n), []).append((n, scene, design))
-        for members in alike.values():
-            place = np.full(len(rows), -1)
-            place[[n for n, _, _ in members]] = np.arange(len(members))
-            here = np.flatnonzero(place[pick.ravel()] >= 0)
-            yield stack.stacked([scene for _, scene, _ in members], place[pick.ravel()[here]]), members[0][2], here
 
 
 def scale_name(axis: str) -> str:
@@ -212,15 +187,6 @@ def _nothing(column: Column, count: int) -> Any:
     if column.dtype == "u1":
         return np.full(shape, builds.IMPOSSIBLE, dtype=column.dtype)
     return np.full(shape, {"i2": -1, "f8": np.nan, "c16": builds.NOTHING}[column.dtype], dtype=column.dtype)
-
-
-def _common(scene: Scene, design: Design, number: int) -> tuple[Any, ...]:
-    """What scenes of one batch have in common; `number` where dampers or a support that gives way make each design a case of its own."""
-    static = [getattr(group, name) for group in (scene.bodies, scene.wires, scene.blades, scene.springs) for name in stack.STATIC if hasattr(group, name)]
-    kinds = [np.array(item).tobytes() if isinstance(item, np.ndarray) else item for item in static]
-    light, damped = (scene.blades.tip_mass == 0).tobytes(), bool(scene.springs.damping.any())
-    alone = design.support is not None or any(stage.damping is not None for stage in design.stage)
-    return (scene.gravity, *kinds, light, damped, number if alone else -1)
 
 
 def imperfect(scene: Scene, values: dict[str, Array], question: Question) -> Scene:

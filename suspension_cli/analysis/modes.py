@@ -1,7 +1,7 @@
 """Normal modes: frequencies, shapes, and where each mode lives.
 
 Each block of coordinates is solved alone: coordinates without inertia (tips of blades without tip mass) are eliminated,
-then M^(-1/2) (K - omega^2 M) M^(-1/2) is a symmetric eigenvalue problem.
+then K v = omega^2 M v is a symmetric eigenvalue problem, solved so that soft modes keep their digits (`analysis.graded`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import quality
+from suspension_cli.analysis import graded, quality
 from suspension_cli.conventions import WIRE_WORDS, WORDS
 from suspension_cli.design.scene import Array, Index
 from suspension_cli.mechanics.model import LinearModel
@@ -21,7 +21,9 @@ DAMPING_BAND = (0.5, 5.0)
 COUPLED = 0.01
 """Share of its kinetic energy that a mode must have in the top mass to be damped from there; the paper says "strongly"."""
 RIGID = 64 * np.finfo(float).eps
-"""omega^2 below this share of the largest of its block is a rounding error: the mode costs nothing."""
+"""omega^2 below this share of what it is a sum of is a rounding error: the mode costs nothing."""
+TURNING = 1e3
+"""omega^2 that tension gives a rotation over what it gives a translation, at most: m times lever arm squared over inertia."""
 NEAR = 2e-3
 """Relative difference of frequencies below which violin modes of like wires are listed as one family."""
 DEGENERATE = 1e-9
@@ -178,8 +180,8 @@ def solve(model: LinearModel) -> Modes:
     -------
     Modes
     """
-    found = [_solve_block(model, block) for block in model.blocks]
-    found = [(np.where(np.abs(part) < RIGID * np.abs(part).max(initial=0.0), 0.0, part), vectors) for part, vectors in found]
+    tension = TURNING * graded.hanging(model)
+    found = [_solve_block(model, block, tension) for block in model.blocks]
     values = np.concatenate([values for values, _ in found])
     shapes = np.zeros((len(values), model.size))
     numbers = np.zeros(len(values), dtype=np.intp)
@@ -221,19 +223,24 @@ def condensed(model: LinearModel, block: Index) -> tuple[Index, Any, Any, Any]:
     return a, mass, (stiffness + np.swapaxes(stiffness, -1, -2)) / 2, recover
 
 
-def _solve_block(model: LinearModel, block: Index) -> tuple[Array, Array]:
-    """omega^2 (m,) and shapes (c, m) of one block, over all of the block's coordinates."""
+def _solve_block(model: LinearModel, block: Index, tension: float) -> tuple[Array, Array]:
+    """omega^2 (m,) and shapes (c, m) of one block, over all of the block's coordinates.
+
+    A mode is rigid if its omega^2 is a rounding error of what it is a sum of: of the elements of K, or, where these have cancelled already,
+    of what tension gives a rotation (never more than the largest of the block).
+    """
     kept, mass, stiffness, recover = condensed(model, block)
     if not len(kept):
         return np.zeros(0), np.zeros((len(block), 0))
-    inverse = np.linalg.inv(np.linalg.cholesky(mass))
-    dynamic = inverse @ stiffness @ inverse.T
-    values, vectors = np.linalg.eigh((dynamic + dynamic.T) / 2)
-    vectors = localised(values, vectors)
+    values, own = graded.solve(mass, stiffness)
+    size = np.maximum(graded.rounding(stiffness, own.T) / graded.EPS, min(tension, np.abs(values).max()))
+    values = np.where(np.abs(values) < RIGID * size, 0.0, values)
+    root = np.linalg.cholesky(mass)
+    own = np.linalg.solve(root.T, localised(values, root.T @ own))
     shapes = np.zeros((len(block), len(values)))
     light = model.massless[block]
-    shapes[~light] = inverse.T @ vectors
-    shapes[light] = recover @ shapes[~light]
+    shapes[~light] = own
+    shapes[light] = recover @ own
     return values, shapes
 
 

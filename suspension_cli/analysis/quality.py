@@ -20,6 +20,8 @@ from suspension_cli.mechanics.dispersion import LossTerm, WireTerm
 from suspension_cli.mechanics.fibre import PARTS, Strand
 from suspension_cli.mechanics.model import LinearModel
 
+NOTHING = 1e-30
+"""What a shape that is wrong by roundings dissipates in parts that do not take part in it, over its energy."""
 UNIT = 1e-9
 """A loss angle so small that what it dissipates is it times the elastic energy."""
 
@@ -65,8 +67,9 @@ def ends_of(model: LinearModel, shapes: Array) -> list[tuple[Strand, dict[str, A
 
 
 def ratio(total: Array, part: Array) -> Array:
-    """total / part, infinite where part is 0."""
-    return np.where(part > 0, total / np.where(part > 0, part, 1.0), np.inf)
+    """total / part, infinite where part is 0 but for the square of a rounding."""
+    some = part > NOTHING * total
+    return np.where(some, total / np.where(some, part, 1.0), np.inf)
 
 
 def _alike(fibre: Fibre) -> Fibre:

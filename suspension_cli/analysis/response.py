@@ -1,7 +1,9 @@
 """Frequency responses: solve (K + i omega C - omega^2 M) x = f, never sum modes.
 
 Only the blocks that the asked inputs and outputs both touch are solved, each body by body
-(`mechanics.elimination`), all frequencies at once; a block without loss or damping in real arithmetic.
+(`mechanics.elimination`), all frequencies at once; a block without loss or damping in real arithmetic.  Each response has a relative
+error below 1e-12, on resonances and near zeros too (`mechanics.answers`); only within 1e-9 of a pole without loss has it what the
+last digits of the model's numbers allow.
 """
 
 from __future__ import annotations
@@ -16,11 +18,12 @@ from suspension_cli.analysis.signals import Signal
 from suspension_cli.design.scene import Array
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import dispersive
+from suspension_cli.mechanics.answers import Asked, answers
 from suspension_cli.mechanics.condensed import prepared
 from suspension_cli.mechanics.model import LinearModel
 
 CHUNK = 1 << 17
-"""Numbers (coordinates times inputs times frequencies) worked on at once: few enough to stay in the cache."""
+"""Numbers (coordinates times inputs times frequencies) of a model with terms that are worked on at once."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,8 @@ def solve(model: LinearModel, frequency: Array, inputs: list[Signal], outputs: l
     rows = np.array([signals.row(signal, model) for signal in outputs])
     drives = np.array([signals.row(signal, model) for signal in inputs])
     value, count = transfer(model, 2 * np.pi * np.asarray(frequency, dtype=float), drives, [s.acts for s in inputs], rows)
-    unit = tuple(tuple(f"{out.unit}/{into.unit}".replace("/N m", "/(N m)") for into in inputs) for out in outputs)
+    per = ["/" + into.unit.replace("N m", "(N m)") for into in inputs]
+    unit = tuple(tuple(out + into for into in per) for out in (signal.unit for signal in outputs))
     return Response(np.asarray(frequency), tuple(s.text for s in inputs), tuple(s.text for s in outputs), unit, value, count)
 
 
@@ -93,42 +97,53 @@ def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], 
     """
     if model.terms:
         return _dispersive(model, omega, drives, acts, rows)
-    moves = np.array([np.zeros_like(d[:6]) if act else d[:6] for d, act in zip(drives, acts, strict=True)]).T  # (6, i)
-    forces = np.array([d if act else np.zeros_like(d) for d, act in zip(drives, acts, strict=True)]).T  # (N, i)
+    moves, forces = _given(drives, acts)
+    order = None if (omega[1:] >= omega[:-1]).all() else np.argsort(omega, kind="stable")
+    ascending = omega if order is None else omega[order]
     result = np.zeros((len(rows), drives.shape[0], len(omega)), dtype=complex)
-    _add(result, rows[:, :6] @ moves)
-    reached = rows[:, :6] @ moves != 0  # memory that nothing has reached stays untouched
-    count, pulled, moved = 0, _pulled(model), moves.any(1)
-    for number, group in enumerate(model.blocks):
+    constant = rows[:, :6] @ moves
+    reached = constant != 0  # memory that nothing has reached stays untouched
+    if reached.any():
+        result[reached] += constant[reached][:, None]
+    count = 0
+    for number in _touched(model, rows, moves, forces):
+        group = model.blocks[number]
         watched = np.flatnonzero(rows[:, group].any(1))
-        if not len(watched) or not (forces[group].any() or pulled[group][:, moved].any()):
-            continue
         part = prepared(model, number)
-        touched = np.flatnonzero(part.driven(moves, forces))
+        touched = part.driven(moves, forces).nonzero()[0]
         count += 1
-        seen = rows[np.ix_(watched, part.keep)] + rows[np.ix_(watched, part.drop)] @ part.recover.T
-        step = min(max(CHUNK // max(len(part.keep) * len(touched), 1), 256), 4096)
-        for start in range(0, len(omega) if len(part.keep) else 0, step):
-            now = slice(start, start + step)
-            x = part.solve(omega[now], moves[:, touched], forces[:, touched])
-            _demand_finite(x, omega[now])
-            for row, form in zip(watched, seen, strict=True):
-                motion = _combined(form, x)
-                for column, i in enumerate(touched):
+        wanted = Asked(rows[watched[:, None], part.keep], moves[:, touched], part.pushed(forces[:, touched]))
+        for now, values, finite in answers(part, ascending, wanted):
+            _demand_finite(finite, ascending[now])
+            for row, value in zip(watched.tolist(), values, strict=True):
+                for column, i in enumerate(touched.tolist()):
                     if reached[row, i]:
-                        result[row, i, now] += motion[column]
+                        result[row, i, now] += value[column]
                     else:
-                        result[row, i, now] = motion[column]
-        reached[np.ix_(watched, touched)] = True
-        at_once = part.yielding @ (forces[part.drop] - part.pulled @ moves)
-        _add(result, _scattered(rows[np.ix_(watched, part.drop)] @ at_once, watched, len(rows)))
-    return np.moveaxis(result, -1, 0), count
+                        result[row, i, now] = value[column]
+        reached[watched[:, None], touched] = True
+    if order is not None:
+        result[..., order] = result.copy()
+    return result.transpose(2, 0, 1), count
+
+
+def _given(drives: Array, acts: list[bool]) -> tuple[Any, Any]:
+    """Motions of the support (6, i) and forces (N, i) that some drives (i, N) are."""
+    pushes = np.array(acts, dtype=bool)
+    return np.where(pushes, 0.0, drives[:, :6].T), np.where(pushes, drives.T, 0.0)
+
+
+def _touched(model: LinearModel, rows: Array, moves: Any, forces: Any) -> list[int]:
+    """The blocks that both an output sees and an input drives."""
+    seen, pushed = rows.any(0), forces.any(1)
+    pushed |= model.pulled[:, moves.any(1)].any(1)
+    driven = set(model.member[pushed].tolist())
+    return [number for number in sorted(set(model.member[seen].tolist())) if number in driven and number >= 0]
 
 
 def _dispersive(model: LinearModel, omega: Array, drives: Array, acts: list[bool], rows: Array) -> tuple[Any, int]:
     """The same for a model whose stiffness depends on frequency."""
-    moves = np.array([np.zeros_like(d[:6]) if act else d[:6] for d, act in zip(drives, acts, strict=True)]).T
-    forces = np.array([d if act else np.zeros_like(d) for d, act in zip(drives, acts, strict=True)]).T
+    moves, forces = _given(drives, acts)
     result = np.zeros((len(omega), len(rows), len(drives)), dtype=complex) + rows[:, :6] @ moves
     count = 0
     for block in dispersive.blocks(model):
@@ -140,43 +155,15 @@ def _dispersive(model: LinearModel, omega: Array, drives: Array, acts: list[bool
         for start in range(0, len(omega), step):
             now = slice(start, start + step)
             x = block.at(omega[now]).solve(moves, pushed)
-            _demand_finite(x, omega[now])
+            _demand_finite(np.isfinite(x).all((0, 1)), omega[now])
             result[now] += np.einsum("oc,cif->foi", watched, x)
     return result, count
 
 
-def _demand_finite(x: Any, omega: Array) -> None:
+def _demand_finite(finite: Any, omega: Array) -> None:
     """Raise `InputError` where a system was singular to the last bit."""
-    bad = ~np.isfinite(x).all((0, 1))
-    if bad.any():
-        at = float(omega[bad][0]) / (2 * np.pi)
+    if not finite.all():
+        at = float(omega[~finite][0]) / (2 * np.pi)
         raise InputError(
             [Fault("--frequency", "is a resonance without loss, where the response is infinite", "move it, or give loss_angle or damping", f"{at!r}")]
         )
-
-
-def _pulled(model: LinearModel) -> Any:
-    """Which of the support's motions pull on which coordinates: (N, 6) bool."""
-    full = model.stiffness if model.lossy is None else model.lossy
-    return (full[:, :6] != 0) | (model.damping[:, :6] != 0) | (model.mass[:, :6] != 0)
-
-
-def _combined(form: Array, x: Any) -> Any:
-    """A linear form (c,) of coordinates (c, i, f); just the coordinate where it is one."""
-    chosen = np.flatnonzero(form)
-    if len(chosen) == 1 and form[chosen[0]] == 1.0:
-        return x[chosen[0]]
-    return sum(form[c] * x[c] for c in chosen)
-
-
-def _add(result: Any, constant: Any) -> None:
-    """Add what does not depend on frequency (o, i), where it is not 0."""
-    for o, i in np.argwhere(constant != 0):
-        result[o, i] += constant[o, i]
-
-
-def _scattered(values: Any, rows: Any, count: int) -> Any:
-    """Rows of values placed among `count` rows of zeros."""
-    result = np.zeros((count, values.shape[1]), dtype=values.dtype)
-    result[rows] = values
-    return result

@@ -119,7 +119,8 @@ def row(signal: Signal, model: LinearModel) -> Array:
 
     A point at p moves by x + t x p; a force at p acts on the coordinates as the point moves with them.
     """
-    result = np.zeros((*(model.orientation.shape[:-3] if model.orientation is not None else ()), model.size))
+    turned = model.orientation
+    result = np.zeros((*turned.shape[:-3], model.size), dtype=turned.dtype) if turned is not None else np.zeros(model.size)
     if signal.body == "frame":
         name = f"frame.{DOFS[signal.dof]}"
         if name not in model.coordinate:

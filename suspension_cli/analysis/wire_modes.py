@@ -17,6 +17,7 @@ from suspension_cli.analysis import quality
 from suspension_cli.analysis.modes import Modes
 from suspension_cli.design.fibres import Fibre
 from suspension_cli.design.scene import Array
+from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import count, joined
 from suspension_cli.mechanics.dispersion import WireTerm
 from suspension_cli.mechanics.fibre import PARTS, WIDTH, Strand
@@ -28,6 +29,8 @@ SLOWEST = 1e-4
 """Share of the lowest static frequency below which no mode is looked for."""
 DEGENERATE = 1e-10
 """Relative difference of frequencies below which modes are one degenerate group."""
+ASIDE = np.array([0.97, 1.0, 1.03])
+"""Times a mode's frequency: where the sizes of stiffnesses are taken, and the mode."""
 STEP = 1e-20
 """Of the complex step that differentiates stiffnesses by frequency."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
@@ -75,9 +78,12 @@ def solve(model: LinearModel, highest: float) -> Modes:
     still = static_modes.solve(replace(model, terms=()))
     lowest = SLOWEST * float(np.sqrt(np.abs(still.omega_squared[still.omega_squared != 0]).min(initial=(2 * np.pi) ** 2)))
     omega = count.frequencies(model, 2 * np.pi * highest, lowest)
+    if not len(omega):
+        raise InputError([Fault("--max-frequency", "lies below the lowest mode", "raise it", f"{highest!r}")])
     wires, size = _cut(model)
     shapes = _shapes(model, wires, size, omega)
-    total, body, wire, names = _kinetic(model, wires, omega, shapes)
+    total, body, kinds = _kinetic(model, wires, omega, shapes)
+    wire, names = _by_name(kinds, total)
     moved = [(strand, motion) for cut in wires for strand, motion in zip(cut.pieces, _motion(cut, shapes), strict=True)]
     lost, elastic = quality.dissipated(model, omega, shapes[:, : model.size], moved)
     energy, tips = body[:, : 6 * len(model.body)], body[:, 6 * len(model.body) :]
@@ -97,7 +103,7 @@ def solve(model: LinearModel, highest: float) -> Modes:
         wire_energy=wire / total[:, None],
         order=np.zeros(len(omega), dtype=np.intp),
     )
-    found = replace(found, order=_orders(found, wires))
+    found = replace(found, order=_orders(found, kinds))
     return _with_unstable(found, still)
 
 
@@ -175,8 +181,9 @@ def _shapes(model: LinearModel, wires: list[CutWires], size: int, omega: Array) 
         stop = start + 1
         while stop < len(omega) and omega[stop] - omega[stop - 1] <= DEGENERATE * omega[stop]:
             stop += 1
-        matrix = _stiffness(model, wires, size, np.array([omega[start:stop].mean()]))[0, 6:, 6:]
-        scale = 1 / np.sqrt(np.abs(np.diag(matrix)))
+        below, matrix, above = _stiffness(model, wires, size, omega[start:stop].mean() * ASIDE)[:, 6:, 6:]
+        # a coordinate that resonates by itself has no stiffness at its mode, so sizes are taken beside it
+        scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above))))
         values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
         nearest = np.argsort(np.abs(values))[: stop - start]
         vectors = static_modes.localised(np.zeros(stop - start), vectors[:, nearest])
@@ -195,24 +202,32 @@ def _motion(cut: CutWires, shapes: Array) -> list[dict[str, Any]]:
     return pieces
 
 
-def _kinetic(model: LinearModel, wires: list[CutWires], omega: Array, shapes: Array) -> tuple[Array, Array, Array, tuple[str, ...]]:
-    """Twice the kinetic energy over omega^2: in all, of each coordinate of the bodies (m, N - 6), of what wires do (m, k), and its names."""
+def _kinetic(model: LinearModel, wires: list[CutWires], omega: Array, shapes: Array) -> tuple[Array, Array, list[tuple[CutWires, str, Array]]]:
+    """Twice the kinetic energy over omega^2: in all, of each coordinate of the bodies (m, N - 6), and of every part of every kind of wire."""
     own = shapes[:, : model.size]
     total = np.einsum("mi,ij,mj->m", own, model.mass, own)
     body, tips = static_modes.energies(model, own)
     body = np.concatenate([body, tips], axis=1) * total[:, None]
-    wire: dict[str, Array] = {}
+    kinds: list[tuple[CutWires, str, Array]] = []
     for cut in wires:
+        own = {part: np.zeros(len(omega)) for part in PARTS}
         for strand, motion in zip(cut.pieces, _motion(cut, shapes), strict=True):
             moving = replace(strand, lossy=False).at(omega * (1 + 1j * STEP))
             for part in PARTS:
                 slope = moving.stiffness(part).imag / STEP  # omega dF/domega = 2 omega^2 dF/d(omega^2)
-                energy = -np.einsum("awm,abm,bwm->m", motion[part], slope, motion[part], optimize=True) / (2 * omega**2)
-                name = f"{cut.stage}.{NAMES[part]}"
-                wire[name] = wire.get(name, 0.0) + energy
-    names = tuple(name for name in wire if wire[name].max() > 1e-12 * total.max())
-    parts = np.array([wire[name] for name in names]).reshape(-1, len(omega)).T
-    return total + sum(wire.values(), np.zeros(len(omega))), body, parts, names
+                own[part] -= np.einsum("awm,abm,bwm->m", motion[part], slope, motion[part], optimize=True) / (2 * omega**2)
+        kinds += [(cut, part, own[part]) for part in PARTS]
+    return total + sum((energy for _, _, energy in kinds), np.zeros(len(omega))), body, kinds
+
+
+def _by_name(kinds: list[tuple[CutWires, str, Array]], total: Array) -> tuple[Array, tuple[str, ...]]:
+    """Energies (m, k) of what the wires of each stage do, and its names; what never moves is left out."""
+    wire: dict[str, Array] = {}
+    for cut, part, energy in kinds:
+        name = f"{cut.stage}.{NAMES[part]}"
+        wire[name] = wire.get(name, 0.0) + energy
+    names = tuple(name for name in wire if (wire[name] > 1e-12 * total).any())
+    return np.array([wire[name] for name in names]).reshape(-1, len(total)).T, names
 
 
 def _block(model: LinearModel, shapes: Array) -> Any:
@@ -221,17 +236,21 @@ def _block(model: LinearModel, shapes: Array) -> Any:
     return size.argmax(0)
 
 
-def _orders(found: Modes, wires: list[CutWires]) -> Any:
-    """Number of half waves of each mode that lives in wires: held resonances of that kind up to half way to the next."""
+def _orders(found: Modes, kinds: list[tuple[CutWires, str, Array]]) -> Any:
+    """Number of half waves of each mode that lives in wires: the nearest resonance between held ends of the kind that moves most."""
     result = np.zeros(len(found.q), dtype=np.intp)
-    kinds, home, omega = {name: part for part, name in NAMES.items()}, found.home, np.sqrt(found.omega_squared)
+    home, omega = found.home, np.sqrt(found.omega_squared)
     for stage, dof in set(home):
-        if dof not in kinds:
+        alike = [(cut, part, energy) for cut, part, energy in kinds if (cut.stage, NAMES[part]) == (stage, dof)]
+        if not alike:
             continue
-        here = [n for n, place in enumerate(home) if place == (stage, dof)]
-        strand = next(cut.whole for cut in wires if cut.stage == stage)
-        resonances = strand.held_resonances(kinds[dof], float(omega[here].max()))
-        result[here] = np.abs(resonances - omega[here, None]).argmin(1) + 1
+        here = np.array([n for n, place in enumerate(home) if place == (stage, dof)])
+        most = np.array([energy[here] for _, _, energy in alike]).argmax(0)
+        for number in set(most.tolist()):
+            cut, part, _ = alike[number]
+            own = here[most == number]
+            resonances = cut.whole.held_resonances(part, float(omega[own].max()))
+            result[own] = np.abs(resonances - omega[own, None]).argmin(1) + 1
     return result
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import options
+from suspension_cli.cli import limits, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.auto import Asked
@@ -115,6 +115,7 @@ def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voi
         if not allow_unstable:
             raise InputError([Fault("stage", f"the equilibrium is unstable: {worst}", "make it stable (raise d, say), or give --allow-unstable")])
         voice.warn(f"{source.design.design.name} is unstable: {worst}")
+    limits.warn(source.design, model, found, voice)
     return model
 
 
@@ -122,7 +123,7 @@ def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
     """What a results file says of where it comes from."""
     from suspension_cli.results import Provenance
 
-    return Provenance(source.text, options.command_line(argv), choice.level, choice.reason, choice.error)
+    return Provenance(source.text, options.command_line(argv), choice.level, choice.reason, error=choice.error)
 
 
 def estimate(choice: Choice) -> float | None:
@@ -171,7 +172,7 @@ def what(argv: list[str]) -> str:
     return options.command_line(["pendsus", *kept])
 
 
-def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, setting: dict[str, Any], voice: options.Voice, fill: Any) -> None:
+def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, setting: dict[str, Any], voice: options.Voice, fill: Any, after: Any = None) -> None:
     """Run a sweep into its file, with a progress bar on stderr if it takes more than a second."""
     from suspension_cli.batch import Plan, run
     from suspension_cli.cli.progress import Bar
@@ -180,7 +181,7 @@ def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, settin
     origin = Provenance(source.text, what(sys.argv), choice.level, choice.reason, sweep=job.identity)
     try:
         with Bar(enabled=not voice.quiet) as bar:
-            run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill)
+            run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill, after)
     except KeyboardInterrupt:
         voice.warn(f"interrupted; what is done is in {path}.part, and the same command with --resume goes on")
         raise

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from suspension_cli.cli import limits as warnings
 from suspension_cli.cli import options
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], as_json: bool)
 
     All faults of all designs are told, each on a line with file, key, value and remedy.
     """
-    from suspension_cli.analysis import statics
+    from suspension_cli.analysis import limits, statics
     from suspension_cli.design.reader import read
     from suspension_cli.errors import InputError, joined
     from suspension_cli.models import fidelity
@@ -40,6 +41,9 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], as_json: bool)
             documents.append(_document(name, source.file, carried))
         else:
             click.echo(f"{source.file}: good; {choice.level}: {choice.reason}\n{_table(carried)}")
+        near = limits.slackest(source.design, carried)
+        if near is not None:
+            click.echo(f"warning: {name}: {warnings.slack(near)}", err=True)
     if bad:
         raise joined(bad)
     if as_json:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import analyses, options
+from suspension_cli.cli import analyses, limits, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.modes import Modes
@@ -21,7 +21,7 @@ HIGHEST = 1000.0
 @click.command("modes")
 @options.designs
 @click.option(
-    "--max-frequency", type=click.FloatRange(1e-6, 1e6), metavar="HZ", help="List all modes up to here, those of the wires' own mass included (violin)."
+    "--max-frequency", type=options.Finite(1e-6, 1e6), metavar="HZ", help="List all modes up to here; with auto and violin those of the wires' own mass too."
 )
 @options.tolerance
 @options.analysis
@@ -49,6 +49,7 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
         else:
             click.echo(("\n" if number else "") + table(source, choice, modes))
         _warn_of_series(source, choice, modes, voice)
+        limits.warn_on(source.design, choice.level, modes, voice)
         for label, rate in zip(modes.label, modes.growth_rate, strict=True):
             if rate > 0:
                 voice.warn(f"{source.design.design.name} is unstable: {label} grows at {rate:.4g} 1/s")
@@ -116,7 +117,7 @@ def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool
     from suspension_cli.results import modes as files
 
     path = folder / f"{source.design.design.name}-modes.h5"
-    files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason, choice.error))
+    files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason, error=choice.error))
     voice.say(f"wrote {path}")
     if plot:
         from suspension_cli.design.expand import expand
@@ -149,7 +150,9 @@ def document(name: str, choice: Choice, modes: Modes) -> dict[str, Any]:
             row["growth_rate_per_s"] = float(modes.growth_rate[n])
         share = {"label": labels[n], "share": float(modes.shares[n].max()), "top_mass_share": float(modes.top_share[n]), "verdict": verdicts[n]}
         rows.append(row | share)
-    return {"command": "modes", "design": name, "fidelity": choice.level, "estimated_error": analyses.estimate(choice), "stable": modes.stable, "modes": rows}
+    return {"command": "modes", "design": name, "fidelity": choice.level, "stable": modes.stable, "modes": rows} | {
+        "estimated_error": analyses.estimate(choice)
+    }
 
 
 def table(source: Source, choice: Choice, modes: Modes) -> str:

@@ -17,14 +17,24 @@ LEVELS = ("auto", "closed-form", "force", "string", "beam", "violin")
 TOLERANCE = 1e-3
 """As `analysis.auto.TOLERANCE`: relative error that auto leaves, and difference between two rungs that is worth a warning."""
 
+
+class Finite(click.FloatRange):
+    """A number within bounds; not a number is none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse NaN, which no bound catches."""
+        found = super().convert(value, param, ctx)
+        if found != found:
+            self.fail("nan is no number.", param, ctx)
+        return found
+
+
 designs = click.argument("designs", nargs=-1, required=True, metavar="DESIGN...")
 design = click.argument("design", metavar="DESIGN")
 overrides = click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Override a value, e.g. stage.test.wires.d=0.002 (repeatable).")
 out = click.option("--out", default="results", show_default=True, metavar="DIR", help="Folder for the files written.")
 fidelity = click.option("--fidelity", type=click.Choice(LEVELS), default="auto", show_default=True, help="Rung of the ladder of models.")
-tolerance = click.option(
-    "--tolerance", type=click.FloatRange(1e-12, 1.0), default=TOLERANCE, show_default=True, help="Relative error that --fidelity auto may leave."
-)
+tolerance = click.option("--tolerance", type=Finite(1e-12, 1.0), default=TOLERANCE, show_default=True, help="Relative error that --fidelity auto may leave.")
 as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout; no plot unless --plot is given.")
 as_json_only = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout.")
 plot = click.option("--plot/--no-plot", "plot", default=None, help="Whether to draw the PNG.  [default: --plot, with --json --no-plot]")

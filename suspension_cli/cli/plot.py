@@ -90,6 +90,27 @@ def _xcouple(results: Any, design: Any) -> Any:
     return picture.draw(stored.read(results["xcouple"]), design.design.title or design.design.name)
 
 
+def _sweep(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import sweep as picture
+    from suspension_cli.results import sweep as stored
+
+    return picture.draw(stored.read(results["sweep"]), design.design.title or design.design.name)
+
+
+def _sensitivity(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import sensitivity as picture
+    from suspension_cli.results import sensitivity as stored
+
+    return picture.draw(stored.load(results["sensitivity"]), design.design.title or design.design.name)
+
+
+def _fit(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import fit as picture
+    from suspension_cli.results import fit as stored
+
+    return picture.draw(stored.load(results["fit"]), design.design.title or design.design.name)
+
+
 def _tolerance(results: Any, design: Any) -> Any:
     from suspension_cli.plots import tolerance as picture
     from suspension_cli.results import tolerance as stored
@@ -114,6 +135,9 @@ _DRAWN = {
     "matrix": _matrix,
     "xcouple": _xcouple,
     "tolerance": _tolerance,
+    "sweep": _sweep,
+    "sensitivity": _sensitivity,
+    "fit": _fit,
     "tradeoff": _tradeoff,
 }
 """Group of a results file to its figure."""

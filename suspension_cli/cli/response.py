@@ -90,14 +90,8 @@ def document(name: str, choice: Choice, answer: Response) -> dict[str, Any]:
         for o, out in enumerate(answer.output)
         for i, into in enumerate(answer.input)
     ]
-    head = {
-        "command": "response",
-        "design": name,
-        "fidelity": choice.level,
-        "estimated_error": analyses.estimate(choice),
-        "frequency_hz": answer.frequency.tolist(),
-    }
-    return head | (pairs[0] if len(pairs) == 1 else {"responses": pairs})
+    head = {"command": "response", "design": name, "fidelity": choice.level, "frequency_hz": answer.frequency.tolist()}
+    return head | (pairs[0] if len(pairs) == 1 else {"responses": pairs}) | {"estimated_error": analyses.estimate(choice)}
 
 
 def summary(answer: Response, choice: Any) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import options
+from suspension_cli.cli import analyses, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.thermal import Thermal
@@ -28,6 +28,7 @@ NAMED = 3
 @click.option("--frequency", default=DEFAULT_GRID, show_default=True, metavar="GRID", help="start:stop:count[:log|lin], a comma list or a number; Hz.")
 @click.option("--arm", type=click.FloatRange(0, 1e7), default=0.0, metavar="LENGTH", help="Watch x along the beam of an arm this long (m), e.g. 4000.")
 @options.allow_unstable
+@options.tolerance
 @options.analysis
 @click.pass_context
 def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
@@ -36,7 +37,6 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     The beam of a long arm is not level where it meets the mirrors, so it sees a little of their vertical motion: --arm.
     Writes DIR/NAME-thermal.h5 and .png.
     """
-    from suspension_cli.cli import analyses
     from suspension_cli.results import thermal as files
 
     voice = options.Voice(quiet, verbose)
@@ -54,7 +54,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     if as_json:
         import json
 
-        click.echo(json.dumps(document(name, choice.level, noises)))
+        click.echo(json.dumps(document(name, choice, noises)))
     else:
         click.echo(summary(choice, noises))
 
@@ -65,13 +65,12 @@ def _solved(source: Any, setting: dict[str, Any], voice: options.Voice) -> tuple
     import numpy as np
 
     from suspension_cli.analysis import thermal
-    from suspension_cli.cli import analyses
     from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.grids import grid
     from suspension_cli.models import wire_mass
 
     frequency = np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-    choice = wire_mass.choose(source.design, setting["fidelity"], float(frequency.max()))
+    choice = wire_mass.choose(source.design, setting["fidelity"], float(frequency.max()), setting["tolerance"])
     model = analyses.stood(source, choice, setting["allow_unstable"], voice)
     if not setting["arm"] >= 0:
         raise InputError([Fault("--arm", "must be a length", "give it in m, e.g. 4000", shown(setting["arm"]))])
@@ -104,7 +103,7 @@ def _demand_loss(noise: Thermal) -> None:
         raise InputError([Fault("--output", "nothing that moves with it dissipates, so it has no thermal noise", remedy, shown(noise.output))])
 
 
-def document(name: str, level: str, noises: list[Thermal]) -> dict[str, Any]:
+def document(name: str, choice: Choice, noises: list[Thermal]) -> dict[str, Any]:
     """The JSON document: the noise of one motion flat, that of several in a list."""
     each = [
         {
@@ -116,8 +115,8 @@ def document(name: str, level: str, noises: list[Thermal]) -> dict[str, Any]:
         }
         for noise in noises
     ]
-    head = {"command": "thermal", "design": name, "fidelity": level, "frequency_hz": noises[0].frequency.tolist()}
-    return head | (each[0] if len(each) == 1 else {"noises": each})
+    head = {"command": "thermal", "design": name, "fidelity": choice.level, "frequency_hz": noises[0].frequency.tolist()}
+    return head | (each[0] if len(each) == 1 else {"noises": each}) | {"estimated_error": analyses.estimate(choice)}
 
 
 def summary(choice: Choice, noises: list[Thermal]) -> str:

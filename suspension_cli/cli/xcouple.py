@@ -119,6 +119,7 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
     bad = {reason: count for reason, count in answer.failures.items() if count}
     if bad:
         voice.warn("; ".join(f"{count} of {job.count} builds failed: {reason}" for reason, count in bad.items()))
+    _warn_of_faint(question, answer, voice)
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import coupling as picture
 
@@ -129,6 +130,20 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
         click.echo(json.dumps(document(source.design.design.name, answer)))
     else:
         click.echo(summary(answer))
+
+
+def _warn_of_faint(question: Question, answer: Any, voice: options.Voice) -> None:
+    """Say with a number where couplings are so faint that rounding of the attachments' coordinates shows."""
+    import numpy as np
+
+    from suspension_cli.analysis.coupling import FAINT
+
+    size = np.abs(answer.ratio)
+    faint = (size > 0) & (size < FAINT)
+    if question.over.unit == question.under.unit and faint.any():
+        voice.warn(
+            f"{int(faint.sum())} of {size.size} couplings are below {FAINT:g} (down to {size[faint].min():.1e}), where rounding takes all but two digits"
+        )
 
 
 def document(name: str, answer: Any) -> dict[str, Any]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import materials
@@ -116,9 +118,10 @@ class SetGeometry:
         return self.length**2 - (self.t2 - self.t1) ** 2 - (self.s_lower - self.s_upper) ** 2
 
     @property
-    def height(self) -> float:
+    def height(self) -> Any:
         """Vertical span of a wire in m."""
-        return math.sqrt(self.height_squared)
+        square = self.height_squared
+        return cmath.sqrt(square) if isinstance(square, complex) else math.sqrt(square)
 
 
 def set_geometry(wires: WireSet) -> SetGeometry:

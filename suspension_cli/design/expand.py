@@ -55,7 +55,7 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
         for number, wire in enumerate(stage.wire, 1):
             upper, lower = np.array(wire.upper), np.array(wire.lower)
             span = part.offset + lower - upper
-            length = float(np.linalg.norm(span))
+            length = np.sqrt((span**2).sum())
             k = wire_stiffness(design, wire, length)
             given = wire.tension if wire.natural_length is None else k * (length - wire.natural_length)
             part.wires.append(
@@ -111,7 +111,7 @@ def _blade(design: Design, blade: BladeSet | Blade, label: str, tip: Array, mass
     vertical = blade_stiffness(design, blade, mass, count)
     lateral = blade.lateral_stiffness
     stiffness = np.array([0.0, 0.0, vertical] if lateral is None else [*lateral, vertical])
-    return BladePart(label, tip, stiffness > 0, stiffness, blade.tip_mass, blade_loss(design, blade))
+    return BladePart(label, tip, np.real(stiffness) > 0, stiffness, blade.tip_mass, blade_loss(design, blade))
 
 
 def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
@@ -123,10 +123,10 @@ def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
         part, load = parts[n - 1], loads[n - 1]
         faults += _carry(part, load.copy(), g)
         if part.parent > 0:
-            above = loads[part.parent - 1]
-            above += statics.moved(load, part.offset)
+            above = loads[part.parent - 1] + statics.moved(load, part.offset)
             for blade in part.blades.values():
-                above += statics.moved(np.array([0.0, 0.0, -g * blade.tip_mass, 0.0, 0.0, 0.0]), blade.tip)
+                above = above + statics.moved(np.array([0.0, 0.0, -g * blade.tip_mass, 0.0, 0.0, 0.0]), blade.tip)
+            loads[part.parent - 1] = above
     return faults
 
 
@@ -135,7 +135,7 @@ def _carry(part: StagePart, load: Array, gravity: float) -> list[Fault]:
     stage, wires = part.stage, part.wires
     key, weight = f"stage.{stage.name}", max(float(np.abs(load).max()), 1e-12)
     for spring in stage.spring:
-        load = load + statics.moved(np.array(spring.preload, dtype=float), np.array(spring.at))
+        load = load + statics.moved(np.array(spring.preload), np.array(spring.at))
     if not wires:
         return statics.imbalance(load, weight, f"{key}.spring", "give the springs a preload that carries the body")
     direction = np.array([wire.direction for wire in wires])
@@ -147,7 +147,7 @@ def _carry(part: StagePart, load: Array, gravity: float) -> list[Fault]:
     left_over = load + wrenches.T @ carrying
     if not fixed.all():
         if stage.wires is not None and np.abs(np.delete(load, 2)).max() <= 1e-12 * weight:
-            carrying[:] = -load[2] / (len(wires) * -direction[:, 2])
+            carrying = -load[2] / (len(wires) * -direction[:, 2])
             left_over = load + wrenches.T @ carrying
         else:
             carrying, left_over = _share(part, wrenches, left_over, carrying, fixed)
@@ -171,7 +171,7 @@ def _share(part: StagePart, wrenches: Array, load: Array, given: Array, fixed: N
     # a given wire on a free wire's blade pulls it down already: minimise about the tensions that it would call for
     shift = np.linalg.solve(own, c[np.ix_(free, fixed)] @ given[fixed])
     carried, left_over = statics.least_energy(wrenches[free], load - wrenches[free].T @ shift, own)
-    result = given.copy()
+    result = given.astype(carried.dtype)
     result[free] = carried - shift
     lower, upper = np.array([wire.lower_point for wire in wires]), np.array([wire.upper_point for wire in wires])
     return statics.evened(result, upper, lower, stiffness), left_over
@@ -186,7 +186,7 @@ def _slack(part: StagePart) -> list[Fault]:
             "move its ends, or leave the wire out",
         )
         for wire, tension in zip(part.wires, part.tension, strict=True)
-        if not tension > 0
+        if not tension.real > 0
     ]
 
 

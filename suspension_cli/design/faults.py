@@ -21,20 +21,22 @@ from suspension_cli.errors import Fault, key_shown, shown
 _KINDS = {bool: "true or false", str: "a string", int: "an integer", float: "a number"}
 
 
-def of_table(raw: dict[str, Any]) -> list[Fault]:
+def of_table(raw: dict[str, Any], kind: Any = Design) -> list[Fault]:
     """Every way in which a parsed TOML document departs from the file format.
 
     Parameters
     ----------
     raw : dict
         The document as `tomllib` gives it.
+    kind : type
+        What it should be.
 
     Returns
     -------
     list of Fault
-        Empty if the document can be converted to a `Design`.
+        Empty if the document can be converted to that.
     """
-    return list(_walk(Design, raw, ""))
+    return list(_walk(kind, raw, ""))
 
 
 def step(path: str, key: object, item: Any = None) -> str:

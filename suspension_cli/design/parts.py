@@ -122,7 +122,7 @@ def _blades(parts: list[StagePart]) -> Blades:
 
 def _springs(parts: list[StagePart]) -> Springs:
     rows = [(n, part, spring) for n, part in enumerate(parts, 1) for spring in part.stage.spring]
-    lower = np.array([spring.at for _, _, spring in rows], dtype=float).reshape(-1, 3)
+    lower = np.array([spring.at for _, _, spring in rows]).reshape(-1, 3)
     return Springs(
         label=tuple(f"{part.stage.name}.spring{number}" for number, (_, part, _) in enumerate(rows, 1)),
         upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
@@ -131,7 +131,7 @@ def _springs(parts: list[StagePart]) -> Springs:
         lower_point=lower,
         stiffness=np.array([_matrix(spring, "stiffness") for _, _, spring in rows]).reshape(-1, 6, 6),
         damping=np.array([_matrix(spring, "damping") for _, _, spring in rows]).reshape(-1, 6, 6),
-        preload=np.array([spring.preload for _, _, spring in rows], dtype=float).reshape(-1, 6),
+        preload=np.array([spring.preload for _, _, spring in rows]).reshape(-1, 6),
         loss=np.array([spring.loss_angle or 0.0 for _, _, spring in rows]),
     )
 
@@ -140,5 +140,5 @@ def _matrix(spring: Spring, key: str) -> Array:
     given = getattr(spring, key)
     if given is None:
         return np.zeros((6, 6))
-    matrix = np.array(given, dtype=float)
+    matrix = np.array(given)
     return matrix if matrix.ndim == 2 else np.diag(matrix)

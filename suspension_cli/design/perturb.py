@@ -67,8 +67,8 @@ def wire(
         T, or k' (T / k + L - l), less k' times the change of length.
     """
     wires = scene.wires
-    factor, change = np.asarray(k_factor, dtype=float), np.asarray(length_change, dtype=float)
-    upper, lower = np.asarray(upper_offset, dtype=float), np.asarray(lower_offset, dtype=float)
+    factor, change = _numbers(k_factor), _numbers(length_change)
+    upper, lower = _numbers(upper_offset), _numbers(lower_offset)
     old_span, old_length = wires.span[..., number, :], wires.length[..., number]
     old_k, old_tension = wires.stiffness[..., number], wires.tension[..., number]
     shift = lower - upper
@@ -101,7 +101,7 @@ def move_com(scene: Scene, number: int, offset: Any) -> Scene:
     offset : (..., 3) array
         m.  The inertia given is about the new COM.
     """
-    shift = np.asarray(offset, dtype=float)
+    shift = _numbers(offset)
     bodies, wires, blades, springs = scene.bodies, scene.wires, scene.blades, scene.springs
     position = _with(bodies.position, number, bodies.position[..., number, :] + shift, 1)
     return replace(
@@ -131,7 +131,7 @@ def turn_mass(scene: Scene, number: int, rotation: Any) -> Scene:
     rotation : (..., 3) array
         Rotation vector, rad: the inertia becomes R I R^T.
     """
-    turn = rotation_matrix(np.asarray(rotation, dtype=float))
+    turn = rotation_matrix(_numbers(rotation))
     inertia = scene.bodies.inertia
     turned = turn @ inertia[..., number - 1, :, :] @ np.swapaxes(turn, -1, -2)
     turned = (turned + np.swapaxes(turned, -1, -2)) / 2
@@ -143,14 +143,14 @@ def scale_mass(scene: Scene, number: int, factor: Any) -> Scene:
     mass = scene.bodies.mass
     return replace(
         scene,
-        bodies=replace(scene.bodies, mass=_with(mass, number - 1, mass[..., number - 1] * np.asarray(factor, dtype=float), 0)),
+        bodies=replace(scene.bodies, mass=_with(mass, number - 1, mass[..., number - 1] * _numbers(factor), 0)),
         drawn=scene.drawn or scene,
     )
 
 
 def scale_inertia(scene: Scene, number: int, factor: Any) -> Scene:
     """A scene in which one body (from 1) has its moments of inertia times `factor` (..., 3), each by itself; products of inertia go along."""
-    inertia, root = scene.bodies.inertia, np.sqrt(np.asarray(factor, dtype=float))
+    inertia, root = scene.bodies.inertia, np.sqrt(_numbers(factor))
     scaled = inertia[..., number - 1, :, :] * root[..., :, None] * root[..., None, :]
     return replace(scene, bodies=replace(scene.bodies, inertia=_with(inertia, number - 1, scaled, 2)), drawn=scene.drawn or scene)
 
@@ -158,15 +158,21 @@ def scale_inertia(scene: Scene, number: int, factor: Any) -> Scene:
 def scale_blade(scene: Scene, number: int, factor: Any) -> Scene:
     """A scene in which one blade (from 0) has another stiffness; it is trimmed to its nominal load in the nominal pose."""
     stiffness = scene.blades.stiffness
-    scaled = stiffness[..., number, :] * np.asarray(factor, dtype=float)[..., None]
+    scaled = stiffness[..., number, :] * _numbers(factor)[..., None]
     return replace(scene, blades=replace(scene.blades, stiffness=_with(stiffness, number, scaled, 1)), drawn=scene.drawn or scene)
+
+
+def _numbers(values: Any) -> Any:
+    """Floats, or complex numbers where a derivative is taken by a complex step."""
+    array = np.asarray(values)
+    return array if array.dtype == complex else array.astype(float)
 
 
 def _with(values: Array, number: int, item: Array, inner: int) -> Array:
     """A copy of `values` (..., n, [inner axes]) with member `number` replaced, batch axes broadcast."""
     axis = -1 - inner
     batch = np.broadcast_shapes(values.shape[:axis], item.shape[: item.ndim - inner])
-    result = np.broadcast_to(values, batch + values.shape[axis:]).copy()
+    result = np.array(np.broadcast_to(values, batch + values.shape[axis:]), dtype=np.result_type(values, item))
     result[(..., number, *(slice(None),) * inner)] = item
     return result
 

@@ -64,6 +64,14 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         raise InputError([_TOO_DEEP], name) from None
 
 
+def document(file: str | Path) -> dict[str, Any]:
+    """A TOML file as it stands, whatever it should hold; raises `InputError` if it is none."""
+    try:
+        return _parse(_text(Path(file)))
+    except InputError as error:
+        raise error.in_file(str(file)) from None
+
+
 def parse(text: str) -> Design:
     """A checked design from TOML text."""
     return convert(_parse(text))
@@ -180,6 +188,20 @@ def _member(items: list[Any], key: str, override: str) -> int:
         return int(key) - 1
     names = [str(item.get("name", n)) if isinstance(item, dict) else str(n) for n, item in enumerate(items, 1)]
     raise InputError([Fault("--set", f"there is no {key!r} here", faults.suggestion(key, names), shown(override))])
+
+
+def value_at(raw: dict[str, Any], path: str) -> Any:
+    """What a parsed document holds at a dotted path (as `apply_overrides` takes it); None if it holds nothing there."""
+    node: Any = raw
+    for key in path.split("."):
+        if isinstance(node, list):
+            place = next((n for n, item in enumerate(node) if isinstance(item, dict) and item.get("name") == key), None)
+            if place is None and key.isascii() and key.isdigit() and 1 <= int(key) <= len(node):
+                place = int(key) - 1
+            node = None if place is None else node[place]
+        else:
+            node = node.get(key) if isinstance(node, dict) else None
+    return node
 
 
 def template(kind: str, name: str) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,6 +204,12 @@ class Scene:
             (self.springs, {"upper_point": 2, "lower_point": 2, "stiffness": 3, "damping": 3, "preload": 2}),
         )
         return np.broadcast_shapes(*(getattr(part, name).shape[:-axes] for part, names in inner for name, axes in names.items()))
+
+    @cached_property
+    def kind(self) -> Any:
+        """Type of the numbers: complex where a derivative is taken by a complex step."""
+        groups = (self.bodies, self.wires, self.blades, self.springs)
+        return np.result_type(float, self.gravity, *(v for group in groups for v in vars(group).values() if isinstance(v, np.ndarray) and v.dtype == complex))
 
     @property
     def weight(self) -> Array:

@@ -65,6 +65,8 @@ def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array
     left_over : (6,) array
         The wrench that they cannot balance.
     """
+    if complex in (wrenches.dtype, load.dtype, compliance.dtype):
+        return _carried_along(wrenches, load, compliance)
     scaled = compliance / np.trace(compliance)
     root = _inverse_root(scaled)
     tension = root @ (np.linalg.pinv(wrenches.T @ root, rcond=1e-10) @ -load)
@@ -74,6 +76,26 @@ def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array
         best = root @ (np.linalg.pinv(rows[:, None] * (wrenches.T @ root), rcond=1e-10) @ -(rows * load))
         left_over = wrenches.T @ best + load
     return tension, left_over
+
+
+def _carried_along(wrenches: Array, load: Array, compliance: Array) -> tuple[Array, Array]:
+    """The same for numbers whose imaginary part is a small step (of a derivative), to first order in it.
+
+    T = R A^+ b with A = W^T R, b = -load and C^-1 = R R^T.  For constant rank dA^+ = -A^+ dA A^+ + A^+ A^+^T dA^T (1 - A A^+)
+    + (1 - A^+ A) dA^T A^+^T A^+ (Golub and Pereyra, SIAM J. Numer. Anal. 10, 413 (1973)), and for C = L L^T, R = L^-T it is
+    dR = -R P^T with the lower triangle P of L^-1 dC L^-T, its diagonal halved.
+    """
+    root = np.linalg.inv(np.linalg.cholesky(compliance.real)).T
+    strain = root.T @ compliance.imag @ root
+    half = np.tril(strain) - np.diag(np.diag(strain)) / 2
+    turned = -root @ half.T
+    a, b = wrenches.real.T @ root, -load.real
+    da, db = wrenches.imag.T @ root + wrenches.real.T @ turned, -load.imag
+    inverse = np.linalg.pinv(a, rcond=1e-10)
+    share, left = inverse @ b, b - a @ (inverse @ b)
+    change = inverse @ (db - da @ share + inverse.T @ (da.T @ left)) + (da.T @ (inverse.T @ share)) - inverse @ (a @ (da.T @ (inverse.T @ share)))
+    whole: Array = root @ share + 1j * (turned @ share + root @ change)  # pyright: ignore[reportAssignmentType]
+    return whole, wrenches.T @ whole + load
 
 
 def _inverse_root(matrix: Array) -> Array:
@@ -91,6 +113,8 @@ def compliance(stiffness: Array, direction: Array, blade: Array, axes: Any, blad
     Two wires on one blade share its deflection, which is why this is a matrix.
     """
     result = np.diag(1.0 / stiffness)
+    if complex in (direction.dtype, blade_stiffness.dtype):
+        result = result.astype(complex)
     for number in np.unique(blade[blade >= 0]):
         on = blade == number
         for axis in np.flatnonzero(axes[number]):

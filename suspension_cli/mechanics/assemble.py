@@ -14,7 +14,7 @@ from suspension_cli.mechanics import blade, spring, string
 from suspension_cli.mechanics.blocks import symmetry, unsplit
 from suspension_cli.mechanics.equilibrium import Equilibrium, solve
 from suspension_cli.mechanics.model import LinearModel
-from suspension_cli.mechanics.pose import Layout, Pose, layout, point_jacobian
+from suspension_cli.mechanics.pose import Layout, Pose, layout, point_jacobian, rigid_motion
 
 
 def linear_model(scene: Scene, balanced: Equilibrium | None = None, *, split: bool = True) -> LinearModel:
@@ -65,12 +65,13 @@ def linear_model(scene: Scene, balanced: Equilibrium | None = None, *, split: bo
         orientation=None if balanced.iterations == 0 else pose.rotation,
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
+        rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
     )
 
 
 def mass_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
     """Mass matrix (..., N, N): bodies about their COMs in their current orientation, tip masses where they are."""
-    result = np.zeros((*scene.batch, numbering.size, numbering.size))
+    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
     for n in range(1, len(scene.bodies.name) + 1):
         for axis in range(3):
             result[..., 6 * n + axis, 6 * n + axis] = scene.bodies.mass[..., n - 1]
@@ -86,7 +87,7 @@ def mass_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
 
 def damping_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
     """Viscous damping (..., N, N) of the springs."""
-    result = np.zeros((*scene.batch, numbering.size, numbering.size))
+    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
     now = spring.state(scene, pose)
     for number in range(len(scene.springs.label)):
         jacobian = spring.strain_jacobian(scene, numbering, pose, now, number)
@@ -99,7 +100,7 @@ def loss_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
 
     Tension times geometry is not lossy: only the stretching of wires, the bending of blades and springs are.
     """
-    result = np.zeros((*scene.batch, numbering.size, numbering.size))
+    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
     if scene.wires.loss.any():
         now = string.state(scene, pose)
         along = (string.span_jacobian(scene, numbering, pose, now) * now.direction[..., None, :, :]).sum(-1)

@@ -10,7 +10,7 @@ opposite: T_s) and an odd one (W_a, T_a), in which the two halves mirror each ot
 A and B from W and T at x = h, gives with C = cosh(alpha h), t = tanh(alpha h), c = cos(beta h), s = sin(beta h)
 
     D   = beta s + alpha c t                              (0 where the clamped wire resonates evenly)
-    N   = (s / beta - c t / alpha) / 1                    (0 where it resonates oddly)
+    N   = s / beta - c t / alpha                          (0 where it resonates oddly)
     even: WW = -EI alpha^2 beta^2 (alpha^2 + beta^2) (s/beta)(t/alpha) / D,  WT = EI alpha^2 beta^2 N / D,  TT = EI (alpha^2 + beta^2) c / D
     odd:  WW =  EI (alpha^2 + beta^2) c / N,   WT = -EI D / N,   TT = EI (alpha^2 + beta^2) (s/beta)(t/alpha) / N.
 

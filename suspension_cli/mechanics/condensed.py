@@ -9,8 +9,13 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design.scene import Array, Index
-from suspension_cli.mechanics import elimination
+from suspension_cli.mechanics import elimination, packed, reduction
+from suspension_cli.mechanics.invariance import completed
 from suspension_cli.mechanics.model import LinearModel
+
+BURIED = 1e-6
+"""Relative distance from the resonance of a part within which elimination leaves too few digits to refine."""
+NOTHING = np.zeros(0, dtype=np.intp)
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,12 @@ class Piece:
         for r, c in self.resisting:
             result[r, c] += (1j * self.damping[r, c]) * omega
         return result
+
+    def times(self, columns: Any, omega: Array, square: Array) -> Any:
+        """Its product (r, k, f), or (r, k, 1), with constant columns (s, k)."""
+        if not self.moving and not self.resisting:
+            return (self.stiffness @ columns)[..., None]
+        return Piece(self.stiffness @ columns, self.mass @ columns, self.damping @ columns).at(omega, square)
 
     @cached_property
     def moving(self) -> list[Any]:
@@ -61,45 +72,138 @@ class Block:
         Against the support's coordinates and the block's own.
     stiffness : (c, 6 + c) array
         Complex if lossy.
+    stiffness_low, damping_low : (c, 6 + c) arrays
+        What rounding took from the elements of these (`invariance`).
     drop, recover : (m,) int array, (c, m) array
         The massless coordinates, and how a force on them acts on those that are kept: -K_ab K_bb^-1.
     yielding, pulled : (m, m) array, (m, 6) array
         K_bb^-1, and K_bs towards the support.
+    settled : (c, 6) array
+        Where the coordinates stand when the support has moved by 1 and all has come to rest: S = -K^-1 K_s.  All 0 for a motion of the
+        support that leaves no place to rest.
+    resonances : (r,) array
+        Undamped, rad/s, ascending; 0 for what is not held or not stable.
+    parts : (p,) array
+        The same, ascending, of each part of the tree by itself, hanging from a body that is held.
     tree : Tree
         The coordinates by body; one node if they form no tree.
-    own, link, support : tuples of Piece
-        Of every node: itself, towards its parent (None for a root), towards the support.
+    own, link, support, carried : tuples of Piece
+        Of every node: itself, towards its parent (None for a root), towards the support, and towards the support once the coordinates are
+        counted from where they would settle.
     """
 
     keep: Index
     mass: Any
     damping: Any
     stiffness: Any
+    stiffness_low: Any
+    damping_low: Any
     drop: Index
     recover: Any
     yielding: Any
     pulled: Any
+    settled: Any
+    resonances: Any
+    parts: Any
     tree: elimination.Tree
     own: tuple[Piece, ...]
     link: tuple[Piece | None, ...]
     support: tuple[Piece, ...]
+    carried: tuple[Piece, ...]
 
     def driven(self, moves: Any, forces: Any) -> Any:
         """Which inputs (i,) drive this block."""
-        joined = (self.stiffness[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
-        return (joined.astype(float) @ np.abs(moves) != 0).any(0) | forces[self.keep].any(0) | forces[self.drop].any(0)
+        return (self._joined @ np.abs(moves) != 0).any(0) | forces[self.keep].any(0) | forces[self.drop].any(0)
 
-    def solve(self, omega: Array, moves: Any, forces: Any) -> Any:
-        """Coordinates (c, i, f) for support motions (6, i) and forces (N, i)."""
+    @cached_property
+    def _joined(self) -> Any:
+        """Which motions of the support pull on which coordinates: 0 or 1, (c, 6)."""
+        return ((self.stiffness[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)).astype(float)
+
+    def pushed(self, forces: Any) -> Any:
+        """Forces (c, i) on the coordinates that are kept, from all (N, i)."""
+        result, dropped = forces[self.keep], forces[self.drop]
+        return result + self.recover @ dropped if dropped.any() else result
+
+    def measured(self, omega: Array, limit: float) -> elimination.Factors:
+        """K + i omega C - omega^2 M at some ascending frequencies (f,) in rad/s, ready to be solved, with what elimination loses measured.
+
+        Where growth is above the limit systems are to be solved densely.
+        """
+        return elimination.factored(*self._systems(omega), self.tree, limit)
+
+    def factored(self, omega: Array) -> elimination.Factors | packed.Packed:
+        """The same unmeasured: to be solved densely but where a part is so close to resonating by itself that refining has nothing to start from."""
+        buried = self._buried(omega)
+        if self.plan is None:
+            return elimination.factored(*self._systems(omega), self.tree, buried=buried)
+        whole = elimination.whole(*self._systems(omega[buried]), self.tree) if len(buried) else None
+        return packed.factored(self.plan, omega, buried, whole)
+
+    def _systems(self, omega: Array) -> tuple[list[Any], list[Any]]:
+        """The matrix of each node, and between its parent and it."""
         square = omega**2
-        pushed = (forces[self.keep] + self.recover @ forces[self.drop])[..., None]
-        diagonal = [np.broadcast_to(piece.at(omega, square), (*piece.stiffness.shape, len(omega))) for piece in self.own]
-        links = [None if piece is None else piece.at(omega, square) for piece in self.link]
-        right = [
-            pushed[node] if piece.empty else pushed[node] - elimination.multiply(piece.at(omega, square), moves[..., None])
-            for node, piece in zip(self.tree.nodes, self.support, strict=True)
-        ]
-        return elimination.solve_nodes(diagonal, links, right, self.tree)
+        diagonal = [_everywhere(piece.at(omega, square), len(omega)) for piece in self.own]
+        return diagonal, [None if piece is None else piece.at(omega, square) for piece in self.link]
+
+    def _buried(self, omega: Array) -> Any:
+        """Which of some ascending frequencies are too close to a part's own resonance."""
+        first, last = omega.searchsorted(self._surroundings)
+        if (first == last).all():
+            return NOTHING
+        return np.unique(np.concatenate([np.arange(a, b) for a, b in zip(first.tolist(), last.tolist(), strict=True)]))
+
+    @cached_property
+    def _surroundings(self) -> Any:
+        """Between what frequencies (2, p) a part resonates."""
+        return np.array([self.parts * (1 - BURIED), self.parts * (1 + BURIED)])
+
+    @cached_property
+    def plan(self) -> packed.Plan | None:
+        """How it is eliminated in large steps, where that is possible."""
+        return packed.plan(self.tree, self.own, self.link, self.support, self.carried)
+
+    def solve(self, factors: elimination.Factors | packed.Packed, omega: Array, moves: Any, pushed: Any, *, carried: bool) -> Any:
+        """Coordinates (c, i, f) for support motions (6, i) and forces (c, i).
+
+        Far below the resonances all that a motion of the support does is to carry the coordinates to S s, which no inertia resists, and what is
+        left of x = S s + u follows from
+
+            (K + i omega C - omega^2 M) u = omega^2 (M_s + M S) s - i omega (C_s + C S) s
+
+        in which nothing cancels, where in (...) x = -K_s s + ... it would be all but omega^2 of everything.  Far above them it is the other
+        way round.
+        """
+        if isinstance(factors, packed.Packed):
+            result = factors.solve(moves, pushed, carried=carried)
+            return np.add(result, (self.settled @ moves)[..., None], out=result) if carried else result
+        square = omega**2
+        moved, forced = moves.any(0).nonzero()[0], pushed.any(0).nonzero()[0]
+        right = []
+        for piece, where in zip(self.carried if carried else self.support, self.tree.where, strict=True):
+            force = elimination.Columns(forced, pushed[where][:, forced, None]).needed()
+            if len(moved) and not piece.empty:
+                force = elimination.Columns(moved, piece.times(-moves[:, moved], omega, square)).joined(force)
+            right.append(force)
+        result = factors.solve_columns(right, moves.shape[1])
+        return result + (self.settled @ moves)[..., None] if carried else result
+
+    def corrected(self, factors: elimination.Factors | packed.Packed, right: Any) -> Any:
+        """Coordinates (c, P) for right sides (c, P), one a system."""
+        if isinstance(factors, packed.Packed):
+            return factors.corrected(right)
+        only = np.zeros(1, dtype=np.intp)
+        return factors.solve_columns([elimination.Columns(only, right[where][:, None]) for where in self.tree.where], 1)[:, 0]
+
+    @cached_property
+    def kept(self) -> dict[Any, Any]:
+        """What an analysis works out once for this block and keeps for its next call."""
+        return {}
+
+
+def _everywhere(values: Any, count: int) -> Any:
+    """The same for every frequency where there is but one."""
+    return values if values.shape[-1] == count else np.broadcast_to(values, (*values.shape[:-1], count))
 
 
 def condensed_blocks(model: LinearModel) -> list[Block]:
@@ -115,44 +219,80 @@ def prepared(model: LinearModel, number: int) -> Block:
 
 
 def _block(model: LinearModel, block: Index) -> Block:
-    light = model.massless[block] & ~(model.damping[block] != 0).any(1)
+    tips = np.array([_owner(model.coordinate[n]) != "frame" for n in block])  # nothing asks for their motion, nothing pushes them
+    light = model.massless[block] & tips & ~(model.damping[block] != 0).any(1)
     keep, drop = block[~light], block[light]
-    both = np.concatenate([np.arange(6), keep])
     full = model.stiffness if model.lossy is None else model.lossy
-    stiffness = full[np.ix_(keep, both)]
-    if not np.iscomplexobj(stiffness) or not stiffness.imag.any():
-        stiffness = stiffness.real
-    yielding = np.linalg.inv(full[np.ix_(drop, drop)])
-    recover = -full[np.ix_(keep, drop)] @ yielding
-    if len(drop):
-        stiffness = stiffness + recover @ full[np.ix_(drop, both)]
-        stiffness[:, 6:] = (stiffness[:, 6:] + stiffness[:, 6:].T) / 2
-    mass, damping = model.mass[np.ix_(keep, both)], model.damping[np.ix_(keep, both)]
-    coupled = (stiffness[:, 6:] != 0) | (mass[:, 6:] != 0) | (damping[:, 6:] != 0)
-    owner = [_owner(model.coordinate[n]) for n in keep]
-    order = np.argsort([_rank(model, name) for name in owner], kind="stable")
-    keep, owner = keep[order], [owner[n] for n in order]
-    columns = np.concatenate([np.arange(6), 6 + order])
-    tree = elimination.tree(owner, coupled[np.ix_(order, order)]) or elimination.Tree((np.arange(len(keep)),), (-1,))
-    mass, damping, stiffness = (matrix[order[:, None], columns] for matrix in (mass, damping, stiffness))
+    if not np.iscomplexobj(full) or not full[block].imag.any():
+        full = full.real
+    whole, follows, free = _without_tips(model, full, block, light)
+    order = np.argsort([_rank(model, _owner(model.coordinate[n])) for n in keep], kind="stable")
+    keep, columns = keep[order], np.concatenate([np.arange(6), 6 + order])
+    both = np.concatenate([np.arange(6), keep])
+    whole = reduction.Reduced(*(part[order[:, None], columns] for part in (whole.real, whole.imag)))
+    stiffness, low = reduction.rounded(whole)
+    damping_low, undamped = completed(model.damping, model, keep)
+    matrices = stiffness, model.mass[np.ix_(keep, both)], model.damping[np.ix_(keep, both)]
+    settled = reduction.settled(whole, np.zeros((len(keep), 6)) if model.rigid is None else model.rigid[keep], free)
+    left, settled = _left(matrices, damping_low[:, both], settled, free & undamped)
+    coupled = np.logical_or.reduce([matrix[:, 6:] != 0 for matrix in matrices])
+    tree = elimination.tree([_owner(model.coordinate[n]) for n in keep], coupled) or elimination.Tree((np.arange(len(keep)),), (-1,))
 
     def piece(rows: Index, columns: Index) -> Piece:
-        return Piece(*(matrix[rows[:, None], columns] for matrix in (stiffness, mass, damping)))
+        return Piece(*(matrix[rows[:, None], columns] for matrix in matrices))
 
     return Block(
         keep=keep,
-        mass=mass,
-        damping=damping,
+        mass=matrices[1],
+        damping=matrices[2],
         stiffness=stiffness,
+        stiffness_low=low,
+        damping_low=damping_low[:, both],
         drop=drop,
-        recover=recover[order],
-        yielding=yielding,
+        recover=-follows[:, columns[6:]].T,
+        yielding=np.linalg.inv(full[np.ix_(drop, drop)]),
         pulled=full[np.ix_(drop, np.arange(6))],
+        settled=settled,
+        resonances=reduction.resonances(stiffness.real, matrices[1]),
+        parts=_parts(stiffness.real, matrices[1], tree),
         tree=tree,
         own=tuple(piece(node, node + 6) for node in tree.nodes),
         link=tuple(None if above < 0 else piece(tree.nodes[above], node + 6) for node, above in zip(tree.nodes, tree.parent, strict=True)),
         support=tuple(piece(node, np.arange(6)) for node in tree.nodes),
+        carried=tuple(Piece(*(matrix[node] for matrix in left)) for node in tree.nodes),
     )
+
+
+def _parts(stiffness: Any, mass: Any, tree: elimination.Tree) -> Any:
+    """Resonances of all that hangs from each node's parent with it."""
+    below = [list(node) for node in tree.nodes]
+    found = [np.zeros(0)]
+    for n in range(len(tree.nodes) - 1, -1, -1):
+        if tree.parent[n] >= 0:
+            rows = np.sort(np.array(below[n], dtype=np.intp))
+            columns = np.concatenate([np.arange(6), 6 + rows])
+            found.append(reduction.resonances(stiffness[np.ix_(rows, columns)], mass[np.ix_(rows, columns)]))
+            below[tree.parent[n]] += below[n]
+    return np.unique(np.concatenate(found))
+
+
+def _without_tips(model: LinearModel, full: Any, block: Index, light: Any) -> tuple[reduction.Reduced, Any, Any]:
+    """The stiffness of what is kept, how the tips follow, and which motions of everything cost nothing."""
+    both = np.concatenate([np.arange(6), block])
+    real, free = completed(full.real, model, block)
+    imag, alike = completed(full.imag, model, block)
+    whole, follows = reduction.reduced(full[np.ix_(block, both)], (real + 1j * imag)[:, both], light)
+    return whole, follows, free & alike
+
+
+def _left(matrices: tuple[Any, Any, Any], damping_low: Any, settled: Any, undamped: Any) -> tuple[tuple[Any, Any, Any], Any]:
+    """What still acts on coordinates counted from where they would settle (K, M and C towards the support), and where that is."""
+    stiffness, mass, damping = matrices
+    rests = np.isfinite(settled).all(0)
+    settled = np.where(rests, settled, 0.0)
+    resisted = reduction.left_over(damping, damping_low, settled)
+    resisted[:, undamped] = 0.0
+    return (np.where(rests, 0.0, stiffness[:, :6]), reduction.left_over(mass, 0.0 * mass, settled), resisted), settled
 
 
 def _owner(coordinate: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from suspension_cli.design.fibres import Fibre
 from suspension_cli.design.scene import Scene
-from suspension_cli.mechanics import assemble, equilibrium, flexure, loss, spring, string
+from suspension_cli.mechanics import assemble, equilibrium, flexure, joined, loss, spring, string
 from suspension_cli.mechanics.blocks import Symmetry, symmetry
 from suspension_cli.mechanics.dispersion import LossTerm, Term, WireTerm
 from suspension_cli.mechanics.equilibrium import Equilibrium
@@ -22,6 +22,8 @@ Drag = tuple[Any, ...]
 
 SETTLED = 1e-12
 """Relative change of tensions after which the stiffness of wires against bending need not be taken anew."""
+HINGES = 4
+"""How often the place of a wire's clamps is worked out anew for its length between them; each time changes the last change by u / l."""
 PASSES = 4
 ALIKE = 1e-12
 """Relative difference of lengths and tensions of wires that are alike."""
@@ -70,14 +72,12 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearModel
 def _to_clamps(scene: Scene) -> Scene:
     """A scene whose wires end at their clamps, where the design tells the points at which they seem to bend.
 
-    A long wire under tension T pulls as if it were hinged at u = sqrt(EI / T) from its clamp (Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207
-    (1994)), so its clamps lie u beyond those points, in line with the wire: what carries the weight is the same.
+    A wire whose far end is pulled aside pushes on its clamp with a shear V and a moment M, as if it were hinged at u = M / V from there (sqrt(EI / T) for
+    a long uniform one; Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207 (1994)).  So its clamps lie u beyond those points, in line with the wire:
+    what carries the weight is the same.  Of a ribbon it is the soft plane that counts.
     """
     assert scene.fibres is not None
-    ends = np.zeros((len(scene.wires.label), 2))
-    for n, fibre in enumerate(scene.fibres.wire):
-        if fibre.effective:
-            ends[n] = [np.sqrt(fibre.sections[end].rigidity[0] / scene.wires.tension[n]) for end in (0, -1)]
+    ends = np.array([_hinges(fibre, scene, n) if fibre.effective else (0.0, 0.0) for n, fibre in enumerate(scene.fibres.wire)]).reshape(-1, 2)
     if not ends.any():
         return scene
     wires = scene.wires
@@ -90,6 +90,17 @@ def _to_clamps(scene: Scene) -> Scene:
         length=wires.length + longer,
     )
     return replace(scene, wires=moved)
+
+
+def _hinges(fibre: Fibre, scene: Scene, number: int) -> tuple[float, float]:
+    """How far (m) from its upper and its lower clamp a wire seems to bend, in its first plane, if it is that much longer than drawn."""
+    upper = lower = 0.0
+    for _ in range(HINGES):
+        longer = _fitted(fibre, float(scene.wires.length[number]) + upper + lower, float(scene.wires.stiffness[number]))
+        static = Strand(longer, float(scene.wires.tension[number]), massive=False, lossy=False).static["bend-1"]
+        k = joined.ends(static[..., None])[..., 0]  # w_1, w'_1, w_2, w'_2
+        upper, lower = abs(float(k[1, 2] / k[0, 2])), abs(float(k[3, 0] / k[2, 0]))
+    return upper, lower
 
 
 def _balanced(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:

@@ -14,11 +14,13 @@ S_c is nearly singular, and subtracting a large B_c S_c^-1 B_c^T buries the digi
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+
+from suspension_cli.mechanics.stacks import dense, inverse, multiply
 
 GROWTH = 30.0
 """What a child takes from a diagonal element of D_i, against that element, above which a system is solved densely instead.
@@ -26,6 +28,8 @@ GROWTH = 30.0
 A ratio of like to like, so it does not depend on units (a norm over metres and radians would).  So many times the rounding
 error of the dense solve is what block elimination may lose.
 """
+LIGHT = 8.0
+"""The same where what elimination loses is refined afterwards, but for so many right-hand sides that a dense solution is cheaper."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,16 @@ class Tree:
 
     nodes: tuple[Any, ...]
     parent: tuple[int, ...]
+
+    @cached_property
+    def where(self) -> tuple[Any, ...]:
+        """The nodes' positions, as slices where they follow each other."""
+        return tuple(slice(node[0], node[-1] + 1) if node[-1] - node[0] + 1 == len(node) else node for node in self.nodes)
+
+    @cached_property
+    def places(self) -> Any:
+        """Where each coordinate is found in the order of the nodes."""
+        return np.argsort(np.concatenate(self.nodes))
 
 
 def tree(owner: list[str], coupled: Any) -> Tree | None:
@@ -84,11 +98,81 @@ def solve(matrix: Any, rhs: Any, structure: Tree | None) -> Any:
         return dense(matrix, rhs)
     diagonal = [matrix[np.ix_(node, node)] for node in structure.nodes]
     links = [None if up < 0 else matrix[np.ix_(structure.nodes[up], node)] for node, up in zip(structure.nodes, structure.parent, strict=True)]
-    return solve_nodes(diagonal, links, [rhs[node] for node in structure.nodes], structure)
+    return factored(diagonal, links, structure, GROWTH).solve([rhs[node] for node in structure.nodes])
 
 
-def solve_nodes(diagonal: list[Any], links: list[Any], rhs: list[Any], structure: Tree) -> Any:
-    """The same from the pieces of D that are not 0.
+@dataclass(frozen=True)
+class Factors:
+    """Many systems after elimination, to be solved for any right-hand sides.
+
+    Attributes
+    ----------
+    structure : Tree
+    own : tuple of (s, s, P) arrays
+        Of each node S, its inverse if it has no more than two coordinates (an inverse of more loses digits).
+    toward : tuple of (s, s above, P) arrays or None
+        S^-1 B^T.
+    growth : (P,) array
+        So many roundings of the elements of some D_i may be lost; at least 1.
+    buried : (b,) int array
+        Systems that are solved densely instead.
+    whole : (c, c, b) array
+        Those, put together.
+    """
+
+    structure: Tree
+    own: tuple[Any, ...]
+    toward: tuple[Any, ...]
+    growth: Any
+    buried: Any
+    whole: Any
+
+    def some(self, which: Any) -> Factors:
+        """Some of the systems, some perhaps more than once."""
+        own, toward = (tuple(None if part is None else np.take(part, which, axis=-1) for part in parts) for parts in (self.own, self.toward))
+        if not len(self.buried):
+            return Factors(self.structure, own, toward, self.growth[which], self.buried, self.whole)
+        place = np.full(len(self.growth), -1)
+        place[self.buried] = np.arange(len(self.buried))
+        dense_ones = place[which]
+        buried = np.flatnonzero(dense_ones >= 0)
+        return Factors(self.structure, own, toward, self.growth[which], buried, self.whole[..., dense_ones[buried]])
+
+    def solve(self, rhs: list[Any]) -> Any:
+        """Solutions (c, k, P) for the right-hand sides (s, k, P) of each node; the last axis may be 1."""
+        return self.solve_columns([Columns.of(b) for b in rhs], rhs[0].shape[1])
+
+    def solve_columns(self, rhs: list[Columns], count: int) -> Any:
+        """The same for those of `count` right-hand sides that are not 0."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a singular part is among the buried
+            result = self._by_body(rhs, count)
+        if len(self.buried):
+            sides = [b.some(self.buried, count) for b in rhs]
+            result[..., self.buried] = dense(self.whole, np.concatenate(sides)[self.structure.places])
+        return result
+
+    def _by_body(self, rhs: list[Columns], count: int) -> Any:
+        parent, where = self.structure.parent, self.structure.where
+        right, own = list(rhs), [part.value for part in rhs]
+        for n in range(len(rhs) - 1, -1, -1):
+            own[n] = _divided(self.own[n], right[n].value)
+            if parent[n] >= 0:
+                right[parent[n]] = right[parent[n]].less(right[n], np.swapaxes(self.toward[n], 0, 1))
+        kind = np.result_type(*self.own, *(part.value for part in rhs), *(part for part in self.toward if part is not None))
+        result = np.zeros((len(self.structure.places), count, len(self.growth)), dtype=kind)
+        for n, here in enumerate(where):
+            if parent[n] >= 0:
+                result[here] = np.negative(led := multiply(self.toward[n], result[where[parent[n]]]), out=led)
+            if right[n].together is not None:
+                result[here, right[n].together] += own[n]
+                continue
+            for place, column in enumerate(right[n].which):
+                result[here, column] += own[n][:, place]
+        return result
+
+
+def factored(diagonal: list[Any], links: list[Any], structure: Tree, limit: float = np.inf, *, buried: Any = None) -> Factors:
+    """Eliminate body by body.
 
     Parameters
     ----------
@@ -96,105 +180,58 @@ def solve_nodes(diagonal: list[Any], links: list[Any], rhs: list[Any], structure
         Of each node.
     links : list of (s above, s, P) arrays or None
         Between each node's parent (rows) and the node; the last axis may be 1 where they are constant.
-    rhs : list of (s, k, P) arrays
-        The last axis may be 1.
     structure : Tree
-
-    Returns
-    -------
-    (c, k, P) array
+    limit : float
+        Growth above which a system is to be solved densely.
+    buried : (b,) int array, optional
+        The systems to be solved densely, if that is known: growth is then not measured.
     """
-    if len(diagonal) == 1:
-        return dense(diagonal[0], np.broadcast_to(rhs[0], (*rhs[0].shape[:2], diagonal[0].shape[-1])))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a singular part: not finite, hence doubtful
-        result, growth = _by_body(diagonal, links, rhs, structure)
-    doubtful = ~(growth < GROWTH) | ~np.isfinite(result[0]).all(0) | ~np.isfinite(result[-1]).all(0)
-    if doubtful.any():
-        result[..., doubtful] = _densely(diagonal, links, rhs, structure, doubtful)
+    count = diagonal[0].shape[-1]
+    schur, toward = list(diagonal), list(links)
+    growth = np.ones(count)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for n in range(len(diagonal) - 1, -1, -1):
+            above, across = structure.parent[n], links[n]
+            schur[n] = inverse(schur[n]) if len(schur[n]) <= 2 else schur[n]
+            if across is None:
+                continue
+            toward[n] = _divided(schur[n], np.swapaxes(across, 0, 1))
+            schur[above], terms = _less(schur[above], np.swapaxes(toward[n], 0, 1), across)
+            for row, taken in enumerate(terms if buried is None else []):
+                sizes = [np.abs(term) for term in taken]
+                np.maximum(growth, sum(sizes[1:], sizes[0]) / np.abs(diagonal[above][row, row]), out=growth)
+    if buried is None:
+        buried = np.flatnonzero(~(growth < limit))
+        growth[buried] = 1.0
+    return Factors(structure, tuple(schur), tuple(toward), growth, buried, whole([part[..., buried] for part in diagonal], _some(links, buried), structure))
+
+
+def _some(parts: list[Any], which: Any) -> list[Any]:
+    """Some of the systems; what is constant stays as it is."""
+    return [part if part is None or part.shape[-1] == 1 else part[..., which] for part in parts]
+
+
+def whole(diagonal: list[Any], links: list[Any], structure: Tree) -> Any:
+    """The systems (c, c, P) made of what `factored` takes, put together."""
+    size = sum(len(part) for part in diagonal)
+    result = np.zeros((size, size, diagonal[0].shape[-1]), dtype=np.result_type(*diagonal, *(link for link in links if link is not None)))
+    for node, up, own, across in zip(structure.nodes, structure.parent, diagonal, links, strict=True):
+        result[np.ix_(node, node)] = own
+        if up >= 0:
+            result[np.ix_(structure.nodes[up], node)] = across
+            result[np.ix_(node, structure.nodes[up])] = np.swapaxes(across, 0, 1)
     return result
 
 
-def _densely(diagonal: list[Any], links: list[Any], rhs: list[Any], structure: Tree, which: Any) -> Any:
-    """Some of the systems, put together and solved densely."""
-    size, count = sum(len(part) for part in diagonal), int(which.sum())
-    whole = np.zeros((size, size, count), dtype=np.result_type(*diagonal, *(link for link in links if link is not None)))
-    right = np.zeros((size, rhs[0].shape[1], count), dtype=np.result_type(*rhs))
-
-    def some(values: Any) -> Any:
-        return values[..., which] if values.shape[-1] == len(which) else values
-
-    for node, up, own, link, b in zip(structure.nodes, structure.parent, diagonal, links, rhs, strict=True):
-        whole[np.ix_(node, node)] = some(own)
-        right[node] = some(b)
-        if up >= 0:
-            whole[np.ix_(structure.nodes[up], node)] = some(link)
-            whole[np.ix_(node, structure.nodes[up])] = np.swapaxes(some(link), 0, 1)
-    return dense(whole, right)
-
-
-def dense(matrix: Any, rhs: Any) -> Any:
-    """Solve by LU with partial pivoting, one system at a time (LAPACK); what is singular to the last bit gives no finite number."""
-    if len(matrix) <= 2:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return multiply(inverse(matrix), rhs)
-    return _stacked(np.linalg.solve, matrix, rhs)
-
-
-def _stacked(function: Callable[..., Any], matrix: Any, *rhs: Any) -> Any:
-    """A function of stacks (P, ., .) on arrays (., ., P); NaN for a matrix that is singular to the last bit, where LAPACK gives up on all."""
-    stack, right = np.moveaxis(matrix, -1, 0), [np.moveaxis(part, -1, 0) for part in rhs]
-    try:
-        result = function(stack, *right)
-    except np.linalg.LinAlgError:
-        singular = np.linalg.slogdet(stack)[0] == 0
-        result = function(np.where(singular[:, None, None], np.nan, stack), *right)
-    return np.moveaxis(result, 0, -1)
-
-
-def _by_body(diagonal: list[Any], links: list[Any], rhs: list[Any], structure: Tree) -> tuple[Any, Any]:
-    nodes, parent = structure.nodes, structure.parent
-    schur = list(diagonal)
-    right = [_Columns.of(b) for b in rhs]
-    toward: list[Any] = [None] * len(nodes)
-    own: list[Any] = [None] * len(nodes)
-    growth = np.zeros(diagonal[0].shape[-1])
-    for n in range(len(nodes) - 1, -1, -1):
-        above, across = parent[n], links[n]
-        toward[n], own[n] = _divided(schur[n], across, right[n].value)
-        if above < 0:
-            continue
-        upward = np.swapaxes(toward[n], 0, 1)
-        schur[above], taken = _less(schur[above], upward, across)
-        for row, part in enumerate(taken):
-            np.maximum(growth, part / np.abs(diagonal[above][row, row]), out=growth)
-        right[above] = right[above].less(right[n], upward)
-    size = sum(len(node) for node in nodes)
-    kind = np.result_type(*diagonal, *rhs, *(link for link in links if link is not None))
-    result = np.zeros((size, rhs[0].shape[1], len(growth)), dtype=kind)
-    for n, node in enumerate(nodes):
-        where = slice(node[0], node[-1] + 1) if node[-1] - node[0] + 1 == len(node) else node
-        if parent[n] >= 0:
-            result[where] = -multiply(toward[n], result[nodes[parent[n]]])
-        for place, column in enumerate(right[n].which):
-            result[where, column] += own[n][:, place]
-    return result, growth
-
-
-def _divided(matrix: Any, across: Any, right: Any) -> tuple[Any, Any]:
-    """S^-1 B^T and S^-1 r of one node: by the inverse of up to two coordinates, by LAPACK of more (an inverse loses digits)."""
-    if len(matrix) <= 2:
-        inverted = inverse(matrix)
-        toward = None if across is None else multiply(inverted, np.swapaxes(across, 0, 1))
-        return toward, multiply(inverted, right) if right.shape[1] else right
-    count = matrix.shape[-1]
-    sides = [np.broadcast_to(side, (*side.shape[:2], count)) for side in ((() if across is None else (np.swapaxes(across, 0, 1),)) + (right,))]
-    found = _stacked(np.linalg.solve, matrix, np.concatenate(sides, axis=1))
-    width = 0 if across is None else len(across)
-    return found[:, :width], found[:, width:]
+def _divided(own: Any, right: Any) -> Any:
+    """S^-1 r of one node from what `Factors` keeps of it."""
+    if len(own) <= 2:
+        return multiply(own, right) if right.shape[1] else right
+    return dense(own, np.broadcast_to(right, (*right.shape[:2], own.shape[-1])))
 
 
 def _less(matrix: Any, upward: Any, across: Any) -> tuple[Any, list[Any]]:
-    """A symmetric D less U B^T, and for each row the sizes of what is taken from its diagonal, summed."""
+    """A symmetric D less U B^T, and for each row the terms that are taken from its diagonal."""
     result, taken = np.empty((*matrix.shape[:2], upward.shape[-1]), dtype=np.result_type(matrix, upward)), []
     for row in range(len(matrix)):
         for column in range(row, len(matrix)):
@@ -204,56 +241,62 @@ def _less(matrix: Any, upward: Any, across: Any) -> tuple[Any, list[Any]]:
             if column != row:
                 result[column, row] = result[row, column]
             else:
-                sizes = [np.abs(term) for term in terms]
-                taken.append(sum(sizes[1:], sizes[0]))
+                taken.append(terms)
     return result, taken
 
 
 @dataclass(frozen=True)
-class _Columns:
-    """Right-hand sides of one node, only those that are not 0: (s, columns, P), and which they are."""
+class Columns:
+    """Right-hand sides of one node, only those that are not 0: (s, columns, P) or (s, columns, 1), and which they are."""
 
     which: Any
     value: Any
 
     @staticmethod
-    def of(rhs: Any) -> _Columns:
-        which = np.flatnonzero(rhs.any((0, 2)))
-        return _Columns(which, rhs[:, which])
+    def of(rhs: Any) -> Columns:
+        """Those of some (s, k, P) that are not 0."""
+        return Columns(np.arange(rhs.shape[1]), rhs).needed()
 
-    def less(self, child: _Columns, upward: Any) -> _Columns:
+    @property
+    def together(self) -> slice | None:
+        """They as a slice, if they follow each other."""
+        if not len(self.which):
+            return slice(0, 0)
+        first, count = int(self.which[0]), len(self.which)
+        return slice(first, first + count) if self.which.tolist() == list(range(first, first + count)) else None
+
+    def needed(self) -> Columns:
+        """Those that are not 0."""
+        if not len(self.which):
+            return self
+        which = self.value.any((0, 2)).nonzero()[0]
+        return self if len(which) == len(self.which) else Columns(self.which[which], self.value[:, which])
+
+    def joined(self, other: Columns) -> Columns:
+        """Both, where they have none in common."""
+        if not len(other.which):
+            return self
+        count = max(self.value.shape[-1], other.value.shape[-1])
+        values = [np.broadcast_to(part.value, (*part.value.shape[:2], count)) for part in (self, other)]
+        return Columns(np.concatenate([self.which, other.which]), np.concatenate(values, axis=1))
+
+    def some(self, systems: Any, count: int) -> Any:
+        """All `count` of some systems, (s, count, p)."""
+        result = np.zeros((len(self.value), count, len(systems)), dtype=self.value.dtype)
+        result[:, self.which] = self.value[..., systems] if self.value.shape[-1] > 1 else self.value
+        return result
+
+    def less(self, child: Columns, upward: Any) -> Columns:
         """These, less what a child pushes up."""
         if not len(child.which):
             return self
         pushed = multiply(upward, child.value)
+        if self.which is child.which or self.which.tolist() == child.which.tolist():
+            return Columns(self.which, self.value - pushed)
+        if not len(self.which):
+            return Columns(child.which, -pushed)
         which = np.union1d(self.which, child.which)
         value = np.zeros((len(upward), len(which), pushed.shape[-1]), dtype=np.result_type(self.value, pushed))
         value[:, np.searchsorted(which, self.which)] = self.value
         value[:, np.searchsorted(which, child.which)] -= pushed
-        return _Columns(which, value)
-
-
-def multiply(a: Any, b: Any) -> Any:
-    """Matrix products (p, r, P) of (p, q, P) and (q, r, P), system by system."""
-    if a.shape[1] > 3:
-        return np.einsum("pqf,qrf->prf", a, b)
-    result = a[:, 0, None] * b[None, 0]
-    for q in range(1, a.shape[1]):
-        result += a[:, q, None] * b[None, q]
-    return result
-
-
-def inverse(matrix: Any) -> Any:
-    """Inverses (s, s, P) of symmetric matrices, in closed form for s of 1 and 2."""
-    if len(matrix) == 1:
-        return 1.0 / matrix
-    if len(matrix) == 2:
-        a, b, d = matrix[0, 0], matrix[0, 1], matrix[1, 1]
-        over = 1.0 / (a * d - b * b)
-        result = np.empty(matrix.shape, dtype=over.dtype)
-        np.multiply(d, over, out=result[0, 0])
-        np.multiply(a, over, out=result[1, 1])
-        np.multiply(b, -over, out=result[0, 1])
-        result[1, 0] = result[0, 1]
-        return result
-    return _stacked(np.linalg.inv, matrix)
+        return Columns(which, value)

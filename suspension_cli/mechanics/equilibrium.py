@@ -23,7 +23,9 @@ from suspension_cli.mechanics.tangent import tangent
 BALANCED = 1e-14
 """Residual (of the weight) of a nominal pose that needs no search."""
 CONVERGED = 1e-11
-"""Residual (of the weight) below which a search has found its equilibrium."""
+"""Residual (of the weight) below which a search has found its equilibrium, unless rounding of lengths does not let it fall so far."""
+COARSE = 1e-4
+"""Residual (of the weight) left by rounding of lengths above which there is nothing to be said of an equilibrium."""
 SETTLED = 1e-12
 """Residual (of the weight) at which the search stops; it stops too where rounding lets the residual fall no further."""
 LAST_STEP = 1e-8
@@ -33,6 +35,10 @@ STEPS = (10, 80)
 """In how many an equilibrium is followed where Newton's method alone is not to be trusted; the second if the first fails."""
 CORRECTIONS = 4
 """Newton steps after each."""
+ROUNDINGS = 16
+"""How many rounding errors of a displacement add up in the forces on a body, at most."""
+LEAST_ARM = 1e-4
+"""m; lever arm of a body whose attachments lie at its COM."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
 
@@ -45,7 +51,9 @@ class Equilibrium:
     ----------
     pose : Pose
     residual : (...) array
-        Largest force left over as a share of the weight, largest torque as a share of weight times lever arm.
+        Largest force left over on a body as a share of the weight that it carries, largest torque as a share of that times its lever arm.
+    rounding : (...) array
+        What of it may be rounding of the tensions and lengths of wires.
     iterations : int
         Newton steps taken; 0 if the nominal pose balances.
     tension : (..., w) array
@@ -56,6 +64,7 @@ class Equilibrium:
 
     pose: Pose
     residual: Any
+    rounding: Any
     iterations: int
     tension: Any
     stiffness: Any
@@ -63,12 +72,16 @@ class Equilibrium:
     @property
     def converged(self) -> Any:
         """Whether each scene of the batch has an equilibrium near its nominal pose."""
-        return self.residual < CONVERGED
+        return self.residual < np.maximum(CONVERGED, np.where(self.rounding < COARSE, self.rounding, 0.0))
 
     def demand(self, scene: Scene) -> None:
         """Raise `InputError` unless every scene of the batch balances on taut wires."""
         if not np.all(self.converged):
             worst = float(np.max(np.nan_to_num(self.residual, nan=np.inf)))
+            if float(np.max(np.nan_to_num(self.rounding))) >= COARSE:
+                stiffest = float(scene.wires.stiffness.max())
+                problem = f"wires of {stiffest:.1e} N/m are too stiff to be balanced: rounding of their lengths leaves {worst:.1e} of the weight"
+                raise InputError([Fault("stage", problem, "give them the k = E A / l of a real wire, at most 1e13 N/m or so")])
             remedy = "check natural lengths, positions and the size of the perturbations"
             raise InputError([Fault("stage", f"no equilibrium found near the nominal pose (residual {worst:.1e} of the weight)", remedy)])
         low = self.tension.min(tuple(range(self.tension.ndim - 1)), initial=np.inf)
@@ -170,8 +183,8 @@ def _merged(found: Equilibrium, where: Any, better: Equilibrium, *, whole: bool 
         result[chosen] = new[chosen] if whole else new[better.converged]
         return result
 
-    pose = Pose(*(take(getattr(found.pose, name), getattr(better.pose, name)) for name in ("shift", "rotation", "deflection")))
-    parts = {name: take(getattr(found, name), getattr(better, name)) for name in ("residual", "tension", "stiffness")}
+    pose = Pose(*(take(getattr(found.pose, name), getattr(better.pose, name)) for name in ("shift", "turn", "deflection")))
+    parts = {name: take(getattr(found, name), getattr(better, name)) for name in ("residual", "rounding", "tension", "stiffness")}
     return Equilibrium(pose=pose, iterations=max(found.iterations, better.iterations), **parts)
 
 
@@ -181,9 +194,9 @@ def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int,
     wanted = target if np.isscalar(target) else target[..., free]
     gradient, hessian = tangent(scene, numbering, pose)
     left = _size((gradient[..., free] - wanted) / unit)
-    settled = (left <= BALANCED) & rest
+    settled = (left <= BALANCED) & rest & _as_drawn(scene, numbering, gradient)
     if np.all(settled):
-        return Equilibrium(pose, left, 0, string.state(scene, pose).tension, hessian)
+        return Equilibrium(pose, left, np.zeros_like(left), 0, string.state(scene, pose).tension, hessian)
     spinning = free_to_spin(scene)
     cap = CAP * np.where(_is_rotation(numbering)[free], 1.0, lever_arm(scene)[..., None])
     count = 0
@@ -197,13 +210,64 @@ def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int,
         before, left = left, _size((gradient[..., free] - wanted) / unit)
         settled = settled | ((_size(step) < LAST_STEP) & ((left < SETTLED) | (left > before / 2)))
         count += 1
-    return Equilibrium(pose, left, count, string.state(scene, pose).tension, hessian)
+    tension = string.state(scene, pose).tension
+    return Equilibrium(pose, left, _rounding(scene, pose, tension, unit), count, tension, hessian)
+
+
+def _as_drawn(scene: Scene, numbering: Layout, gradient: Any) -> Any:
+    """Whether the imperfections of each scene leave all forces in the nominal pose just as they were drawn: then what is left over is rounding."""
+    if scene.drawn is None:
+        return True
+    meant, _ = tangent(scene.drawn, numbering, nominal_pose(scene.drawn))
+    return (gradient == meant).all(-1)
 
 
 def _units(scene: Scene, numbering: Layout) -> Any:
-    """The weight for forces, weight times lever arm for torques: (..., N - 6)."""
-    scale = np.where(_is_rotation(numbering)[6:], lever_arm(scene)[..., None], 1.0)
-    return scene.weight[..., None] * scale
+    """What a residual is a share of, (..., N - 6): for forces the load of the body (or of the body below, on a blade), for torques that times its lever arm."""
+    load, arm = loads(scene), lever_arms(scene)
+    bodies = np.stack([np.stack([load] * 3, -1), np.stack([load * arm] * 3, -1)], -2)
+    result = np.ones((*scene.batch, numbering.size + 1)) * scene.weight[..., None]
+    result[..., 6 : 6 * load.shape[-1] + 6] = bodies.reshape(*load.shape[:-1], -1)
+    for wire in np.flatnonzero(scene.wires.blade >= 0):
+        result[..., numbering.blade[scene.wires.blade[wire]]] = load[..., scene.wires.lower[wire] - 1, None]
+    return result[..., 6:-1]
+
+
+def loads(scene: Scene) -> Any:
+    """What each body carries (..., n): its own weight and that of all that hangs on it, N."""
+    wires, springs, bodies = scene.wires, scene.springs, scene.bodies
+    result = np.array(np.broadcast_to(scene.gravity * bodies.mass, (*scene.batch, len(bodies.name))))
+    for number, body in enumerate(scene.blades.body.tolist()):
+        if body > 0:
+            result[..., body - 1] += scene.gravity * scene.blades.tip_mass[..., number]
+    parent = {low: up for part in (springs, wires) for up, low in zip(part.upper.tolist(), part.lower.tolist(), strict=True)}
+    for body in range(len(bodies.name), 0, -1):
+        if parent.get(body, 0) > 0:
+            result[..., parent[body] - 1] += result[..., body - 1]
+    return result
+
+
+def lever_arms(scene: Scene) -> Any:
+    """Largest distance of an attachment of each body (..., n) from its COM along an axis, m, at least `LEAST_ARM`."""
+    wires, springs = scene.wires, scene.springs
+    result = np.full((*scene.batch, len(scene.bodies.name) + 1), LEAST_ARM)
+    ends = ((wires.upper, wires.upper_point), (wires.lower, wires.lower_point), (springs.lower, springs.lower_point))
+    for body, points in ends:
+        for number, own in enumerate(body.tolist()):
+            result[..., own] = np.maximum(result[..., own], np.abs(points[..., number, :]).max(-1))
+    return result[..., 1:]
+
+
+def _rounding(scene: Scene, pose: Pose, tension: Any, unit: Any) -> Any:
+    """The residual (...) that rounding may leave: eps times the tension of a wire, and its stiffness times how far both its ends have moved."""
+    wires = scene.wires
+    if not wires.label:
+        return np.zeros(scene.batch)
+    turn, moved = np.abs(pose.turn).max((-2, -1)), np.abs(pose.shift).max(-1)
+    ends = ((wires.upper, wires.upper_point), (wires.lower, wires.lower_point))
+    reach = sum(moved[..., body] + turn[..., body] * np.abs(point).max(-1) for body, point in ends)
+    force = ROUNDINGS * np.finfo(float).eps * (np.abs(tension) + wires.stiffness * reach)
+    return (force / unit[..., 6 * (wires.lower - 1)]).max(-1)
 
 
 def _is_rotation(numbering: Layout) -> Any:

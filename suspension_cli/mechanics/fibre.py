@@ -123,21 +123,28 @@ class Moving:
         result = {"bending-upper": 0.0, "bending-lower": 0.0}
         length, top = sum(section.length for section in sections), 0.0
         for section, motion, (waves, rigidity, mass) in zip(sections, each, self._bends[self._twin(part)], strict=True):
-            lost = np.asarray(rigidity).imag
             for half, value in enumerate(curvature.squared(waves, motion)):
-                centre = top + (0.25 + 0.5 * half) * section.length
-                result["bending-upper" if centre < length / 2 else "bending-lower"] += lost * value
+                end = int(top + (0.25 + 0.5 * half) * section.length >= length / 2)
+                result[("bending-upper", "bending-lower")[end]] += self._lost(section, part, end, rigidity) * value
             if self.strand.surrounded is not None and self.strand.massive:
-                result["gas"] = result.get("gas", 0.0) - np.asarray(mass).imag * self.omega**2 * curvature.displaced(waves, motion)
+                result["gas"] = result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * curvature.displaced(waves, motion)
             top += section.length
         return result
+
+    def _lost(self, section: Section, part: str, end: int, rigidity: Any) -> Any:
+        """Im(EI) at the temperature of one end; thermoelastic loss goes with it."""
+        upper, lower = self.strand.fibre.temperature
+        if upper == lower:
+            return np.imag(rigidity)
+        plane = int(part[-1]) - 1
+        return section.rigidity[plane] * loss.bending_angle(section, plane, self.omega, self.strand.tension, (upper, lower)[end])
 
     def _strained(self, part: str, sections: tuple[Section, ...], each: list[Any]) -> dict[str, Any]:
         name = "stretching" if part == "stretch" else "torsion"
         total = 0.0
         for section, motion in zip(sections, each, strict=True):
             rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
-            total = total + np.asarray(rigidity).imag * rod.strained(rigidity, mass, section.length / 2, self.omega, motion)
+            total = total + np.imag(rigidity) * rod.strained(rigidity, mass, section.length / 2, self.omega, motion)
         return {name: total}
 
     def _twin(self, part: str) -> str:

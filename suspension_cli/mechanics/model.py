@@ -45,6 +45,9 @@ class LinearModel:
         Names of the wires (string rung).
     terms : tuple of Term
         What depends on frequency (`beam`, `violin`): see `mechanics.dispersion`.
+    rigid : (..., N, 6) array or None
+        How the coordinates go when everything moves with the support as one body, for unit motions of the support in m and rad: 0 for what
+        is told relative to a body (tips of blades, the frame).  None if that is not known.
     """
 
     body: tuple[str, ...]
@@ -59,6 +62,7 @@ class LinearModel:
     residual: float = 0.0
     wire: tuple[str, ...] = ()
     terms: tuple[Term, ...] = ()
+    rigid: Any = None
 
     @property
     def size(self) -> int:
@@ -75,9 +79,23 @@ class LinearModel:
         return 6 * (self.body.index(body) + 1) + DOFS.index(dof)
 
     @cached_property
+    def pulled(self) -> Any:
+        """Which of the support's motions pull on which coordinates: (N, 6) bool; without batch axes."""
+        full = self.stiffness if self.lossy is None else self.lossy
+        return (full[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
+
+    @cached_property
     def prepared(self) -> dict[Any, Any]:
         """What a solver works out once for each block and keeps here for its next call."""
         return {}
+
+    @cached_property
+    def member(self) -> Any:
+        """Number of the block that each coordinate is in, (N,); -1 for the support's."""
+        result = np.full(self.size, -1)
+        for number, group in enumerate(self.blocks):
+            result[group] = number
+        return result
 
     @cached_property
     def blocks(self) -> tuple[Index, ...]:

@@ -8,13 +8,14 @@ direction in which a blade's tip can move (m, along the axes of the blade's body
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.scene import Array, Index, Scene
-from suspension_cli.rotations import rotation_matrix
+from suspension_cli.rotations import cross_matrix, turning
 
 
 @dataclass(frozen=True)
@@ -55,19 +56,24 @@ class Pose:
     ----------
     shift : (..., n + 1, 3) array
         Displacement of each COM from its nominal position, m; row 0 is the support.
-    rotation : (..., n + 1, 3, 3) array
-        Rotation matrices from body to global axes.
+    turn : (..., n + 1, 3, 3) array
+        Rotation matrices from body to global axes, less the unit matrix: beside its ones a turn by 1e-9 rad would keep seven digits.
     deflection : (..., b, 3) array
         Of each blade's tip from its nominal position, along the axes of its body, m.
     """
 
     shift: Any
-    rotation: Any
+    turn: Any
     deflection: Any
+
+    @cached_property
+    def rotation(self) -> Any:
+        """Rotation matrices (..., n + 1, 3, 3) from body to global axes."""
+        return np.eye(3) + self.turn
 
     def arms(self, body: Index, point: Any) -> Any:
         """Vectors (..., k, 3) from the COMs of bodies to points fixed in them, in global axes."""
-        return (self.rotation[..., body, :, :] @ point[..., None])[..., 0]
+        return point + (self.turn[..., body, :, :] @ point[..., None])[..., 0]
 
 
 def nominal_pose(scene: Scene) -> Pose:
@@ -75,7 +81,7 @@ def nominal_pose(scene: Scene) -> Pose:
     count = len(scene.bodies.name) + 1
     return Pose(
         np.zeros((*scene.batch, count, 3)),
-        np.broadcast_to(np.eye(3), (*scene.batch, count, 3, 3)),
+        np.zeros((*scene.batch, count, 3, 3)),
         np.zeros((*scene.batch, len(scene.blades.label), 3)),
     )
 
@@ -85,12 +91,36 @@ def displaced(numbering: Layout, pose: Pose, step: Any) -> Pose:
     bodies = pose.shift.shape[-2]
     motion = step[..., : 6 * bodies].reshape(*step.shape[:-1], bodies, 6)
     padded = np.concatenate([step, np.zeros_like(step[..., :1])], axis=-1)
+    turn = turning(motion[..., 3:])
     return replace(
         pose,
         shift=pose.shift + motion[..., :3],
-        rotation=rotation_matrix(motion[..., 3:]) @ pose.rotation,
+        turn=turn + pose.turn + turn @ pose.turn,
         deflection=pose.deflection + padded[..., numbering.blade],
     )
+
+
+def rigid_motion(size: int, position: Any) -> Array:
+    """How all coordinates go when everything moves as one body with the support.
+
+    Parameters
+    ----------
+    size : int
+        Number N of coordinates; those after the bodies' are relative to a body, and stay 0.
+    position : (..., n + 1, 3) array
+        COM of each body from the suspension point, m; row 0 is the support.
+
+    Returns
+    -------
+    (..., N, 6) array
+        For unit motions of the support, in m and rad.
+    """
+    position = np.asarray(position, dtype=float)
+    result = np.zeros((*position.shape[:-2], size, 6))
+    for n in range(position.shape[-2]):
+        result[..., 6 * n : 6 * n + 6, :] = np.eye(6)
+        result[..., 6 * n : 6 * n + 3, 3:] = -cross_matrix(position[..., n, :] - position[..., 0, :])
+    return result
 
 
 def point_jacobian(numbering: Layout, pose: Pose, body: Index, arm: Any, blade: Index | None = None) -> Array:
@@ -112,7 +142,7 @@ def point_jacobian(numbering: Layout, pose: Pose, body: Index, arm: Any, blade: 
         Derivative of each point's position with respect to each coordinate.
     """
     batch, count = np.broadcast_shapes(arm.shape[:-2], pose.shift.shape[:-2]), len(body)
-    result = np.zeros((*batch, numbering.size + 1, count, 3))
+    result = np.zeros((*batch, numbering.size + 1, count, 3), dtype=np.result_type(arm, pose.rotation))
     points = np.arange(count)
     for axis in range(3):
         result[..., 6 * body + axis, points, axis] = 1.0

@@ -70,7 +70,7 @@ def strain_jacobian(scene: Scene, numbering: Layout, pose: Pose, now: State, num
     up, low = _columns(scene, number)
     to_upper = np.swapaxes(pose.rotation[..., scene.springs.upper[number], :, :], -1, -2)
     relative = to_upper @ pose.rotation[..., scene.springs.lower[number], :, :]
-    result = np.zeros((*now.strain.shape[:-2], 6, numbering.size))
+    result = np.zeros((*now.strain.shape[:-2], 6, numbering.size), dtype=now.strain.dtype)
     result[..., :3, low] = to_upper
     result[..., :3, up] = -to_upper
     result[..., :3, _turning(low)] = -to_upper @ cross_matrix(now.arm[..., number, :])

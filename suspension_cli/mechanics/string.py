@@ -35,7 +35,7 @@ def state(scene: Scene, pose: Pose) -> State:
     deflection = np.where((wires.blade >= 0)[:, None], pose.deflection[..., wires.blade, :], 0.0) if pose.deflection.shape[-2] else 0.0
     upper_arm = pose.arms(wires.upper, wires.upper_point + deflection)
     lower_arm = pose.arms(wires.lower, wires.lower_point)
-    turn = pose.rotation - np.eye(3)
+    turn = pose.turn
     # how the span differs from the nominal one, from displacements alone: nothing cancels
     change = (
         pose.shift[..., wires.lower, :]

@@ -40,10 +40,10 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any]:
         The tangent stiffness, exactly symmetric.
     """
     size, bodies = numbering.size, len(scene.bodies.name) + 1
-    gradient = np.zeros((*scene.batch, size))
-    hessian = np.zeros((*scene.batch, size + 1, size + 1))  # the last row takes what belongs to rigid directions of blades
-    outer = np.zeros((*scene.batch, bodies, 3, 3))
-    on_tips = np.zeros((*scene.batch, len(scene.blades.label), 3))
+    gradient = np.zeros((*scene.batch, size), dtype=scene.kind)
+    hessian = np.zeros((*scene.batch, size + 1, size + 1), dtype=scene.kind)  # the last row takes what belongs to rigid directions of blades
+    outer = np.zeros((*scene.batch, bodies, 3, 3), dtype=scene.kind)
+    on_tips = np.zeros((*scene.batch, len(scene.blades.label), 3), dtype=scene.kind)
     gradient[..., 8 : 6 * bodies : 6] += scene.gravity * scene.bodies.mass
     if scene.wires.label:
         _add_wires(scene, numbering, pose, gradient, hessian, outer, on_tips)

@@ -156,6 +156,7 @@ def linear_model(design: Design) -> LinearModel:
         stiffness=_stiffness(p, com_offset(stage)),
         damping=np.zeros((12, 12)),
         lossy=_stiffness(four_wires(design, lossy=True), com_offset(stage)) if wire_loss(design, stage.wires, stage.wires.l) else None,
+        rigid=np.concatenate([np.eye(6), _together(com_offset(stage))]),
     )
 
 
@@ -171,9 +172,15 @@ def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Any:
         block = -masses[list(dofs), None] * matrix
         own[np.ix_(dofs, dofs)] = (block + block.T) / 2
     own[2, 2], own[5, 5] = p.mass * vertical(p), p.inertia[2] * rotation(p)
-    together, turned = np.eye(6), np.zeros((6, 6))
-    together[:3, 3:] = -cross_matrix(np.array(offset))
+    together, turned = _together(offset), np.zeros((6, 6))
     turned[:3, 3:] = -cross_matrix(np.array([0.0, 0.0, -p.mass * p.gravity]))
     across = turned - own @ together
     support = -turned - across.T @ together
     return np.block([[(support + support.T) / 2, across.T], [across, own]])
+
+
+def _together(offset: tuple[float, float, float]) -> Any:
+    """How the body goes (6, 6) when it moves as one with the support."""
+    result = np.eye(6)
+    result[:3, 3:] = -cross_matrix(np.array(offset))
+    return result

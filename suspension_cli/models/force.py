@@ -21,9 +21,10 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.derive import blade_loss, blade_stiffness, body_inertia, body_mass, set_geometry, wire_loss, wire_stiffness
+from suspension_cli.design.derive import blade_loss, blade_stiffness, body_inertia, body_mass, com_positions, set_geometry, wire_loss, wire_stiffness
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.rotations import cross_matrix
 
 BLOCKS = {"longitudinal-pitch": ("x", "pitch"), "transverse-roll": ("y", "roll"), "vertical": ("z",), "yaw": ("yaw",)}
 """The four blocks and their coordinates of each body."""
@@ -261,24 +262,34 @@ def chain(design: Design, *, lossy: bool = False) -> Chain:
     return Chain(tuple(stages), design.constants.gravity)
 
 
+def lossy(design: Design) -> bool:
+    """Whether a chain's wires or blades have loss angles."""
+    return any(wire_loss(design, s.wires, s.wires.l) or (s.blades is not None and blade_loss(design, s.blades)) for s in design.stage if s.wires is not None)
+
+
 def linear_model(design: Design) -> LinearModel:
     """The four blocks of a design's chain as one linear model."""
+    return assembled(design, chain(design), chain(design, lossy=True) if lossy(design) else None)
+
+
+def assembled(design: Design, links: Chain, lossy: Chain | None) -> LinearModel:
+    """The linear model of a chain (or a batch of chains) with the names of a design."""
     bodies = (SUPPORT, *(stage.name for stage in design.stage))
-    size = 6 * len(bodies)
-    links, mass = chain(design), np.zeros((size, size))
+    size, stiff = 6 * len(bodies), _whole(links, 6 * len(bodies))
+    mass = np.zeros(stiff.shape)
     for name in BLOCKS:
         rows = _rows(name, len(bodies))[len(BLOCKS[name]) :]
-        mass[rows, rows] = masses(links, name)
-    lossy = any(wire_loss(design, s.wires, s.wires.l) or (s.blades is not None and blade_loss(design, s.blades)) for s in design.stage if s.wires is not None)
+        mass[..., rows, rows] = masses(links, name)
     return LinearModel(
         body=bodies[1:],
         coordinate=tuple(f"{body}.{dof}" for body in bodies for dof in DOFS),
         basis=np.eye(size),
         massless=np.zeros(size, dtype=bool),
         mass=mass,
-        stiffness=_whole(links, size),
+        stiffness=stiff,
         damping=np.zeros((size, size)),
-        lossy=_whole(chain(design, lossy=True), size) if lossy else None,
+        lossy=None if lossy is None else _whole(lossy, size),
+        rigid=_together(design),
     )
 
 
@@ -288,10 +299,19 @@ def _rows(name: str, bodies: int) -> Any:
 
 
 def _whole(links: Chain, size: int) -> Any:
-    """All four blocks in one matrix."""
+    """All four blocks in one matrix (..., size, size)."""
     blocks = stiffness(links)
-    result = np.zeros((size, size), dtype=blocks["vertical"].dtype)
+    result = np.zeros((*blocks["vertical"].shape[:-2], size, size), dtype=blocks["vertical"].dtype)
     for name, matrix in blocks.items():
         rows = _rows(name, size // 6)
-        result[np.ix_(rows, rows)] = matrix
+        result[..., rows[:, None], rows] = matrix
+    return result
+
+
+def _together(design: Design) -> Any:
+    """How all coordinates go (N, 6) when everything moves as one with the support: a body below a turning support swings out."""
+    positions = com_positions(design)
+    result = np.concatenate([np.eye(6)] * (len(design.stage) + 1))
+    for n, stage in enumerate(design.stage, 1):
+        result[6 * n : 6 * n + 3, 3:] = -cross_matrix(np.array(positions[stage.name]))
     return result

@@ -5,7 +5,8 @@ stiffness sqrt(T EI) against turning (Gonzalez and Saulson, J. Acoust. Soc. Am. 
 
     swinging:  u / l,        turning:  sum sqrt(T EI) / (2 sum (T z + k x^2))       (z, x: where the wires hold the body, from its COM)
 
-are the relative changes of frequencies; where a design tells the points at which wires seem to bend, (u / l)^2 is left.  Torsion changes yaw by sum(GJ / l) / (2 sum(T r^2 / l)).
+are the relative changes of frequencies; where a design tells the points at which wires seem to bend, (u / l)^2 is left.  Torsion changes yaw by
+sum(GJ / l) / (2 sum(T r^2 / l)).
 
 Mass.  A wire of mass m_w swings with its body as m_w / 3 would, which lowers a frequency by m_w / (6 m); at a frequency f its inertia counts against its
 tension as (f / f1)^2, f1 its first violin mode.
@@ -76,7 +77,7 @@ def indicators(design: Design, highest: float = 0.0) -> list[Indicator]:
 def _bending(scene: Scene, wires: tuple[Fibre, ...], here: list[int]) -> float:
     """The largest relative change of a frequency of one stage by bending or torsion."""
     tension, length, k = scene.wires.tension[here], scene.wires.length[here], scene.wires.stiffness[here]
-    rigidity = np.array([_end(wires[w], 1) for w in here])
+    rigidity = np.array([_end(wires[w]) for w in here])
     reach = np.sqrt(rigidity / np.maximum(tension, 1e-300)) / length
     effective = np.array([wires[w].effective for w in here])  # then only what is of second order is left
     hinge = np.where(effective, 0.0, np.sqrt(np.maximum(tension, 0.0) * rigidity))
@@ -88,9 +89,9 @@ def _bending(scene: Scene, wires: tuple[Fibre, ...], here: list[int]) -> float:
     return max(swing, *turns, yaw if len(here) > 1 else 0.0)
 
 
-def _end(fibre: Fibre, end: int) -> float:
+def _end(fibre: Fibre) -> float:
     """EI of the stiffer plane at the stiffer end: what the clamp feels."""
-    return max(max(section.rigidity) for section in (fibre.sections[0], fibre.sections[-end]))
+    return max(max(section.rigidity) for section in (fibre.sections[0], fibre.sections[-1]))
 
 
 def _mass(scene: Scene, wires: tuple[Fibre, ...], here: list[int], body: int, highest: float) -> float:

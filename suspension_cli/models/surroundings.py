@@ -36,10 +36,10 @@ def with_dampers(model: LinearModel, design: Design) -> LinearModel:
         if stage.damping is None:
             continue
         against = stage.damping.against
-        relative = np.zeros((6, model.size))
         here = model.index(stage.name, "x")
         there = 0 if against == SUPPORT else model.index(against, "x")
         arm = np.array(positions[stage.name]) - np.array(positions[against])
+        relative = np.zeros((6, model.size), dtype=arm.dtype)
         relative[:, here : here + 6] = np.eye(6)
         relative[:, there : there + 6] -= np.eye(6)
         relative[:3, there + 3 : there + 6] += cross_matrix(arm)
@@ -64,12 +64,12 @@ def with_frame(model: LinearModel, design: Design) -> LinearModel:
     spread[:, :size] = np.eye(size)
     spread[moving, size + np.arange(count)] = 1.0
     weights = np.array([support.mass] * 3 + list(support.inertia))
-    mass = np.zeros((size, size))
+    mass = np.zeros((size, size), dtype=weights.dtype)
     mass[np.arange(6), np.arange(6)] = weights
     own = {"stiffness": [getattr(support.stiffness, d) for d in names], "damping": [getattr(support.damping, d) for d in names]}
 
     def widened(matrix: Any, diagonal: Any) -> Any:
-        wide = spread.T @ matrix @ spread
+        wide = (spread.T @ matrix @ spread).astype(np.result_type(matrix, np.asarray(diagonal), float))
         wide[..., size + np.arange(count), size + np.arange(count)] += np.asarray(diagonal)
         return wide
 
@@ -88,4 +88,5 @@ def with_frame(model: LinearModel, design: Design) -> LinearModel:
         damping=widened(model.damping, own["damping"]),
         lossy=lossy,
         terms=tuple(term.spread(spread) for term in model.terms),
+        rigid=None if model.rigid is None else np.concatenate([model.rigid, np.zeros((*model.rigid.shape[:-2], count, 6))], axis=-2),
     )

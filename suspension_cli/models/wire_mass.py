@@ -17,17 +17,19 @@ from suspension_cli.design import fibres
 from suspension_cli.design.expand import expand
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.models import indicators
 from suspension_cli.models.fidelity import Choice
 
 WHERE = ("auto", "beam", "violin")
 """Levels of fidelity that know where along a wire its loss sits."""
+TOLERANCE = 1e-3
 BELOW = 0.03
-"""Of the lowest first violin mode: up to here leaving mass out costs less than 1e-3."""
+"""Of the lowest first violin mode: up to here leaving mass out costs less than `TOLERANCE`."""
 ERROR = np.pi**2 / 12
 """Relative error of the amplitude that this makes, over (f/f1)^2."""
 
 
-def choose(design: Design, wanted: str, highest: float) -> Choice:
+def choose(design: Design, wanted: str, highest: float, tolerance: float = TOLERANCE) -> Choice:
     """The rung for the thermal noise of a design.
 
     Parameters
@@ -37,6 +39,8 @@ def choose(design: Design, wanted: str, highest: float) -> Choice:
         One of `fidelity.LEVELS`.
     highest : float
         The highest frequency asked for, Hz.
+    tolerance : float
+        Relative error that ``auto`` may leave, away from resonances.
 
     Raises
     ------
@@ -54,11 +58,24 @@ def choose(design: Design, wanted: str, highest: float) -> Choice:
     lowest, wire = first_violin(design)
     if wire == "":
         return Choice("beam", "no wire has a violin mode")
-    share = highest / lowest
+    share, heavy = highest / lowest, _heaviest(design)
+    if heavy > tolerance:
+        return Choice("violin", f"the mass of wires counts, as a third of it is {heavy:.1g} of the mass that hangs on them", 0.0)
     first = f"the lowest first violin mode ({lowest:.4g} Hz, wire {wire})"
-    if share > BELOW:
-        return Choice("violin", f"the mass of wires counts, as {highest:.4g} Hz is {100 * share:.3g} % of {first}")
-    return Choice("beam", f"wires are without mass, which changes the sum by {ERROR * share**2:.1g}, as {highest:.4g} Hz is {100 * share:.2g} % of {first}")
+    if share > BELOW * (tolerance / TOLERANCE) ** 0.5:
+        return Choice("violin", f"the mass of wires counts, as {highest:.4g} Hz is {100 * share:.3g} % of {first}", 0.0)
+    error = max(ERROR * share**2, heavy)
+    return Choice("beam", f"wires are without mass, which changes the sum by {error:.1g}, as {highest:.4g} Hz is {100 * share:.2g} % of {first}", error)
+
+
+def _heaviest(design: Design) -> float:
+    """The largest share that a third of the wires' mass makes of the mass that they hold: by so much they load it when it swings."""
+    made = fibres.fibres(design).wire
+    scene = expand(design)
+    total = np.zeros(len(scene.bodies.name))
+    for number, fibre in enumerate(made):
+        total[scene.wires.lower[number] - 1] += sum(section.length * section.mass for section in fibre.sections)
+    return float((total / 3 / scene.bodies.mass).max(initial=0.0))
 
 
 def first_violin(design: Design) -> tuple[float, str]:
@@ -76,12 +93,9 @@ def first_violin(design: Design) -> tuple[float, str]:
     wire : str
     """
     wires = expand(design).wires
-    found = [(np.inf, "")]
-    for number, fibre in enumerate(fibres.fibres(design).wire):
-        length = sum(section.length for section in fibre.sections)
-        mass = sum(section.length * section.mass for section in fibre.sections) / length
-        found.append((float(np.sqrt(wires.tension[number] / mass) / (2 * length)), fibre.label))
-    return min(found, key=lambda pair: pair[0])
+    made = fibres.fibres(design).wire
+    found = [(indicators.first_violin(fibre, float(wires.tension[number])), fibre.label) for number, fibre in enumerate(made)]
+    return min(found, key=lambda pair: pair[0], default=(np.inf, ""))
 
 
 def _demand(design: Design, *, massive: bool) -> None:

@@ -95,8 +95,8 @@ def draw(modes: Modes, design: Design, scene: Scene) -> Figure:
     Returns
     -------
     Figure
-        A panel a mode (those of wires alone are left to `plots.wires`): the suspension at rest (grey) and displaced (coloured by the degree of freedom that holds most of the
-        kinetic energy, the stronger the more of it a body holds), in the view that shows most of the motion.
+        A panel a mode (those of wires alone are left to `plots.wires`): the suspension at rest (grey) and displaced (coloured by the degree
+        of freedom that holds most of the kinetic energy, the stronger the more of it a body holds), in the view that shows most of the motion.
     """
     with style.house():
         rest = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), THICK * size(scene))

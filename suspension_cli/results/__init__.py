@@ -39,18 +39,18 @@ class Provenance:
         The rung of the ladder that was used.
     reason : str
         Why, and what was left out.
-    error : float
-        Estimated relative error of the rung; NaN where none was estimated.
     sweep : str
         What identifies the points of a sweep; empty for others.
+    error : float
+        Estimated relative error of the rung; NaN where none was estimated.
     """
 
     design: str
     command: str
     fidelity: str
     reason: str
-    error: float = math.nan
     sweep: str = ""
+    error: float = math.nan
 
 
 @contextlib.contextmanager

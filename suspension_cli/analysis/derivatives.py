@@ -1,0 +1,198 @@
+"""Exact derivatives of a design's matrices with respect to its numbers, the change of its equilibrium included.
+
+On the `string` rung, whose matrices are closed forms of the scene.  A number p enters the scene, and through it the gradient g and the Hessian K of
+the energy in a pose q.  In equilibrium g(q, p) = 0, so the pose follows with dq/dp = -K^-1 dg/dp (the implicit function theorem), and
+
+    dK/dp = d/dh Im K(q + ih dq/dp, p + ih)   for h -> 0,
+
+one complex step (see `parameters`) through the code that computes K itself; M, C and the losses likewise.  Newton's iterations are not differentiated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from suspension_cli.analysis.parameters import STEP, stepped
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.expand import expand
+from suspension_cli.design.scene import Array, Scene
+from suspension_cli.design.schema import Design
+from suspension_cli.mechanics import assemble, equilibrium
+from suspension_cli.mechanics.blocks import mirrored
+from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.pose import Layout, Pose, displaced, layout, nominal_pose
+from suspension_cli.mechanics.tangent import tangent
+from suspension_cli.models.surroundings import surrounded, with_frame
+
+MOVED = 1e-7
+"""Force left over (of the weight, for a change of a number by itself) above which that number cannot change alone."""
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A linear model, or its derivative, in the named coordinates: (N, N) arrays, the support's coordinates included.
+
+    Attributes
+    ----------
+    mass, stiffness, damping, loss : (N, N) arrays
+        SI; `loss` is the imaginary part of the stiffness.
+    orientation : (n + 1, 3, 3) array
+        Of each body, the support first.
+    mirrors : (2,) bool array
+        Whether the design stays the same when x, or y, is mirrored; of a derivative, whether it does so as the number changes.
+    """
+
+    mass: Array
+    stiffness: Array
+    damping: Array
+    loss: Array
+    orientation: Array
+    mirrors: Any
+
+    @property
+    def matters(self) -> bool:
+        """Whether anything is not 0."""
+        return any(value.any() for value in (self.mass, self.stiffness, self.damping, self.loss, self.orientation))
+
+
+@dataclass(frozen=True)
+class Differentiable:
+    """A design in its equilibrium, ready to be differentiated.
+
+    Attributes
+    ----------
+    design : Design
+    scene : Scene
+    numbering : Layout
+    pose : Pose
+    stiffness : (N, N) array
+        Of the suspension alone, without dampers and a support that gives way.
+    model : LinearModel
+        The complete one, coordinates as they are named.
+    linear : Linear
+        Its matrices.
+    """
+
+    design: Design
+    scene: Scene
+    numbering: Layout
+    pose: Pose
+    stiffness: Array
+    model: LinearModel
+    linear: Linear
+
+
+def prepared(design: Design) -> Differentiable:
+    """Find the equilibrium of a design.
+
+    Raises
+    ------
+    InputError
+        If there is none, or a wire is slack in it.
+    """
+    scene = expand(design)
+    numbering = layout(scene)
+    found = equilibrium.solve(scene, numbering)
+    found.demand(scene)
+    model = surrounded(assemble.linear_model(scene, found, split=False), design)
+    return Differentiable(design, scene, numbering, found.pose, found.stiffness, model, _linear(design, scene, numbering, found.pose, found.stiffness))
+
+
+def of(base: Differentiable, name: str) -> Linear | None:
+    """The derivative of all matrices with respect to one number.
+
+    Parameters
+    ----------
+    base : Differentiable
+    name : str
+        Dotted path, see `parameters.every`.
+
+    Returns
+    -------
+    Linear or None
+        Per SI unit of the number; None if it cannot change alone: the suspension would not balance as it is drawn.
+    """
+    design = stepped(base.design, name)
+    scene = expand(design)
+    if _unbalanced(base, scene, design):
+        return None
+    gradient = tangent(scene, base.numbering, base.pose)[0].imag / STEP
+    pose = base.pose
+    if _searched(base):
+        free = slice(6, None)
+        change = np.zeros(base.numbering.size)
+        change[free] = -_solved(base.stiffness[free, free], gradient[free])
+        if change.any():
+            pose = displaced(base.numbering, pose, 1j * STEP * change)
+    whole = _linear(design, scene, base.numbering, pose, tangent(scene, base.numbering, pose)[1])
+    parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
+    return Linear(*(np.imag(part) / STEP for part in parts), mirrors=mirrored(_enlarged(scene)))
+
+
+def _enlarged(scene: Scene) -> Scene:
+    """A scene whose imaginary parts are as large as its real ones can be, for comparisons that allow for rounding."""
+
+    def grown(part: Any) -> Any:
+        steps = {name: value.real + 1j * (value.imag / STEP) for name, value in vars(part).items() if isinstance(value, np.ndarray) and value.dtype == complex}
+        return replace(part, **steps)
+
+    return replace(scene, bodies=grown(scene.bodies), wires=grown(scene.wires), blades=grown(scene.blades), springs=grown(scene.springs))
+
+
+def _searched(base: Differentiable) -> bool:
+    """Whether the pose was solved for, and so depends on the design's numbers."""
+    return base.scene.drawn is not None or _natural(base.design)
+
+
+def _natural(design: Design) -> bool:
+    return any(wire.natural_length is not None for stage in design.stage for wire in stage.wire)
+
+
+def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
+    """Whether a suspension that is drawn in balance loses it: there is no such design, whatever the change."""
+    if _natural(design):
+        return False
+    drawn = scene.drawn or scene
+    gradient = tangent(drawn, base.numbering, nominal_pose(drawn))[0]
+    left = np.abs(gradient[6:].imag).max() / STEP
+    return bool(left > MOVED * float(base.scene.weight))
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """K^-1 f in scaled coordinates; the least motion where some cost nothing."""
+    root = np.sqrt(np.abs(np.diag(matrix)))
+    root[root == 0] = 1.0
+    return np.linalg.lstsq(matrix / np.outer(root, root), right / root, rcond=1e-13)[0] / root
+
+
+def _linear(design: Design, scene: Scene, numbering: Layout, pose: Pose, stiffness: Any) -> Linear:
+    """All matrices in a pose, real or with complex steps."""
+    body = scene.bodies.name
+    plain = LinearModel(
+        body=body,
+        coordinate=numbering.name,
+        basis=np.eye(numbering.size),
+        massless=np.zeros(numbering.size, dtype=bool),
+        mass=assemble.mass_matrix(scene, numbering, pose),
+        stiffness=stiffness,
+        damping=assemble.damping_matrix(scene, numbering, pose),
+    )
+    whole = surrounded(plain, design)
+    loss = assemble.loss_matrix(scene, numbering, pose)
+    if design.support is not None:
+        loss = with_frame(replace(plain, stiffness=loss), _lossy_frame(design)).stiffness
+    turned = pose.rotation + np.zeros((len(body) + 1, 3, 3))
+    return Linear(whole.mass, whole.stiffness, whole.damping, loss, turned, mirrored(scene))
+
+
+def _lossy_frame(design: Design) -> Design:
+    """The design with the loss of its support structure in the place of its stiffness."""
+    support = design.support
+    assert support is not None
+    given = {dof: getattr(support.stiffness, dof) for dof in DOFS}
+    lossy = {dof: value * support.loss_angle for dof, value in given.items() if value is not None}
+    return msgspec.structs.replace(design, support=msgspec.structs.replace(support, stiffness=msgspec.structs.replace(support.stiffness, **lossy)))

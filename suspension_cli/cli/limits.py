@@ -1,0 +1,46 @@
+"""Warnings of designs near a limit, each with its number."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from suspension_cli.analysis.limits import Limits, Near
+    from suspension_cli.analysis.modes import Modes
+    from suspension_cli.cli.options import Voice
+    from suspension_cli.design.schema import Design
+    from suspension_cli.mechanics.model import LinearModel
+
+
+def warn(design: Design, model: LinearModel, found: Modes, voice: Voice) -> None:
+    """Say what about a design is near a limit."""
+    from suspension_cli.analysis import limits
+
+    for line in told(limits.of(design, model, found)):
+        voice.warn(f"{design.design.name}: {line}")
+
+
+def warn_on(design: Design, level: str, found: Modes, voice: Voice) -> None:
+    """The same for modes found on a rung."""
+    from suspension_cli.models import fidelity as ladder
+
+    warn(design, ladder.linear_model(design, "beam" if level == "violin" else level), found, voice)
+
+
+def told(near: Limits) -> list[str]:
+    """A line for each limit."""
+    lines = []
+    if near.digits is not None:
+        lines.append(f"wires so stiff leave soft modes few digits: {near.digits.name} is known to {near.digits.value:.1e} of its frequency")
+    if near.tipping is not None:
+        lines.append(f"{near.tipping.name} is close to unstable: wires attached {1e3 * near.tipping.value:.2g} mm lower would tip it over")
+    if near.slack is not None:
+        lines.append(slack(near.slack))
+    if near.balance:
+        lines.append(f"balanced to {near.balance:.0e} of the weight only, as rounding of the lengths of its stiffest wires allows")
+    return lines
+
+
+def slack(near: Near) -> str:
+    """The line about a wire."""
+    return f"wire {near.name} is about to go slack: it carries {100 * near.value:.2g} % of the mean tension of its stage"

@@ -1,0 +1,118 @@
+"""The chart of the atlas: one panel a row, errors against the parameter that drives them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+
+from stability.row import BROKEN, Row
+from suspension_cli.plots.style import INK, NOTE, PALE, PALETTE, new_figure
+
+OURS, *THEIRS = (colour for colour in PALETTE if colour != "#56b4e9")  # another blue
+SAME = {
+    "eigenvalues of M⁻¹K": THEIRS[0],
+    "ω², eigenvalues of M⁻¹K": THEIRS[0],
+    "modal sum": THEIRS[0],
+    "difference quotients of energy": THEIRS[1],
+    "symmetric eigenvalues": THEIRS[1],
+    "symmetric eigenvectors": THEIRS[1],
+    "state space in SI": THEIRS[2],
+    "lengths from coordinates": THEIRS[2],
+    "dense solve": THEIRS[3],
+}
+"""Colours of methods that stand in several panels."""
+EPS = 2.0**-53
+FLOOR, CEILING = 1e-17, 1e2
+"""What is below or above is drawn at the edge."""
+COLUMNS = 3
+WIDTH, HEIGHT = 3.5, 2.75
+"""Of a panel, inches."""
+
+
+def draw(rows: list[Row]) -> Figure:
+    """All rows as small multiples."""
+    lines = -(-(len(rows) + 1) // COLUMNS)
+    figure = new_figure(COLUMNS * WIDTH, lines * HEIGHT + 0.35)
+    axes = figure.subplots(lines, COLUMNS).ravel()
+    for number, (panel, row) in enumerate(zip(axes, rows, strict=False)):
+        _panel(panel, row, f"{'abcdefghijklmnopqrstuvwxyz'[number]}  {row.title}")
+        if number % COLUMNS == 0:
+            panel.set_ylabel("relative error")
+    for panel in axes[len(rows) :]:
+        panel.set_axis_off()
+    _key(axes[len(rows)])
+    figure.tight_layout(w_pad=1.6, h_pad=1.4)
+    return figure
+
+
+def _panel(axes: Axes, row: Row, title: str) -> None:
+    backwards = row.value[0] > row.value[-1]
+    axes.set(xscale="log", yscale="log", ylim=(FLOOR / 1.5, CEILING * 1.5))
+    span = (row.value.min(), row.value.max())
+    margin = (span[1] / span[0]) ** 0.03
+    axes.set_xlim(*((span[1] * margin, span[0] / margin) if backwards else (span[0] / margin, span[1] * margin)))
+    axes.axhspan(FLOOR / 10, EPS, color=PALE, alpha=0.35, linewidth=0)
+    axes.axhline(BROKEN, color=NOTE, linewidth=0.5, linestyle=(0, (1, 2)))
+    for name, at in row.mark.items():
+        axes.axvline(at, color=NOTE, linewidth=0.5, linestyle=(0, (4, 2)))
+        axes.annotate(name, (at, CEILING), (2, 0), textcoords="offset points", rotation=90, fontsize=5.6, color=NOTE, ha="left", va="top")
+    for name, dash in zip(row.shipped, ("-", (0, (4, 1.2)), (0, (1, 1))), strict=False):
+        _line(axes, row, name, color=OURS, linewidth=2.0, linestyle=dash, zorder=5)
+    free = [colour for colour in THEIRS if colour not in [SAME.get(name) for name in row.others]]
+    for name in row.others:
+        _line(axes, row, name, color=SAME.get(name) or free.pop(0), linewidth=0.9, zorder=3)
+    axes.set_title(title, loc="left", fontweight="bold", fontsize=8)
+    axes.set_xlabel(row.driver, fontsize=7)
+    axes.set_yticks([1e-16, 1e-12, 1e-8, 1e-4, 1.0])
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_locator(LogLocator(numticks=9))
+    axes.xaxis.set_minor_locator(NullLocator())
+    if span[1] < 100 * span[0]:
+        axes.set_xticks(row.value[::3], [f"{value:g}" for value in row.value[::3]])
+    handles, labels = axes.get_legend_handles_labels()
+    key = axes.legend(handles, labels, fontsize=5.6, loc=row.legend, handlelength=2.0, labelspacing=0.25, borderaxespad=0.2, frameon=True, framealpha=0.85)
+    key.get_frame().set_linewidth(0.0)
+    key.set_zorder(10)
+
+
+def _line(axes: Axes, row: Row, name: str, **look: Any) -> None:
+    """One method, with a cross where it breaks."""
+    error, at = _shown(row.error[name]), row.broken_at(name)
+    along = np.linspace(0, len(error) - 1, 20 * len(error))  # points between, so that the legend sees the whole line
+    value, shown = (np.exp(np.interp(along, np.arange(len(error)), np.log(part))) for part in (row.value, error))
+    axes.plot(value, shown, label=name, **look)
+    if at is not None:
+        size = 3.5 + look["linewidth"]
+        axes.plot(at, error[list(row.value).index(at)], "x", color=look["color"], markersize=size, markeredgewidth=1.2, zorder=look["zorder"] + 1)
+
+
+def _shown(error: Any) -> Any:
+    return np.clip(np.nan_to_num(np.asarray(error), posinf=CEILING), FLOOR, CEILING)
+
+
+def _key(axes: Axes) -> None:
+    """What lines and marks mean."""
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    items = [
+        ((0.0, 0.12), {"color": OURS, "linewidth": 2.0}, "pendsus"),
+        ((0.0, 0.12), {"color": THEIRS[0], "linewidth": 0.9}, "other methods, as people write them"),
+        ((0.06, 0.06), {"color": THEIRS[0], "marker": "x", "markersize": 4.5, "markeredgewidth": 1.1}, "broken from here on"),
+        ((0.0, 0.12), {"color": NOTE, "linewidth": 0.5, "linestyle": (0, (1, 2))}, "0.1 %: what counts as broken"),
+        ((0.0, 0.12), {"color": PALE, "linewidth": 6, "alpha": 0.6}, "rounding of double precision"),
+    ]
+    for n, (across, look, text) in enumerate(items):
+        y = 0.85 - 0.13 * n
+        axes.plot(across, (y, y), **look)
+        axes.text(0.17, y, text, fontsize=7, va="center", color=INK)
+    axes.text(
+        0.0,
+        0.85 - 0.13 * len(items) - 0.04,
+        "Trouble grows to the right (in c to both sides);\nwhat is beyond the frame is drawn at its edge.",
+        fontsize=7,
+        va="center",
+        color=INK,
+    )

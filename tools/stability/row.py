@@ -1,0 +1,79 @@
+"""What a row of the stability atlas is: errors of several methods along the parameter that drives them wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BROKEN = 1e-3
+"""Relative error above which a method has broken: no engineer would want less than three digits."""
+SHIPPED = "pendsus"
+"""Start of the name of a method that is the program's own, called through its public functions."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Errors of several methods for the same question along one parameter.
+
+    Attributes
+    ----------
+    title : str
+    driver : str
+        The parameter, with its unit.
+    quantity : str
+        Of what the error is.
+    value : (n,) array
+        Of the parameter, from where all is well towards where it is not.
+    error : mapping of str to (n,) array
+        Relative errors by method; infinite where a method gives nothing.
+    finding : str
+        Two sentences: why methods fail, and what the program does.
+    limit : str
+        Where the program's own method ends, and what it says there.
+    mark : mapping of str to float
+        Values of the parameter worth a line in the chart, by their label.
+    legend : str
+        Where the chart has room for the names.
+    """
+
+    title: str
+    driver: str
+    quantity: str
+    value: Array
+    error: Mapping[str, Array]
+    finding: str
+    limit: str
+    mark: Mapping[str, float] = field(default_factory=dict)
+    legend: str = "best"
+
+    @property
+    def shipped(self) -> list[str]:
+        """The program's own methods."""
+        return [name for name in self.error if name.startswith(SHIPPED)]
+
+    @property
+    def others(self) -> list[str]:
+        """What people use, and what fails."""
+        return [name for name in self.error if not name.startswith(SHIPPED)]
+
+    def broken_at(self, method: str) -> float | None:
+        """Value of the parameter from which on a method has broken: None if it holds to the end."""
+        good = np.flatnonzero(self.error[method] <= BROKEN)
+        last = int(good[-1]) if len(good) else -1
+        return None if last + 1 == len(self.value) else float(self.value[last + 1])
+
+    def worst(self, method: str) -> float:
+        """Largest error of a method along the row."""
+        return float(self.error[method].max())
+
+
+def relative(found: object, exact: object) -> Array:
+    """|found - exact| / |exact|, element by element; infinite where nothing was found."""
+    with np.errstate(all="ignore"):
+        result = np.abs(np.asarray(found) - np.asarray(exact)) / np.abs(np.asarray(exact))
+    return np.where(np.isfinite(result), result, np.inf)
