@@ -38,7 +38,7 @@ class Bar:
         filled = int(WIDTH * done / count)
         left = f"{(count - done) / rate:.0f} s left" if rate else ""
         end = "\r" if sys.stderr.isatty() else "\n"
-        sys.stderr.write(f"{'#' * filled}{'.' * (WIDTH - filled)} {done:,} of {count:,}  {rate:,.0f}/s  {left:12}{end}")
+        sys.stderr.write(f"{'#' * filled}{'.' * (WIDTH - filled)} {done:,} of {count:,}  {rate:,.{0 if rate >= 10 else 1}f}/s  {left:12}{end}")
         sys.stderr.flush()
         if not sys.stderr.isatty():
             self.drawn = now + 10 - EVERY  # a log gets a line every ten seconds

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import time
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,15 +13,16 @@ from suspension_cli.cli import options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.tradeoff.result import Entry, Panel, Tradeoff
+    from suspension_cli.cli.analyses import Read
 
-NAMES = ("modes", "modes-digits", "response", "response-digits", "thermal", "coupling", "equilibrium")
-"""As `analysis.tradeoff.registry.QUANTITIES`, which is not imported just to print help."""
+NAMES = ("modes", "response", "thermal", "coupling", "equilibrium")
+"""As `analysis.tradeoff.comparisons.QUANTITIES`, which is not imported just to print help."""
 REPEAT = 7
 
 
 @click.command("tradeoff")
 @options.design
-@click.option("--quantity", "quantities", multiple=True, type=click.Choice(NAMES), help="Compare this alone (repeatable).  [default: all]")
+@click.option("--quantity", "quantities", multiple=True, type=click.Choice(NAMES), help="Compare for this alone (repeatable).  [default: all]")
 @click.option("--repeat", type=click.IntRange(2, 1000), default=REPEAT, show_default=True, metavar="N", help="Samples of every time.")
 @options.overrides
 @options.out
@@ -31,20 +34,26 @@ REPEAT = 7
 def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
     """Speed against accuracy of every rung and every method, for one design.
 
-    Times are the processor's, taken in turns; errors are against the top rung that holds, or 50-digit arithmetic.  Writes DIR/NAME-tradeoff.h5 and
-    .png.
+    Rungs against the top one that holds; methods against 50-digit arithmetic on the same rung.  Times are the processor's, on one thread, taken in
+    turns.  Writes DIR/NAME-tradeoff.h5 and .png.
     """
+    for library in ("OPENBLAS", "OMP", "MKL"):  # read when numpy is imported, below
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     from suspension_cli.analysis.tradeoff import run
     from suspension_cli.cli import analyses
+    from suspension_cli.cli.progress import Bar
     from suspension_cli.models.fidelity import Choice
     from suspension_cli.results import tradeoff as files
 
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     name = source.design.design.name
-    with source.faults():
-        analyses.modelled(source, "auto", False, voice)  # refuses what has no stable equilibrium
-        found = run.measured(source.design, setting["quantities"], setting["repeat"], voice.detail)
+    with source.faults(), Bar(enabled=not quiet) as bar:
+        _demand_stable(source)
+        began = time.monotonic()
+        found = run.measured(
+            source.design, setting["quantities"], setting["repeat"], lambda done, count: bar(done, count, done / max(time.monotonic() - began, 1e-9))
+        )
     path = options.folder(out) / f"{name}-tradeoff.h5"
     files.save(path, found, analyses.provenance(source, Choice("all", "every rung that holds is compared"), sys.argv))
     voice.say(f"wrote {path}")
@@ -60,15 +69,28 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         click.echo(table(found))
 
 
+def _demand_stable(source: Read) -> None:
+    from suspension_cli.analysis import modes
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.models import fidelity
+
+    found = modes.solve(fidelity.linear_model(source.design, "string"))
+    if not found.stable:
+        problem = f"the equilibrium is unstable: {found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
+        raise InputError([Fault("stage", problem, "make it stable (raise d, say): only then are there responses to compare")])
+
+
 def document(name: str, found: Tradeoff) -> dict[str, Any]:
     """The JSON document."""
-    return {"command": "tradeoff", "design": name, "repeat": found.repeat, "quantities": [_quantity(panel) for panel in found.panels]}
+    head = {"command": "tradeoff", "design": name, "repeat": found.repeat, "threads": found.threads}
+    return head | {"comparisons": [_comparison(panel) for panel in found.panels]}
 
 
-def _quantity(panel: Panel) -> dict[str, Any]:
+def _comparison(panel: Panel) -> dict[str, Any]:
     fronts = [{"title": view.title, **{kind: [panel.entries[n].label for n in panel.front(kind, view)] for kind in ("once", "batch")}} for view in panel.views]
     return {
         "quantity": panel.quantity,
+        "compares": panel.compares,
         "time": panel.start,
         "item": panel.item,
         "count": panel.count,
@@ -93,25 +115,42 @@ def _entry(panel: Panel, entry: Entry) -> dict[str, Any]:
 
 
 def table(found: Tradeoff) -> str:
-    """A table for people, one part a quantity; ``*`` marks what no other method beats."""
-    return "\n\n".join(_table(panel) for panel in found.panels)
+    """A table for people, one part a comparison."""
+    head = (
+        f"median times of {found.repeat} samples{f' on {found.threads} thread' + 's' * (found.threads > 1) if found.threads else ''}, relative to the "
+        "fastest, lower to upper quartile in brackets\n"
+        "* no other is both faster and more accurate    o: no arrays, so a batch is done one by one    errors are relative; below 1e-12 they are rounding"
+    )
+    return "\n\n".join([head, *map(_table, found.panels)])
 
 
 def _table(panel: Panel) -> str:
-    from suspension_cli.analysis.tradeoff.result import spell
+    from suspension_cli.analysis.tradeoff.result import KINDS, spell
 
-    lines = [panel.title]
+    lines = [f"{panel.title}: {panel.compares}"]
     if panel.entries:
-        fastest = {kind: panel.fastest(kind) for kind in ("once", "batch")}
-        lines.append(f"  time {panel.start}: 1 is {spell(fastest['once'])}, in a batch {spell(fastest['batch'])} a {panel.item}")
+        fastest = {kind: panel.fastest(kind) for kind in KINDS}
+        fronts = {kind: {n for view in panel.views for n in panel.front(kind, view)} for kind in KINDS}
         lines.append(f"  error against {panel.reference}")
-        fronts = {kind: {n for view in panel.views for n in panel.front(kind, view)} for kind in fastest}
-        lines.append(f"  {'':30}{'once':>12}{'batch':>12}  " + "".join(f"{name:>20}" for name in panel.component))
+        lines.append(f"  time {panel.start}: 1 is {spell(fastest['once'])}; {spell(fastest['batch'])} a {panel.item} in a batch of {panel.count}")
+        wide = max(len(entry.label) for entry in panel.entries) + 2
+        lines.append(f"  {'':{wide}}{'once':<26}{'in a batch':<26}" + "".join(f"{name:>{_width(name)}}" for name in panel.component))
         for n, entry in enumerate(panel.entries):
-            cells = [f"{entry.time(kind) / fastest[kind]:11.4g}{'*' if n in fronts[kind] else ' '}" for kind in fastest]
-            lines.append(f"  {entry.label:30}{''.join(cells)}  " + "".join(f"{error:20.1e}" for error in entry.error))
+            cells = [_cell(entry, kind, fastest[kind], n in fronts[kind]) for kind in KINDS]
+            errors = (f"{error:{_width(name)}.1e}" for name, error in zip(panel.component, entry.error, strict=True))
+            lines.append(f"  {entry.label:{wide}}{''.join(cells)}{''.join(errors)}")
     reasons: dict[str, list[str]] = {}
     for item in panel.left:
-        reasons.setdefault(item.reason, []).append(f"{item.rung}, {item.method}")
-    lines += [f"  left out: {'; '.join(names)}: {reason}" for reason, names in reasons.items()]
+        reasons.setdefault(item.reason, []).append(item.rung if panel.compares == "rungs" else item.method)
+    lines += [f"  left out: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
     return "\n".join(lines)
+
+
+def _cell(entry: Entry, kind: str, fastest: float, best: bool) -> str:
+    low, middle, high = getattr(entry, kind) / fastest
+    marks = ("*" if best else "") + ("o" if kind == "batch" and not entry.vectorised else "")
+    return f"{f'{middle:.3g} ({low:.3g} to {high:.3g}) {marks}':<26}"
+
+
+def _width(name: str) -> int:
+    return max(len(name), 7) + 3

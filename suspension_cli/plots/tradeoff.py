@@ -1,4 +1,4 @@
-"""Error against time of every method: a row of two charts for each quantity, one evaluation and in a batch."""
+"""Error against time: a row for each quantity; rungs on the left, methods on the right, each for one evaluation and in a batch."""
 
 from __future__ import annotations
 
@@ -8,18 +8,32 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analysis.tradeoff.result import ROUNDING, Panel, Tradeoff, View, spell
+from suspension_cli.analysis.tradeoff.result import COMPARED, KINDS, ROUNDING, Panel, Tradeoff, View, spell
 from suspension_cli.plots.labels import annotate
 from suspension_cli.plots.style import INK, NOTE, PALE, PALETTE, house, new_figure, place, plain, write
 
 COLOUR: dict[str, str] = dict(
     zip(("closed-form", "force", "string", "beam", "violin"), (PALETTE[3], PALETTE[2], PALETTE[0], PALETTE[1], PALETTE[6]), strict=True)
 )
-WIDTH, LEFT, GAP, RIGHT = 7.4, 0.68, 0.2, 0.12
-ROW, CHART, HEAD, FOOT = 2.0, 1.38, 0.62, 0.22
-"""Inches: of a row, of the charts in it, above and below all rows."""
-FONT = 6.3
-KINDS = {"once": "one evaluation", "batch": "in a batch"}
+CHART, HIGH = 2.32, 1.3
+"""Width and height of a chart, inches."""
+LEFT = {"rungs": 0.72, "methods": 6.32}
+"""Where the charts of a half begin, inches; between them `GAP`."""
+GAP, WIDTH = 0.14, 11.2
+HEAD, ROW, ABOVE, FOOT = 1.12, 1.98, 0.34, 0.2
+"""Inches: above all rows, of a row, of its heading, below all rows."""
+SIDE = 0.1
+FONT = 6.6
+NOTED = {"once": "one evaluation", "batch": "in a batch"}
+HALVES = {
+    "rungs": ("Rungs: what is left out of the physics", "error against the top rung"),
+    "methods": ("Methods: what arithmetic and approximations cost", "error against 50 digits on the same rung"),
+}
+KEY = (
+    "Grey steps: the Pareto front; no other point is both faster and more accurate.  Thin upright bars: from the least to the largest error.  Thick level bars: "
+    "quartiles of the time.",
+    "Hollow: it takes no arrays, so that a batch is done one by one.  Grey strip: errors below 10⁻¹² are rounding, and none better than another.",
+)
 
 
 def draw(found: Tradeoff, title: str) -> Figure:
@@ -31,42 +45,64 @@ def draw(found: Tradeoff, title: str) -> Figure:
     title : str
         Of the design.
     """
-    rows = [(panel, view) for panel in found.panels for view in panel.views]
-    left = list(dict.fromkeys((panel.title, item.reason) for panel in found.panels if not panel.entries for item in panel.left))
+    halves = {key: [panel for panel in found.panels if panel.compares == key] for key in COMPARED}
+    rows = _rows(found)
     with house():
-        figure = new_figure(WIDTH, HEAD + ROW * max(len(rows), 1) + FOOT + 0.14 * len(left))
-        write(figure, 0.1, 0.1, plain(title, 90), 10, bold=True)
-        legend = "line: no method is both faster and more accurate; thin bars: quartiles of the time, and from the least to the largest error"
-        write(figure, 0.1, 0.3, f"{legend}; hollow: a batch is done one by one", 6.3, NOTE)
-        for number, (panel, view) in enumerate(rows):
-            top = HEAD + ROW * number
-            _row(figure, panel, view, top)
-        for n, (name, reason) in enumerate(left):
-            write(figure, 0.1, HEAD + ROW * len(rows) + 0.12 + 0.14 * n, plain(f"{name}: left out, {reason}", 130), 6.5, NOTE)
+        figure = new_figure(WIDTH, HEAD + ROW * len(rows) + FOOT)
+        write(figure, SIDE, 0.1, plain(f"{title}: speed against accuracy", 110), 12, bold=True)
+        for n, line in enumerate(KEY):
+            write(figure, SIDE, 0.36 + 0.15 * n, line, 7.2, NOTE)
+        for key, (heading, against) in HALVES.items():
+            if halves[key]:
+                left = LEFT[key] - 0.62
+                write(figure, left, HEAD - 0.32, heading, 9.5, bold=True)
+                write(figure, left, HEAD - 0.13, against, 7.2, NOTE)
+        for number, (quantity, heading) in enumerate(rows):
+            for key in COMPARED:
+                for panel in halves[key]:
+                    if panel.quantity == quantity:
+                        _row(figure, panel, heading, HEAD + ROW * number + 0.1)
         up = figure.get_size_inches()[1]
-        figure.text(0.5, 0.1 / up, "time relative to the fastest", ha="center", va="bottom", fontsize=8)
+        figure.text(0.5, 0.06 / up, "processor time relative to the fastest in the chart", ha="center", va="bottom", fontsize=8)
     return figure
 
 
-def _row(figure: Figure, panel: Panel, view: View, top: float) -> None:
-    """Both charts of one view."""
+def _rows(found: Tradeoff) -> list[tuple[str, str]]:
+    """Quantity and heading of every row: the views of either half, and what was left out altogether."""
+    every: list[tuple[str, str]] = []
+    for quantity in dict.fromkeys(panel.quantity for panel in found.panels):
+        panels = [panel for panel in found.panels if panel.quantity == quantity]
+        titles = [view.title for panel in panels for view in panel.views]
+        every += [(quantity, title) for title in dict.fromkeys(titles or [panels[0].title])]
+    return every
+
+
+def _row(figure: Figure, panel: Panel, heading: str, top: float) -> None:
+    """The charts of one view of a panel, or why there are none."""
+    left = LEFT[panel.compares]
     rungs = {entry.rung for entry in panel.entries}
-    heading = view.title + (f" ({rungs.copy().pop()})" if len(rungs) == 1 else "")
-    write(figure, 0.1, top, heading, 8, INK, bold=True)
-    write(figure, 0.1, top + 0.145, plain(f"{panel.start}; error against {panel.reference}", 140), 6.3, NOTE)
-    width = (WIDTH - LEFT - GAP - RIGHT) / 2
-    worst, least = panel.worst(view), np.array([entry.error[list(view.components)].min() for entry in panel.entries])
+    name = heading + (f" ({rungs.copy().pop()})" if len(rungs) == 1 else "")
+    write(figure, left - 0.62, top, name, 8, INK, bold=True)
+    views = [view for view in panel.views if view.title == heading]
+    if not views:
+        reasons = dict.fromkeys(item.reason for item in panel.left)
+        for n, reason in enumerate(reasons):
+            write(figure, left - 0.62, top + 0.2 + 0.15 * n, plain(f"left out: {reason}", 100), 7, NOTE)
+        return
+    write(figure, left - 0.62, top + 0.145, plain(f"{panel.start}; against {panel.reference}", 110), 6.6, NOTE)
+    worst = panel.worst(views[0])
+    least = np.array([entry.error[list(views[0].components)].min() for entry in panel.entries])
     for column, kind in enumerate(KINDS):
-        axes = place(figure, LEFT + column * (width + GAP), top + 0.3, width, CHART)
-        _chart(axes, panel, view, kind, worst, least, named=len(rungs) > 1)
+        axes = place(figure, left + column * (CHART + GAP), top + ABOVE, CHART, HIGH)
+        _chart(axes, panel, views[0], kind, worst, least)
         if column:
             axes.tick_params(labelleft=False)
         else:
             axes.set_ylabel("relative error")
-            axes.yaxis.set_label_coords(-0.155, 0.5)
+            axes.yaxis.set_label_coords(-0.2, 0.5)
 
 
-def _chart(axes: Axes, panel: Panel, view: View, kind: str, worst: Any, least: Any, *, named: bool) -> None:
+def _chart(axes: Axes, panel: Panel, view: View, kind: str, worst: Any, least: Any) -> None:
     """Points, front and labels of one kind of time."""
     times = np.array([getattr(entry, kind) for entry in panel.entries]) / panel.fastest(kind)
     floor = _floor(least, worst)
@@ -79,15 +115,15 @@ def _chart(axes: Axes, panel: Panel, view: View, kind: str, worst: Any, least: A
         axes.plot([times[n, 1]] * 2, [low[n], high[n]], color=colour, linewidth=0.6, alpha=0.6, zorder=1)
         hollow = kind == "batch" and not entry.vectorised
         axes.plot(times[n, 1], high[n], "o", color=colour, markersize=4.2, markerfacecolor="white" if hollow else colour, markeredgewidth=0.9, zorder=4)
-    note = f"{KINDS[kind]}: 1 = {spell(panel.fastest(kind))}" + (f" a {panel.item}" if kind == "batch" else "")
-    corner = axes.text(0.985, 0.965, note, transform=axes.transAxes, ha="right", va="top", fontsize=6.5, color=INK)
+    note = f"{NOTED[kind]}: 1 = {spell(panel.fastest(kind))}" + (f" a {panel.item}" if kind == "batch" else "")
+    corner = axes.text(0.985, 0.97, note, transform=axes.transAxes, ha="right", va="top", fontsize=6.6, color=INK)
     figure: Any = axes.get_figure()
     extent = corner.get_window_extent(figure.canvas.get_renderer())
-    texts = [f"{entry.rung}, {entry.method}" if named else entry.method for entry in panel.entries]
     bars = [np.array([[row[0], y], [row[2], y]]) for row, y in zip(times, high, strict=True)]
     spans = [np.array([[row[1], y], [row[1], z]]) for row, y, z in zip(times, low, high, strict=True)]
     lines = [_pixels(axes, ends) for ends in [*(path[n : n + 2] for n in range(len(path) - 1)), *bars, *spans]]
     points = list(zip(times[:, 1].tolist(), high.tolist(), strict=True))
+    texts = [entry.name(panel.compares) for entry in panel.entries]
     annotate(axes, points, texts, [COLOUR[entry.rung] for entry in panel.entries], FONT, [(extent.x0, extent.y0, extent.x1, extent.y1)], lines)
 
 

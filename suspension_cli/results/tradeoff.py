@@ -1,4 +1,4 @@
-"""The group `tradeoff` of a results file: a group in it for each quantity."""
+"""The group `tradeoff` of a results file: a group in it for each comparison."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from suspension_cli.analysis.tradeoff.result import QUARTILES, Entry, Left, Panel, Tradeoff, View
 from suspension_cli.results import Provenance, dataset, scale, write
 
-TOLD = ("title", "start", "item", "reference")
-"""Attributes of a quantity that are plain text."""
+TOLD = ("quantity", "compares", "title", "start", "item", "reference")
+"""Attributes of a comparison that are plain text."""
 
 
 def save(path: Path, found: Tradeoff, origin: Provenance) -> None:
@@ -24,9 +24,10 @@ def save(path: Path, found: Tradeoff, origin: Provenance) -> None:
 def fill(group: h5py.Group, found: Tradeoff) -> None:
     """Put it into a group."""
     group.attrs["repeat"] = found.repeat
-    group.attrs["quantity_order"] = [panel.quantity for panel in found.panels]
+    group.attrs["threads"] = found.threads
+    group.attrs["order"] = [panel.key for panel in found.panels]
     for panel in found.panels:
-        _fill(group.create_group(panel.quantity), panel)
+        _fill(group.create_group(panel.key), panel)
 
 
 def _words(values: Iterable[str]) -> Any:
@@ -58,16 +59,15 @@ def _fill(home: h5py.Group, panel: Panel) -> None:
 
 def load(group: Any) -> Tradeoff:
     """What a group holds."""
-    return Tradeoff(tuple(_load(str(name), group[name]) for name in group.attrs["quantity_order"]), int(group.attrs["repeat"]))
+    return Tradeoff(tuple(_load(group[name]) for name in group.attrs["order"]), int(group.attrs["repeat"]), int(group.attrs["threads"]))
 
 
-def _load(name: str, home: Any) -> Panel:
+def _load(home: Any) -> Panel:
     def names(key: str) -> list[str]:
         return [str(value) for value in home[key].asstr()[:]]
 
     rows = zip(names("rung"), names("method"), home["error"][:], home["once"][:], home["batch"][:], home["vectorised"][:], strict=True)
     return Panel(
-        quantity=name,
         component=tuple(names("component")),
         count=int(home.attrs["count"]),
         entries=tuple(Entry(rung, method, error, once, batch, bool(many)) for rung, method, error, once, batch, many in rows),

@@ -13,7 +13,6 @@ from suspension_cli.analysis.tradeoff.subject import Subject
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import perturb
 from suspension_cli.design.scene import Array
-from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.models import closed_form, fidelity, force
 
 KINDS = {"longitudinal-pitch": ("x", "pitch"), "transverse-roll": ("y", "roll"), "vertical": ("z",), "yaw": ("yaw",)}
@@ -81,23 +80,11 @@ def solved(subject: Subject, rung: str) -> Modes:
     return modes.solve(fidelity.linear_model(subject.design, rung))
 
 
-def solved_whole(subject: Subject, rung: str) -> Modes:
-    """Built and solved with all coordinates in one matrix."""
-    return modes.solve(undivided(fidelity.linear_model(subject.design, rung)))
-
-
 def counted(subject: Subject) -> Modes:
     """Wires with mass: modes counted, bisected and their shapes found."""
     model = fidelity.linear_model(subject.design, "violin")
     highest = modes.solve(replace(model, terms=())).frequency[-1]
     return wire_modes.solve(model, HIGHEST * float(highest))
-
-
-def undivided(model: LinearModel) -> LinearModel:
-    """A model that does not know its blocks."""
-    whole = replace(model)
-    vars(whole)["blocks"] = (np.arange(6, model.size),)  # in the place where the cached property keeps them
-    return whole
 
 
 def formulas(subject: Subject, factor: Any = 1.0) -> dict[str, Array]:

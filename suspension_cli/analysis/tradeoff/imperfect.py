@@ -42,16 +42,30 @@ def no_wire(subject: Subject) -> str:
     return "" if subject.wire >= 0 else "the last stage hangs on no wire"
 
 
+def fails(rung: str) -> Any:
+    """What tells why a rung does not hold for the imperfect design; empty if it does."""
+    return lambda subject: subject.imperfect.unsuited[rung]
+
+
 def reference(subject: Subject) -> Any:
     """The ratio (1,) on the top rung in the pose that it hangs in, its matrices solved in 50 digits."""
-    model = fidelity.linear_model(subject.imperfect.design, subject.top)
+    return _exact(subject, subject.imperfect.top)
+
+
+def string_reference(subject: Subject) -> Any:
+    """The same on the string rung."""
+    return _exact(subject, "string")
+
+
+def _exact(subject: Subject, rung: str) -> Any:
+    model = fidelity.linear_model(subject.imperfect.design, rung)
     into, out = subject.coupled(model)
     drive, (over, under) = signals.row(into, model), (signals.row(signal, model) for signal in out)
     omega = 2 * np.pi * np.array([COUPLING])
     return exact.response(model, omega, drive, over) / exact.response(model, omega, drive, under)
 
 
-def of_rung(rung: str) -> Any:
+def on_rung(rung: str) -> Any:
     """Balanced and solved on a rung, from the design on."""
 
     def once(subject: Subject) -> Any:
@@ -102,9 +116,24 @@ def perturbed(subject: Subject, share: Any) -> Any:
     return level + amount @ slope
 
 
-def of_builds(solve: Any) -> tuple[Any, Any]:
-    """A method on the string rung: for one build, and for a batch."""
-    return (lambda subject: solve(subject, np.ones(1))), (lambda subject: lambda: solve(subject, shares()))
+def in_nominal_pose(subject: Subject, share: Any) -> Any:
+    """As if the imperfection moved nothing."""
+    return stepped(subject, share, 0)
+
+
+def in_linear_pose(subject: Subject, share: Any) -> Any:
+    """In the pose that the linear solution gives."""
+    return stepped(subject, share, 1)
+
+
+def one(solve: Any) -> Any:
+    """A method on the string rung, for one build."""
+    return lambda subject: solve(subject, np.ones(1))
+
+
+def batch(solve: Any) -> Any:
+    """The same for many."""
+    return lambda subject: lambda: solve(subject, shares())
 
 
 # From here on: the equilibrium itself.

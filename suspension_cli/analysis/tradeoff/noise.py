@@ -12,6 +12,7 @@ from suspension_cli.analysis.tradeoff.subject import NOISE, Subject
 from suspension_cli.design.scene import Array
 from suspension_cli.mechanics import dispersive
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.models import fidelity
 
 SWEEP = 500
 """Frequencies in a batch."""
@@ -19,10 +20,19 @@ BAND = (1.0, 1000.0)
 """Hz, over which they run."""
 
 
+PLACED = ("beam", "violin")
+"""Rungs that know where along a wire its loss sits."""
+
+
+def placeless(rung: str) -> Any:
+    """What tells why a rung has no thermal noise; empty if it has."""
+    return lambda _: "" if rung in PLACED else "it does not know where along a wire its loss sits"
+
+
 def unsuited(subject: Subject) -> str:
     """Why there is no thermal noise to compare; empty if there is."""
-    if subject.top not in ("beam", "violin"):
-        return f"no rung with losses as functions of frequency holds ({subject.unsuited['beam']})"
+    if subject.top not in PLACED:
+        return f"no rung that knows where loss sits holds: {subject.unsuited['beam']}"
     return "" if reference(subject).all() else "nothing dissipates"
 
 
@@ -60,26 +70,28 @@ def reference(subject: Subject) -> Any:
     return np.sqrt(density)
 
 
-def dissipation(model: LinearModel, frequency: Array, last: str, temperature: float) -> Any:
+def dissipation(model: LinearModel, frequency: Array, subject: Subject) -> Any:
     """From the power that each part dissipates, by cause: what `pendsus thermal` does."""
-    signal, row = thermal.observed(model, f"{last}.x")
-    return thermal.solve(model, frequency, row, signal, temperature).amplitude
+    signal, row = thermal.observed(model, f"{subject.last}.x")
+    return thermal.solve(model, frequency, row, signal, subject.temperature).amplitude
 
 
-def susceptibility(model: LinearModel, frequency: Array, last: str, temperature: float) -> Any:
+def susceptibility(model: LinearModel, frequency: Array, subject: Subject) -> Any:
     """From the imaginary part of the susceptibility; what cancels to a negative density counts as none."""
-    _, row = thermal.observed(model, f"{last}.x")
-    return np.sqrt(np.maximum(thermal.susceptibility(model, frequency, row, temperature), 0.0))
+    _, row = thermal.observed(model, f"{subject.last}.x")
+    return np.sqrt(np.maximum(thermal.susceptibility(model, frequency, row, subject.temperature), 0.0))
 
 
-def method(rung: str, solve: Any) -> tuple[Any, Any]:
-    """A method from a rung's model on: for the frequencies compared, and for a batch of them."""
+def on_rung(rung: str) -> tuple[Any, Any]:
+    """What `pendsus thermal` does, from the design on: at the frequencies compared, and over a band."""
+    return _timed(lambda subject: fidelity.linear_model(subject.design, rung), dissipation)
 
-    def once(subject: Subject) -> Any:
-        return solve(subject.fresh(rung), np.array(NOISE), subject.last, subject.temperature)
 
-    def batch(subject: Subject) -> Any:
-        frequency = np.geomspace(*BAND, SWEEP)
-        return lambda: solve(subject.fresh(rung), frequency, subject.last, subject.temperature)
+def on_matrices(solve: Any) -> tuple[Any, Any]:
+    """A method from the top rung's matrices on."""
+    return _timed(lambda subject: subject.fresh(subject.top), solve)
 
-    return once, batch
+
+def _timed(model_of: Any, solve: Any) -> tuple[Any, Any]:
+    few, many = np.array(NOISE), np.geomspace(*BAND, SWEEP)
+    return (lambda subject: solve(model_of(subject), few, subject)), (lambda subject: lambda: solve(model_of(subject), many, subject))

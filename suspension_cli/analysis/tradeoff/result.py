@@ -1,4 +1,4 @@
-"""What methods cost against what they get wrong: the results of `pendsus tradeoff`."""
+"""What rungs and methods cost against what they get wrong: the results of `pendsus tradeoff`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ ROUNDING = 1e-12
 GAIN = 0.01
 """Share by which an error must fall to be worth any time."""
 QUARTILES = ("lower", "median", "upper")
+KINDS = ("once", "batch")
+"""Of time: for one evaluation, and for one item of a batch."""
+COMPARED = ("rungs", "methods")
+"""What a panel compares: rungs by what physics they leave out, or methods on one rung by what arithmetic and approximations cost."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +44,12 @@ class Entry:
 
     @property
     def label(self) -> str:
-        """``string, chain elimination``."""
+        """``string, chain``."""
         return f"{self.rung}, {self.method}"
+
+    def name(self, compares: str) -> str:
+        """What tells it from the others in a chart: its rung or its method."""
+        return self.rung if compares == "rungs" else self.method
 
     def time(self, kind: str) -> float:
         """Median time in s, ``once`` or in a ``batch``."""
@@ -67,12 +75,14 @@ class View:
 
 @dataclass(frozen=True)
 class Panel:
-    """All methods for one quantity.
+    """All rungs, or all methods on one rung, for one quantity.
 
     Attributes
     ----------
     quantity : str
         ``modes``, ``response``, ...
+    compares : str
+        One of `COMPARED`.
     title : str
     start : str
         From where to where the time runs.
@@ -90,6 +100,7 @@ class Panel:
     """
 
     quantity: str
+    compares: str
     title: str
     start: str
     item: str
@@ -99,6 +110,11 @@ class Panel:
     entries: tuple[Entry, ...]
     left: tuple[Left, ...]
     views: tuple[View, ...]
+
+    @property
+    def key(self) -> str:
+        """``modes-rungs``."""
+        return f"{self.quantity}-{self.compares}"
 
     def fastest(self, kind: str) -> float:
         """Shortest median time in s, ``once`` or in a ``batch``."""
@@ -122,10 +138,13 @@ class Tradeoff:
     panels : tuple of Panel
     repeat : int
         How often every time was taken.
+    threads : int
+        Of linear algebra; 0 if unknown.
     """
 
     panels: tuple[Panel, ...]
     repeat: int
+    threads: int
 
 
 def front(time: Any, error: Any) -> list[int]:

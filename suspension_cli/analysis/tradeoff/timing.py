@@ -7,6 +7,7 @@ hit all works alike, so that ratios of medians hold where times themselves do no
 from __future__ import annotations
 
 import gc
+import os
 import time
 from collections.abc import Callable, Sequence
 
@@ -22,6 +23,12 @@ MOST = 200
 """Times that a work is done in one sample, at most."""
 
 
+def threads() -> int:
+    """How many threads linear algebra was told to take, 0 if it was not."""
+    told = [os.environ.get(f"{name}_NUM_THREADS", "") for name in ("OPENBLAS", "OMP", "MKL")]
+    return max((int(value) for value in told if value.isdigit()), default=0)
+
+
 def quartiles(works: Sequence[Work], repeat: int) -> Array:
     """Lower quartile, median and upper quartile of the time of each work, s: (w, 3).
 
@@ -31,6 +38,8 @@ def quartiles(works: Sequence[Work], repeat: int) -> Array:
     repeat : int
         Samples of each.
     """
+    if not works:
+        return np.zeros((0, 3))
     times = [_calibrated(work) for work in works]
     samples = np.zeros((len(works), repeat))
     # the collector would charge one work with what another left behind
@@ -44,7 +53,7 @@ def quartiles(works: Sequence[Work], repeat: int) -> Array:
     finally:
         if enabled:
             gc.enable()
-    return np.quantile(samples, (0.25, 0.5, 0.75), axis=1).T.reshape(-1, 3)
+    return np.quantile(samples, (0.25, 0.5, 0.75), axis=1).T
 
 
 def _calibrated(work: Work) -> int:

@@ -12,7 +12,6 @@ from suspension_cli.analysis.tradeoff import exact
 from suspension_cli.analysis.tradeoff.subject import Subject
 from suspension_cli.design.scene import Array
 from suspension_cli.mechanics import dispersive, elimination
-from suspension_cli.mechanics.condensed import Piece, prepared
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.models import fidelity
 
@@ -20,11 +19,6 @@ SWEEP = 2000
 """Frequencies in a batch."""
 BAND = (0.1, 1000.0)
 """Hz, over which they run."""
-
-
-def band() -> Array:
-    """The frequencies of a batch, rad/s."""
-    return 2 * np.pi * np.geomspace(*BAND, SWEEP)
 
 
 def reference(subject: Subject) -> Any:
@@ -46,27 +40,13 @@ def chain(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
 
 def dense(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
     """One LAPACK solve a frequency on each block that is touched."""
-    return chain(treeless(model, row), omega, drive, row)
-
-
-def treeless(model: LinearModel, row: Array) -> LinearModel:
-    """A model that does not know which body hangs on which: its blocks (those that a linear form sees) are single nodes, which are solved densely."""
-    bare = replace(model)
-    vars(bare)["blocks"] = model.blocks  # worked out for both alike
-    if model.terms:
-        bare.prepared["dispersive"] = [replace(block, tree=_one_node(len(block.keep))) for block in dispersive.blocks(bare)]
-        return bare
-    for number, group in enumerate(bare.blocks):
-        if not row[group].any():
-            continue
-        block = prepared(bare, number)
-        own, support = (Piece(*(matrix[:, part] for matrix in (block.stiffness, block.mass, block.damping))) for part in (slice(6, None), slice(0, 6)))
-        bare.prepared[number] = replace(block, tree=_one_node(len(block.keep)), own=(own,), link=(None,), support=(support,))
-    return bare
-
-
-def _one_node(size: int) -> elimination.Tree:
-    return elimination.Tree((np.arange(size),), (-1,))
+    result = np.full(len(omega), row[:6] @ drive[:6], dtype=complex)
+    for block in dispersive.blocks(model):
+        seen, moves = row[block.keep], drive[:6, None]
+        if seen.any() and block.pulled(moves):
+            one_node = elimination.Tree((np.arange(len(block.keep)),), (-1,))
+            result += seen @ replace(block, tree=one_node).at(omega).solve(moves, np.zeros((len(block.keep), 1)))[:, 0]
+    return result
 
 
 def modal_sum(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
@@ -102,39 +82,20 @@ def _system(model: LinearModel, drive: Array, row: Array) -> statespace.StateSpa
     return statespace.assemble(model, drive[None], [into], row[None], [out])
 
 
-def on_rung(rung: str, solve: Any) -> tuple[Any, Any]:
-    """A method from the design on: for the frequencies compared, and for a batch of them."""
-
-    def once(subject: Subject) -> Any:
-        model = fidelity.linear_model(subject.design, rung)
-        return solve(model, subject.omega, *subject.forms(model))
-
-    def batch(subject: Subject) -> Any:
-        omega = band()
-
-        def work() -> Any:
-            model = fidelity.linear_model(subject.design, rung)
-            return solve(model, omega, *subject.forms(model))
-
-        return work
-
-    return once, batch
+def on_rung(rung: str) -> tuple[Any, Any]:
+    """What `pendsus response` does, from the design on: at the frequencies compared, and over a band."""
+    return _timed(lambda subject: fidelity.linear_model(subject.design, rung), chain)
 
 
-def on_model(solve: Any) -> tuple[Any, Any]:
+def on_matrices(solve: Any) -> tuple[Any, Any]:
     """A method from the string rung's matrices on."""
+    return _timed(lambda subject: subject.fresh("string"), solve)
 
-    def once(subject: Subject) -> Any:
-        model = subject.fresh("string")
-        return solve(model, subject.omega, *subject.forms(model))
 
-    def batch(subject: Subject) -> Any:
-        omega = band()
+def _timed(model_of: Any, solve: Any) -> tuple[Any, Any]:
+    def at(subject: Subject, omega: Array) -> Any:
+        model = model_of(subject)
+        return solve(model, omega, *subject.forms(model))
 
-        def work() -> Any:
-            model = subject.fresh("string")
-            return solve(model, omega, *subject.forms(model))
-
-        return work
-
-    return once, batch
+    omega = 2 * np.pi * np.geomspace(*BAND, SWEEP)
+    return (lambda subject: at(subject, subject.omega)), (lambda subject: lambda: at(subject, omega))
