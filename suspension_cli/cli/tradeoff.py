@@ -125,7 +125,7 @@ def table(found: Tradeoff) -> str:
 
 
 def _table(panel: Panel) -> str:
-    from suspension_cli.analysis.tradeoff.result import KINDS, spell
+    from suspension_cli.analysis.tradeoff.result import KINDS, spell, told
 
     lines = [f"{panel.title}: {panel.compares}"]
     if panel.entries:
@@ -133,12 +133,12 @@ def _table(panel: Panel) -> str:
         fronts = {kind: {n for view in panel.views for n in panel.front(kind, view)} for kind in KINDS}
         lines.append(f"  error against {panel.reference}")
         lines.append(f"  time {panel.start}: 1 is {spell(fastest['once'])}; {spell(fastest['batch'])} a {panel.item} in a batch of {panel.count}")
-        wide = max(len(entry.label) for entry in panel.entries) + 2
-        lines.append(f"  {'':{wide}}{'once':<26}{'in a batch':<26}" + "".join(f"{name:>{_width(name)}}" for name in panel.component))
+        rows = [["", "once", "in a batch", *panel.component]]
         for n, entry in enumerate(panel.entries):
-            cells = [_cell(entry, kind, fastest[kind], n in fronts[kind]) for kind in KINDS]
-            errors = (f"{error:{_width(name)}.1e}" for name, error in zip(panel.component, entry.error, strict=True))
-            lines.append(f"  {entry.label:{wide}}{''.join(cells)}{''.join(errors)}")
+            times = (_time(entry, kind, fastest[kind], n in fronts[kind]) for kind in KINDS)
+            rows.append([entry.label, *times, *map(told, entry.error)])
+        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines += ["  " + "  ".join(f"{cell:{'<' if n < 3 else '>'}{wide[n]}}" for n, cell in enumerate(row)) for row in rows]
     reasons: dict[str, list[str]] = {}
     for item in panel.left:
         reasons.setdefault(item.reason, []).append(item.rung if panel.compares == "rungs" else item.method)
@@ -146,11 +146,8 @@ def _table(panel: Panel) -> str:
     return "\n".join(lines)
 
 
-def _cell(entry: Entry, kind: str, fastest: float, best: bool) -> str:
-    low, middle, high = getattr(entry, kind) / fastest
+def _time(entry: Entry, kind: str, fastest: float, best: bool) -> str:
+    """``1.88 (1.82 to 1.93) *``."""
+    low, middle, high = (f"{value:.3g}" if value < 1000 else f"{float(f'{value:.3g}'):,.0f}" for value in getattr(entry, kind) / fastest)
     marks = ("*" if best else "") + ("o" if kind == "batch" and not entry.vectorised else "")
-    return f"{f'{middle:.3g} ({low:.3g} to {high:.3g}) {marks}':<26}"
-
-
-def _width(name: str) -> int:
-    return max(len(name), 7) + 3
+    return f"{middle} ({low} to {high}) {marks}"

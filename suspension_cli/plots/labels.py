@@ -15,6 +15,8 @@ from suspension_cli.plots.style import NOTE
 
 NEAR = 4.5
 """Distance of a label from its point, points (1/72 in)."""
+SPACE = 3.0
+"""Least distance between two labels side by side, points."""
 REACHES = (1.0, 2.2, 3.6, 5.2, 7.0, 9.0, 11.5)
 """Factors on it, tried from the nearest on; past the first a line leads to the point."""
 SIDES = ((1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (0, -1))
@@ -82,11 +84,12 @@ def _places(point: Any, width: float, height: float, pixel: float, frame: Any, b
         left = point[0] + (gap if side > 0 else -gap - width if side < 0 else -width / 2)
         low = point[1] + (0.55 * gap if up > 0 else -0.55 * gap - height if up < 0 else -height / 2)
         box = np.array([left, low, left + width, low + height])
+        apart = box + SPACE * pixel * np.array([-1, -0.3, 1, 0.3])
         cost = FAR * reach + 0.05 * SIDES.index((side, up))
-        cost += ON_LABEL * sum(_overlap(box, other) > 0 for other in boxes)
+        cost += ON_LABEL * sum(_overlap(apart, other) > 0 for other in boxes)
         cost += ON_POINT * sum(_overlap(box, dot) > 0 for n, dot in enumerate(dots) if n != own)
         cost += ON_LINE * sum(box[0] < line[2] and line[0] < box[2] and box[1] < line[3] and line[1] < box[3] for line in lines)
-        cost += OUTSIDE * (box[0] < frame.x0 or box[2] > frame.x1 or box[1] < frame.y0 or box[3] > frame.y1)
+        cost += OUTSIDE * (apart[0] < frame.x0 or apart[2] > frame.x1 or apart[1] < frame.y0 or apart[3] > frame.y1)
         yield cost, (reach, box)
 
 

@@ -30,9 +30,8 @@ HALVES = {
     "methods": ("Methods: what arithmetic and approximations cost", "error against 50 digits on the same rung"),
 }
 KEY = (
-    "Grey steps: the Pareto front; no other point is both faster and more accurate.  Thin upright bars: from the least to the largest error.  Thick level bars: "
-    "quartiles of the time.",
-    "Hollow: it takes no arrays, so that a batch is done one by one.  Grey strip: errors below 10⁻¹² are rounding, and none better than another.",
+    "Grey steps: the Pareto front; no other point is both faster and more accurate.  Thin upright bars: from the least to the largest error.",
+    "Thick level bars: quartiles of the time.  Hollow: it takes no arrays, so that a batch is done one by one.  Grey strip: errors below 10⁻¹² are rounding.",
 )
 
 
@@ -145,16 +144,19 @@ def _scaled(axes: Axes, times: Any, errors: Any, floor: float) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     most = max(float(times.max()), 2.0)
-    axes.set_xlim(min(0.75, 0.9 * float(times.min())) / most**0.14, most * 1.3 * most**0.22)
-    top = max(float(errors.max()), 10 * floor)
-    exact = bool((errors <= floor).any())
-    decades = np.arange(np.ceil(np.log10(floor)) + exact, np.ceil(np.log10(top)) + 1)
+    first, last = min(0.7, 0.9 * float(times.min())) / most**0.16, 1.6 * most**1.25
+    axes.set_xlim(first, last)
+    top, exact = float(errors.max()), bool((errors <= floor).any())
+    least = np.log10(floor) + exact * max(0.12 * np.log10(top / floor), 0.5)  # the next label above stands clear of the strip's
+    decades = np.arange(np.ceil(least), np.ceil(np.log10(top)) + (top > floor))
+    top = max(top, 10 * floor)
     chosen = decades[:: -max(1, int(np.ceil(len(decades) / 5)))][::-1]
     axes.set_yticks([*([floor] if exact else []), *10.0**chosen], ["rounding"] * exact + [f"$10^{{{int(n)}}}$" for n in chosen])
     room = np.log10(top / floor)
     axes.set_ylim(floor / 10 ** (0.12 * room + 0.15), top * 10 ** (0.3 * room + 0.2))
-    ticks = [1, 2, 5, 10, 20, 50] if most < 30 else [10.0**n for n in range(int(np.log10(most)) + 2)]
-    axes.set_xticks(ticks, [f"{tick:g}" if tick < 1000 else f"$10^{{{int(np.log10(tick))}}}$" for tick in ticks])
+    ticks = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0] if most < 30 else [10.0**n for n in range(int(np.log10(most)) + 2)]
+    shown = [tick for tick in ticks if tick < last]
+    axes.set_xticks(shown, [f"{tick:g}" if tick < 1000 else f"$10^{{{int(np.log10(tick))}}}$" for tick in shown])
     axes.minorticks_off()
     axes.grid(visible=True, which="major", color=PALE, linewidth=0.3)
     if exact:

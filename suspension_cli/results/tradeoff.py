@@ -46,15 +46,15 @@ def _fill(home: h5py.Group, panel: Panel) -> None:
     quartile, view = scale(home, "quartile", list(QUARTILES), "name"), scale(home, "view", _words(item.title for item in panel.views), "name")
     for name in ("rung", "method"):
         dataset(home, name, _words(getattr(item, name) for item in panel.entries), "name", entry)
-    dataset(home, "error", np.array([item.error for item in panel.entries]).reshape(-1, len(panel.component)), "1", entry, component)
+    dataset(home, "error", np.array([item.error for item in panel.entries]).reshape(len(panel.entries), len(panel.component)), "1", entry, component)
     for name in ("once", "batch"):
-        dataset(home, name, np.array([getattr(item, name) for item in panel.entries]).reshape(-1, 3), "s", entry, quartile)
+        dataset(home, name, np.array([getattr(item, name) for item in panel.entries]).reshape(len(panel.entries), 3), "s", entry, quartile)
     dataset(home, "vectorised", np.array([item.vectorised for item in panel.entries], dtype=bool), "1", entry)
     judged = np.array([[n in item.components for n in range(len(panel.component))] for item in panel.views], dtype=bool)
-    dataset(home, "judged", judged.reshape(-1, len(panel.component)), "1", view, component)
+    dataset(home, "judged", judged.reshape(len(panel.views), len(panel.component)), "1", view, component)
     for kind in ("once", "batch"):
         on = [[n in panel.front(kind, item) for n in range(len(panel.entries))] for item in panel.views]
-        dataset(home, f"front_{kind}", np.array(on, dtype=bool).reshape(-1, len(panel.entries)), "1", view, entry)
+        dataset(home, f"front_{kind}", np.array(on, dtype=bool).reshape(len(panel.views), len(panel.entries)), "1", view, entry)
 
 
 def load(group: Any) -> Tradeoff:

@@ -11,6 +11,8 @@ from suspension_cli.design.scene import Array
 
 ROUNDING = 1e-12
 """Errors below this are rounding: to a designer none of them is better than another."""
+LAST_DIGIT = 1.1e-16
+"""Relative rounding error of a double, at most."""
 GAIN = 0.01
 """Share by which an error must fall to be worth any time."""
 QUARTILES = ("lower", "median", "upper")
@@ -174,3 +176,8 @@ def spell(seconds: float) -> str:
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"
     return f"{seconds * 1e9:.3g} ns"
+
+
+def told(error: float) -> str:
+    """A relative error: ``3.8e-07``; 0 where it is below the last digit of a double."""
+    return f"{error:.1e}" if error > LAST_DIGIT else "0"
