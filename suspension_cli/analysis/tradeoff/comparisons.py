@@ -147,7 +147,7 @@ IMPERFECT = (
             for rung in RUNGS
         ),
         views={},
-        unsuited=imperfect.no_wire,
+        unsuited=imperfect.uncoupled,
     ),
     Comparison(
         quantity="coupling",
@@ -169,7 +169,7 @@ IMPERFECT = (
             )
         ),
         views={},
-        unsuited=imperfect.no_wire,
+        unsuited=imperfect.uncoupled,
     ),
     Comparison(
         quantity="equilibrium",

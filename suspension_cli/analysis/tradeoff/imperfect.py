@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analysis import builds, response, signals
+from suspension_cli.analysis.coupling import FAINT
 from suspension_cli.analysis.tradeoff import balance, exact
 from suspension_cli.analysis.tradeoff.subject import COUPLING, K_FACTOR, OFFSET, Subject
 from suspension_cli.conventions import SUPPORT
@@ -40,6 +41,14 @@ def shares() -> Array:
 def no_wire(subject: Subject) -> str:
     """Why there is nothing to spoil; empty if there is."""
     return "" if subject.wire >= 0 else "the last stage hangs on no wire"
+
+
+def uncoupled(subject: Subject) -> str:
+    """Why there is no coupling to compare; empty if there is."""
+    if no_wire(subject):
+        return no_wire(subject)
+    size = float(np.abs(string_reference(subject))[0])
+    return "" if size > FAINT else f"the imperfection couples nothing ({size:.0e} is rounding)"
 
 
 def fails(rung: str) -> Any:
@@ -159,8 +168,8 @@ def hung(subject: Subject) -> Any:
 
 
 def apart(_: Subject, found: Any, wanted: Any) -> dict[str, float]:
-    """Largest errors of displacements, turns and tensions, over the largest of each."""
-    return {name: _largest(a - b) / _largest(b) for name, a, b in zip(("position", "rotation", "tension"), found, wanted, strict=True)}
+    """Largest errors of displacements, turns and tensions, over the largest of each (if it is not 0)."""
+    return {name: _largest(a - b) / (_largest(b) or 1.0) for name, a, b in zip(("position", "rotation", "tension"), found, wanted, strict=True)}
 
 
 def _largest(values: Any) -> float:

@@ -100,10 +100,10 @@ def hertz(frequency: float) -> str:
 
 
 def relative(frequencies: tuple[float, ...]) -> Error:
-    """|found - true| / |true| at each frequency."""
+    """|found - true| / |true| at each frequency; |found| where the truth is 0."""
 
     def error(_: Subject, found: Any, wanted: Any) -> dict[str, float]:
-        values = np.abs(found - wanted) / np.abs(wanted)
+        values = np.abs(found - wanted) / np.where(wanted == 0, 1.0, np.abs(wanted))
         return dict(zip(map(hertz, frequencies), values.tolist(), strict=True))
 
     return error

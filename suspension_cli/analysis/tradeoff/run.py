@@ -42,7 +42,8 @@ def measured(design: Design, quantities: Sequence[str] = (), repeat: int = 7, to
 
 
 def _panel(subject: Subject, item: Comparison, repeat: int) -> Panel:
-    reasons = {method: _reason(subject, item, method) for method in item.methods}
+    all_unsuited = item.unsuited(subject)
+    reasons = {method: all_unsuited or subject.unsuited[method.on(subject)] or method.unsuited(subject) for method in item.methods}
     methods = [method for method, reason in reasons.items() if not reason]
     found = [method.once(subject) for method in methods]
     truth = item.reference(subject) if methods else None
@@ -70,8 +71,3 @@ def _panel(subject: Subject, item: Comparison, repeat: int) -> Panel:
         left=tuple(Left(method.on(subject), method.name, reason) for method, reason in reasons.items() if reason),
         views=item.judged(components) if components else (),
     )
-
-
-def _reason(subject: Subject, item: Comparison, method: Method) -> str:
-    """Why a method does not apply; empty if it does."""
-    return item.unsuited(subject) or subject.unsuited[method.on(subject)] or method.unsuited(subject)

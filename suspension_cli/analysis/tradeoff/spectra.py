@@ -59,7 +59,8 @@ def poles(subject: Subject) -> Array:
     known = signals.bodies(model)
     inputs = [signals.drive(f"support.{dof}", known) for dof in DOFS]
     outputs = [signals.motion(f"{body}.{dof}", known) for body in model.body for dof in DOFS]
-    values = np.linalg.eigvals(statespace.build(model, inputs, outputs).a)
+    drives, rows = (np.array([signals.row(signal, model) for signal in group]) for group in (inputs, outputs))
+    values = np.linalg.eigvals(statespace.assemble(model, drives, inputs, rows, outputs, undriven=True).a)
     squares = np.sort(-(values**2).real)
     return (squares[::2] + squares[1::2]) / 2  # each mode has two poles
 
