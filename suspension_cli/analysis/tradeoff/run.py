@@ -8,7 +8,7 @@ import numpy as np
 
 from suspension_cli.analysis.tradeoff import timing
 from suspension_cli.analysis.tradeoff.comparisons import COMPARISONS
-from suspension_cli.analysis.tradeoff.registry import Comparison, Method
+from suspension_cli.analysis.tradeoff.registry import Comparison
 from suspension_cli.analysis.tradeoff.result import Entry, Left, Panel, Tradeoff
 from suspension_cli.analysis.tradeoff.subject import Subject
 from suspension_cli.design.schema import Design

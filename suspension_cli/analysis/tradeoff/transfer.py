@@ -50,20 +50,21 @@ def dense(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
 
 
 def modal_sum(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
-    """Sum over modes, phi (phi . f) / (omega_m^2 (1 + i / Q) - omega^2): right as far as damping does not couple them."""
+    """Sum over modes, phi (phi . f) / (omega_m^2 + i phi K'' phi + i omega phi C phi - omega^2): right as far as losses do not couple them."""
     found = modes.solve(model)
     shapes = found.shape @ model.basis[6:, 6:]
     seen = shapes @ row[6:]
-    some = seen != 0
+    shapes, poles, seen = (values[seen != 0] for values in (shapes, found.omega_squared, seen))
     full = model.stiffness if model.lossy is None else model.lossy
-    k, c, m = (-(shapes[some] @ (matrix[6:, :6] @ drive[:6])) * seen[some] for matrix in (full, model.damping, model.mass))
-    loss = np.where(np.isfinite(found.q[some]), 1j / found.q[some], 0.0)
-    poles = found.omega_squared[some] * ((1 + loss) if loss.any() else 1.0)
+    k, c, m = (-(shapes @ (matrix[6:, :6] @ drive[:6])) * seen for matrix in (full, model.damping, model.mass))
+    loss, damping = ((shapes @ matrix[6:, 6:] * shapes).sum(-1) for matrix in (np.imag(full), model.damping))
     square = omega[:, None] ** 2
-    driven = k - square * m if m.any() else k
+    driven, stiff = k - square * m if m.any() else k, (poles + 1j * loss if loss.any() else poles) - square
     if c.any():
         driven = driven + 1j * omega[:, None] * c
-    return (driven / (poles - square)).sum(-1) + row[:6] @ drive[:6]
+    if damping.any():
+        stiff = stiff + 1j * omega[:, None] * damping
+    return (driven / stiff).sum(-1) + row[:6] @ drive[:6]
 
 
 def state_space(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
