@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
 
-.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus stability test lint bench golden clean
+.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus stability tradeoff test lint bench golden clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 12
@@ -43,6 +43,9 @@ thermal: $(READY) ## thermal noise of a triple with a fused-silica final stage
 
 stability: $(READY) ## where methods fail, and that ours does not
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/atlas.py
+
+tradeoff: $(READY) ## speed against accuracy of every rung and method (two minutes)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/tradeoff.py
 
 modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 	$(BIN)/python tools/youngs_modulus.py

@@ -49,6 +49,7 @@ MAKES = {
     "sweep": ["sweep", "configs/double.toml", "--vary", "stage.test.wires.d=1e-3,2e-3", "--result", "1", "--result", "test.x/support.x:1", "--workers", "1"],
     "sensitivity": ["sensitivity", "configs/double.toml"],
     "fit": ["fit", "configs/husman2000/table1-case4.toml", "measured/husman2000/table1-case4.toml"],
+    "tradeoff": ["tradeoff", "configs/husman2000/figure6.toml", "--repeat", "2", "--quantity", "response"],
     "damp": ["damp", "configs/triple-damped.toml", "--frequency", "1,2", "--duration", "1"],
     "statespace": ["export", "configs/double.toml", "--format", "hdf5"],
     "zpk": ["export", "configs/double.toml", "--format", "zpk", "--input", "support.x", "--output", "test.x"],

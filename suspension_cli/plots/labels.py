@@ -21,8 +21,8 @@ REACHES = (1.0, 2.2, 3.6, 5.2, 7.0, 9.0, 11.5)
 """Factors on it, tried from the nearest on; past the first a line leads to the point."""
 SIDES = ((1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (0, -1))
 """Where a label may stand, the best place first."""
-ON_LABEL, ON_POINT, ON_LINE, OUTSIDE, FAR = 60.0, 25.0, 4.0, 200.0, 1.0
-"""What overlapping costs a place, and each step away from the point."""
+ON_LABEL, ON_POINT, CROSSED, ON_LINE, OUTSIDE, FAR = 60.0, 25.0, 20.0, 4.0, 200.0, 1.0
+"""What overlapping costs a place, crossing another label's line, and each step away from the point."""
 
 
 def annotate(
@@ -59,6 +59,7 @@ def annotate(
     where = axes.transData.transform(np.array(points, dtype=float).reshape(-1, 2))
     frame = axes.get_window_extent(renderer)
     boxes = [np.array(box, dtype=float) for box in taken]
+    leads: list[Any] = []
     dots = [np.array([x - 3 * pixel, y - 3 * pixel, x + 3 * pixel, y + 3 * pixel]) for x, y in where]
     result = []
     # from the left, so that a row of points fills from one side
@@ -67,17 +68,23 @@ def annotate(
         text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
         extent = text.get_window_extent(renderer)
         width, height = extent.width, extent.height
-        best, box = min(((cost, place) for cost, place in _places(where[n], width, height, pixel, frame, boxes, dots, n, lines)), key=lambda item: item[0])[1]
+        best, box = min(
+            ((cost, place) for cost, place in _places(where[n], width, height, pixel, frame, boxes, dots, n, lines, leads)), key=lambda item: item[0]
+        )[1]
         boxes.append(box)
         text.set_position(((box[0] - where[n, 0]) / pixel, (box[1] - where[n, 1]) / pixel))
         text.set_verticalalignment("bottom")
         if best > 1.0:
-            _lead(axes, where[n], box, pixel)
+            leads.append(_lead(where[n], box, pixel))
+            ends = axes.transData.inverted().transform(leads[-1])
+            axes.plot(ends[:, 0], ends[:, 1], color=NOTE, linewidth=0.4, zorder=2, solid_capstyle="butt")
         result.append(text)
     return result
 
 
-def _places(point: Any, width: float, height: float, pixel: float, frame: Any, boxes: list[Any], dots: list[Any], own: int, lines: Any) -> Any:
+def _places(
+    point: Any, width: float, height: float, pixel: float, frame: Any, boxes: list[Any], dots: list[Any], own: int, lines: Any, leads: list[Any]
+) -> Any:
     """Cost, reach and box of every place that a label may take."""
     for reach, (side, up) in product(REACHES, SIDES):
         gap = NEAR * reach * pixel
@@ -88,6 +95,7 @@ def _places(point: Any, width: float, height: float, pixel: float, frame: Any, b
         cost = FAR * reach + 0.05 * SIDES.index((side, up))
         cost += ON_LABEL * sum(_overlap(apart, other) > 0 for other in boxes)
         cost += ON_POINT * sum(_overlap(box, dot) > 0 for n, dot in enumerate(dots) if n != own)
+        cost += CROSSED * (reach > 1.0) * sum(_cross(_lead(point, box, pixel), other) for other in leads)
         cost += ON_LINE * sum(box[0] < line[2] and line[0] < box[2] and box[1] < line[3] and line[1] < box[3] for line in lines)
         cost += OUTSIDE * (apart[0] < frame.x0 or apart[2] > frame.x1 or apart[1] < frame.y0 or apart[3] > frame.y1)
         yield cost, (reach, box)
@@ -98,8 +106,16 @@ def _overlap(a: Any, b: Any) -> float:
     return max(min(a[2], b[2]) - max(a[0], b[0]), 0.0) * max(min(a[3], b[3]) - max(a[1], b[1]), 0.0)
 
 
-def _lead(axes: Axes, point: Any, box: Any, pixel: float) -> None:
-    """A thin line from a label's nearest edge to its point."""
-    end = np.array([np.clip(point[0], box[0], box[2]), np.clip(point[1], box[1] + pixel, box[3] - pixel)])
-    ends = axes.transData.inverted().transform(np.array([point, end]))
-    axes.plot(ends[:, 0], ends[:, 1], color=NOTE, linewidth=0.4, zorder=2, solid_capstyle="butt")
+def _lead(point: Any, box: Any, pixel: float) -> Any:
+    """The line (2, 2) from a point to the nearest edge of its label."""
+    return np.array([point, [np.clip(point[0], box[0], box[2]), np.clip(point[1], box[1] + pixel, box[3] - pixel)]])
+
+
+def _cross(a: Any, b: Any) -> bool:
+    """Whether two lines (2, 2) cross."""
+
+    def side(line: Any, point: Any) -> float:
+        along, across = line[1] - line[0], point - line[0]
+        return float(along[0] * across[1] - along[1] * across[0])
+
+    return side(a, b[0]) * side(a, b[1]) < 0 and side(b, a[0]) * side(b, a[1]) < 0

@@ -83,15 +83,13 @@ RESPONSES = (
         against=exact_string,
         reference=transfer.digits_reference,
         error=relative(FREQUENCIES),
-        methods=tuple(
-            Method("string", name, *transfer.on_matrices(solve))
-            for name, solve in (
-                ("chain", transfer.chain),
-                ("dense", transfer.dense),
-                ("modal sum", transfer.modal_sum),
-                ("state space", transfer.state_space),
-                ("zpk", transfer.zeros_and_poles),
-            )
+        methods=(
+            Method("string", "chain", *transfer.on_matrices(transfer.chain)),
+            Method("string", "chain, kept", *transfer.on_kept_model(transfer.chain)),
+            Method("string", "dense", *transfer.on_matrices(transfer.dense)),
+            Method("string", "modal sum", *transfer.on_matrices(transfer.modal_sum)),
+            Method("string", "state space", *transfer.on_matrices(transfer.state_space)),
+            Method("string", "zpk", *transfer.on_matrices(transfer.zeros_and_poles)),
         ),
         views=BANDS,
     ),

@@ -93,6 +93,11 @@ def on_matrices(solve: Any) -> tuple[Any, Any]:
     return _timed(lambda subject: subject.fresh("string"), solve)
 
 
+def on_kept_model(solve: Any) -> tuple[Any, Any]:
+    """The same when the model has answered before and kept what it prepared."""
+    return _timed(lambda subject: subject.model("string"), solve)
+
+
 def _timed(model_of: Any, solve: Any) -> tuple[Any, Any]:
     def at(subject: Subject, omega: Array) -> Any:
         model = model_of(subject)
