@@ -182,8 +182,8 @@ def test_batches_are_many_of_one(single):
     """Batched eigenvalues and couplings are those of their members."""
     factor = eigen.scattered()
     one = spectra.symmetric(single)
-    many = spectra.symmetric_batch(single)()
-    np.testing.assert_allclose(many, factor[:, None] * one, rtol=1e-11)
+    for many in (spectra.SYMMETRIC(single)(), spectra.BY_BLOCK(single)().omega_squared, spectra.WHOLE(single)()[0], np.sort(spectra.UNSYMMETRIC(single)())):
+        np.testing.assert_allclose(many, factor[:, None] * one, rtol=1e-11)
     share = imperfect.shares()
     together = imperfect.rebuilt(single, share)
     np.testing.assert_allclose(together[-1:], imperfect.rebuilt(single, np.ones(1)), rtol=1e-12)

@@ -27,10 +27,10 @@ DESIGNS = [
     *(ROOT / "configs" / f"{name}.toml" for name in ("double", "geo-silica-triple", "quadruple")),
 ]
 CHARTS = {
-    "husman2000-table1-case3": "tradeoff-single.png",
-    "double": "tradeoff-double.png",
+    "husman2000-table1-case3": "tradeoff_single.png",
+    "double": "tradeoff_double.png",
     "geo-silica-triple": "tradeoff.png",
-    "quadruple": "tradeoff-quadruple.png",
+    "quadruple": "tradeoff_quadruple.png",
 }
 """Designs that are shown in full, and the files of their charts."""
 REPEAT = 7

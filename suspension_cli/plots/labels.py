@@ -67,10 +67,8 @@ def annotate(
         text = axes.annotate(str(texts[n]), points[n], xytext=(0, 0), textcoords="offset points", fontsize=size, color=colours[n], zorder=5)
         text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
         extent = text.get_window_extent(renderer)
-        width, height = extent.width, extent.height
-        best, box = min(
-            ((cost, place) for cost, place in _places(where[n], width, height, pixel, frame, boxes, dots, n, lines, leads)), key=lambda item: item[0]
-        )[1]
+        places = _places(where[n], (extent.width, extent.height), pixel, frame, boxes, dots[:n] + dots[n + 1 :], lines, leads)
+        best, box = min(places, key=lambda item: item[0])[1]
         boxes.append(box)
         text.set_position(((box[0] - where[n, 0]) / pixel, (box[1] - where[n, 1]) / pixel))
         text.set_verticalalignment("bottom")
@@ -82,10 +80,9 @@ def annotate(
     return result
 
 
-def _places(
-    point: Any, width: float, height: float, pixel: float, frame: Any, boxes: list[Any], dots: list[Any], own: int, lines: Any, leads: list[Any]
-) -> Any:
+def _places(point: Any, size: tuple[float, float], pixel: float, frame: Any, boxes: list[Any], dots: list[Any], lines: Any, leads: list[Any]) -> Any:
     """Cost, reach and box of every place that a label may take."""
+    width, height = size
     for reach, (side, up) in product(REACHES, SIDES):
         gap = NEAR * reach * pixel
         left = point[0] + (gap if side > 0 else -gap - width if side < 0 else -width / 2)
@@ -94,7 +91,7 @@ def _places(
         apart = box + SPACE * pixel * np.array([-1, -0.3, 1, 0.3])
         cost = FAR * reach + 0.05 * SIDES.index((side, up))
         cost += ON_LABEL * sum(_overlap(apart, other) > 0 for other in boxes)
-        cost += ON_POINT * sum(_overlap(box, dot) > 0 for n, dot in enumerate(dots) if n != own)
+        cost += ON_POINT * sum(_overlap(box, dot) > 0 for dot in dots)
         cost += CROSSED * (reach > 1.0) * sum(_cross(_lead(point, box, pixel), other) for other in leads)
         cost += ON_LINE * sum(box[0] < line[2] and line[0] < box[2] and box[1] < line[3] and line[1] < box[3] for line in lines)
         cost += OUTSIDE * (apart[0] < frame.x0 or apart[2] > frame.x1 or apart[1] < frame.y0 or apart[3] > frame.y1)

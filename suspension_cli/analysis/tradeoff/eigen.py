@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import builds, modes, tolerance, wire_modes
+from suspension_cli.analysis import builds, modes, spectrum, wire_modes
 from suspension_cli.analysis.modes import Modes
 from suspension_cli.analysis.tradeoff.subject import Subject
 from suspension_cli.conventions import DOFS
@@ -123,9 +123,6 @@ def force_batch(subject: Subject) -> Any:
 
 
 def string_batch(subject: Subject) -> Any:
-    """Scenes as one batch: each balanced, assembled and solved whole, as `pendsus tolerance` does (imperfect builds have no blocks)."""
+    """Scenes as one batch: balanced, assembled and solved block by block, as `pendsus sweep` does."""
     scene = perturb.scale_mass(subject.scene, len(subject.scene.bodies.name), scattered())
-    model = subject.model("string")
-    keep = tolerance.kept(model)
-    shapes = np.eye(len(keep))
-    return lambda: tolerance.followed(builds.balance(scene, subject.design), shapes, keep)
+    return lambda: spectrum.solve(builds.balance(scene, subject.design, split=True).model)

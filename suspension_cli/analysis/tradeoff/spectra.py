@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import modes, signals, statespace
+from suspension_cli.analysis import modes, signals, spectrum, statespace
 from suspension_cli.analysis.tradeoff import eigen, exact
 from suspension_cli.analysis.tradeoff.subject import Subject
 from suspension_cli.conventions import DOFS
@@ -49,8 +49,7 @@ def symmetric(subject: Subject) -> Array:
 
 def unsymmetric(subject: Subject) -> Array:
     """Eigenvalues of M^-1 K, as eig(M, K) gives them."""
-    model = subject.fresh("string")
-    return _unsymmetric(model)
+    return _unsymmetric(subject.fresh("string"))
 
 
 def poles(subject: Subject) -> Array:
@@ -73,11 +72,16 @@ def bisected(subject: Subject) -> Array:
     return np.concatenate([found[found <= 0], count.frequencies(model, eigen.HIGHEST * float(omega[-1]), float(omega[0]) / eigen.HIGHEST) ** 2])
 
 
-def _symmetric(model: LinearModel) -> Any:
+def _scaled(model: LinearModel) -> Any:
+    """M^(-1/2) K M^(-1/2)."""
     _, mass, stiffness, _ = modes.condensed(model, np.arange(6, model.size))
     inverse = np.linalg.inv(np.linalg.cholesky(mass))
     dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
-    return np.linalg.eigvalsh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
+    return (dynamic + np.swapaxes(dynamic, -1, -2)) / 2
+
+
+def _symmetric(model: LinearModel) -> Any:
+    return np.linalg.eigvalsh(_scaled(model))
 
 
 def _unsymmetric(model: LinearModel) -> Any:
@@ -91,13 +95,15 @@ def _many(subject: Subject) -> LinearModel:
     return replace(model, stiffness=model.stiffness * eigen.scattered()[:, None, None])
 
 
-def symmetric_batch(subject: Subject) -> Any:
-    """Many at once."""
-    model = _many(subject)
-    return lambda: _symmetric(model)
+def batch(solve: Any) -> Any:
+    """What solves many at once."""
+
+    def prepared(subject: Subject) -> Any:
+        model = _many(subject)
+        return lambda: solve(model)
+
+    return prepared
 
 
-def unsymmetric_batch(subject: Subject) -> Any:
-    """Many at once."""
-    model = _many(subject)
-    return lambda: _unsymmetric(model)
+BY_BLOCK, WHOLE, SYMMETRIC, UNSYMMETRIC = map(batch, (spectrum.solve, lambda model: np.linalg.eigh(_scaled(model)), _symmetric, _unsymmetric))
+"""The same on arrays; `pendsus sweep` does the first."""
