@@ -4,9 +4,13 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
+DOCS_READY := $(VENV)/docs-ready
 
 
-.PHONY: help tables fig3 fig4 fig5 fig6 blades support thermal modulus stability tradeoff test lint bench golden clean
+# What `make all` makes; a new result is one more word here and a section in results/README.md.
+RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability auto tradeoff
+
+.PHONY: help all $(RESULTS) test lint docs reference tutorial bench golden clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 12
@@ -16,6 +20,13 @@ $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
 	@touch $@
+
+$(DOCS_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
+
+all: $(RESULTS)  ## every table, figure and chart, into results/
+	$(BIN)/python tools/overview.py
 
 tables: $(READY) ## Tables I and II of the paper, into results/
 	$(BIN)/python tools/tables.py
@@ -47,8 +58,14 @@ stability: $(READY) ## where methods fail, and that ours does not
 tradeoff: $(READY) ## speed against accuracy of every rung and method (two minutes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/tradeoff.py
 
+auto: $(READY)   ## what auto leaves out, and what that costs, on 300 random suspensions
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/auto.py
+
 modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 	$(BIN)/python tools/youngs_modulus.py
+
+inference: $(READY) ## what the paper does not print of Tables I and II
+	$(BIN)/python tools/inference.py
 
 test: $(READY)   ## run the tests
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
@@ -59,6 +76,17 @@ lint: $(READY)   ## style, types, layering
 	$(BIN)/basedpyright
 	$(BIN)/lint-imports
 
+docs: $(DOCS_READY) ## the site, into site/, with every link checked
+	rm -rf site
+	$(BIN)/python -m sphinx -W --keep-going -q -n -d build/doctrees -c docs . site
+	$(BIN)/python tools/links.py site
+
+reference: $(READY) ## the tables of docs/ that the program itself knows: keys and options
+	$(BIN)/python tools/reference.py
+
+tutorial: $(READY) ## run the tutorial, and take in what it prints and draws
+	$(BIN)/python tools/tutorial.py
+
 bench: $(READY)  ## what things cost, as ratios to a floor measured in the same run
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python bench/run.py
 
@@ -66,4 +94,4 @@ golden: $(READY) ## regenerate tests/golden (say why in CHANGELOG.md, "Numbers c
 	$(BIN)/python tests/golden.py
 
 clean:           ## remove the environment and caches
-	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis build *.egg-info
+	rm -rf $(VENV) site .pytest_cache .ruff_cache .hypothesis build *.egg-info

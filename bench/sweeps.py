@@ -7,6 +7,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,8 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None], judged: Calla
         job = sweep(file)
         absolute(f"xcouple, {name}, {BUILDS} builds on one core, {limit:g} us each", computed(job), limit * BUILDS / 1000, 7)
         ratio("the same / numpy.linalg.solve for each Newton step and response", computed(job), bare(job), most, 7)
+    bent = replace(sweep(TRIPLE), level="violin")
+    absolute(f"xcouple --fidelity violin, triple, {BUILDS} builds on one core, 5 ms each", computed(bent), 5.0 * BUILDS, 3)
     source = read(RANDOM)
     random = Tolerances(source.text, BUILDS, 7, asked(tuple(stage.name for stage in source.design.stage), 0))
     absolute(f"tolerance, triple, {BUILDS} builds on one core, 2 ms each", computed(random), 2.0 * BUILDS, 3)

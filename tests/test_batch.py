@@ -65,11 +65,13 @@ def jobs():
         "triple": Sweep(TRIPLE_FILE.read_text(), axes, question(TRIPLE)),
         "blades": Sweep(reader.dump(bladed), axes, question(design, f"{design.stage[-1].name}.1", "natural-length")),
         "paths": Sweep(text, (Axis("stage.test.wires.d", (0.001, 0.002, 0.004)), *axes), question()),
+        "beam": Sweep(TRIPLE_FILE.read_text(), axes, question(TRIPLE), level="beam"),
+        "violin": Sweep(reader.dump(lossy), axes, question(frequency=(10.0, 400.0)), level="violin"),
         "random": Tolerances(RANDOM.read_text(), 81, 3, question(random)),
     }
 
 
-@pytest.mark.parametrize("kind", ["single", "lossy", "triple", "blades", "paths", "random"])
+@pytest.mark.parametrize("kind", ["single", "lossy", "triple", "blades", "paths", "beam", "violin", "random"])
 def test_a_build_alone_gives_the_same_bits(kind):
     job = jobs()[kind]
     found = job.compute(0, job.count)

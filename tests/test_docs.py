@@ -16,6 +16,7 @@ from suspension_cli.design import materials, measured, schema, wires
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+LINKING = [*DOCUMENTS, ROOT / "CHANGELOG.md", *sorted((ROOT / "results").glob("*.md"))]
 TEXT = {document.name: document.read_text() for document in DOCUMENTS}
 
 TABLES = {
@@ -133,7 +134,7 @@ def test_options_in_the_reference_exist(name):
     assert set(re.findall(r"`(--[a-z-]+)", body)) <= known | {"--fidelity"}
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+@pytest.mark.parametrize("document", LINKING, ids=lambda path: str(path.relative_to(ROOT)))
 def test_links_lead_somewhere(document):
     for link in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
         path, _, anchor = link.partition("#")

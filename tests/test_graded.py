@@ -6,8 +6,16 @@ import mpmath
 import numpy as np
 import plants
 import pytest
+import scenes
 
-from suspension_cli.analysis import graded, modes
+from suspension_cli.analysis import builds, graded, modes, sampling, signals, spectrum, variants
+from suspension_cli.analysis.coupling import Question
+from suspension_cli.analysis.tolerance import Tolerances
+from suspension_cli.design import reader
+from suspension_cli.design.expand import expand
+from suspension_cli.models import fidelity
+
+WIRES = {"count": 4, "l": 0.4, "s": 0.02, "t1": 0.1, "t2": 0.1, "d": 0.004, "k": 1e15}
 
 MP = mpmath.mp.clone()
 MP.dps = 60
@@ -55,12 +63,51 @@ def test_ordinary_designs_lose_nothing(kind):
 
 
 def test_a_rigid_mode_has_no_digits():
-    from scenes import design_of, raw_of
-
-    from suspension_cli.models import fidelity
-
     body = {"mass": 5.6, "inertia": [0.02, 0.018, 0.017]}
-    model = fidelity.linear_model(design_of(raw_of({"name": "test", "body": body, "wires": {"count": 1, "l": 0.4, "d": 0.01, "k": 2e4}})), "string")
+    model = fidelity.linear_model(
+        scenes.design_of(scenes.raw_of({"name": "test", "body": body, "wires": {"count": 1, "l": 0.4, "d": 0.01, "k": 2e4}})), "string"
+    )
     found = modes.solve(model)
     assert found.omega_squared[0] == 0
     assert graded.lost(model, found.omega_squared, found.shape)[0] == np.inf
+
+
+STIFF = {
+    "design": {"name": "stiff"},
+    "stage": [
+        {"name": "upper", "body": {"mass": 6.0, "inertia": [0.02, 0.018, 0.017]}, "wires": WIRES | {"d_upper": 0.0}},
+        {"name": "test", "body": {"mass": 5.6, "inertia": [0.02, 0.018, 0.017]}, "wires": WIRES | {"d_upper": 0.004}},
+    ],
+    "tolerance": {"wire": [{"stage": "test", "k": {"normal": 0.1}}], "body": [{"stage": "test", "inertia": {"normal": 0.05}}]},
+}
+"""Wires 1e13 times stiffer along than across; what scatters leaves all in place."""
+
+
+def test_random_builds_of_nearly_rigid_wires():
+    """Frequencies of the batch against eigenvalues in 60 digits of the same matrices: those of pendulums are 1e-13 of the largest."""
+    design = scenes.design_of(STIFF)
+    known = ("support", "upper", "test")
+    asked = Question(
+        0, 2, "loaded-length", signals.drive("support.z", known), signals.motion("test.x", known), signals.motion("test.z", known), frequency=(50.0,)
+    )
+    job = Tolerances(reader.dump(scenes.plain(STIFF)), 40, 3, asked)
+    found = job.compute(0, 40)
+    assert not found["status"].any()
+    model = builds.balance(sampling.imperfect(expand(design), job.factors, job.deviations(0, 40)), design).model
+    for n in range(0, 40, 8):
+        squares = exact(model.mass[n, 6:, 6:], model.stiffness[n, 6:, 6:])
+        assert squares[0] / squares[-1] < 1e-13
+        assert np.sort(found["frequency"][n]) == pytest.approx(np.sqrt(squares) / (2 * np.pi), rel=1e-9)
+    plain = np.array([np.linalg.eigvalsh(np.linalg.solve(m, k)) for m, k in zip(model.mass[:, 6:, 6:], model.stiffness[:, 6:, 6:], strict=True)])
+    assert np.abs(np.sqrt(np.abs(plain[:, 0])) / (2 * np.pi) / found["frequency"].min(1) - 1).max() > 1e-3  # what one solver alone makes of them
+
+
+def test_a_sweep_to_nearly_rigid_wires():
+    """Each point by the batched solver as the single one has it, from ordinary wires on."""
+    values = np.geomspace(1e4, 1e15, 12)
+    text = reader.dump(scenes.plain({key: value for key, value in STIFF.items() if key != "tolerance"}))
+    [(found, here)] = variants.balanced(text, {"stage.test.wires.k": values}, "string")
+    batch = spectrum.solve(found.model).omega_squared
+    for n, place in enumerate(here):
+        design = variants.overridden(text, {"stage.test.wires.k": values[place]})
+        assert batch[n] == pytest.approx(modes.solve(fidelity.linear_model(design, "string")).omega_squared, rel=2e-9)

@@ -201,9 +201,9 @@ def test_thermal_noise_agrees(single):
 
 
 def test_coupling_rebuilt_agrees_with_the_design_perturbed(double):
-    """Builds made of arrays, and the design with a [[perturbation]] read anew."""
-    np.testing.assert_allclose(imperfect.rebuilt(double, np.ones(1)), imperfect.on_rung("string")(double), rtol=1e-9)
+    """Builds made of arrays, and the design with a [[perturbation]] read anew, its matrices solved in 50 digits."""
     np.testing.assert_allclose(imperfect.rebuilt(double, np.ones(1)), imperfect.string_reference(double), rtol=1e-9)
+    np.testing.assert_allclose(imperfect.rebuilt(double, np.ones(1), "violin"), imperfect.reference(double), rtol=1e-9)
 
 
 def test_first_order_is_of_first_order(single):

@@ -128,13 +128,13 @@ def main() -> None:
     heads = {"experiment": "experiment (Hz)", "theory": "paper's theory (Hz)", "ours": "ours (Hz)", "difference": "ours - theory"}
     notes = (
         "Single pendulums on four wires, 20 kg. The paper gives neither the moments of inertia nor the wire radius of each case: one set was\n"
-        "inferred from the 24 theory values (`tools/infer_table1.py`). The captions of cases 1 and 2 are swapped in print (`docs/paper.md`).\n"
+        "inferred from the 24 theory values (`results/table1-inference.md`). The captions of cases 1 and 2 are swapped in print (`docs/paper.md`).\n"
         "The vertical frequencies of cases 1 to 3 were measured on a frame that was not rigid (the paper, section 4c)."
     )
     save("table1", markdown("Table I: single pendulum", notes, first, {"case": "case", "mode": "mode"} | heads), first)
     notes = (
         "The prototype triple pendulum of GEO 600 with two stages of cantilevers. Its parameters are not in the paper: a plausible set was inferred\n"
-        "(`tools/infer_table2.py`; `configs/husman2000/table2.toml` marks what is given and what is inferred). *Ours* is the force model, which like\n"
+        "(`results/table2-inference.md`; `configs/husman2000/table2.toml` marks what is given and what is inferred). *Ours* is the force model, which like\n"
         "the paper's takes blades in series with the wires; *string* has the blade tips as coordinates, and the last column shows what the series costs."
     )
     heads |= {"string": "string (Hz)", "series": "force - string"}

@@ -1,35 +1,33 @@
 """`auto`: the lowest rung of the ladder whose error in what is asked for is under the tolerance.
 
-Three refinements can be left out: blades as coordinates (`force` takes them in series), bending and torsion of wires (`beam` has them), the mass of
-wires (`violin`).  Before solving, `models.indicators` estimates what each would change.  What is plainly negligible, or plainly not, is decided by that; in
-between the asked quantity itself is sampled with and without the refinement.  A refinement is taken if it changes more than a share of the tolerance.
+Three refinements can be left out: blades as coordinates (`force` takes them in series), bending, torsion and loss of wires (`beam` has them), the mass
+of wires (`violin`).  What they would change is estimated from the modes of the simplest model (`analysis.estimates`), before any other is built.  What is
+far below the tolerance is left out and what is far above is taken; in between the asked quantity itself is sampled with and without the refinement.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from suspension_cli.analysis import modes, response
+from suspension_cli.analysis.estimates import BENDING, MASS, REFINEMENTS, SERIES, Estimates, estimates
+from suspension_cli.analysis.modes import Modes
 from suspension_cli.analysis.signals import Signal
+from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
-from suspension_cli.mechanics import dispersive
+from suspension_cli.mechanics import dispersive, distributed
 from suspension_cli.mechanics.model import LinearModel
-from suspension_cli.models import fidelity
+from suspension_cli.models import fidelity, force
 from suspension_cli.models.fidelity import Choice
-from suspension_cli.models.indicators import BENDING, MASS, REFINEMENTS, SERIES, Indicator, indicators
 
 TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
-NEGLIGIBLE = 0.01
-"""Share of the tolerance below which an indicator settles that a refinement is left out."""
-CLEAR = 300.0
-"""Multiple of the tolerance above which an indicator settles that it is taken."""
-MARGIN = 0.4
+MARGIN = 0.5
 """Share of the tolerance that a refinement which is left out may be seen to change."""
 SAMPLES = 12
 """Frequencies at which a response is sampled."""
@@ -38,10 +36,21 @@ NEAR = 0.05
 
 
 class Asked(Protocol):
-    """A quantity that is asked for."""
+    """A quantity that is asked for.
 
-    def highest(self, model: LinearModel) -> float:
-        """The highest frequency that it depends on, Hz, seen from the simplest model."""
+    Attributes
+    ----------
+    settled : dict of str to pair of floats
+        For each refinement, the multiples of the tolerance below which its estimate settles that it is left out, and above which that it is taken.
+    """
+
+    @property
+    def settled(self) -> dict[str, tuple[float, float]]:
+        """Where estimates settle it."""
+        ...
+
+    def estimated(self, found: Modes, of: Estimates) -> dict[str, Array]:
+        """About its relative change by bending and by mass of each stage's wires (s,)."""
         ...
 
     def change(self, without: LinearModel, refined: LinearModel) -> float:
@@ -56,13 +65,13 @@ class Refinement:
     Attributes
     ----------
     name : str
-        One of `indicators.REFINEMENTS`.
+        One of `estimates.REFINEMENTS`.
     indicator : float
-        The largest of any stage; NaN where the design does not say enough.
+        Estimated relative change of what is asked for; NaN where the design does not say enough.
     stage : str
-        That stage.
+        The stage that has most of it.
     change : float or None
-        Relative change of the asked quantity, sampled; None where the indicator settled it.
+        The relative change, sampled; None where the estimate settled it.
     taken : bool
     """
 
@@ -74,7 +83,7 @@ class Refinement:
 
     @property
     def estimate(self) -> float:
-        """Relative change of the asked quantity, sampled or indicated."""
+        """Relative change of the asked quantity, sampled or estimated."""
         return self.indicator if self.change is None else self.change
 
 
@@ -89,12 +98,16 @@ class Decision:
 
 @dataclass(frozen=True)
 class Frequencies:
-    """The frequencies of all modes of the bodies."""
+    """The frequencies of all modes of the bodies.
 
-    def highest(self, model: LinearModel) -> float:
-        """That of the highest mode, Hz."""
-        known = modes.solve(model).frequency
-        return float(np.max(known[np.isfinite(known)], initial=0.0))
+    To first order they are estimated within a factor of 3 (`tests/test_auto.py`).
+    """
+
+    settled: ClassVar = {BENDING: (0.25, 3.0), MASS: (0.25, 3.0)}
+
+    def estimated(self, found: Modes, of: Estimates) -> dict[str, Array]:
+        """Those of the mode that changes most."""
+        return {BENDING: of.bending.max(0), MASS: of.mass.max(0)}
 
     def change(self, without: LinearModel, refined: LinearModel) -> float:
         """Largest relative change of a frequency; modes are paired by their shapes."""
@@ -106,15 +119,29 @@ class Frequencies:
 
 @dataclass(frozen=True)
 class Transfer:
-    """Responses of outputs to inputs over frequencies (f,) in Hz."""
+    """Responses of outputs to inputs over frequencies (f,) in Hz.
+
+    Their estimate is coarser.  Wires with mass cost no more than wires without: in doubt they are taken and nothing is sampled.
+    """
 
     inputs: list[Signal]
     outputs: list[Signal]
     frequency: Array
 
-    def highest(self, model: LinearModel) -> float:
-        """The highest frequency asked for, Hz."""
-        return float(np.max(self.frequency))
+    settled: ClassVar = {BENDING: (0.5, 1.0), MASS: (0.5, 0.5)}
+
+    def estimated(self, found: Modes, of: Estimates) -> dict[str, Array]:
+        """Far above all modes, a response has the square of each frequency that it touches as a factor, and the pull of each wire."""
+        touched = self._touched(found)
+        curved = of.curved(float(np.max(self.frequency)))
+        bending = (2 * of.bending[touched] + of.loss[touched]).sum(0)
+        return {BENDING: bending, MASS: 2 * of.mass[touched].sum(0) + curved}
+
+    def _touched(self, found: Modes) -> Any:
+        """Modes in the blocks in which a body moves and is watched: (m,) bool."""
+        places = [found.coordinate.index(f"{one.body}.{DOFS[one.dof]}") for one in (*self.inputs, *self.outputs) if one.body != SUPPORT]
+        blocks = found.block[(found.shape[:, places] != 0).any(1)]
+        return np.isin(found.block, blocks)
 
     def change(self, without: LinearModel, refined: LinearModel) -> float:
         """Largest relative change at sampled frequencies away from all modes."""
@@ -131,7 +158,7 @@ class Transfer:
         return float(different.max())
 
 
-def decide(design: Design, make: Callable[[LinearModel], Asked], tolerance: float = TOLERANCE, top: str = "violin") -> Decision:
+def decide(design: Design, make: Callable[[LinearModel], Asked], tolerance: float = TOLERANCE) -> Decision:
     """The lowest rung on which what is asked for is right to a relative tolerance.
 
     Where a design does not say what its wires are made of, their bending and mass cannot be known, and are left out.
@@ -142,37 +169,34 @@ def decide(design: Design, make: Callable[[LinearModel], Asked], tolerance: floa
     make : callable
         What is asked for, given the simplest model.
     tolerance : float
-    top : {"violin", "beam"}
-        The highest rung that the analysis can take.
     """
     base = fidelity.choose(design)
     build = _Builder(design)
     asked = make(build(base.level))
-    found = indicators(design, asked.highest(build(base.level)))
-    refinements = [_weigh(name, base.level, found, asked, build, tolerance) for name in _possible(design, base.level)]
-    if top == "beam":
-        refinements = [replace(item, taken=item.taken and item.name != MASS) for item in refinements]
+    found = modes.solve(build(base.level))
+    of = estimates(design, found)
+    expected = asked.estimated(found, of)
+    refinements = []
+    if base.level == "force" and fidelity.approximate(design):
+        change = asked.change(build("force"), build("string"))
+        refinements.append(Refinement(SERIES, 1.0, force.series_is_approximate(design)[0], change, taken=not change <= MARGIN * tolerance))
+    refinements += [_weigh(name, of.stage, expected[name], asked, build, tolerance) for name in (BENDING, MASS)]
     taken = [item for item in refinements if item.taken]
     level = REFINEMENTS[taken[-1].name] if taken else base.level
     error = float(sum(item.estimate for item in refinements if not item.taken))
     return Decision(Choice(level, _reason(base, level, refinements, tolerance), error), build(level), tuple(refinements))
 
 
-def _possible(design: Design, base: str) -> list[str]:
-    """Refinements above a rung, in the order of the ladder."""
-    return [name for name in REFINEMENTS if name != SERIES or (base == "force" and fidelity.approximate(design))]
-
-
-def _weigh(name: str, base: str, found: list[Indicator], asked: Asked, build: Callable[[str], LinearModel], tolerance: float) -> Refinement:
-    of = [item for item in found if item.refinement == name]
-    worst = max(of, key=lambda item: np.nan_to_num(item.value, nan=np.inf), default=Indicator("", name, 0.0))
-    if np.isnan(worst.value) or worst.value < NEGLIGIBLE * tolerance:
-        return Refinement(name, worst.value, worst.stage, None, taken=False)
-    if name == BENDING and worst.value > CLEAR * tolerance:
-        return Refinement(name, worst.value, worst.stage, None, taken=True)
-    without = {SERIES: base, BENDING: "string", MASS: "beam"}[name]  # one refinement at a time
-    change = asked.change(build(without), build(REFINEMENTS[name]))
-    return Refinement(name, worst.value, worst.stage, change, taken=not change <= MARGIN * tolerance)
+def _weigh(name: str, stages: tuple[str, ...], expected: Array, asked: Asked, build: Callable[[str], LinearModel], tolerance: float) -> Refinement:
+    total = float(expected.sum())
+    stage = stages[int(np.argmax(expected))] if stages else ""
+    low, high = asked.settled[name]
+    if np.isnan(total) or total < low * tolerance:
+        return Refinement(name, total, stage, None, taken=False)
+    if total > high * tolerance:
+        return Refinement(name, total, stage, None, taken=True)
+    change = asked.change(build({BENDING: "string", MASS: "beam"}[name]), build(REFINEMENTS[name]))  # one refinement at a time
+    return Refinement(name, total, stage, change, taken=not change <= MARGIN * tolerance)
 
 
 class _Builder:
@@ -184,7 +208,8 @@ class _Builder:
 
     def __call__(self, level: str) -> LinearModel:
         if level not in self._known:
-            self._known[level] = fidelity.linear_model(self._design, level)
+            lighter = self._known.get("beam") if level == "violin" else None
+            self._known[level] = fidelity.linear_model(self._design, level) if lighter is None else distributed.loaded(lighter)
         return self._known[level]
 
 

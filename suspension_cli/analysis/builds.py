@@ -10,17 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis.modes import RIGID
+from suspension_cli.analysis.graded import RIGID
 from suspension_cli.analysis.signals import Signal, row
-from suspension_cli.conventions import PARITY_X, PARITY_Y, SUPPORT
+from suspension_cli.analysis.systems import Systems, dispersive
+from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
-from suspension_cli.mechanics import assemble
+from suspension_cli.mechanics import assemble, assorted
+from suspension_cli.mechanics.assorted import Assorted
 from suspension_cli.mechanics.blocks import mirrored
 from suspension_cli.mechanics.equilibrium import Equilibrium, solve
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.mechanics.pose import layout
-from suspension_cli.models.surroundings import surrounded
+from suspension_cli.models.fidelity import bending
+from suspension_cli.models.surroundings import framed, surrounded
 
 GOOD, SLACK, UNBALANCED, UNSTABLE, IMPOSSIBLE = 0, 1, 2, 3, 4
 STATUS = ("good", "a wire is slack", "no equilibrium near the nominal pose", "the equilibrium is unstable", "the design is not possible")
@@ -28,7 +31,7 @@ STATUS = ("good", "a wire is slack", "no equilibrium near the nominal pose", "th
 NOTHING = complex(np.nan, np.nan)
 """Response of a build that failed."""
 SYSTEMS = 4096
-"""Systems (builds times frequencies) solved at once, at most, unless there are more builds."""
+"""Systems (builds times frequencies) solved at once, at most, unless there are more builds; a quarter of that where wires bend, which takes more memory."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ class Builds:
         Largest force left over, of the weight.
     mirrors : (p, 2) bool array
         Whether each build maps on itself when x, or y, is mirrored.
+    terms : tuple of Assorted
+        What depends on frequency (`beam`, `violin`).
     """
 
     model: LinearModel
@@ -75,17 +80,24 @@ class Builds:
     wire: Any
     residual: Any
     mirrors: Any
+    terms: tuple[Assorted, ...] = ()
 
 
-def balance(scene: Scene, design: Design, *, allow_unstable: bool = False, split: bool = False) -> Builds:
+def balance(scene: Scene, design: Design, *, level: str = "string", allow_unstable: bool = False, split: bool = False) -> Builds:
     """Equilibrium and linear model of every scene of a batch with one axis; an unstable one is a failure unless that is allowed.
 
     `split` looks for mirror symmetries that all scenes share: then what one scene gets depends on the others, unless all have the same ones.
+    It is for strings alone; `level` may be ``beam`` or ``violin`` too.
     """
-    numbering = layout(scene)
+    terms: tuple[Assorted, ...] = ()
     with np.errstate(all="ignore"):
-        found = solve(scene, numbering)
-        model = surrounded(assemble.linear_model(scene, found, split=split), design)
+        if level == "string":
+            found = solve(scene, layout(scene))
+            plain = assemble.linear_model(scene, found, split=split)
+        else:
+            scene, drag = bending(scene, design)
+            plain, found, terms = assorted.linear_model(scene, drag, massive=level == "violin")
+        model, terms = surrounded(plain, design), framed(terms, plain.size, design)
         slack = found.tension <= 0
         status = np.full(scene.batch, GOOD, dtype=np.uint8)
         if not allow_unstable:
@@ -94,7 +106,7 @@ def balance(scene: Scene, design: Design, *, allow_unstable: bool = False, split
         status[~found.converged] = UNBALANCED
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
-    return Builds(oriented(model, found), status, wire, found.residual, mirrored(scene))
+    return Builds(oriented(model, found), status, wire, found.residual, mirrored(scene), terms)
 
 
 def oriented(model: LinearModel, found: Equilibrium) -> LinearModel:
@@ -139,89 +151,16 @@ def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: li
     omega = 2 * np.pi * np.asarray(frequency)
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
     good = np.flatnonzero(builds.status == GOOD)
-    step = max(1, SYSTEMS // max(len(good), 1))
-    systems = _Systems.of(model, good)
+    step = max(1, SYSTEMS // (4 if builds.terms else 1) // max(len(good), 1))
+    systems = None if builds.terms else Systems.of(model, good)
     for start in range(0, len(omega) if len(good) else 0, step):
         now = slice(start, start + step)
-        x = systems.solve(omega[now], moves[good], forces[good])
+        x = dispersive(model, builds.terms, good, omega[now], moves, forces) if systems is None else systems.solve(omega[now], moves[good], forces[good])
         result[good, now] = rows[good][:, None, :, 6:] @ x + (rows[good][..., :6] @ moves[good])[:, None]
     for o, out in enumerate(outputs):
         for i, into in enumerate(inputs):
             result[..., o, i] = np.where((forbidden(builds.mirrors, out, into) & (builds.status == GOOD))[..., None], 0.0, result[..., o, i])
     return result
-
-
-@dataclass(frozen=True)
-class _Systems:
-    """K + i omega C - omega^2 M of builds without the coordinates that have neither mass nor damping (tips of blades).
-
-    With them LU loses digits: 4e-11 of the vertical motion of an imperfect triple at 50 Hz, without 1e-14.
-
-    Attributes
-    ----------
-    keep, drop : (c,) and (m,) int arrays
-        Coordinates of the model, the support's left out; bodies from the top down, blades with the stage that hangs on them.
-    stiffness, mass, damping : (p, c, 6 + c) arrays
-        Against the support's coordinates and their own.
-    yielding, follow : (p, m, m), (p, m, 6 + c) arrays
-        K_bb^-1 of the coordinates dropped, and K_bb^-1 times their stiffness against the others.
-    """
-
-    keep: Any
-    drop: Any
-    stiffness: Any
-    mass: Any
-    damping: Any
-    yielding: Any
-    follow: Any
-
-    @staticmethod
-    def of(model: LinearModel, which: Any) -> _Systems:
-        """The systems of some builds."""
-        owner, known = [name.split(".", 1)[0] for name in model.coordinate], (SUPPORT, "frame", *model.body)
-        order = np.argsort([known.index(name) for name in owner], kind="stable")[6:]
-        damped = (model.damping != 0).any(-1).reshape(-1, model.size).any(0)
-        light = (model.massless & ~damped)[order]
-        keep, drop = order[~light], order[light]
-        both = np.concatenate([np.arange(6), keep])
-
-        def some(matrix: Any, rows: Any, columns: Any) -> Any:
-            whole = np.broadcast_to(matrix, (*model.batch, model.size, model.size))
-            return whole[which[:, None, None], rows[:, None], columns]
-
-        full = model.stiffness if model.lossy is None else model.lossy
-        stiffness, mass, damping = (some(matrix, keep, both) for matrix in (full, model.mass, model.damping))
-        yielding = solved(some(full, drop, drop), np.eye(len(drop)))
-        follow = yielding @ some(full, drop, both)
-        if len(drop):
-            stiffness = stiffness - some(full, keep, drop) @ follow
-            stiffness[..., 6:] = (stiffness[..., 6:] + np.swapaxes(stiffness[..., 6:], -1, -2)) / 2
-        return _Systems(keep - 6, drop - 6, stiffness, mass, damping, yielding, follow)
-
-    def solve(self, omega: Array, moves: Any, forces: Any) -> Any:
-        """Coordinates (p, f, n, i), in the model's order, for motions (p, 6, i) of the support and forces (p, n, i)."""
-        dynamic = self.stiffness[:, None] - (omega**2)[:, None, None] * self.mass[:, None]
-        if self.damping.any():
-            dynamic = dynamic + (1j * omega)[:, None, None] * self.damping[:, None]
-        pushed = forces[:, self.keep] - np.swapaxes(self.follow[..., 6:], -1, -2) @ forces[:, self.drop]
-        right = pushed[:, None] - dynamic[..., :6] @ moves[:, None]
-        size = len(self.keep)
-        kept = solved(dynamic[..., 6:].reshape(-1, size, size), right.reshape(-1, size, right.shape[-1])).reshape(right.shape)
-        result = np.empty((*right.shape[:2], size + len(self.drop), right.shape[-1]), dtype=kept.dtype)
-        result[:, :, self.keep] = kept
-        given = np.concatenate([np.broadcast_to(moves[:, None], (*right.shape[:2], *moves.shape[1:])), kept], axis=-2)
-        result[:, :, self.drop] = (self.yielding @ forces[:, self.drop])[:, None] - self.follow[:, None] @ given
-        return result
-
-
-def solved(matrix: Any, right: Any) -> Any:
-    """Solutions (p, n, i) of systems (p, n, n); a singular one gives NaN and does not touch the others."""
-    try:
-        return np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        if matrix.ndim == 2:
-            return np.full(right.shape, np.nan)
-        return np.stack([solved(m, r) for m, r in zip(matrix, np.broadcast_to(right, (len(matrix), *right.shape[-2:])), strict=True)])
 
 
 def forbidden(mirrors: Any, out: Signal, into: Signal) -> Any:

@@ -94,12 +94,15 @@ class Sweep:
     question : Question
     allow_unstable : bool
         Whether a build with an unstable equilibrium is as good as any.
+    level : str
+        ``string``, ``beam`` or ``violin``.
     """
 
     text: str
     axes: tuple[Axis, ...]
     question: Question
     allow_unstable: bool = False
+    level: str = "string"
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -119,7 +122,7 @@ class Sweep:
     @property
     def identity(self) -> str:
         """What tells this sweep from another of the same design."""
-        return repr((self.axes, self.question, self.allow_unstable))
+        return repr((self.axes, self.question, self.allow_unstable, self.level))
 
     @property
     def wire_label(self) -> str:
@@ -157,11 +160,12 @@ class Sweep:
         values = {axis.name: np.array(axis.values)[pick] for axis, pick in zip(self.axes, chosen, strict=True)}
         imperfections = {name: value for name, value in values.items() if name in PARAMETERS}
         if len(imperfections) == len(values):
-            return answer(imperfect(expand(self._design), values, self.question), self._design, self.question, self.allow_unstable)
+            return answer(imperfect(expand(self._design), values, self.question), self._design, self.question, self.allow_unstable, self.level)
+        paths = {name: value for name, value in values.items() if name not in PARAMETERS}
         result = {column.name: _nothing(column, stop - start) for column in self.columns}
-        for scene, design, here in variants.scenes(self.text, {name: value for name, value in values.items() if name not in PARAMETERS}):
+        for scene, design, here in variants.scenes(self.text, paths, self.level):
             part = {name: value[here] for name, value in imperfections.items()}
-            found = answer(imperfect(scene, part, self.question) if part else scene, design, self.question, self.allow_unstable)
+            found = answer(imperfect(scene, part, self.question) if part else scene, design, self.question, self.allow_unstable, self.level)
             for name, value in found.items():
                 result[name][here] = value
         return result
@@ -224,9 +228,9 @@ def imperfect(scene: Scene, values: dict[str, Array], question: Question) -> Sce
     return scene
 
 
-def answer(scene: Scene, design: Design, question: Question, allow_unstable: bool = False) -> dict[str, Any]:
-    """The ratio of every build of a batch, by column name."""
-    found = builds.balance(scene, design, allow_unstable=allow_unstable)
+def answer(scene: Scene, design: Design, question: Question, allow_unstable: bool = False, level: str = "string") -> dict[str, Any]:
+    """The ratio of every build of a batch, by column name; on the rung ``string``, ``beam`` or ``violin``."""
+    found = builds.balance(scene, design, level=level, allow_unstable=allow_unstable)
     outputs = builds.transfer(found, np.array(question.frequency), [question.input], [question.over, question.under])[..., 0]
     over, under = outputs[..., 0], outputs[..., 1]
     with np.errstate(all="ignore"):

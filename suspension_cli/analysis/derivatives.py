@@ -11,6 +11,7 @@ one complex step (see `parameters`) through the code that computes K itself; M, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import msgspec
@@ -42,8 +43,8 @@ class Linear:
         SI; `loss` is the imaginary part of the stiffness.
     orientation : (n + 1, 3, 3) array
         Of each body, the support first.
-    mirrors : (2,) bool array
-        Whether the design stays the same when x, or y, is mirrored; of a derivative, whether it does so as the number changes.
+    scene : Scene
+        What this is of, with a complex step in it where it is a derivative.
     """
 
     mass: Array
@@ -51,7 +52,12 @@ class Linear:
     damping: Array
     loss: Array
     orientation: Array
-    mirrors: Any
+    scene: Scene
+
+    @cached_property
+    def mirrors(self) -> Any:
+        """Whether the design stays the same when x, or y, is mirrored; of a derivative, whether it does so as the number changes; (2,)."""
+        return mirrored(_enlarged(self.scene))
 
     @property
     def matters(self) -> bool:
@@ -120,17 +126,18 @@ def of(base: Differentiable, name: str) -> Linear | None:
     scene = expand(design)
     if _unbalanced(base, scene, design):
         return None
-    gradient = tangent(scene, base.numbering, base.pose)[0].imag / STEP
+    gradient, stiffness = tangent(scene, base.numbering, base.pose)
     pose = base.pose
     if _searched(base):
         free = slice(6, None)
         change = np.zeros(base.numbering.size)
-        change[free] = -_solved(base.stiffness[free, free], gradient[free])
+        change[free] = -_solved(base.stiffness[free, free], gradient[free].imag / STEP)
         if change.any():
             pose = displaced(base.numbering, pose, 1j * STEP * change)
-    whole = _linear(design, scene, base.numbering, pose, tangent(scene, base.numbering, pose)[1])
+            stiffness = tangent(scene, base.numbering, pose)[1]
+    whole = _linear(design, scene, base.numbering, pose, stiffness)
     parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
-    return Linear(*(np.imag(part) / STEP for part in parts), mirrors=mirrored(_enlarged(scene)))
+    return Linear(*(np.imag(part) / STEP for part in parts), scene=scene)
 
 
 def _enlarged(scene: Scene) -> Scene:
@@ -186,7 +193,7 @@ def _linear(design: Design, scene: Scene, numbering: Layout, pose: Pose, stiffne
     if design.support is not None:
         loss = with_frame(replace(plain, stiffness=loss), _lossy_frame(design)).stiffness
     turned = pose.rotation + np.zeros((len(body) + 1, 3, 3))
-    return Linear(whole.mass, whole.stiffness, whole.damping, loss, turned, mirrored(scene))
+    return Linear(whole.mass, whole.stiffness, whole.damping, loss, turned, scene)
 
 
 def _lossy_frame(design: Design) -> Design:

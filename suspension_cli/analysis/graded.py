@@ -18,44 +18,93 @@ from suspension_cli.mechanics.model import LinearModel
 
 APART = 1e-3
 """Modes below this share of the largest omega^2 are solved again by themselves: they keep all but three digits at worst."""
+WIDE = 1e-6
+"""Share of the largest omega^2 below which the batched solver loses more than 1e-9 of a mode."""
+RIGID = 64 * np.finfo(float).eps
+"""omega^2 below this share of what it is a sum of is a rounding error: the mode costs nothing."""
+TURNING = 1e3
+"""omega^2 that tension gives a rotation over what it gives a translation, at most: m times lever arm squared over inertia."""
 EPS = np.finfo(float).eps
 
 
 def solve(mass: Array, stiffness: Array) -> tuple[Any, Any]:
-    """Eigenvalues (m,), ascending, and shapes (c, m) of unit modal mass.
+    """Eigenvalues (..., m), ascending, and shapes (..., c, m) of unit modal mass.
 
     Parameters
     ----------
-    mass : (c, c) array
+    mass : (..., c, c) array
         kg, kg m^2; positive definite.
-    stiffness : (c, c) array
+    stiffness : (..., c, c) array
         N/m, N m/rad; symmetric.
     """
+    if stiffness.ndim == 2:
+        values, shapes = solve(mass[None], stiffness[None])
+        return values[0], shapes[0]
     inverse = np.linalg.inv(np.linalg.cholesky(mass))
-    dynamic = inverse @ stiffness @ inverse.T
-    values, vectors = np.linalg.eigh((dynamic + dynamic.T) / 2)
-    shapes = inverse.T @ vectors
-    soft = np.abs(values) < APART * np.abs(values).max()
-    if not soft.any():
-        return values, shapes
-    own = shapes[:, soft]
-    less_mass, less_stiffness = own.T @ mass @ own, own.T @ stiffness @ own
-    values[soft], within = solve((less_mass + less_mass.T) / 2, (less_stiffness + less_stiffness.T) / 2)
-    shapes[:, soft] = own @ within
+    dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
+    values, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
+    shapes = np.swapaxes(inverse, -1, -2) @ vectors
+    soft = np.abs(values) < APART * np.abs(values).max(-1, keepdims=True)
+    kinds, which = np.unique(soft, axis=0, return_inverse=True)
+    for number, kind in enumerate(kinds):
+        if not kind.any():
+            continue
+        here = np.flatnonzero(which.ravel() == number)
+        own = shapes[here][:, :, kind]
+        across = np.swapaxes(own, -1, -2)
+        less_mass, less_stiffness = (across @ matrix[here] @ own for matrix in (mass, stiffness))
+        found, within = solve(*((matrix + np.swapaxes(matrix, -1, -2)) / 2 for matrix in (less_mass, less_stiffness)))
+        values[np.ix_(here, kind)] = found
+        shapes[here[:, None], :, np.flatnonzero(kind)] = np.swapaxes(own @ within, -1, -2)
     return values, shapes
 
 
+def quickly(mass: Array, stiffness: Array, tension: Array) -> tuple[Any, Any]:
+    """Eigenvalues (p, m) and orthonormal vectors L^T v (p, c, m), M = L L^T, of many models; only those with modes that are `WIDE` apart are solved again.
+
+    Parameters
+    ----------
+    mass, stiffness : (p, c, c) arrays
+        As for `solve`.
+    tension : (p,) array
+        See `rigid`.
+    """
+    root = np.linalg.cholesky(mass)
+    inverse = np.linalg.inv(root)
+    dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
+    values, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
+    size = np.abs(values)
+    wide = size.min(-1) < WIDE * size.max(-1)
+    if wide.any():
+        found, shapes = solve(mass[wide], stiffness[wide])
+        values[wide] = rigid(found, stiffness[wide], shapes, tension[wide])
+        vectors[wide] = np.swapaxes(root[wide], -1, -2) @ shapes
+    return values, vectors
+
+
+def rigid(values: Array, stiffness: Array, shapes: Array, tension: Any) -> Any:
+    """Eigenvalues (..., m) of shapes (..., c, m) with those of rigid modes exactly 0.
+
+    A mode is rigid if its omega^2 is a rounding error of what it is a sum of: of the elements of K, or, where these have cancelled already,
+    of what tension (...) gives a rotation (never more than the largest).
+    """
+    size = np.abs(values)
+    made_of = np.maximum(rounding(stiffness, np.swapaxes(shapes, -1, -2)) / EPS, np.minimum(np.asarray(tension)[..., None], size.max(-1, keepdims=True)))
+    return np.where(size < RIGID * made_of, 0.0, values)
+
+
 def rounding(stiffness: Array, shapes: Array) -> Array:
-    """What errors in the last digit of every element of K do to omega^2 at most: eps |v|^T |K| |v| for shapes v (m, N) of unit modal mass, (rad/s)^2."""
+    """What errors in the last digit of every element of K do to omega^2 at most: eps |v|^T |K| |v| for shapes v (..., m, N) of unit modal mass, (rad/s)^2."""
     size = np.abs(shapes)
-    return EPS * np.einsum("mi,ij,mj->m", size, np.abs(stiffness), size)
+    return EPS * ((size @ np.abs(stiffness)) * size).sum(-1)
 
 
-def hanging(model: LinearModel) -> float:
-    """omega^2 of the softest translation of any body by its own stiffness: what tension over length gives, (rad/s)^2."""
-    own = np.diag(model.stiffness)[6 : 6 * (len(model.body) + 1)].reshape(-1, 6)[:, :3]
-    mass = np.diag(model.mass)[6 : 6 * (len(model.body) + 1)].reshape(-1, 6)[:, :3]
-    return float(np.abs(own / mass).min(1).max())
+def hanging(model: LinearModel) -> Any:
+    """omega^2 (...) of the softest translation of any body by its own stiffness: what tension over length gives, (rad/s)^2."""
+    stop = 6 * (len(model.body) + 1)
+    own, mass = (np.diagonal(matrix, axis1=-2, axis2=-1)[..., 6:stop] for matrix in (model.stiffness, model.mass))
+    softest = np.abs(own / mass).reshape(*np.broadcast_shapes(own.shape, mass.shape)[:-1], -1, 6)[..., :3].min(-1)
+    return softest.max(-1)
 
 
 def lost(model: LinearModel, omega_squared: Array, shape: Array) -> Any:

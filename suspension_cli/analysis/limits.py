@@ -15,8 +15,8 @@ from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
-from suspension_cli.mechanics.equilibrium import loads
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.shares import loads
 
 DIGITS = 1e-4
 """Relative error of a frequency that is worth a warning."""

@@ -20,10 +20,6 @@ DAMPING_BAND = (0.5, 5.0)
 """Hz; every mode that is to be damped from the top mass lies here (Husman et al. 2000, sections 1 and 5a)."""
 COUPLED = 0.01
 """Share of its kinetic energy that a mode must have in the top mass to be damped from there; the paper says "strongly"."""
-RIGID = 64 * np.finfo(float).eps
-"""omega^2 below this share of what it is a sum of is a rounding error: the mode costs nothing."""
-TURNING = 1e3
-"""omega^2 that tension gives a rotation over what it gives a translation, at most: m times lever arm squared over inertia."""
 NEAR = 2e-3
 """Relative difference of frequencies below which violin modes of like wires are listed as one family."""
 DEGENERATE = 1e-9
@@ -180,7 +176,7 @@ def solve(model: LinearModel) -> Modes:
     -------
     Modes
     """
-    tension = TURNING * graded.hanging(model)
+    tension = graded.TURNING * graded.hanging(model)
     found = [_solve_block(model, block, tension) for block in model.blocks]
     values = np.concatenate([values for values, _ in found])
     shapes = np.zeros((len(values), model.size))
@@ -224,17 +220,12 @@ def condensed(model: LinearModel, block: Index) -> tuple[Index, Any, Any, Any]:
 
 
 def _solve_block(model: LinearModel, block: Index, tension: float) -> tuple[Array, Array]:
-    """omega^2 (m,) and shapes (c, m) of one block, over all of the block's coordinates.
-
-    A mode is rigid if its omega^2 is a rounding error of what it is a sum of: of the elements of K, or, where these have cancelled already,
-    of what tension gives a rotation (never more than the largest of the block).
-    """
+    """omega^2 (m,) and shapes (c, m) of one block, over all of the block's coordinates."""
     kept, mass, stiffness, recover = condensed(model, block)
     if not len(kept):
         return np.zeros(0), np.zeros((len(block), 0))
     values, own = graded.solve(mass, stiffness)
-    size = np.maximum(graded.rounding(stiffness, own.T) / graded.EPS, min(tension, np.abs(values).max()))
-    values = np.where(np.abs(values) < RIGID * size, 0.0, values)
+    values = graded.rigid(values, stiffness, own, tension)
     root = np.linalg.cholesky(mass)
     own = np.linalg.solve(root.T, localised(values, root.T @ own))
     shapes = np.zeros((len(block), len(values)))

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from suspension_cli.analysis import modes
+from suspension_cli.analysis.coupling import Axis, Sweep
 from suspension_cli.analysis.modes import Modes
+from suspension_cli.design import fibres, reader
 from suspension_cli.design.schema import Design
 from suspension_cli.models import fidelity, force
+
+PROBED = 3
+"""Axes of a sweep at both ends of which rungs are compared, so 2 to this power of its builds."""
+FREQUENCIES = 12
+"""At how many frequencies."""
 
 
 @dataclass(frozen=True)
@@ -51,3 +58,33 @@ def series_error(design: Design, quick: Modes) -> Apart | None:
     pairs = [Apart(quick.label[n], float(quick.frequency[n]), float(general.frequency[pair[n]])) for n in range(len(pair))]
     finite = [item for item in pairs if np.isfinite(item.share) and item.general > 0]
     return max(finite, key=lambda item: abs(item.share), default=None)
+
+
+def coupling_error(job: Sweep) -> tuple[str, float]:
+    """What couplings of a sweep on `string` leave out: bending, torsion and loss of wires, and their mass.
+
+    Parameters
+    ----------
+    job : Sweep
+        On `string`.
+
+    Returns
+    -------
+    rung : str
+        The highest that the design says enough for, `violin` or `beam`; "" if neither.
+    error : float
+        How much it changes the ratio, of the largest ratio of the builds at the ends of the axes; NaN if that is not known.
+    """
+    design = reader.parse(job.text)
+    rung = next((level for level in ("violin", "beam") if not fibres.unsuited(design, massive=level == "violin")), "")
+    if not rung:
+        return "", float("nan")
+    axes = tuple(Axis(axis.name, tuple(dict.fromkeys((axis.values[0] if n < PROBED else axis.values[-1], axis.values[-1])))) for n, axis in enumerate(job.axes))
+    asked = job.question.frequency
+    some = tuple(asked[n] for n in np.unique(np.linspace(0, len(asked) - 1, min(FREQUENCIES, len(asked))).astype(int)))
+    probe = replace(job, axes=axes, question=replace(job.question, frequency=some))
+    found = (one.compute(0, one.count)["ratio"] for one in (probe, replace(probe, level=rung)))
+    old, new = (np.asarray(ratio) for ratio in found)
+    known = np.isfinite(old) & np.isfinite(new)
+    largest = float(np.abs(new[known]).max(initial=0.0))
+    return rung, float(np.abs(old - new)[known].max(initial=0.0)) / largest if largest > 0 else float("nan")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import modes
+from suspension_cli.analysis import graded, modes
 from suspension_cli.design.scene import Array
 from suspension_cli.mechanics.model import LinearModel
 
@@ -52,14 +52,12 @@ def solve(model: LinearModel) -> Spectrum:
 
 def _of_one_pattern(model: LinearModel) -> tuple[Array, Array]:
     values, shapes = [], []
+    tension = graded.TURNING * graded.hanging(model)
     for block in model.blocks:
         kept, mass, stiffness, _ = modes.condensed(model, block)
         if not len(kept):
             continue
-        inverse = np.linalg.inv(np.linalg.cholesky(mass))
-        dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
-        squares, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
-        squares = np.where(np.abs(squares) < modes.RIGID * np.abs(squares).max(-1, keepdims=True), 0.0, squares)
+        squares, vectors = graded.quickly(mass, stiffness, tension)
         close = np.diff(squares, axis=-1) <= modes.DEGENERATE * np.abs(squares[:, 1:])
         for n in np.flatnonzero(close.any(-1)):
             vectors[n] = modes.localised(squares[n], vectors[n])

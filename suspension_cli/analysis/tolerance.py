@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import builds, modes, sampling
+from suspension_cli.analysis import builds, graded, modes, sampling
 from suspension_cli.analysis.builds import Column
 from suspension_cli.analysis.coupling import Question, over_unit
+from suspension_cli.analysis.systems import solved
 from suspension_cli.design import reader
 from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
@@ -148,13 +149,11 @@ def followed(found: builds.Builds, shapes: Array, keep: Any) -> Array:
     stiffness = model.stiffness[..., keep[:, None], keep]
     if len(light):
         across = model.stiffness[..., keep[:, None], light]
-        stiffness = stiffness - across @ builds.solved(model.stiffness[..., light[:, None], light], np.swapaxes(across, -1, -2))
+        stiffness = stiffness - across @ solved(model.stiffness[..., light[:, None], light], np.swapaxes(across, -1, -2))
     bad = found.status != builds.GOOD
     mass = np.where(bad[:, None, None], np.eye(len(keep)), model.mass[..., keep[:, None], keep])
-    inverse = np.linalg.inv(np.linalg.cholesky(mass))
-    dynamic = inverse @ np.where(bad[:, None, None], 0.0, stiffness) @ np.swapaxes(inverse, -1, -2)
-    values, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
-    values = np.where(np.abs(values) < modes.RIGID * np.abs(values).max(-1, keepdims=True), 0.0, values)
+    tension = np.where(bad, 0.0, graded.TURNING * graded.hanging(model))
+    values, vectors = graded.quickly(mass, np.where(bad[:, None, None], mass, stiffness), tension)
     overlap = (shapes @ vectors) ** 2  # (p, m, m): nominal, build
     choice = overlap.argmax(-1)
     clash = (np.sort(choice, axis=-1) != np.arange(choice.shape[-1])).any(-1)

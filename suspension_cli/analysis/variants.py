@@ -21,7 +21,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.mechanics.blocks import mirrored
 from suspension_cli.mechanics.model import LinearModel
-from suspension_cli.models import closed_form, force
+from suspension_cli.models import closed_form, fidelity, force
 from suspension_cli.models.surroundings import surrounded
 
 
@@ -30,7 +30,7 @@ def overridden(text: str, values: dict[str, float]) -> Design:
     return reader.overridden(text, tuple(f"{path}={float(value)!r}" for path, value in values.items()))
 
 
-def scenes(text: str, values: dict[str, Array]) -> Iterator[tuple[Scene, Design, Any]]:
+def scenes(text: str, values: dict[str, Array], level: str = "string") -> Iterator[tuple[Scene, Design, Any]]:
     """The designs that dotted paths make, in batches of those that differ in nothing but the arrays of their scenes.
 
     Parameters
@@ -39,6 +39,8 @@ def scenes(text: str, values: dict[str, Array]) -> Iterator[tuple[Scene, Design,
         The design as TOML.
     values : dict of (p,) arrays
         By dotted path.
+    level : str
+        Rung; on ``beam`` and ``violin`` what wires are made of is the same in a batch too.
 
     Yields
     ------
@@ -57,7 +59,8 @@ def scenes(text: str, values: dict[str, Array]) -> Iterator[tuple[Scene, Design,
             scene = expand(design)
         except InputError:
             continue
-        alike.setdefault(_common(scene, design, n), []).append((n, scene, design))
+        made = _made_of(design) if level in ("beam", "violin") else ()
+        alike.setdefault((*_common(scene, design, n), made), []).append((n, scene, design))
     for members in alike.values():
         place = np.full(len(rows), -1)
         place[[n for n, _, _ in members]] = np.arange(len(members))
@@ -159,3 +162,13 @@ def _common(scene: Scene, design: Design, number: int) -> tuple[Any, ...]:
     kinds = [np.array(item).tobytes() if isinstance(item, np.ndarray) else item for item in static]
     light, damped = (scene.blades.tip_mass == 0).tobytes(), bool(scene.springs.damping.any())
     return (scene.gravity, *kinds, light, damped, _alone(design, number))
+
+
+def _made_of(design: Design) -> tuple[Any, ...]:
+    """What wires and blades of one batch are made of, and the gas around all."""
+    scene, drag = fidelity.bending(expand(design), design)
+    made = scene.fibres
+    assert made is not None
+    ways = [np.array([fibre.plane, *fibre.clamp]).tobytes() for fibre in made.wire]
+    kinds = [(fibre.sections, fibre.temperature, fibre.effective) for fibre in made.wire]
+    return (*ways, *kinds, made.blade, made.gas, made.temperature, *(None if own is None else own.tobytes() for own in drag))

@@ -62,10 +62,12 @@ def modelled(
     *,
     asked: Asker | None = None,
     tolerance: float = options.TOLERANCE,
-    imperfect: bool = False,
+    rungs: tuple[str, ...] = (),
     rational: bool = False,
 ) -> tuple[Choice, LinearModel]:
-    """The linear model on the rung that what is asked for needs, or imperfect builds; one with constant matrices if it must be `rational`.
+    """The linear model on the rung that what is asked for needs; one with constant matrices if it must be `rational`.
+
+    `rungs` are those that imperfect builds have, the first of which is taken unless another is asked for.
 
     Raises
     ------
@@ -76,8 +78,9 @@ def modelled(
     from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.models import fidelity as ladder
 
-    if imperfect and fidelity not in ("auto", "string"):
-        raise InputError([Fault("--fidelity", "does not hold for imperfect builds", "take auto or string", shown(fidelity))])
+    if rungs and fidelity not in ("auto", *rungs):
+        others = ", ".join(("auto", *rungs[:-1]))
+        raise InputError([Fault("--fidelity", "does not hold for imperfect builds", f"take {others} or {rungs[-1]}", shown(fidelity))])
     if rational and fidelity == "violin":
         problem = "does not hold here: wires with mass have no state space of finite order"
         raise InputError([Fault("--fidelity", problem, "take beam, which holds below the first violin mode", shown(fidelity))])
@@ -87,8 +90,8 @@ def modelled(
         choice, model = decision.choice, decision.model
     else:
         choice = ladder.choose(source.design, fidelity)
-        if imperfect:
-            choice = ladder.Choice("string", "general string model, as imperfect builds need it")
+        if rungs and choice.level not in rungs[1:]:
+            choice = ladder.Choice(rungs[0], f"general {rungs[0]} model, as imperfect builds need it")
     return choice, stood(source, choice, allow_unstable, voice, model, rational=rational)
 
 
@@ -124,6 +127,29 @@ def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
     from suspension_cli.results import Provenance
 
     return Provenance(source.text, options.command_line(argv), choice.level, choice.reason, error=choice.error)
+
+
+def differentiable(setting: dict[str, Any], file: str) -> Choice:
+    """The rung that has exact derivatives.
+
+    Raises
+    ------
+    InputError
+        If another is asked for.
+    """
+    from suspension_cli.errors import Fault, InputError, shown
+    from suspension_cli.models.fidelity import Choice
+
+    if setting["fidelity"] not in ("auto", "string"):
+        raise InputError([Fault("--fidelity", "has no derivatives", "take auto or string", shown(setting["fidelity"]))], file)
+    return Choice("string", "general string model, whose derivatives are exact")
+
+
+def plain(values: Any) -> Any:
+    """Numbers for JSON, as lists like their arrays: null for those that are not finite."""
+    import numpy as np
+
+    return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def estimate(choice: Choice) -> float | None:
@@ -178,7 +204,7 @@ def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, settin
     from suspension_cli.cli.progress import Bar
     from suspension_cli.results import Provenance
 
-    origin = Provenance(source.text, what(sys.argv), choice.level, choice.reason, sweep=job.identity)
+    origin = Provenance(source.text, what(sys.argv), choice.level, choice.reason, sweep=job.identity, error=choice.error)
     try:
         with Bar(enabled=not voice.quiet) as bar:
             run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill, after)

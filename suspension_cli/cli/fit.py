@@ -1,8 +1,7 @@
-"""`pendsus fit`: numbers of a design learned from measured modes."""
+"""`pendsus fit`: numbers of designs learned from measured modes."""
 
 from __future__ import annotations
 
-import math
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -12,79 +11,136 @@ from suspension_cli.cli import options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.fit import Fit
+    from suspension_cli.cli.analyses import Read
+    from suspension_cli.design.measured import Measured
+    from suspension_cli.models.fidelity import Choice
+
+SAME = 1e-3
+"""Relative difference of chi^2 below which two searches ended at the same place."""
+
+LARGEST = 6
+"""Numbers told of a combination."""
 
 
 @click.command("fit")
-@options.design
-@click.argument("measured", metavar="MEASURED")
+@click.argument("files", nargs=-1, required=True, metavar="[DESIGN] MEASURED")
+@click.option(
+    "--starts", type=click.IntRange(1, 100_000), default=1, show_default=True, help="Searches, all but the first from random numbers; the best counts."
+)
+@click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=1, show_default=True, help="Of the random numbers.")
 @options.analysis
 @click.pass_context
-def command(ctx: click.Context, design: str, measured: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
-    """Learn numbers of a design from measured modes.
+def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
+    """Learn numbers of designs from measured modes.
 
-    MEASURED is a TOML file of frequencies with uncertainties and of the numbers that are free.  Writes DIR/NAME-fit.h5 and .png, and the fitted design
-    as DIR/NAME-fitted.toml.
+    MEASURED is a TOML file of frequencies with uncertainties and of the numbers that are free: of DESIGN, or of several designs that it names itself,
+    which may share numbers.  Writes DIR/NAME-fit.h5 and .png, and each fitted design as DIR/NAME-fitted.toml; NAME is the design's, or the stem of
+    MEASURED and the experiment's.
     """
     from pathlib import Path
 
     from suspension_cli.analysis import fit
     from suspension_cli.cli import analyses
+    from suspension_cli.cli.progress import Bar
     from suspension_cli.design import measured as measurements
-    from suspension_cli.errors import Fault, InputError, shown
-    from suspension_cli.models.fidelity import Choice
-    from suspension_cli.results import fit as files
+    from suspension_cli.errors import InputError
+    from suspension_cli.results import fit as results
 
     voice = options.Voice(quiet, verbose)
-    source, setting = analyses.prepared(ctx, design, overrides)
-    given = measurements.read(measured)
-    if setting["fidelity"] not in ("auto", "string"):
-        fault = Fault("--fidelity", "has no derivatives", "take auto or string", shown(setting["fidelity"]))
-        raise InputError([fault], source.file)
-    with source.faults():
-        found = fit.solve(source.text, given)
-    name, folder = source.design.design.name, options.folder(out)
+    given = measurements.read(files[-1])
+    sources, setting, choice = _designs(ctx, files, given, overrides)
+    try:
+        with Bar(enabled=not quiet) as bar:
+            how: dict[str, Any] = {"starts": setting["starts"], "seed": setting["seed"], "tell": bar}
+            found = fit.solve([source.text for source in sources], given, [source.file for source in sources], **how)
+    except InputError as error:
+        raise error if error.file else error.in_file(files[-1]) from None
+    joint = given.experiment is not None
+    name, folder = Path(files[-1]).stem if joint else found.experiment[0], options.folder(out)
     path = folder / f"{name}-fit.h5"
-    choice = Choice("string", "general string model, whose derivatives are exact")
-    files.save(path, found, analyses.provenance(source, choice, sys.argv), Path(measured).read_text(encoding="utf-8-sig"))
-    files.save_design(folder / f"{name}-fitted.toml", found, Path(design).name, Path(measured).name, options.command_line(sys.argv))
-    voice.say(f"wrote {path}\nwrote {folder / f'{name}-fitted.toml'}")
-    for label, bound in zip(found.name, found.at_bound, strict=True):
+    title = (given.title if joint else sources[0].design.design.title) or name
+    text = Path(files[-1]).read_text(encoding="utf-8-sig")
+    results.save(path, found, analyses.provenance(sources[0], choice, sys.argv), [source.text for source in sources], text, title)
+    voice.say(f"wrote {path}")
+    for n, source in enumerate(sources):
+        fitted = folder / f"{name}-{found.experiment[n]}-fitted.toml" if joint else folder / f"{name}-fitted.toml"
+        results.save_design(fitted, found, n, Path(source.file).name, Path(files[-1]).name, options.command_line(sys.argv))
+        voice.say(f"wrote {fitted}")
+    for label, bound in zip(found.parameters, found.at_bound, strict=True):
         if bound:
             voice.warn(f"{label} ends at its bound")
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import fit as picture
 
-        analyses.draw(picture.draw(found, source.design.design.title or name), path.with_suffix(".png"), voice)
+        analyses.draw(picture.draw(found, title), path.with_suffix(".png"), voice)
     if as_json:
         import json
 
-        click.echo(json.dumps(document(name, found)))
+        click.echo(json.dumps(document(name, [source.file for source in sources], found)))
     else:
         click.echo("\n".join(table(found)))
 
 
-def document(name: str, found: Fit) -> dict[str, Any]:
+def _designs(ctx: click.Context, files: tuple[str, ...], given: Measured, overrides: tuple[str, ...]) -> tuple[list[Read], dict[str, Any], Choice]:
+    """The designs that were measured, the options (of the first, where defaults stand in the designs), and the rung."""
+    from pathlib import Path
+
+    from suspension_cli.cli import analyses
+    from suspension_cli.errors import Fault, InputError, joined, shown
+
+    if given.experiment is None:
+        if len(files) != 2:
+            raise InputError(
+                [Fault("mode", f"of one design, but {len(files) - 1} are given", "write pendsus fit DESIGN MEASURED, or name designs in [[experiment]]")],
+                files[-1],
+            )
+        asked = [(files[0], ())]
+    else:
+        if len(files) != 1:
+            raise InputError([Fault("experiment", "names its designs itself", "write pendsus fit MEASURED", shown(files[0]))], files[-1])
+        asked = [(str(Path(files[-1]).parent / item.design), tuple(item.set)) for item in given.experiment]
+    read, bad = [], {}
+    for file, own in asked:
+        try:
+            read.append(analyses.prepared(ctx, file, (*own, *overrides)))
+        except InputError as error:
+            bad[str(error)] = error
+    if bad:
+        raise joined(list(bad.values()))
+    choices = [analyses.differentiable(setting, source.file) for source, setting in read]
+    return [source for source, _ in read], read[0][1], choices[0]
+
+
+def document(name: str, files: list[str], found: Fit) -> dict[str, Any]:
     """The JSON document; null for an uncertainty that is infinite or that of a number at its bound."""
+    from suspension_cli.cli.analyses import plain
 
-    def plain(value: float) -> float | None:
-        return float(value) if math.isfinite(value) else None
-
+    who = found.experiment
     learned = [
-        {"name": label, "start": float(start), "value": float(value), "sigma": plain(sigma), "at_bound": bool(bound)}
-        for label, start, value, sigma, bound in zip(found.name, found.start, found.value, found.sigma, found.at_bound, strict=True)
+        {"name": label, "start": plain(found.start[n]), "value": plain(found.value[n]), "sigma": plain(found.sigma[n]), "at_bound": bool(found.at_bound[n])}
+        | {"experiments": [name for name, here in zip(who, found.shared[n], strict=True) if here]}
+        for n, label in enumerate(found.name)
     ]
+    columns = {
+        "measured_hz": found.measured,
+        "uncertainty_hz": found.uncertainty,
+        "before_hz": found.before,
+        "after_hz": found.after,
+        "residual": found.residual,
+    }
     modes = [
-        {"label": label, "measured_hz": float(m), "uncertainty_hz": float(u), "before_hz": plain(b), "after_hz": plain(a), "residual": plain(r)}
-        for label, m, u, b, a, r in zip(found.label, found.measured, found.uncertainty, found.before, found.after, found.residual, strict=True)
+        {"experiment": who[found.of[n]], "label": label} | {key: plain(values[n]) for key, values in columns.items()} for n, label in enumerate(found.label)
     ]
     return {
         "command": "fit",
         "design": name,
         "fidelity": "string",
+        "experiments": [{"name": experiment, "design": file} for experiment, file in zip(who, files, strict=True)],
         "parameters": learned,
-        "covariance": [[plain(value) for value in row] for row in found.covariance],
+        "covariance": plain(found.covariance),
         "modes": modes,
         "chi_squared": found.chi_squared,
+        "chi_squared_of_starts": found.ends.tolist(),
         "degrees_of_freedom": found.freedom,
         "singular_values": found.singular.tolist(),
         "directions": found.direction.tolist(),
@@ -93,19 +149,24 @@ def document(name: str, found: Fit) -> dict[str, Any]:
 
 def table(found: Fit) -> list[str]:
     """What was learned, how modes lie, and what the data cannot tell apart."""
-    wide = max(len(name) for name in found.name)
+    wide = max(len(name) for name in found.parameters)
     lines = [
         f"{name:{wide}}  {start:#.6g} -> {value:#.6g} +- {sigma:.2g}"
-        for name, start, value, sigma in zip(found.name, found.start, found.value, found.sigma, strict=True)
+        for name, start, value, sigma in zip(found.parameters, found.start, found.value, found.sigma, strict=True)
     ]
     lines += ["", "   measured        before    after Hz  residual  mode"]
-    for n, label in enumerate(found.label):
+    for n, label in enumerate(found.modes):
         known = f"{found.measured[n]:#9.5g} +- {found.uncertainty[n]:.2g}"
         lines.append(f"{known:18} {found.before[n]:#9.5g} {found.after[n]:#9.5g}  {found.residual[n]:+8.2f}  {label}")
     lines += ["", f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
+    if len(found.ends) > 1:
+        same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
+        rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
+        lines.append(f"{same} of {len(found.ends)} searches ended there{rest}")
     lines += ["", "what the modes by themselves say, from best to worst known combination of relative changes:"]
     for value, row in zip(found.singular, found.direction, strict=True):
-        parts = " ".join(f"{share:+.2f} {name}" for share, name in zip(row, found.name, strict=True) if abs(share) >= 0.05)
+        largest = sorted(zip(row, found.parameters, strict=True), key=lambda item: -abs(item[0]))[:LARGEST]
+        parts = " ".join(f"{share:+.2f} {name}" for share, name in largest if abs(share) >= 0.05)
         lines.append(f"  {f'to {100 / value:.2g} %' if value > 1e-9 * found.singular[0] else 'not at all'}: {parts}")
     if len(found.singular) < len(found.name):
         lines.append(f"  and {len(found.name) - len(found.singular)} not at all: there are more numbers than modes")

@@ -11,8 +11,8 @@ from suspension_cli.cli import analyses, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.auto import Decision
+    from suspension_cli.analysis.estimates import Estimates
     from suspension_cli.models.fidelity import Choice
-    from suspension_cli.models.indicators import Indicator
 
 
 @click.command("info")
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @options.as_json_only
 @click.pass_context
 def command(ctx: click.Context, design: str, overrides: tuple[str, ...], as_json: bool, **_: Any) -> None:
-    """How much model a design needs: indicators of what each refinement would change, and the rung that `auto` takes.
+    """How much model a design needs: estimates of what each refinement would change, and the rung that `auto` takes.
 
     For the modes, for one response and for its thermal noise.  Writes nothing.
     """
@@ -41,13 +41,14 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], as_json
         click.echo(text(source.design.design.title or name, setting["tolerance"], found, decisions, noise))
 
 
-def _weighed(source: analyses.Read, setting: dict[str, Any]) -> tuple[list[Indicator], dict[str, Decision], tuple[str, Choice] | None]:
+def _weighed(source: analyses.Read, setting: dict[str, Any]) -> tuple[Estimates, dict[str, Decision], tuple[str, Choice] | None]:
     import numpy as np
 
-    from suspension_cli.analysis import auto, signals
+    from suspension_cli.analysis import auto, modes, signals
+    from suspension_cli.analysis.estimates import estimates
     from suspension_cli.design.fibres import unsuited
     from suspension_cli.grids import grid
-    from suspension_cli.models import indicators, wire_mass
+    from suspension_cli.models import fidelity, wire_mass
 
     design, tolerance = source.design, setting["tolerance"]
     frequency = np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0))
@@ -65,10 +66,11 @@ def _weighed(source: analyses.Read, setting: dict[str, Any]) -> tuple[list[Indic
     noise = None
     if not unsuited(design, massive=True):
         noise = (f"thermal noise of {output}, {span}", wire_mass.choose(design, "auto", float(frequency.max()), tolerance))
-    return indicators.indicators(design, float(frequency.max())), decisions, noise
+    simplest = fidelity.linear_model(design, fidelity.choose(design).level)
+    return estimates(design, modes.solve(simplest)), decisions, noise
 
 
-def document(name: str, tolerance: float, found: list[Indicator], decisions: dict[str, Decision], noise: tuple[str, Choice] | None) -> dict[str, Any]:
+def document(name: str, tolerance: float, found: Estimates, decisions: dict[str, Decision], noise: tuple[str, Choice] | None) -> dict[str, Any]:
     """The JSON document."""
     choices = [
         {
@@ -88,7 +90,11 @@ def document(name: str, tolerance: float, found: list[Indicator], decisions: dic
         choices.append(
             {"quantity": quantity, "fidelity": choice.level, "estimated_error": analyses.estimate(choice), "reason": choice.reason, "refinements": []}
         )
-    indicators = [{"stage": item.stage, "refinement": item.refinement, "value": _finite(item.value)} for item in found]
+    indicators = [
+        {"stage": stage, "refinement": name, "value": _finite(float(values[n]))}
+        for n, stage in enumerate(found.stage)
+        for name, values in _largest(found).items()
+    ]
     return {"command": "info", "design": name, "tolerance": tolerance, "indicators": indicators, "choices": choices}
 
 
@@ -96,16 +102,15 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def text(title: str, tolerance: float, found: list[Indicator], decisions: dict[str, Decision], noise: tuple[str, Choice] | None) -> str:
+def text(title: str, tolerance: float, found: Estimates, decisions: dict[str, Decision], noise: tuple[str, Choice] | None) -> str:
     """The same for people: a table of indicators a stage, then the choices."""
-    names = list(dict.fromkeys(item.refinement for item in found))
-    stages = list(dict.fromkeys(item.stage for item in found))
-    width = max([len(stage) for stage in stages] + [6])
-    lines = [title, "", "About how much each refinement would change, relative:", f"  {'':{width}}  " + "  ".join(names)]
-    for stage in stages:
-        values = {item.refinement: item.value for item in found if item.stage == stage}
-        cells = [f"{_shown(values.get(name)):>{len(name)}}" for name in names]
-        lines.append(f"  {stage:{width}}  " + "  ".join(cells))
+    columns = _largest(found)
+    width = max([len(stage) for stage in found.stage] + [6])
+    lines = [title, "", "About how much each refinement of a stage's wires would change the frequency that it changes most, relative:"]
+    lines.append(f"  {'':{width}}  " + "  ".join(columns) + "  first violin mode")
+    for n, stage in enumerate(found.stage):
+        cells = [f"{_shown(float(values[n])):>{len(name)}}" for name, values in columns.items()]
+        lines.append(f"  {stage:{width}}  " + "  ".join(cells) + f"  {_hertz(float(found.violin[n])):>17}")
     lines += ["", f"Rungs that auto takes, for a tolerance of {tolerance:g}:"]
     for quantity, decision in decisions.items():
         lines.append(f"  {quantity}\n    {decision.choice.level}: {decision.choice.reason}")
@@ -114,7 +119,16 @@ def text(title: str, tolerance: float, found: list[Indicator], decisions: dict[s
     return "\n".join(lines)
 
 
-def _shown(value: float | None) -> str:
-    if value is None:
-        return "-"
+def _largest(found: Estimates) -> dict[str, Any]:
+    """What each refinement of each stage's wires changes of the mode that it changes most: (s,) each."""
+    from suspension_cli.analysis.estimates import BENDING, MASS
+
+    return {BENDING: found.bending.max(0), MASS: found.mass.max(0)}
+
+
+def _shown(value: float) -> str:
     return "unknown" if math.isnan(value) else f"{value:.1e}"
+
+
+def _hertz(value: float) -> str:
+    return "unknown" if math.isnan(value) else "none" if math.isinf(value) else f"{value:.4g} Hz"

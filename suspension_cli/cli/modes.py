@@ -92,6 +92,8 @@ def _read_all(files: tuple[str, ...], overrides: tuple[str, ...]) -> list[Source
 
 
 def _solve(source: Source, setting: dict[str, Any]) -> tuple[Choice, Modes]:
+    import numpy as np
+
     from suspension_cli.analysis import auto, modes, wire_modes
     from suspension_cli.errors import InputError
     from suspension_cli.models import fidelity as ladder
@@ -99,8 +101,12 @@ def _solve(source: Source, setting: dict[str, Any]) -> tuple[Choice, Modes]:
     highest, level = setting["max_frequency"], setting["fidelity"]
     try:
         if highest is None and level == "auto":
-            decision = auto.decide(source.design, lambda _: auto.Frequencies(), setting["tolerance"], top="beam")
-            return decision.choice, modes.solve(decision.model)
+            decision = auto.decide(source.design, lambda _: auto.Frequencies(), setting["tolerance"])
+            found = modes.solve(decision.model)
+            if decision.choice.level != "violin":
+                return decision.choice, found
+            # the mass of wires lowers all frequencies: those of the bodies lie below the highest one without it
+            return decision.choice, wire_modes.solve(decision.model, float(np.nanmax(found.frequency)))
         choice = ladder.choose(source.design, "violin" if level == "auto" else level)
         model = ladder.linear_model(source.design, choice.level)
         if choice.level != "violin":

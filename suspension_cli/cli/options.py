@@ -43,6 +43,14 @@ quiet = click.option("-q", "--quiet", is_flag=True, help="Say nothing on stderr 
 verbose = click.option("-v", "--verbose", is_flag=True, help="Say more on stderr.")
 
 
+results = click.option(
+    "--result",
+    multiple=True,
+    metavar="NAME",
+    help="A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ (repeatable).  [default: modes, every mode]",
+)
+
+
 def question(function: F) -> F:
     """Give a command the options that say which cross-coupling is asked for."""
     choices = [

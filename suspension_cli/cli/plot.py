@@ -104,11 +104,11 @@ def _sensitivity(results: Any, design: Any) -> Any:
     return picture.draw(stored.load(results["sensitivity"]), design.design.title or design.design.name)
 
 
-def _fit(results: Any, design: Any) -> Any:
+def _fit(results: Any, _: Any) -> Any:
     from suspension_cli.plots import fit as picture
     from suspension_cli.results import fit as stored
 
-    return picture.draw(stored.load(results["fit"]), design.design.title or design.design.name)
+    return picture.draw(stored.load(results["fit"]), str(results["fit"].attrs["title"]))
 
 
 def _tolerance(results: Any, design: Any) -> Any:

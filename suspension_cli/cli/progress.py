@@ -37,8 +37,9 @@ class Bar:
         self.drawn = now
         filled = int(WIDTH * done / count)
         left = f"{(count - done) / rate:.0f} s left" if rate else ""
+        pace = f"{rate:,.0f}/s" if rate >= 1 or not rate else f"{1 / rate:.0f} s each"
         end = "\r" if sys.stderr.isatty() else "\n"
-        sys.stderr.write(f"{'#' * filled}{'.' * (WIDTH - filled)} {done:,} of {count:,}  {rate:,.{0 if rate >= 10 else 1}f}/s  {left:12}{end}")
+        sys.stderr.write(f"{'#' * filled}{'.' * (WIDTH - filled)} {done:,} of {count:,}  {pace}  {left:12}{end}")
         sys.stderr.flush()
         if not sys.stderr.isatty():
             self.drawn = now + 10 - EVERY  # a log gets a line every ten seconds

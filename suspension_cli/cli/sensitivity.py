@@ -20,12 +20,7 @@ LEAST = 0.0005
 
 @click.command("sensitivity")
 @options.design
-@click.option(
-    "--result",
-    multiple=True,
-    metavar="NAME",
-    help="A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ (repeatable).  [default: modes, every mode]",
-)
+@options.results
 @options.allow_unstable
 @options.analysis
 @click.pass_context
@@ -41,7 +36,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice, model = _modelled(source, setting, voice)
+        choice = analyses.differentiable(setting, source.file)
+        model = analyses.stood(source, choice, setting["allow_unstable"], voice)
         asked = scalars.parse(list(setting["result"]) or [scalars.ALL], modes.solve(model), signals.bodies(model))
         found = sensitivity.solve(source.text, asked)
     path = options.folder(out) / f"{source.design.design.name}-sensitivity.h5"
@@ -62,23 +58,9 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         click.echo("\n".join([f"{choice.level}: {choice.reason}", *table(found)]))
 
 
-def _modelled(source: Any, setting: dict[str, Any], voice: options.Voice) -> Any:
-    from suspension_cli.cli import analyses
-    from suspension_cli.errors import Fault, InputError, shown
-    from suspension_cli.models.fidelity import Choice
-
-    if setting["fidelity"] not in ("auto", "string"):
-        raise InputError([Fault("--fidelity", "has no derivatives", "take auto or string", shown(setting["fidelity"]))])
-    _, model = analyses.modelled(source, "string", setting["allow_unstable"], voice)
-    return Choice("string", "general string model, whose derivatives are exact"), model
-
-
 def document(name: str, level: str, found: Sensitivity) -> dict[str, Any]:
     """The JSON document: parameters first; null where there is no derivative."""
-    import numpy as np
-
-    def plain(values: Any) -> Any:
-        return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
+    from suspension_cli.cli.analyses import plain
 
     numbers = [{"name": n, "value": float(v), "free": bool(f)} for n, v, f in zip(found.parameter, found.value, found.free, strict=True)]
     results = [{"name": n, "unit": u, "nominal": plain(v)} for n, u, v in zip(found.result, found.unit, found.nominal, strict=True)]

@@ -19,12 +19,7 @@ ALIKE = 0.4
 @click.command("sweep")
 @options.design
 @click.option("--vary", multiple=True, metavar="PATH=GRID", help="A parameter and its values: stage.test.wires.s=1e-3:0.05:50:log (repeatable).  [required]")
-@click.option(
-    "--result",
-    multiple=True,
-    metavar="NAME",
-    help="A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ (repeatable).  [default: modes, every mode]",
-)
+@options.results
 @options.batch
 @options.allow_unstable
 @options.analysis
@@ -98,10 +93,7 @@ def axes(vary: list[str]) -> tuple[Axis, ...]:
 
 def document(name: str, level: str, answer: Swept) -> dict[str, Any]:
     """The JSON document: first axis first; what is not there (an unstable mode, a failed point) is null."""
-    import numpy as np
-
-    def plain(values: Any) -> Any:
-        return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
+    from suspension_cli.cli.analyses import plain
 
     results = [
         {"name": result, "unit": answer.unit[n], "nominal": plain(answer.nominal[n]), "values": plain(answer.value[..., n])}

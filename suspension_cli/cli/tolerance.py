@@ -35,7 +35,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, imperfect=True)
+        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, rungs=("string",))
         job = Tolerances(source.text, setting["builds"], setting["seed"], analyses.question(model, setting), setting["allow_unstable"])
         job.check()
         voice.detail(f"{len(job.factors)} numbers scatter")

@@ -11,11 +11,16 @@ import click
 from suspension_cli.cli import options
 
 if TYPE_CHECKING:
-    from suspension_cli.analysis.coupling import Axis, Question
+    from suspension_cli.analysis.coupling import Axis, Question, Sweep
     from suspension_cli.mechanics.model import LinearModel
+    from suspension_cli.models.fidelity import Choice
 
 DEFAULT_GRID = {"k": "0.6:1.4:41", "mass": "0.9:1.1:41", "inertia": "0.9:1.1:41"}
 OTHER_GRID = "-2e-3:2e-3:5"
+LEVELS = ("string", "beam", "violin")
+"""Rungs that imperfect builds have; the first unless another is asked for."""
+TOLD = 0.01
+"""Share of the largest coupling from which it is a warning what strings leave out; imperfections are hardly known any better."""
 
 
 @click.command("xcouple")
@@ -48,7 +53,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides, extra=swept_names())
     with source.faults():
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, imperfect=True)
+        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, rungs=LEVELS)
         question = analyses.question(model, setting)
     if setting["matrix"]:
         _matrix(source, choice, model, question, setting, out, as_json, voice)
@@ -111,8 +116,9 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
 
     table = source.design.analysis.get("xcouple", {})
     with source.faults():
-        job = Sweep(source.text, axes(setting["sweep"], table), question, setting["allow_unstable"])
+        job = Sweep(source.text, axes(setting["sweep"], table), question, setting["allow_unstable"], choice.level)
         job.check()
+        choice = _weighed(job, choice, setting, voice)
     path = options.folder(out) / f"{source.design.design.name}-xcouple.h5"
     analyses.swept(job, path, "xcouple", source, choice, setting, voice, lambda group: files.fill(group, job))
     answer = files.load(path)
@@ -127,9 +133,28 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
     if as_json:
         import json
 
-        click.echo(json.dumps(document(source.design.design.name, answer)))
+        click.echo(json.dumps(document(source.design.design.name, choice, answer)))
     else:
         click.echo(summary(answer))
+
+
+def _weighed(job: Sweep, choice: Choice, setting: dict[str, Any], voice: options.Voice) -> Choice:
+    """What strings leave out, in the choice; said with a number where it is more than the tolerance."""
+    from dataclasses import replace
+
+    from suspension_cli.analysis import rungs
+
+    if choice.level != "string" or setting["fidelity"] != "auto":
+        return choice
+    rung, error = rungs.coupling_error(job)
+    if error > TOLD:
+        voice.warn(f"bending and mass of wires change these couplings by {100 * error:.2g} % of the largest: --fidelity {rung} has them")
+    left = (
+        f"left out: bending and mass of wires ({error:.1g} of the largest coupling)"
+        if error >= 0
+        else "unknown, as wires lack material or cross-section: their bending"
+    )
+    return replace(choice, error=error, reason=f"{choice.reason}; {left}")
 
 
 def _warn_of_faint(question: Question, answer: Any, voice: options.Voice) -> None:
@@ -146,21 +171,20 @@ def _warn_of_faint(question: Question, answer: Any, voice: options.Voice) -> Non
         )
 
 
-def document(name: str, answer: Any) -> dict[str, Any]:
+def document(name: str, choice: Choice, answer: Any) -> dict[str, Any]:
     """The JSON document: first axis first; a failed build is null."""
-    import numpy as np
-
-    def plain(values: Any) -> Any:
-        return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
+    from suspension_cli.cli import analyses
 
     single = len(answer.frequency) == 1
     ratio = answer.ratio[..., 0] if single else answer.ratio
     return {
         "command": "xcouple",
         "design": name,
+        "fidelity": choice.level,
+        "estimated_error": analyses.estimate(choice),
         "axes": [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes],
-        "ratio_real": plain(ratio.real),
-        "ratio_imag": plain(ratio.imag),
+        "ratio_real": analyses.plain(ratio.real),
+        "ratio_imag": analyses.plain(ratio.imag),
         "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
         "input": answer.input,
         "over": answer.over,
@@ -213,6 +237,7 @@ def _matrix(source: Any, choice: Any, model: LinearModel, question: Question, se
         head = {
             "command": "xcouple",
             "design": source.design.design.name,
+            "fidelity": choice.level,
             "frequency_hz": list(question.frequency),
             "input": answer.input,
             "output": answer.output,

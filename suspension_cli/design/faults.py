@@ -212,12 +212,14 @@ def _described(kind: Any, meta: msgspec.Meta | None = None) -> str:
     """What belongs here, for a remedy."""
     bare, inner = _bare(kind)
     meta = meta or inner
-    if meta is not None and meta.description:
-        return meta.description
+    text = meta.description if meta is not None else None
+    if get_origin(bare) is Literal:
+        options = [shown(option) for option in get_args(bare)]
+        return text if text and all(option in text for option in options) else " or ".join(options)
+    if text:
+        return text
     if get_origin(bare) in (Union, types.UnionType):
         return _described(get_args(bare)[0])
-    if get_origin(bare) is Literal:
-        return " or ".join(shown(option) for option in get_args(bare))
     if isinstance(bare, type) and issubclass(bare, msgspec.Struct):
         required = [name for name, (_, needed) in _fields(bare).items() if needed]
         return f"a table with {', '.join(required or _fields(bare))}"

@@ -151,11 +151,11 @@ class Flex:
 
     Attributes
     ----------
-    upper, lower : (w, 2, 3) arrays
+    upper, lower : (..., w, 2, 3) arrays
         Unit vectors of each wire's principal planes, in the frames of the two bodies.
-    bend : (w, 2, 3) array
+    bend : (..., w, 2, 3) array
         S_uu, S_ul, S_ll in each plane: moments at the ends over the slopes there, N m/rad.
-    twist : (w,) array
+    twist : (..., w) array
         Torque over twist, N m/rad.
     """
 

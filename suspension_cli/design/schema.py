@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta, field
 
 from suspension_cli.design.quantities import (
+    NAMES,
     Conductivity,
     Density,
     Expansion,
@@ -33,6 +34,7 @@ from suspension_cli.design.quantities import (
     Rotation,
     Row3,
     SpecificHeat,
+    StageName,
     Stem,
     Stiffness,
     Table,
@@ -46,15 +48,15 @@ class Header(Table, frozen=True):
     """What the design is called and where it comes from."""
 
     name: Stem
-    title: str = ""
-    reference: str = ""
+    title: Annotated[str, Meta(description="a title for people")] = ""
+    reference: Annotated[str, Meta(description="where the design comes from, for people")] = ""
 
 
 class Constants(Table, frozen=True):
     """Surroundings."""
 
     gravity: Annotated[float, Meta(gt=0, le=1e3, description="acceleration due to gravity in m/s^2")] = 9.81
-    temperature: Kelvin = 290.0
+    temperature: Annotated[Kelvin, Meta(description="temperature in K of everything that has none of its own")] = 290.0
 
 
 class LossTable(Table, frozen=True):
@@ -71,9 +73,26 @@ class MaterialLoss(Table, frozen=True):
     """What makes a material lossy beyond a constant loss angle; acts where wires bend."""
 
     angle: Annotated[LossAngle, Meta(description="constant loss angle of the bulk in rad")] | None = None
-    table: Annotated[LossTable, Meta(description="loss angle of the bulk against frequency, instead of a constant one")] | None = None
-    surface_depth: Annotated[float, Meta(ge=0, le=1e5, description="dissipation depth of the surface in m")] | None = None
-    thermoelastic: Annotated[bool, Meta(description="false leaves thermoelastic loss out")] | None = None
+    table: (
+        Annotated[LossTable, Meta(description="loss angle of the bulk against frequency, instead of a constant one: straight lines in the logarithms")] | None
+    ) = None
+    surface_depth: (
+        Annotated[
+            float,
+            Meta(
+                ge=0,
+                le=1e5,
+                description="dissipation depth of the surface in m; 0 if not given. A design that gives another bulk than the built-in one gives it too",
+            ),
+        ]
+        | None
+    ) = None
+    thermoelastic: (
+        Annotated[
+            bool, Meta(description="false leaves thermoelastic loss out; it also needs the density and the four thermal values (the slope may be missing)")
+        ]
+        | None
+    ) = None
 
 
 class Material(Table, frozen=True):
@@ -86,9 +105,9 @@ class Material(Table, frozen=True):
     modulus_slope: ModulusSlope | None = None
     specific_heat: SpecificHeat | None = None
     thermal_conductivity: Conductivity | None = None
-    loss_angle: LossAngle | None = None
+    loss_angle: Annotated[LossAngle, Meta(description="constant loss angle in rad: short for angle in the table loss")] | None = None
     loss: MaterialLoss | None = None
-    source: str = ""
+    source: Annotated[str, Meta(description="where the numbers come from, for people")] = ""
 
 
 class Gas(Table, frozen=True):
@@ -107,23 +126,23 @@ class Body(Table, frozen=True):
         Annotated[list[Inertia | Row3], Meta(min_length=3, max_length=3, description="moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2")]
         | None
     ) = None
-    shape: Literal["cylinder", "box"] | None = None
-    axis: Literal["x", "y", "z"] | None = None
-    radius: Length | None = None
-    inner_radius: Length | None = None
-    length: Length | None = None
-    size: tuple[Length, Length, Length] | None = None
-    density: Density | None = None
+    shape: Annotated[Literal["cylinder", "box"], Meta(description="homogeneous, instead of moments of inertia")] | None = None
+    axis: Annotated[Literal["x", "y", "z"], Meta(description="axis of a cylinder")] | None = None
+    radius: Annotated[Length, Meta(description="radius of a cylinder, m")] | None = None
+    inner_radius: Annotated[Length, Meta(description="inner radius of a hollow cylinder, m")] | None = None
+    length: Annotated[Length, Meta(description="length of a cylinder, m")] | None = None
+    size: Annotated[tuple[Length, Length, Length], Meta(description="sides of a box along x, y and z, m")] | None = None
+    density: Annotated[Density, Meta(description="density of a shape in kg/m^3, instead of a mass")] | None = None
 
 
 class Spring(Table, frozen=True):
     """A linear spring between this body and the one it hangs from: a flexure, a cable, torsion of a wire."""
 
-    stiffness: Matrix6
+    stiffness: Annotated[Matrix6, Meta(description="x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad")]
     at: Annotated[Vector, Meta(description="the point, from this body's COM, m")] = (0.0, 0.0, 0.0)
-    damping: Matrix6 | None = None
+    damping: Annotated[Matrix6, Meta(description="six elements or a full 6x6: N s/m, N m s/rad")] | None = None
     preload: Annotated[Wrench, Meta(description="force (N) and torque (N m) on this body in the nominal pose")] = field(default_factory=lambda: [0.0] * 6)
-    loss_angle: LossAngle | None = None
+    loss_angle: Annotated[LossAngle, Meta(description="loss angle of the stiffness in rad")] | None = None
 
 
 Viscous = Annotated[float, Meta(ge=0, le=1e12, description="viscous damping in N s/m or N m s/rad")]
@@ -138,11 +157,11 @@ class Damping(Table, frozen=True):
     roll: Viscous = 0.0
     pitch: Viscous = 0.0
     yaw: Viscous = 0.0
-    against: Annotated[Name, Meta(description="support, or a stage above")] = "support"
+    against: Annotated[Name, Meta(description=f'"support", or the name of a stage above: {NAMES}')] = "support"
 
 
 class Compliance(Table, frozen=True):
-    """Stiffness of the support structure; directions left out are rigid."""
+    """Stiffness of the support structure, N/m and N m/rad; directions left out are rigid."""
 
     x: Stiffness | None = None
     y: Stiffness | None = None
@@ -153,7 +172,7 @@ class Compliance(Table, frozen=True):
 
 
 class FrameDamping(Table, frozen=True):
-    """Viscous damping of the support structure against the ground."""
+    """Viscous damping of the support structure against the ground, N s/m and N m s/rad."""
 
     x: Viscous = 0.0
     y: Viscous = 0.0
@@ -173,7 +192,7 @@ class Support(Table, frozen=True):
         Meta(min_length=3, max_length=3, description="moments of inertia about x, y, z at the suspension point, kg m^2"),
     ] = field(default_factory=lambda: [0.0] * 3)
     damping: FrameDamping = FrameDamping()
-    loss_angle: LossAngle = 0.0
+    loss_angle: Annotated[LossAngle, Meta(description="loss angle of the stiffness in rad")] = 0.0
 
 
 class Stage(Table, frozen=True):
@@ -181,13 +200,15 @@ class Stage(Table, frozen=True):
 
     name: Name
     body: Body
-    hangs_from: Name | None = None
-    position: Annotated[Vector, Meta(description="nominal COM from the COM above (or support point), m; implied by a symmetric set")] | None = None
+    hangs_from: Annotated[Name, Meta(description=f'"support" or an earlier stage, which makes a tree; default the stage before ({NAMES})')] | None = None
+    position: (
+        Annotated[Vector, Meta(description="nominal COM from the COM above (or support point), m; implied by a symmetric set, needed otherwise")] | None
+    ) = None
     wires: WireSet | None = None
-    wire: list[Wire] = field(default_factory=list)
+    wire: Annotated[list[Wire], Meta(description="wires anywhere, instead of a symmetric set")] = field(default_factory=list)
     blades: BladeSet | None = None
-    blade: list[Blade] = field(default_factory=list)
-    spring: list[Spring] = field(default_factory=list)
+    blade: Annotated[list[Blade], Meta(description="blades for wires that name them")] = field(default_factory=list)
+    spring: Annotated[list[Spring], Meta(description="linear springs to the body above")] = field(default_factory=list)
     damping: Damping | None = None
 
 
@@ -195,10 +216,10 @@ class Perturbation(Table, frozen=True):
     """What an imperfect build did to one wire or one body."""
 
     wire: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$", description="a stage's name and a wire's number: test.1")] | None = None
-    body: Name | None = None
-    k_factor: Factor | None = None
-    upper_offset: Vector | None = None
-    lower_offset: Vector | None = None
+    body: Annotated[Name, Meta(description=f"a stage's name, instead of a wire: {NAMES}")] | None = None
+    k_factor: Annotated[Factor, Meta(description="factor on the wire's spring constant")] | None = None
+    upper_offset: Annotated[Vector, Meta(description="of the wire's upper end along x, y, z, m")] | None = None
+    lower_offset: Annotated[Vector, Meta(description="of the wire's lower end along x, y, z, m")] | None = None
     length_change: Annotated[Position, Meta(description="change of the unstretched length, m")] | None = None
     hold: Hold = "loaded-length"
     com_offset: Annotated[Vector, Meta(description="where the COM went, relative to the attachments, m")] | None = None
@@ -219,14 +240,27 @@ class Loop(Table, frozen=True):
     """
 
     name: Name
-    sensor: Annotated[str, Meta(description="a motion: upper.x")]
-    actuator: Annotated[str, Meta(description="a force or torque: upper.force_x")]
-    reference: Literal["support", "inertial"] = "support"
-    damper: Annotated[float, Meta(ge=-1e12, le=1e12, description="force per velocity, N s/m (N m s/rad)")] | None = None
-    gain: Annotated[float, Meta(ge=-1e20, le=1e20, description="N/m (N m/rad) times Hz to the number of poles less that of zeros")] | None = None
+    sensor: Annotated[str, Meta(description="a motion of a stage: upper.x, upper.x@0,0,0.01")]
+    actuator: Annotated[str, Meta(description="a force or torque on a stage: upper.force_x")]
+    reference: Annotated[
+        Literal["support", "inertial"],
+        Meta(description='"support": sensor and actuator sit between body and support structure; "inertial": neither refers to anything'),
+    ] = "support"
+    damper: Annotated[float, Meta(ge=-1e12, le=1e12, description="force per velocity, N s/m (N m s/rad): H = 2 pi i f times this")] | None = None
+    gain: (
+        Annotated[
+            float,
+            Meta(
+                ge=-1e20,
+                le=1e20,
+                description="H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad) times Hz to the number of poles less that of zeros",
+            ),
+        ]
+        | None
+    ) = None
     zeros: Root = field(default_factory=list)
     poles: Root = field(default_factory=list)
-    sensor_noise: Annotated[float, Meta(ge=0, le=1e3, description="amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz)")] = 0.0
+    sensor_noise: Annotated[float, Meta(ge=0, le=1e3, description="amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz), flat")] = 0.0
 
 
 class Control(Table, frozen=True):
@@ -249,8 +283,8 @@ class Distribution(Table, frozen=True):
 class WireTolerance(Table, frozen=True):
     """Scatter of one wire, or of every wire of a stage by itself."""
 
-    stage: Name | None = None
-    wire: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$")] | None = None
+    stage: Annotated[Name, Meta(description=f"a stage's name, for every wire by itself: {NAMES}")] | None = None
+    wire: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$", description="one wire, instead of a stage: test.1")] | None = None
     k: Annotated[Distribution, Meta(description="of the spring constant, as a share of it")] | None = None
     radius: Annotated[Distribution, Meta(description="of the radius, as a share of it; k goes with its square")] | None = None
     length: Annotated[Distribution, Meta(description="of the unstretched length after trimming, m")] | None = None
@@ -262,7 +296,7 @@ class WireTolerance(Table, frozen=True):
 class BodyTolerance(Table, frozen=True):
     """Scatter of one body."""
 
-    stage: Name
+    stage: StageName
     mass: Annotated[Distribution, Meta(description="as a share of the mass")] | None = None
     inertia: Annotated[Distribution, Meta(description="of each moment, as a share of it")] | None = None
     com: Annotated[Distribution, Meta(description="of the COM along x, y and z each, m")] | None = None
@@ -271,7 +305,7 @@ class BodyTolerance(Table, frozen=True):
 class BladeTolerance(Table, frozen=True):
     """Scatter of every blade of a stage by itself."""
 
-    stage: Name
+    stage: StageName
     stiffness: Annotated[Distribution, Meta(description="as a share of the stiffness")]
 
 

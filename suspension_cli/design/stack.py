@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.design.scene import Blades, Bodies, Scene, Springs, Wires
+from suspension_cli.design.scene import Blades, Bodies, Flex, Scene, Springs, Wires
 
 STATIC = {"name", "label", "upper", "lower", "blade", "body", "axes", "loss"}
 """What all scenes of a batch share."""
@@ -52,17 +52,20 @@ def picked(scene: Scene, which: Any) -> Scene:
         "load": 2,
         "tip_mass": 1,
     }
-    inner |= {"damping": 3, "preload": 2}
+    inner |= {"damping": 3, "preload": 2, "bend": 3, "twist": 1}
     stiffness = {Wires: 1, Blades: 2, Springs: 3}
 
     def chosen(part: Any) -> Any:
-        axes = inner | {"stiffness": stiffness.get(type(part), 0)}
+        axes = inner | {"stiffness": stiffness.get(type(part), 0)} | ({"upper": 3, "lower": 3} if isinstance(part, Flex) else {})
         values = {f.name: getattr(part, f.name) for f in fields(part)}
-        batched = {name: value for name, value in values.items() if name not in STATIC}
+        batched = {name: value for name, value in values.items() if name not in STATIC or isinstance(part, Flex)}
         return replace(part, **{name: np.broadcast_to(v, scene.batch + v.shape[v.ndim - axes[name] :])[which] for name, v in batched.items()})
 
     drawn = scene.drawn if scene.drawn is None or not scene.drawn.batch else picked(scene.drawn, np.broadcast_to(which, scene.drawn.batch))
-    return replace(scene, drawn=drawn, bodies=chosen(scene.bodies), wires=chosen(scene.wires), blades=chosen(scene.blades), springs=chosen(scene.springs))
+    groups: dict[str, Any] = {name: chosen(getattr(scene, name)) for name in ("bodies", "wires", "blades", "springs")}
+    if scene.flex is not None:
+        groups["flex"] = chosen(scene.flex)
+    return replace(scene, drawn=drawn, **groups)
 
 
 def blended(scene: Scene, share: float) -> Scene:

@@ -7,11 +7,13 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from suspension_cli.design.quantities import (
+    NAMES,
     Direction,
     Frequency,
     Kelvin,
     Length,
     LossAngle,
+    MaterialName,
     Name,
     Position,
     Separation,
@@ -22,30 +24,37 @@ from suspension_cli.design.quantities import (
     Vector,
 )
 
+WireMaterial = Annotated[MaterialName, Meta(description=f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E A / l")]
+Radius = Annotated[Length, Meta(description="radius of a round wire, m")]
+
 
 class Section(Table, frozen=True):
     """A ribbon's rectangular cross-section: width along y, thickness along x."""
 
-    width: Length
-    thickness: Length
+    width: Annotated[Length, Meta(description="along y, m")]
+    thickness: Annotated[Length, Meta(description="along x, m")]
 
 
 Radii = Annotated[list[Length], Meta(min_length=2, max_length=2, description="radius in m at the upper and at the lower end of a taper")]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
-Steps = Annotated[int, Meta(ge=1, le=256, description="number of uniform steps that stand for a taper")]
+Steps = Annotated[int, Meta(ge=1, le=256, description="number of uniform steps that stand for a taper; 16 if not given")]
 
 
 class WireSection(Table, frozen=True):
     """A stretch of a wire: uniform, or tapered linearly from one radius to another."""
 
-    length: Annotated[Length, Meta(description="loaded length, m; one section may leave it out and takes the rest")] | None = None
+    length: (
+        Annotated[Length, Meta(description="loaded length, m; one section may leave it out and takes the rest, otherwise they sum to the wire's")] | None
+    ) = None
     radius: Annotated[Length | Radii, Meta(description="radius of a round stretch, m; [upper, lower] of a tapered one")] | None = None
     section: Section | None = None
-    material: Name | None = None
+    material: Annotated[Name, Meta(description=f"name of a material; default the wire's ({NAMES})")] | None = None
     steps: Steps | None = None
 
 
-Sections = Annotated[list[WireSection], Meta(min_length=1, max_length=100, description="stretches from the upper to the lower end")]
+Sections = Annotated[
+    list[WireSection], Meta(min_length=1, max_length=100, description="stretches from the upper to the lower end, instead of radius and section")
+]
 
 
 class Clamp(Table, frozen=True):
@@ -74,22 +83,25 @@ Temperature = Annotated[Kelvin | EndTemperatures, Meta(description="temperature 
 
 
 class WireSet(Table, frozen=True):
-    """Wires symmetric in x and y, in the paper's symbols."""
+    """Wires symmetric in x and y, in the paper's symbols: a set of 1, 2 or 4."""
 
-    count: Literal[1, 2, 4]
+    count: Annotated[Literal[1, 2, 4], Meta(description="number of wires")]
     l: Annotated[Length, Meta(description="loaded length of each wire, m")]
-    s: Annotated[Separation, Meta(description="half separation in x, upper and lower, m")] | None = None
+    s: Annotated[Separation, Meta(description="half separation in x at both ends, m (four wires)")] | None = None
     s_upper: Annotated[Separation, Meta(description="half separation in x at the upper end, m")] | None = None
     s_lower: Annotated[Separation, Meta(description="half separation in x at the lower end, m")] | None = None
     t1: Annotated[Separation, Meta(description="half separation in y at the upper end, m")] | None = None
     t2: Annotated[Separation, Meta(description="half separation in y at the lower end, m")] | None = None
     d: Annotated[Position, Meta(description="height of the lower end above the COM of this body, m")] = 0.0
     d_upper: Annotated[Position, Meta(description="depth of the upper end below the COM of the body above, m")] = 0.0
-    material: Name | None = None
-    radius: Annotated[Length, Meta(description="radius of a round wire, m")] | None = None
+    material: WireMaterial | None = None
+    radius: Radius | None = None
     section: Section | None = None
     sections: Sections | None = None
-    k: Annotated[Stiffness, Meta(description="spring constant of one wire, N/m; default E A / l")] | None = None
+    k: (
+        Annotated[Stiffness, Meta(description="spring constant of one wire, N/m, instead of material and cross-section; beside them it overrides E A / l")]
+        | None
+    ) = None
     clamp: Clamped = "wire"
     temperature: Temperature | None = None
 
@@ -97,16 +109,16 @@ class WireSet(Table, frozen=True):
 class Wire(Table, frozen=True):
     """One wire anywhere: its ends in the frames of the two bodies, from their COMs (or the support point)."""
 
-    upper: Vector
-    lower: Vector
-    material: Name | None = None
-    radius: Length | None = None
+    upper: Annotated[Vector, Meta(description="upper end, from the COM above or the support point, m")]
+    lower: Annotated[Vector, Meta(description="lower end, from this body's COM, m")]
+    material: WireMaterial | None = None
+    radius: Radius | None = None
     section: Section | None = None
     sections: Sections | None = None
-    k: Stiffness | None = None
-    natural_length: Annotated[Length, Meta(description="unstretched length, m")] | None = None
-    tension: Annotated[Tension, Meta(description="tension in the nominal pose, N")] | None = None
-    blade: Name | None = None
+    k: Annotated[Stiffness, Meta(description="spring constant, N/m, as in [stage.wires]; default E A over the nominal span")] | None = None
+    natural_length: Annotated[Length, Meta(description="unstretched length, m; the pose is then solved for")] | None = None
+    tension: Annotated[Tension, Meta(description="tension in the nominal pose, N, instead of a natural length")] | None = None
+    blade: Annotated[Name, Meta(description=f"name of a [[stage.blade]] that carries the upper end: {NAMES}")] | None = None
     clamp: Clamped = "wire"
     temperature: Temperature | None = None
 
@@ -114,28 +126,31 @@ class Wire(Table, frozen=True):
 class BladeGeometry(Table, frozen=True):
     """A tapered cantilever blade clamped at its base, loaded at its tip."""
 
-    length: Length
-    base_width: Length
-    thickness: Length
+    length: Annotated[Length, Meta(description="from the clamp to the tip, m")]
+    base_width: Annotated[Length, Meta(description="at the clamp, m")]
+    thickness: Annotated[Length, Meta(description="thickness, m")]
     shape_factor: ShapeFactor
-    material: Name
+    material: MaterialName
 
 
+BladeLoss = Annotated[LossAngle, Meta(description="loss angle in rad; default that of the material, else 0")]
 BladeThickness = Annotated[Length, Meta(description="thickness of the blade in m, for its loss, where no geometry is given")]
-BladeMaterial = Annotated[Name, Meta(description="material of the blade, for its loss, where no geometry is given")]
+BladeMaterial = Annotated[Name, Meta(description=f"name of the blade's material, for its loss, where no geometry is given: {NAMES}")]
 BladeTemperature = Annotated[Kelvin, Meta(description="temperature of the blade in K; default that of [constants]")]
 
 
 class BladeSet(Table, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
 
-    count: Literal[1, 2, 4]
+    count: Annotated[Literal[1, 2, 4], Meta(description="number of blades; each of two carries the wires on its side of y")]
     stiffness: Annotated[Stiffness, Meta(description="vertical stiffness of one blade at its tip, N/m")] | None = None
-    uncoupled_frequency: Annotated[Frequency, Meta(description="frequency of this stage's mass alone on the blades, Hz")] | None = None
+    uncoupled_frequency: (
+        Annotated[Frequency, Meta(description="frequency f of this stage's mass m alone on the blades, Hz: (2 pi f)^2 m, shared equally")] | None
+    ) = None
     geometry: BladeGeometry | None = None
     tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with one tip, kg")] = 0.0
     lateral_stiffness: Annotated[tuple[Stiffness, Stiffness], Meta(description="stiffness of one tip along x and y, N/m; rigid if not given")] | None = None
-    loss_angle: LossAngle | None = None
+    loss_angle: BladeLoss | None = None
     material: BladeMaterial | None = None
     thickness: BladeThickness | None = None
     temperature: BladeTemperature | None = None
@@ -144,14 +159,16 @@ class BladeSet(Table, frozen=True):
 class Blade(Table, frozen=True):
     """One cantilever blade, for wires that name it."""
 
-    name: Name
+    name: Annotated[Name, Meta(description=f"for the wires to name it: {NAMES}")]
     at: Annotated[Vector, Meta(description="tip in the frame of the body above, m; default: the mean of its wires' upper ends")] | None = None
-    stiffness: Stiffness | None = None
-    uncoupled_frequency: Frequency | None = None
+    stiffness: Annotated[Stiffness, Meta(description="vertical stiffness of the blade at its tip, N/m")] | None = None
+    uncoupled_frequency: (
+        Annotated[Frequency, Meta(description="frequency f of this stage's mass m alone on all its blades, Hz: (2 pi f)^2 m, shared equally")] | None
+    ) = None
     geometry: BladeGeometry | None = None
     tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with the tip, kg")] = 0.0
-    lateral_stiffness: tuple[Stiffness, Stiffness] | None = None
-    loss_angle: LossAngle | None = None
+    lateral_stiffness: Annotated[tuple[Stiffness, Stiffness], Meta(description="stiffness of the tip along x and y, N/m; rigid if not given")] | None = None
+    loss_angle: BladeLoss | None = None
     material: BladeMaterial | None = None
     thickness: BladeThickness | None = None
     temperature: BladeTemperature | None = None

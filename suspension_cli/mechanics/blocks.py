@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.mechanics.pose import Layout
+
+if TYPE_CHECKING:
+    from suspension_cli.design.fibres import Fibre
 
 ROUNDING = 1e-13
 """Relative difference of two tensions or loads that are equal but for rounding; everything given must be equal exactly."""
@@ -132,7 +135,11 @@ def _blade_pairs(scene: Scene, axis: int) -> tuple[Any, Any]:
     """Pairs (..., b, b) of blades that are each other's images, and whether that is one to one."""
     blades, flip = scene.blades, _flip(axis)
     same = _same(blades.body, blades.axes.T) & _equal(blades.tip, blades.tip * flip) & _equal(blades.stiffness, blades.stiffness)
-    same = same & _equal(blades.tip_mass[..., None], blades.tip_mass[..., None]) & _close(blades.load, blades.load * flip)
+    same = same & _equal(blades.tip_mass[..., None], blades.tip_mass[..., None]) & _close(blades.load, blades.load * flip) & _same(blades.loss)
+    if scene.fibres is not None:
+        place = {label: n for n, label in enumerate(blades.label)}
+        order = sorted(scene.fibres.blade, key=lambda blade: place[blade.label])
+        same = same & _alike([(blade.angle, blade.losses, blade.thickness, blade.temperature) for blade in order])
     return same, _one_to_one(same)
 
 
@@ -148,7 +155,9 @@ def _has_mirror(scene: Scene, axis: int, blade: Any, one: Any) -> Any:
     same = _same(wires.upper) & _same(wires.lower) & ((wires.blade[:, None] < 0) == (wires.blade[None, :] < 0))
     same = same & _equal(wires.upper_point, wires.upper_point * flip) & _equal(wires.lower_point, wires.lower_point * flip)
     same = same & _equal(wires.stiffness[..., None], wires.stiffness[..., None]) & _close(wires.tension[..., None], wires.tension[..., None])
-    same = same & _close(wires.length[..., None], wires.length[..., None])
+    same = same & _close(wires.length[..., None], wires.length[..., None]) & _same(wires.loss)
+    if scene.fibres is not None:
+        same = same & _fibres(scene.fibres.wire, flip)
     if len(scene.blades.label):
         hung = blade[..., wires.blade[:, None], wires.blade[None, :]]
         same = same & np.where(wires.blade[:, None] >= 0, hung, True)
@@ -158,12 +167,34 @@ def _has_mirror(scene: Scene, axis: int, blade: Any, one: Any) -> Any:
     six = np.array((PARITY_X, PARITY_Y)[axis], dtype=float)
     # a wrench mirrors as the motions that it works on
     same = (
-        _same(springs.upper) & _same(springs.lower) & _equal(springs.lower_point, springs.lower_point * flip) & _equal(springs.preload, springs.preload * six)
+        _same(springs.upper, springs.lower, springs.loss)
+        & _equal(springs.lower_point, springs.lower_point * flip)
+        & _equal(springs.preload, springs.preload * six)
     )
     for matrix in (springs.stiffness, springs.damping):
         flat = matrix.reshape(*matrix.shape[:-2], 36)
         same = same & _equal(flat, flat * np.outer(six, six).ravel())
     return good & _one_to_one(same)
+
+
+def _fibres(fibres: tuple[Fibre, ...], flip: Array) -> Any:
+    """Pairs (w, w) of wires that are made alike, and whose clamps and planes are each other's images."""
+    same = _alike([(fibre.sections, fibre.temperature, fibre.effective) for fibre in fibres])
+    for end in (0, 1):
+        clamps = np.array([fibre.clamp[end] for fibre in fibres]).reshape(-1, 3)
+        same = same & _close(clamps, clamps * flip)
+    planes = np.array([fibre.plane for fibre in fibres]).reshape(-1, 3)
+    turned = ~np.array([all(section.round for section in fibre.sections) for fibre in fibres], dtype=bool)
+    return same & (_close(planes, planes * flip) | _close(planes, -planes * flip) | ~turned)
+
+
+def _alike(kinds: list[Any]) -> Any:
+    """Pairs (n, n) of things of one kind."""
+    known: list[Any] = []
+    for kind in kinds:
+        if kind not in known:
+            known.append(kind)
+    return _same(np.array([known.index(kind) for kind in kinds], dtype=int))
 
 
 def _same(*labels: Any) -> Any:

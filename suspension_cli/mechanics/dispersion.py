@@ -205,7 +205,7 @@ class LossTerm:
 
     def spread(self, from_new: Any) -> LossTerm:
         """The same for new coordinates."""
-        return LossTerm(self.cause, self.temperature, from_new.T @ self.matrix @ from_new, self.angle)
+        return LossTerm(self.cause, self.temperature, from_new.T @ self.matrix @ from_new, self.angle, self.elastic)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ error, so the search goes to the stationary point next to the nominal pose and d
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from suspension_cli.design.stack import blended, picked
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import string
 from suspension_cli.mechanics.pose import Layout, Pose, displaced, layout, nominal_pose
+from suspension_cli.mechanics.shares import lever_arm, units
 from suspension_cli.mechanics.spins import free_to_spin, spins
 from suspension_cli.mechanics.tangent import tangent
 
@@ -37,10 +38,9 @@ CORRECTIONS = 4
 """Newton steps after each."""
 ROUNDINGS = 16
 """How many rounding errors of a displacement add up in the forces on a body, at most."""
-LEAST_ARM = 1e-4
-"""m; lever arm of a body whose attachments lie at its COM."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
+PARTS_OF_POSE = ("shift", "turn", "deflection")
 
 
 @dataclass(frozen=True)
@@ -98,13 +98,6 @@ def _key(label: str) -> str:
     return f"stage.{label.rsplit('.', 1)[0]}.wire"
 
 
-def lever_arm(scene: Scene) -> Any:
-    """Largest distance of an attachment from a COM along an axis, m, at least 1 mm; shape ``batch``."""
-    points = (scene.wires.upper_point, scene.wires.lower_point, scene.springs.lower_point)
-    largest = [np.abs(p).max((-2, -1), initial=1e-3) for p in points]
-    return np.broadcast_to(np.maximum.reduce(np.broadcast_arrays(*largest)), scene.batch)
-
-
 def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = None) -> Equilibrium:
     """Find the equilibrium of a scene near its nominal pose.
 
@@ -141,6 +134,30 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
 def stepped(scene: Scene, steps: int) -> Equilibrium:
     """Where so many Newton steps from the nominal pose lead, converged or not: one is the linear solution, none the nominal pose."""
     return _newton(scene, layout(scene), nominal_pose(scene), 0.0, steps)
+
+
+def resolved(scene: Scene, numbering: Layout, found: Equilibrium, where: Any) -> Equilibrium:
+    """Equilibria of a batch with those `where` something in the scene has changed sought anew, from where they were."""
+    if not scene.batch:
+        return solve(scene, numbering, start=found.pose)
+    return _placed(found, where, solve(picked(scene, where), numbering, start=_picked_pose(found.pose, where)))
+
+
+def _picked_pose(pose: Pose, where: Any) -> Pose:
+    return Pose(*(getattr(pose, name)[where] for name in PARTS_OF_POSE))
+
+
+def _placed(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
+    """Results of a batch with those `where` others were found (given for these alone) replaced."""
+
+    def take(old: Any, some: Any) -> Any:
+        result = np.array(np.broadcast_to(old, where.shape + some.shape[1:]))
+        result[where] = some
+        return result
+
+    pose = Pose(*(take(getattr(found.pose, name), getattr(new.pose, name)) for name in PARTS_OF_POSE))
+    parts = {name: take(getattr(found, name), getattr(new, name)) for name in ("residual", "rounding", "tension", "stiffness")}
+    return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **parts)
 
 
 def _trusted(scene: Scene, found: Equilibrium) -> Any:
@@ -183,14 +200,14 @@ def _merged(found: Equilibrium, where: Any, better: Equilibrium, *, whole: bool 
         result[chosen] = new[chosen] if whole else new[better.converged]
         return result
 
-    pose = Pose(*(take(getattr(found.pose, name), getattr(better.pose, name)) for name in ("shift", "turn", "deflection")))
+    pose = Pose(*(take(getattr(found.pose, name), getattr(better.pose, name)) for name in PARTS_OF_POSE))
     parts = {name: take(getattr(found, name), getattr(better, name)) for name in ("residual", "rounding", "tension", "stiffness")}
     return Equilibrium(pose=pose, iterations=max(found.iterations, better.iterations), **parts)
 
 
 def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int, *, rest: bool = False) -> Equilibrium:
     """Newton's method to the pose in which the gradient equals a target (..., N); a nominal pose at `rest` is left alone."""
-    unit, free = _units(scene, numbering), slice(6, None)
+    unit, free = units(scene, numbering), slice(6, None)
     wanted = target if np.isscalar(target) else target[..., free]
     gradient, hessian = tangent(scene, numbering, pose)
     left = _size((gradient[..., free] - wanted) / unit)
@@ -199,8 +216,13 @@ def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int,
         return Equilibrium(pose, left, np.zeros_like(left), 0, string.state(scene, pose).tension, hessian)
     spinning = free_to_spin(scene)
     cap = CAP * np.where(_is_rotation(numbering)[free], 1.0, lever_arm(scene)[..., None])
-    count = 0
+    count, rest_of = 0, None
     while count < most and not np.all(settled):
+        if scene.batch and 2 * np.count_nonzero(settled) > settled.size:  # most are there: go on with the others alone
+            left_over = ~settled
+            goal = target[left_over] if isinstance(target, np.ndarray) else target
+            rest_of = left_over, _newton(picked(scene, left_over), numbering, _picked_pose(pose, left_over), goal, most - count)
+            break
         step = _newton_step(gradient[..., free] - wanted, hessian[..., free, free], unit, spins(scene, numbering, pose, spinning))
         over = np.maximum(_size(step / cap), 1.0)
         step = np.where(settled[..., None], 0.0, step / over[..., None])
@@ -211,7 +233,11 @@ def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int,
         settled = settled | ((_size(step) < LAST_STEP) & ((left < SETTLED) | (left > before / 2)))
         count += 1
     tension = string.state(scene, pose).tension
-    return Equilibrium(pose, left, _rounding(scene, pose, tension, unit), count, tension, hessian)
+    found = Equilibrium(pose, left, _rounding(scene, pose, tension, unit), count, tension, hessian)
+    if rest_of is None:
+        return found
+    where, others = rest_of
+    return _placed(found, where, replace(others, iterations=count + others.iterations))
 
 
 def _as_drawn(scene: Scene, numbering: Layout, gradient: Any) -> Any:
@@ -220,42 +246,6 @@ def _as_drawn(scene: Scene, numbering: Layout, gradient: Any) -> Any:
         return True
     meant, _ = tangent(scene.drawn, numbering, nominal_pose(scene.drawn))
     return (gradient == meant).all(-1)
-
-
-def _units(scene: Scene, numbering: Layout) -> Any:
-    """What a residual is a share of, (..., N - 6): for forces the load of the body (or of the body below, on a blade), for torques that times its lever arm."""
-    load, arm = loads(scene), lever_arms(scene)
-    bodies = np.stack([np.stack([load] * 3, -1), np.stack([load * arm] * 3, -1)], -2)
-    result = np.ones((*scene.batch, numbering.size + 1)) * scene.weight[..., None]
-    result[..., 6 : 6 * load.shape[-1] + 6] = bodies.reshape(*load.shape[:-1], -1)
-    for wire in np.flatnonzero(scene.wires.blade >= 0):
-        result[..., numbering.blade[scene.wires.blade[wire]]] = load[..., scene.wires.lower[wire] - 1, None]
-    return result[..., 6:-1]
-
-
-def loads(scene: Scene) -> Any:
-    """What each body carries (..., n): its own weight and that of all that hangs on it, N."""
-    wires, springs, bodies = scene.wires, scene.springs, scene.bodies
-    result = np.array(np.broadcast_to(scene.gravity * bodies.mass, (*scene.batch, len(bodies.name))))
-    for number, body in enumerate(scene.blades.body.tolist()):
-        if body > 0:
-            result[..., body - 1] += scene.gravity * scene.blades.tip_mass[..., number]
-    parent = {low: up for part in (springs, wires) for up, low in zip(part.upper.tolist(), part.lower.tolist(), strict=True)}
-    for body in range(len(bodies.name), 0, -1):
-        if parent.get(body, 0) > 0:
-            result[..., parent[body] - 1] += result[..., body - 1]
-    return result
-
-
-def lever_arms(scene: Scene) -> Any:
-    """Largest distance of an attachment of each body (..., n) from its COM along an axis, m, at least `LEAST_ARM`."""
-    wires, springs = scene.wires, scene.springs
-    result = np.full((*scene.batch, len(scene.bodies.name) + 1), LEAST_ARM)
-    ends = ((wires.upper, wires.upper_point), (wires.lower, wires.lower_point), (springs.lower, springs.lower_point))
-    for body, points in ends:
-        for number, own in enumerate(body.tolist()):
-            result[..., own] = np.maximum(result[..., own], np.abs(points[..., number, :]).max(-1))
-    return result[..., 1:]
 
 
 def _rounding(scene: Scene, pose: Pose, tension: Any, unit: Any) -> Any:

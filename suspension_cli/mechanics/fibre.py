@@ -18,6 +18,8 @@ from suspension_cli.mechanics import beam, curvature, gas, joined, loss, rod
 PARTS = ("bend-1", "bend-2", "stretch", "twist")
 WIDTH = {"bend-1": 4, "bend-2": 4, "stretch": 2, "twist": 2}
 """How many coordinates each part has."""
+ALIKE = 1e-12
+"""Relative difference of lengths and stiffnesses (and tensions) of wires that are alike."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,8 @@ class Strand:
     Attributes
     ----------
     fibre : Fibre
-    tension : float
-        N.
+    tension : float or (f,) array
+        N; an array (and lengths of the fibre's sections in one) for a wire that hangs otherwise in each of many builds, the frequencies being theirs.
     massive : bool
         Whether its mass counts (`violin`).
     lossy : bool
@@ -36,7 +38,7 @@ class Strand:
     """
 
     fibre: Fibre
-    tension: float
+    tension: Any
     massive: bool
     lossy: bool
     surrounded: Gas | None = None
@@ -53,9 +55,14 @@ class Strand:
     @cached_property
     def static(self) -> dict[str, Any]:
         """Stiffness (c, c) of every part at rest, without loss."""
+        return {part: matrix[..., 0] for part, matrix in self.rest.items()}
+
+    @cached_property
+    def rest(self) -> dict[str, Any]:
+        """The same as (c, c, f), for as many wires as there are tensions and lengths."""
         still = Strand(self.fibre, self.tension, massive=False, lossy=False)
-        now = still.at(np.zeros(1))
-        return {part: now.stiffness(part)[..., 0].real for part in PARTS}
+        now = still.at(np.zeros(np.size(self.tension)))
+        return {part: now.stiffness(part).real for part in PARTS}
 
     def resonances_below(self, omega: Any, parts: tuple[str, ...] = PARTS) -> Any:
         """How many resonances (f,) of the wire with both ends held lie below each omega (rad/s), in some of its parts."""
@@ -208,6 +215,15 @@ class Moving:
         drag = gas.wire_drag(section, around)[int(part[-1]) - 1]
         with np.errstate(divide="ignore"):
             return section.mass - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
+
+
+def fitted(fibre: Fibre, length: Any, k: Any) -> Fibre:
+    """A fibre as long as it is in equilibrium (m), and as stiff against stretching as the scene's wire (N/m); arrays (f,) for many builds at once."""
+    stretch = length / sum(section.length for section in fibre.sections)
+    compliance = sum(section.length * stretch / section.stretching for section in fibre.sections)
+    if np.ndim(stretch) == 0 and abs(stretch - 1) < ALIKE and abs(compliance * k - 1) < ALIKE:
+        return fibre
+    return replace(fibre, sections=tuple(replace(s, length=s.length * stretch, stretching=s.stretching * compliance * k) for s in fibre.sections))
 
 
 def _filled(size: int, place: Any, elements: Any) -> Any:

@@ -25,31 +25,37 @@ import numpy as np
 
 from suspension_cli.design.scene import Flex, Scene
 from suspension_cli.mechanics import string
-from suspension_cli.mechanics.fibre import Strand
+from suspension_cli.mechanics.fibre import Strand, fitted
 from suspension_cli.mechanics.geometric import add_arms
 from suspension_cli.mechanics.pose import Layout, Pose
-from suspension_cli.rotations import cross_matrix
+from suspension_cli.rotations import cross, cross_matrix
 
 
-def flexible(scene: Scene, tension: Any = None) -> Scene:
-    """A scene whose wires bend and twist, with the stiffness that they have under a tension (w,), by default the nominal one."""
+def flexible(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
+    """A scene whose wires bend and twist, with the stiffness that they have under a tension and at a length (..., w), by default the nominal ones."""
     assert scene.fibres is not None
-    tension = scene.wires.tension if tension is None else tension
-    bend, twist = [], []
+    wires = scene.wires
+    shape = (*scene.batch, len(wires.label))
+    tension, length = wires.tension if tension is None else tension, wires.length if length is None else length
+    taut, long, k = (np.broadcast_to(v, shape) for v in (tension, length, wires.stiffness))
+    bend, twist = np.empty((*shape, 2, 3)), np.empty(shape)
     for number, fibre in enumerate(scene.fibres.wire):
-        static = Strand(fibre, float(tension[number]), massive=False, lossy=False).static
-        bend.append([_turning(static[part]) for part in ("bend-1", "bend-2")])
-        twist.append(static["twist"][1, 1] / 4)
+        own = (..., number)
+        hung = fitted(fibre, np.ravel(long[own]), np.ravel(k[own]))
+        rest = Strand(hung, np.ravel(taut[own]), massive=False, lossy=False).rest
+        for plane, part in enumerate(("bend-1", "bend-2")):
+            bend[..., number, plane, :] = _turning(rest[part]).reshape(*scene.batch, 3)
+        twist[own] = (rest["twist"][1, 1] / 4).reshape(scene.batch)
     planes = [[_planes(fibre.plane, clamp) for clamp in fibre.clamp] for fibre in scene.fibres.wire]
-    flex = Flex(np.array([p[0] for p in planes]), np.array([p[1] for p in planes]), np.array(bend), np.array(twist))
+    upper, lower = (np.array([pair[end] for pair in planes]).reshape(-1, 2, 3) for end in (0, 1))
+    flex = Flex(upper, lower, bend, twist)
     return replace(scene, flex=flex)
 
 
-def _turning(stiffness: Any) -> list[float]:
-    """S_uu, S_ul, S_ll: against slopes of the ends with no displacement, T_s = (b - a) / 2 and T_a = (a + b) / 2."""
-    forms = np.array([[0, -0.5, 0, 0.5], [0, 0.5, 0, 0.5]])
-    s = forms @ stiffness @ forms.T
-    return [s[0, 0], s[0, 1], s[1, 1]]
+def _turning(stiffness: Any) -> Any:
+    """S_uu, S_ul, S_ll (f, 3): against slopes a and b of the ends with no displacement, T_s = (b - a) / 2 and T_a = (a + b) / 2."""
+    even, odd, mixed = stiffness[1, 1], stiffness[3, 3], stiffness[1, 3]
+    return np.stack([even + odd - 2 * mixed, odd - even, even + odd + 2 * mixed], axis=-1) / 4
 
 
 def _planes(plane: Any, clamp: Any) -> Any:
@@ -63,8 +69,8 @@ def _vectors(scene: Scene, pose: Pose) -> tuple[Any, Any]:
     """The planes' unit vectors (..., w, 2, 3) at both ends in global axes."""
     flex, wires = scene.flex, scene.wires
     assert flex is not None
-    upper = np.einsum("...wij,wpj->...wpi", pose.rotation[..., wires.upper, :, :], flex.upper)
-    return upper, np.einsum("...wij,wpj->...wpi", pose.rotation[..., wires.lower, :, :], flex.lower)
+    upper, lower = ((pose.rotation[..., body, None, :, :] @ n[..., None])[..., 0] for body, n in ((wires.upper, flex.upper), (wires.lower, flex.lower)))
+    return upper, lower
 
 
 def _slopes(direction: Any, upper: Any, lower: Any) -> tuple[Any, Any, Any]:
@@ -84,63 +90,97 @@ def energy(scene: Scene, pose: Pose) -> Any:
 
 
 def add(scene: Scene, numbering: Layout, pose: Pose, gradient: Any, hessian: Any, outer: Any, on_tips: Any) -> None:
-    """Add gradient (..., N), Hessian (..., N, N), forces times arms and forces on blade tips of bent and twisted wires, in place."""
-    flex, wires, now = scene.flex, scene.wires, string.state(scene, pose)
-    assert flex is not None
-    e, over = now.direction, 1 / now.length[..., None, None]
+    """Add gradient (..., N), Hessian (..., N + 1, N + 1), forces times arms and forces on blade tips of bent and twisted wires, in place.
+
+    First against r and the rotations of the upper and the lower body (9 a wire), then against the coordinates that these follow from.
+    """
+    wires, now = scene.wires, string.state(scene, pose)
     upper, lower = _vectors(scene, pose)
-    a, b, twist = _slopes(e, upper, lower)
-    span = string.span_jacobian(scene, numbering, pose, now)
-    turn = {"upper": _turn_jacobian(numbering, wires.upper, upper), "lower": _turn_jacobian(numbering, wires.lower, lower)}
-    moments = (flex.bend[..., 0] * a + flex.bend[..., 1] * b, flex.bend[..., 1] * a + flex.bend[..., 2] * b)
-    rows = []
-    across = np.eye(3) - e[..., :, None] * e[..., None, :]  # P
-    for n, body, moment, side in ((upper, wires.upper, moments[0], "upper"), (lower, wires.lower, moments[1], "lower")):
-        flat = np.einsum("...wij,...wpj->...wpi", across, n)  # n_+
-        rows.append(-np.einsum("...Nwi,...wpi->...Nwp", span, flat * over) - np.einsum("...Nwpi,...wi->...Nwp", turn[side], e))
-        pull = -(moment[..., None] * flat * over).sum(-2)
-        add_arms(outer, wires.lower, pull, now.lower_arm)
-        add_arms(outer, wires.upper, -pull, now.upper_arm)
-        on_tips -= (np.arange(on_tips.shape[-2])[:, None] == wires.blade).astype(float) @ pull
-        product = e[..., None, :, None] * flat[..., None, :]
-        curve = product + np.swapaxes(product, -1, -2) + (e[..., None, :] * n).sum(-1)[..., None, None] * across[..., None, :, :]
-        curve = (moment[..., None, None] * curve).sum(-3) * over**2
-        hessian += np.einsum("...Nwi,...wij,...Mwj->...NM", span, curve, span)
-        mixed = -np.einsum("...Nwi,...wij,...wp,...Mwpj->...NM", span, across * over, moment, turn[side])
-        hessian += mixed + np.swapaxes(mixed, -1, -2)
-        for plane in (0, 1):
-            add_arms(outer, body, -moment[..., plane, None] * e, n[..., plane, :])
-    for plane in (0, 1):
-        (up, low), (uu, ul, ll) = (r[..., plane] for r in rows), np.moveaxis(flex.bend[..., plane, :], -1, 0)
-        gradient += (up * moments[0][..., None, :, plane] + low * moments[1][..., None, :, plane]).sum(-1)
-        hessian += _outer(up * uu + low * ul, up) + _outer(up * ul + low * ll, low)
-    _add_twist(scene, twist, upper, lower, turn, gradient, hessian, outer)
+    first, second = _bent(scene, now, (upper, lower), outer)
+    _twisted(scene, (upper, lower), first, second, outer)
+    pull = first[..., :3]
+    add_arms(outer, wires.lower, pull, now.lower_arm)
+    add_arms(outer, wires.upper, -pull, now.upper_arm)
+    on_tips -= (np.arange(on_tips.shape[-2])[:, None] == wires.blade).astype(float) @ pull
+    ends = _followed(scene, pose, now)
+    back = np.swapaxes(ends, -1, -2)
+    forces, stiffness = (back @ first[..., None])[..., 0], back @ second @ ends
+    for pair in np.unique(np.stack([wires.upper, wires.lower]), axis=1).T:
+        own = (wires.upper == pair[0]) & (wires.lower == pair[1])
+        force, matrix = forces[..., own, :12].sum(-2), stiffness[..., own, :12, :12].sum(-3)
+        for i, one in enumerate(pair):
+            gradient[..., 6 * one : 6 * one + 6] += force[..., 6 * i : 6 * i + 6]
+            for j, other in enumerate(pair):
+                hessian[..., 6 * one : 6 * one + 6, 6 * other : 6 * other + 6] += matrix[..., 6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
+    for n in np.flatnonzero(wires.blade >= 0):
+        tip = numbering.blade[wires.blade[n]]
+        moves = np.flatnonzero(tip < numbering.size)
+        bodies = (6 * np.array([[wires.upper[n]], [wires.lower[n]]]) + np.arange(6)).ravel()
+        rows, block = tip[moves], stiffness[..., n, 12 + moves, :]
+        gradient[..., rows] += forces[..., n, 12 + moves]
+        hessian[..., rows[:, None], rows] += block[..., 12 + moves]
+        hessian[..., rows[:, None], bodies] += block[..., :12]
+        hessian[..., bodies[:, None], rows] += np.swapaxes(block[..., :12], -1, -2)
 
 
-def _add_twist(scene: Scene, twist: Any, upper: Any, lower: Any, turn: dict[str, Any], gradient: Any, hessian: Any, outer: Any) -> None:
+def _bent(scene: Scene, now: string.State, ends: tuple[Any, Any], outer: Any) -> tuple[Any, Any]:
+    """Gradient (..., w, 9) and Hessian (..., w, 9, 9) of bending; what the planes' vectors hold as arms goes to `outer`."""
     flex, wires = scene.flex, scene.wires
     assert flex is not None
+    e, over = now.direction, 1 / now.length
+    a, b, _ = _slopes(e, *ends)
+    moments = (flex.bend[..., 0] * a + flex.bend[..., 1] * b, flex.bend[..., 1] * a + flex.bend[..., 2] * b)
+    across = np.eye(3) - e[..., :, None] * e[..., None, :]  # P
+    first = np.zeros((*e.shape[:-1], 9), dtype=e.dtype)
+    second = np.zeros((*e.shape[:-1], 9, 9), dtype=e.dtype)
+    rows = np.zeros((*e.shape[:-1], 2, 2, 9), dtype=e.dtype)  # end, plane: derivatives of the slopes
+    for side, (n, body, turn) in enumerate(zip(ends, (wires.upper, wires.lower), (slice(3, 6), slice(6, 9)), strict=True)):
+        for plane in (0, 1):
+            normal, moment = n[..., plane, :], moments[side][..., plane]
+            along = (normal * e).sum(-1)
+            flat = normal - along[..., None] * e  # n_+
+            rows[..., side, plane, :3], rows[..., side, plane, turn] = -flat * over[..., None], cross(e, normal)
+            product = e[..., :, None] * flat[..., None, :]
+            curve = product + np.swapaxes(product, -1, -2) + along[..., None, None] * across
+            second[..., :3, :3] += (moment * over**2)[..., None, None] * curve
+            mixed = (moment * over)[..., None, None] * (across @ cross_matrix(normal))
+            second[..., :3, turn] += mixed
+            second[..., turn, :3] += np.swapaxes(mixed, -1, -2)
+            first += moment[..., None] * rows[..., side, plane, :]
+            add_arms(outer, body, -moment[..., None] * e, normal)
+    form = np.stack([flex.bend[..., :2], flex.bend[..., 1:]], axis=-3)  # end, plane, end
+    held = (form[..., None] * np.swapaxes(rows, -3, -2)[..., None, :, :, :]).sum(-2)
+    flat_rows = rows.reshape(*e.shape[:-1], 4, 9)
+    second += np.swapaxes(flat_rows, -1, -2) @ held.reshape(*e.shape[:-1], 4, 9)
+    return first, second
+
+
+def _twisted(scene: Scene, ends: tuple[Any, Any], first: Any, second: Any, outer: Any) -> None:
+    """The same of twisting, in place: d(phi) = t . (n_1' x m_2 - n_2' x m_1) / 2 for a rotation t of the lower body less that of the upper one."""
+    flex, wires = scene.flex, scene.wires
+    assert flex is not None
+    upper, lower = ends
+    _, _, twist = _slopes(upper[..., 0, :], upper, lower)
     torque = flex.twist * twist
-    row = 0.0
+    row = (cross(lower[..., 0, :], upper[..., 1, :]) - cross(lower[..., 1, :], upper[..., 0, :])) / 2
+    turn = np.concatenate([-row, row], axis=-1)
+    first[..., 3:] += torque[..., None] * turn
+    second[..., 3:, 3:] += flex.twist[..., None, None] * turn[..., :, None] * turn[..., None, :]
+    mixed = upper[..., 0, :, None] * lower[..., 1, None, :] - upper[..., 1, :, None] * lower[..., 0, None, :]
+    mixed = torque[..., None, None] * (twist[..., None, None] * np.eye(3) + mixed / 2)  # lower, upper
+    second[..., 6:, 3:6] += mixed
+    second[..., 3:6, 6:] += np.swapaxes(mixed, -1, -2)
     for sign, low, up in ((0.5, 0, 1), (-0.5, 1, 0)):
-        by_low, by_up = turn["lower"][..., low, :], turn["upper"][..., up, :]
-        row = row + sign * (np.einsum("...Nwi,...wi->...Nw", by_low, upper[..., up, :]) + np.einsum("...Nwi,...wi->...Nw", by_up, lower[..., low, :]))
-        mixed = sign * np.einsum("...Nwi,...w,...Mwi->...NM", by_low, torque, by_up)
-        hessian += mixed + np.swapaxes(mixed, -1, -2)
         add_arms(outer, wires.lower, sign * torque[..., None] * upper[..., up, :], lower[..., low, :])
         add_arms(outer, wires.upper, sign * torque[..., None] * lower[..., low, :], upper[..., up, :])
-    gradient += (row * torque[..., None, :]).sum(-1)
-    hessian += _outer(row * flex.twist, row)
 
 
-def _outer(a: Any, b: Any) -> Any:
-    return a @ np.swapaxes(b, -1, -2)
-
-
-def _turn_jacobian(numbering: Layout, body: Any, vector: Any) -> Any:
-    """How the planes' vectors (..., w, 2, 3) turn with the coordinates: (..., N, w, 2, 3); t x n for a small rotation t."""
-    result = np.zeros((*vector.shape[:-3], numbering.size, *vector.shape[-3:]))
-    turned = np.swapaxes(cross_matrix(vector), -1, -2)  # row axis: what t along that axis does, -(n x axis) = axis x n
-    for axis in range(3):
-        result[..., 6 * body + 3 + axis, np.arange(len(body)), :, :] = -turned[..., axis, :]
+def _followed(scene: Scene, pose: Pose, now: string.State) -> Any:
+    """r and the two rotations (..., w, 9, 15) from shift and rotation of the upper and the lower body, and from the blade's tip."""
+    wires = scene.wires
+    result = np.zeros((*now.direction.shape[:-1], 9, 15), dtype=now.direction.dtype)
+    result[..., :3, :3], result[..., :3, 6:9] = -np.eye(3), np.eye(3)
+    result[..., :3, 3:6], result[..., :3, 9:12] = cross_matrix(now.upper_arm), -cross_matrix(now.lower_arm)
+    result[..., 3:6, 3:6] = result[..., 6:, 9:12] = np.eye(3)
+    result[..., :3, 12:] = np.where((wires.blade >= 0)[:, None, None], -pose.rotation[..., wires.upper, :, :], 0.0)
     return result

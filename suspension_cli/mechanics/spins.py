@@ -14,8 +14,10 @@ from suspension_cli.mechanics.pose import Layout, Pose
 def free_to_spin(scene: Scene) -> list[tuple[int, int]]:
     """Stages that hang by a single point (one wire, or wires that meet in every scene of a batch): body and a wire that holds that point.
 
-    Such a stage and all below it turn about the vertical through the point at no cost, in any pose.
+    Such a stage and all below it turn about the vertical through the point at no cost, in any pose; wires that resist twisting let none.
     """
+    if scene.flex is not None:
+        return []
     wires, found = scene.wires, []
     for body in range(1, len(scene.bodies.name) + 1):
         mine = np.flatnonzero(wires.lower == body)

@@ -48,7 +48,7 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any]:
     if scene.wires.label:
         _add_wires(scene, numbering, pose, gradient, hessian, outer, on_tips)
     if scene.flex is not None and scene.wires.label:
-        flexure.add(scene, numbering, pose, gradient, hessian[..., :-1, :-1], outer, on_tips)
+        flexure.add(scene, numbering, pose, gradient, hessian, outer, on_tips)
     if scene.blades.label:
         _add_blades(scene, numbering, pose, gradient, hessian, outer, on_tips)
     blocks = rotation_hessian(outer)

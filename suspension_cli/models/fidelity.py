@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from suspension_cli.design import fibres
 from suspension_cli.design.expand import expand
+from suspension_cli.design.scene import Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, shown
 from suspension_cli.mechanics import assemble, distributed
@@ -81,8 +82,13 @@ def linear_model(design: Design, level: str) -> LinearModel:
     elif level == "string":
         model = assemble.linear_model(expand(design))
     else:
-        wires = fibres.fibres(design)
-        scene = replace(expand(design), fibres=wires)
-        drag = tuple(body_damping(stage.body, wires.gas) for stage in design.stage) if wires.gas is not None else ()
+        scene, drag = bending(expand(design), design)
         model = distributed.linear_model(scene, drag, massive=level == "violin")
     return surrounded(model, design)
+
+
+def bending(scene: Scene, design: Design) -> tuple[Scene, distributed.Drag]:
+    """A scene (any batch of builds) of a design with what its wires are made of, and the damping of its bodies by the gas around them."""
+    wires = fibres.fibres(design)
+    drag = tuple(body_damping(stage.body, wires.gas) for stage in design.stage) if wires.gas is not None else ()
+    return replace(scene, fibres=wires), drag

@@ -9,7 +9,9 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.schema import Design
+from suspension_cli.design.scene import Array
+from suspension_cli.design.schema import Design, Support
+from suspension_cli.mechanics.assorted import Assorted
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.rotations import cross_matrix
 
@@ -57,12 +59,10 @@ def with_frame(model: LinearModel, design: Design) -> LinearModel:
     support = design.support
     if support is None:
         return model
-    moving = [n for n, dof in enumerate(DOFS) if getattr(support.stiffness, dof) is not None]
+    moving = _yielding(support)
     names = [DOFS[n] for n in moving]
     size, count = model.size, len(moving)
-    spread = np.zeros((size, size + count))  # old coordinates from new ones
-    spread[:, :size] = np.eye(size)
-    spread[moving, size + np.arange(count)] = 1.0
+    spread = _spreading(size, moving)
     weights = np.array([support.mass] * 3 + list(support.inertia))
     mass = np.zeros((size, size), dtype=weights.dtype)
     mass[np.arange(6), np.arange(6)] = weights
@@ -90,3 +90,23 @@ def with_frame(model: LinearModel, design: Design) -> LinearModel:
         terms=tuple(term.spread(spread) for term in model.terms),
         rigid=None if model.rigid is None else np.concatenate([model.rigid, np.zeros((*model.rigid.shape[:-2], count, 6))], axis=-2),
     )
+
+
+def framed(terms: tuple[Assorted, ...], size: int, design: Design) -> tuple[Assorted, ...]:
+    """What depends on frequency in a model of many builds of `size` coordinates, for those of `with_frame`."""
+    if design.support is None:
+        return terms
+    spread = _spreading(size, _yielding(design.support))
+    return tuple(term.spread(spread) for term in terms)
+
+
+def _yielding(support: Support) -> list[int]:
+    """In which directions the support structure gives way."""
+    return [n for n, dof in enumerate(DOFS) if getattr(support.stiffness, dof) is not None]
+
+
+def _spreading(size: int, moving: list[int]) -> Array:
+    """The coordinates without the frame's (rows) from those with them."""
+    spread = np.eye(size, size + len(moving))
+    spread[moving, size + np.arange(len(moving))] = 1.0
+    return spread

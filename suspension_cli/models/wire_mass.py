@@ -15,9 +15,9 @@ import numpy as np
 
 from suspension_cli.design import fibres
 from suspension_cli.design.expand import expand
+from suspension_cli.design.fibres import Fibre
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, shown
-from suspension_cli.models import indicators
 from suspension_cli.models.fidelity import Choice
 
 WHERE = ("auto", "beam", "violin")
@@ -94,8 +94,14 @@ def first_violin(design: Design) -> tuple[float, str]:
     """
     wires = expand(design).wires
     made = fibres.fibres(design).wire
-    found = [(indicators.first_violin(fibre, float(wires.tension[number])), fibre.label) for number, fibre in enumerate(made)]
+    found = [(first_violin_of(fibre, float(wires.tension[number])), fibre.label) for number, fibre in enumerate(made)]
     return min(found, key=lambda pair: pair[0], default=(np.inf, ""))
+
+
+def first_violin_of(fibre: Fibre, tension: float) -> float:
+    """First violin mode of one wire as a string, Hz: sqrt(T / m_w / l) / 2; 0 if it is slack."""
+    mass, length = sum(s.mass * s.length for s in fibre.sections), sum(s.length for s in fibre.sections)
+    return float(np.sqrt(max(tension, 0.0) / (mass * length))) / 2 if mass > 0 else np.inf
 
 
 def _demand(design: Design, *, massive: bool) -> None:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from suspension_cli.analysis.fit import Fit
 from suspension_cli.plots.style import NOTE, PALE, PALETTE, house, new_figure, plain
+
+PLAIN = range(-3, 3)
+"""Powers of ten of numbers that are written without them."""
 
 
 def draw(found: Fit, title: str) -> Figure:
@@ -18,32 +24,55 @@ def draw(found: Fit, title: str) -> Figure:
     title : str
     """
     with house():
-        rows = np.arange(len(found.label))
-        figure = new_figure(7.6, max(2.6, 0.22 * len(rows) + 1.5))
-        left, right = figure.subplots(1, 2, width_ratios=[1.5, 1])
-        error = 100 * found.uncertainty / found.measured
-        left.axvline(0.0, color=NOTE, linewidth=0.5)
-        left.hlines(rows, -error, error, color=PALE, linewidth=5)
-        for value, marker, colour, label in ((found.before, "o", PALETTE[1], "before"), (found.after, "D", PALETTE[0], "after")):
-            face = "white" if marker == "o" else colour
-            left.plot(100 * (value / found.measured - 1), rows, marker, markersize=3.5, markeredgecolor=colour, markerfacecolor=face, label=label)
-        left.set_yticks(rows, [f"{plain(name, 40)}  {f:.4g} Hz" for name, f in zip(found.label, found.measured, strict=True)], fontsize=6.5)
-        left.invert_yaxis()
-        left.set_xlabel("model less measurement (%); bars: its uncertainty")
-        left.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
-        left.legend(loc="best")
-        numbers = np.arange(len(found.name))
-        change = 100 * (found.value / np.where(found.start == 0, 1.0, found.start) - 1)
-        spread = 100 * np.where(np.isfinite(found.sigma), found.sigma, 0.0) / np.where(found.start == 0, 1.0, np.abs(found.start))
-        right.axvline(0.0, color=NOTE, linewidth=0.5)
-        right.errorbar(change, numbers, xerr=spread, fmt="D", markersize=3.5, color=PALETTE[0], elinewidth=1.0, capsize=2)
-        right.set_yticks(
-            numbers, [f"{plain(name, 40)}\n{value:.5g} ± {sigma:.1g}" for name, value, sigma in zip(found.name, found.value, found.sigma, strict=True)]
-        )
-        right.tick_params(axis="y", labelsize=6.5)
-        right.set_ylim(len(numbers) - 0.5, -0.5)
-        right.set_xlabel("change from the start (%)")
-        right.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
+        figure = new_figure(8.4, max(2.6, 0.2 * len(found.label) + 1.3, 0.3 * len(found.name) + 1.3))
+        left, right = figure.subplots(1, 2, width_ratios=[1.4, 1])
+        _modes(left, found)
+        _numbers(right, found)
         figure.suptitle(f"{plain(title, 70)}: $\\chi^2$ = {found.chi_squared:.3g} for {found.freedom} degrees of freedom", x=0.01, ha="left", fontsize=9)
         figure.tight_layout()
         return figure
+
+
+def _modes(axes: Axes, found: Fit) -> None:
+    """Every mode before and after, experiments apart."""
+    rows = np.arange(len(found.label))
+    error = 100 * found.uncertainty / found.measured
+    axes.axvline(0.0, color=NOTE, linewidth=0.5)
+    axes.hlines(rows, -error, error, color=PALE, linewidth=5)
+    for value, marker, colour, label in ((found.before, "o", PALETTE[1], "before"), (found.after, "D", PALETTE[0], "after")):
+        face = "white" if marker == "o" else colour
+        axes.plot(100 * (value / found.measured - 1), rows, marker, markersize=3.5, markeredgecolor=colour, markerfacecolor=face, label=label)
+    axes.set_yticks(rows, [f"{plain(name, 40)}  {f:.4g} Hz" for name, f in zip(found.modes, found.measured, strict=True)], fontsize=6.5)
+    for edge in np.flatnonzero(np.diff(found.of)):
+        axes.axhline(edge + 0.5, color=NOTE, linewidth=0.4, linestyle=(0, (4, 3)))
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_xlabel("model less measurement (%); bars: its uncertainty")
+    axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.1, fontsize=6.5)
+
+
+def _numbers(axes: Axes, found: Fit) -> None:
+    """What was learned, with its uncertainty."""
+    numbers = np.arange(len(found.name))
+    unit = np.where(found.start == 0, 1.0, np.abs(found.start))
+    spread = 100 * np.where(np.isfinite(found.sigma), found.sigma, 0.0) / unit
+    axes.axvline(0.0, color=NOTE, linewidth=0.5)
+    axes.errorbar(100 * (found.value - found.start) / unit, numbers, xerr=spread, fmt="D", markersize=3.5, color=PALETTE[0], elinewidth=1.0, capsize=2)
+    whose = ["" if row.all() else plain(", ".join(np.array(found.experiment)[row]), 30) + ": " for row in found.shared]
+    texts = [told(value, sigma) for value, sigma in zip(found.value, found.sigma, strict=True)]
+    axes.set_yticks(numbers, [f"{plain(name, 44)}\n{who}{text}" for name, who, text in zip(found.name, whose, texts, strict=True)])
+    axes.tick_params(axis="y", labelsize=6)
+    axes.set_ylim(len(numbers) - 0.4, -0.6)
+    axes.set_xlabel("change from the start (%)")
+    axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
+
+
+def told(value: float, sigma: float) -> str:
+    """A number with its standard deviation, to two digits of it."""
+    if not math.isfinite(sigma) or sigma <= 0:
+        return f"{value:.5g}, " + ("at its bound" if math.isnan(sigma) else "not known")
+    power = math.floor(math.log10(max(abs(value), sigma)))
+    unit, tail = (1.0, "") if power in PLAIN else (10.0**power, f" × 10$^{{{power}}}$")
+    digits = max(0, 1 - math.floor(math.log10(sigma / unit)))
+    both = f"{value / unit:.{digits}f} ± {sigma / unit:.{digits}f}"
+    return (f"({both}){tail}" if tail else both).replace("-", "−")

@@ -1,4 +1,4 @@
-"""The group `fit` of a results file, and the fitted design as TOML."""
+"""The group `fit` of a results file, and the fitted designs as TOML."""
 
 from __future__ import annotations
 
@@ -14,26 +14,31 @@ from suspension_cli.errors import printable
 from suspension_cli.results import Provenance, dataset, scale, write, write_bytes
 
 
-def save(path: Path, found: Fit, origin: Provenance, measured: str) -> None:
-    """Write a fit: group `fit`; `measured` is the text of the measurements."""
+def save(path: Path, found: Fit, origin: Provenance, designs: list[str], measured: str, title: str) -> None:
+    """Write a fit: group `fit`; the designs as they were before, the text of the measurements, and the figure's title."""
 
     def fill(file: h5py.File) -> None:
         group = file.create_group("fit")
-        group.attrs["measured"] = measured
-        group.attrs["fitted_design"] = found.design
+        group.attrs["measured"], group.attrs["title"] = measured, title
         group.attrs["chi_squared"], group.attrs["degrees_of_freedom"] = found.chi_squared, found.freedom
+        experiment = scale(group, "experiment", list(found.experiment), "name")
+        dataset(group, "design", designs, "TOML", experiment)
+        dataset(group, "fitted_design", list(found.design), "TOML", experiment)
         parameter = scale(group, "parameter", list(found.name), "name")
         other = scale(group, "other_parameter", list(found.name), "name")
         mode = scale(group, "mode", np.arange(1, len(found.label) + 1), "1")
         combination = scale(group, "combination", np.arange(1, len(found.singular) + 1), "1")
         for name in ("start", "value", "sigma"):
             dataset(group, name, getattr(found, name), "SI", parameter)
+        dataset(group, "shared", found.shared, "1", parameter, experiment)
         dataset(group, "at_bound", found.at_bound, "1", parameter)
         dataset(group, "covariance", found.covariance, "SI, product of both parameters' units", parameter, other)
+        dataset(group, "measured_in", found.of, "1", mode)
         dataset(group, "label", list(found.label), "name", mode)
         for name in ("measured", "uncertainty", "before", "after"):
             dataset(group, name, getattr(found, name), "Hz", mode)
         dataset(group, "residual", found.residual, "1", mode)
+        dataset(group, "ends", found.ends, "1", scale(group, "search", np.arange(1, len(found.ends) + 1), "1"))
         dataset(group, "singular_value", found.singular, "1", combination)
         dataset(group, "direction", found.direction, "1", combination, parameter)
 
@@ -42,24 +47,28 @@ def save(path: Path, found: Fit, origin: Provenance, measured: str) -> None:
 
 def load(group: Any) -> Fit:
     """A fit from its group."""
-    text = ("parameter", "label")
-    names, labels = (tuple(group[name].asstr()[:]) for name in text)
-    arrays = {name: group[name][:] for name in ("start", "value", "sigma", "covariance", "at_bound", "measured", "uncertainty", "before", "after", "direction")}
+    experiments, names, labels, designs = (tuple(group[name].asstr()[:]) for name in ("experiment", "parameter", "label", "fitted_design"))
+    arrays = ("shared", "start", "value", "sigma", "covariance", "at_bound", "measured", "uncertainty", "before", "after", "direction", "ends")
     return Fit(
+        experiment=experiments,
         name=names,
+        of=group["measured_in"][:],
         label=labels,
         chi_squared=float(group.attrs["chi_squared"]),
         freedom=int(group.attrs["degrees_of_freedom"]),
         singular=group["singular_value"][:],
-        design=str(group.attrs["fitted_design"]),
-        **arrays,
+        design=designs,
+        **{name: group[name][:] for name in arrays},
     )
 
 
-def save_design(path: Path, found: Fit, file: str, measured: str, command: str) -> None:
-    """Write the fitted design, headed by where it comes from."""
-    head = [f"{file}, fitted to {measured} by pendsus {__version__}:", f"  {command}", f"chi^2 = {found.chi_squared:.4g}, {found.freedom} degrees of freedom"]
-    for name, start, value, sigma in zip(found.name, found.start, found.value, found.sigma, strict=True):
-        head.append(f"  {name} = {float(value)!r} +- {sigma:.2g}, from {start:.6g}")
-    text = "".join(f"# {printable(line)}\n" for line in head) + "\n" + found.design
+def save_design(path: Path, found: Fit, number: int, file: str, measured: str, command: str) -> None:
+    """Write a fitted design, headed by where it comes from; `number` is that of its experiment."""
+    together = f" together with {', '.join(name for n, name in enumerate(found.experiment) if n != number)}" if len(found.experiment) > 1 else ""
+    head = [f"{file}, fitted to {measured}{together} by pendsus {__version__}:"]
+    head += [f"  {command}", f"chi^2 = {found.chi_squared:.4g}, {found.freedom} degrees of freedom"]
+    for n, name in enumerate(found.name):
+        if found.shared[n, number]:
+            head.append(f"  {name} = {float(found.value[n])!r} +- {found.sigma[n]:.2g}, from {found.start[n]:.6g}")
+    text = "".join(f"# {printable(line)}\n" for line in head) + "\n" + found.design[number]
     write_bytes(path, text.encode())

@@ -141,8 +141,7 @@ IMPERFECT = (
         reference=imperfect.reference,
         error=relative((COUPLING,)),
         methods=tuple(
-            Method(rung, "rebuilt", imperfect.on_rung(rung), imperfect.batch(imperfect.rebuilt) if rung == "string" else None, imperfect.fails(rung))
-            for rung in RUNGS
+            Method(rung, "rebuilt", imperfect.one(imperfect.on_rung(rung)), imperfect.batch(imperfect.on_rung(rung)), imperfect.fails(rung)) for rung in RUNGS
         ),
         views={},
         unsuited=imperfect.uncoupled,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import builds, response, signals
+from suspension_cli.analysis import builds, signals
 from suspension_cli.analysis.coupling import FAINT
 from suspension_cli.analysis.tradeoff import balance, exact
 from suspension_cli.analysis.tradeoff.subject import COUPLING, K_FACTOR, OFFSET, Subject
@@ -74,19 +74,6 @@ def _exact(subject: Subject, rung: str) -> Any:
     return exact.response(model, omega, drive, over) / exact.response(model, omega, drive, under)
 
 
-def on_rung(rung: str) -> Any:
-    """Balanced and solved on a rung, from the design on."""
-
-    def once(subject: Subject) -> Any:
-        model = fidelity.linear_model(subject.imperfect.design, rung)
-        into, out = subject.coupled(model)
-        rows = np.stack([signals.row(signal, model) for signal in out])
-        found, _ = response.transfer(model, 2 * np.pi * np.array([COUPLING]), signals.row(into, model)[None], [False], rows)
-        return found[:, 0, 0] / found[:, 1, 0]
-
-    return once
-
-
 def ratio(subject: Subject, found: builds.Builds) -> Any:
     """The ratio (p,) of builds."""
     known = (SUPPORT, *found.model.body)
@@ -96,9 +83,14 @@ def ratio(subject: Subject, found: builds.Builds) -> Any:
     return moved[:, 0] / moved[:, 1]
 
 
-def rebuilt(subject: Subject, share: Any) -> Any:
+def rebuilt(subject: Subject, share: Any, rung: str = "string") -> Any:
     """Every build balanced: what `pendsus xcouple` does."""
-    return ratio(subject, builds.balance(spoilt(subject, share), subject.design))
+    return ratio(subject, builds.balance(spoilt(subject, share), subject.design, level=rung))
+
+
+def on_rung(rung: str) -> Any:
+    """The same on a rung."""
+    return lambda subject, share: rebuilt(subject, share, rung)
 
 
 def stepped(subject: Subject, share: Any, steps: int) -> Any:

@@ -1,0 +1,103 @@
+"""Run docs/tutorial.md: its commands in order in a folder of their own, its edits of the design between them, its pictures.
+
+`python tools/tutorial.py` (`make tutorial`) writes what the commands print and draw back into the page; `tests/test_tutorial.py` compares the two.
+A line `...` in the page stands for any number of lines.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from click.testing import CliRunner
+
+from suspension_cli.cli.main import main as pendsus
+
+ROOT = Path(__file__).parent.parent
+PAGE = ROOT / "docs" / "tutorial.md"
+PART = re.compile(r"^```(console|toml)\n(.*?)^```$|^!\[[^]]*\]\((images/[^)]*)\)$", re.MULTILINE | re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing that the page does.
+
+    kind is console, toml or picture; text what stands in the page, at these places; found what the program printed
+    (console) or the picture's file (picture).
+    """
+
+    kind: str
+    text: str
+    span: tuple[int, int]
+    found: str | Path = ""
+
+
+@contextmanager
+def folder() -> Iterator[Path]:
+    """An empty folder to work in, with everything back as it was afterwards."""
+    before = Path.cwd()
+    with tempfile.TemporaryDirectory() as name:
+        os.chdir(name)
+        try:
+            yield Path(name)
+        finally:
+            os.chdir(before)
+
+
+def steps(page: str) -> Iterator[Step]:
+    """Do what the page says, in the folder that this runs in."""
+    drawn = design = None
+    for part in PART.finditer(page):
+        if part[1] == "console":
+            line = part[2].partition("\n")[0].removeprefix("$ ")
+            printed = called(line)
+            drawn = next((Path(name) for name in re.findall(r"wrote (\S+\.png)", printed)), drawn)
+            design = design or next(Path(word) for word in shlex.split(line) if word.endswith(".toml"))
+            yield Step("console", part[2], part.span(2), f"$ {line}\n{printed}")
+        elif part[1] == "toml":
+            assert design is not None
+            design.write_text(edited(design.read_text(), part[2]))
+            yield Step("toml", part[2], part.span(2))
+        else:
+            assert drawn is not None
+            yield Step("picture", part[3], part.span(3), drawn)
+
+
+def edited(design: str, table: str) -> str:
+    """A design that ends in a new last table of that name."""
+    return design[: design.rindex(table.partition("\n")[0])] + table
+
+
+def called(line: str) -> str:
+    """What a command prints, both streams as a terminal shows them."""
+    result = CliRunner().invoke(pendsus, shlex.split(line)[1:], prog_name="pendsus")
+    if result.exit_code:
+        raise SystemExit(f"{line}\n{result.output}")
+    return result.output
+
+
+def main() -> None:
+    """Make the page and its pictures anew."""
+    page = PAGE.read_text(encoding="utf-8")
+    pieces, done = [], 0
+    with folder():
+        for step in steps(page):
+            if step.kind == "console" and "\n...\n" not in step.text:
+                pieces += [page[done : step.span[0]], str(step.found)]
+                done = step.span[1]
+            elif step.kind == "picture":
+                target = PAGE.parent / step.text
+                target.parent.mkdir(exist_ok=True)
+                shutil.copy(step.found, target)
+    PAGE.write_text("".join([*pieces, page[done:]]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
