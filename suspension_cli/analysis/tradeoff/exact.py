@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import modes
+from suspension_cli.analysis.graded import RIGID
 from suspension_cli.design.scene import Array
 from suspension_cli.mechanics import dispersive
 from suspension_cli.mechanics.model import LinearModel
@@ -113,5 +113,5 @@ def omega_squared(model: LinearModel) -> Array:
         lower = mp.cholesky(m) ** -1
         values = mp.eigsy(lower * k * lower.T, eigvals_only=True)
         rounded = np.array([float(value) for value in values])
-        found.append(np.where(np.abs(rounded) < modes.RIGID * np.abs(rounded).max(), 0.0, rounded))
+        found.append(np.where(np.abs(rounded) < RIGID * np.abs(rounded).max(), 0.0, rounded))
     return np.sort(np.concatenate(found))
