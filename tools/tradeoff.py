@@ -131,7 +131,7 @@ def marked(entry: Entry, kind: str, fastest: float, best: bool) -> str:
 
 def number(value: float) -> str:
     """Three digits: ``1.88``, ``24,800``."""
-    return f"{value:.3g}" if value < 1000 else f"{float(f'{value:.3g}'):,.0f}"
+    return f"{value:.3g}" if value < 999.5 else f"{float(f'{value:.3g}'):,.0f}"
 
 
 if __name__ == "__main__":

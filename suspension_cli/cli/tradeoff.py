@@ -148,6 +148,6 @@ def _table(panel: Panel) -> str:
 
 def _time(entry: Entry, kind: str, fastest: float, best: bool) -> str:
     """``1.88 (1.82 to 1.93) *``."""
-    low, middle, high = (f"{value:.3g}" if value < 1000 else f"{float(f'{value:.3g}'):,.0f}" for value in getattr(entry, kind) / fastest)
+    low, middle, high = (f"{value:.3g}" if value < 999.5 else f"{float(f'{value:.3g}'):,.0f}" for value in getattr(entry, kind) / fastest)
     marks = ("*" if best else "") + ("o" if kind == "batch" and not entry.vectorised else "")
     return f"{middle} ({low} to {high}) {marks}"

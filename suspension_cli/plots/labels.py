@@ -92,7 +92,9 @@ def _places(point: Any, size: tuple[float, float], pixel: float, frame: Any, box
         cost = FAR * reach + 0.05 * SIDES.index((side, up))
         cost += ON_LABEL * sum(_overlap(apart, other) > 0 for other in boxes)
         cost += ON_POINT * sum(_overlap(box, dot) > 0 for dot in dots)
-        cost += CROSSED * (reach > 1.0) * sum(_cross(_lead(point, box, pixel), other) for other in leads)
+        if reach > 1.0:
+            lead = _lead(point, box, pixel)
+            cost += CROSSED * (sum(_cross(lead, other) for other in leads) + sum(_through(lead, dot) for dot in dots if not _inside(point, dot)))
         cost += ON_LINE * sum(box[0] < line[2] and line[0] < box[2] and box[1] < line[3] and line[1] < box[3] for line in lines)
         cost += OUTSIDE * (apart[0] < frame.x0 or apart[2] > frame.x1 or apart[1] < frame.y0 or apart[3] > frame.y1)
         yield cost, (reach, box)
@@ -116,3 +118,12 @@ def _cross(a: Any, b: Any) -> bool:
         return float(along[0] * across[1] - along[1] * across[0])
 
     return side(a, b[0]) * side(a, b[1]) < 0 and side(b, a[0]) * side(b, a[1]) < 0
+
+
+def _through(line: Any, box: Any) -> bool:
+    """Whether a line (2, 2) passes through a box."""
+    return any(_inside(line[0] + share * (line[1] - line[0]), box) for share in np.linspace(0, 1, 16))
+
+
+def _inside(point: Any, box: Any) -> bool:
+    return bool(box[0] < point[0] < box[2] and box[1] < point[1] < box[3])
