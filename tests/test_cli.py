@@ -79,7 +79,7 @@ def test_json_of_modes(base, tmp_path):
     answer = modes_json(file, "--out", tmp_path / "out")
     assert list(answer) == ["command", "design", "fidelity", "stable", "modes", "estimated_error"]
     assert (answer["command"], answer["design"], answer["stable"]) == ("modes", base, True)
-    assert answer["fidelity"] in ("force", "string", "beam")
+    assert answer["fidelity"] in ("force", "string", "beam", "violin")
     for mode in answer["modes"]:
         assert {"frequency_hz", "dof", "stage", "q"} <= set(mode)
         assert "growth_rate_per_s" not in mode

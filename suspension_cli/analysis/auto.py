@@ -44,10 +44,7 @@ class Asked(Protocol):
         For each refinement, the multiples of the tolerance below which its estimate settles that it is left out, and above which that it is taken.
     """
 
-    @property
-    def settled(self) -> dict[str, tuple[float, float]]:
-        """Where estimates settle it."""
-        ...
+    settled: ClassVar[dict[str, tuple[float, float]]]
 
     def estimated(self, found: Modes, of: Estimates) -> dict[str, Array]:
         """About its relative change by bending and by mass of each stage's wires (s,)."""
@@ -103,7 +100,7 @@ class Frequencies:
     To first order they are estimated within a factor of 3 (`tests/test_auto.py`).
     """
 
-    settled: ClassVar = {BENDING: (0.25, 3.0), MASS: (0.25, 3.0)}
+    settled: ClassVar[dict[str, tuple[float, float]]] = {BENDING: (0.25, 3.0), MASS: (0.25, 3.0)}
 
     def estimated(self, found: Modes, of: Estimates) -> dict[str, Array]:
         """Those of the mode that changes most."""
@@ -128,7 +125,7 @@ class Transfer:
     outputs: list[Signal]
     frequency: Array
 
-    settled: ClassVar = {BENDING: (0.5, 1.0), MASS: (0.5, 0.5)}
+    settled: ClassVar[dict[str, tuple[float, float]]] = {BENDING: (0.5, 1.0), MASS: (0.5, 0.5)}
 
     def estimated(self, found: Modes, of: Estimates) -> dict[str, Array]:
         """Far above all modes, a response has the square of each frequency that it touches as a factor, and the pull of each wire."""

@@ -28,14 +28,15 @@ def draw(found: list[Trial]) -> Figure:
 def _errors(axes: Axes, found: list[Trial]) -> None:
     low, high = min(one.tolerance for one in found) / 1.3, max(one.tolerance for one in found) * 1.3
     axes.plot([low, high], [low, high], color=INK, linewidth=0.8)
-    axes.annotate("tolerance", (high / 20, high / 20), xytext=(0, 4), textcoords="offset points", fontsize=8, rotation=0, ha="right", color=INK)
+    axes.annotate("tolerance", (low * 40, low * 40), xytext=(-4, 6), textcoords="offset points", fontsize=8, ha="right", color=INK)
+    axes.annotate("nothing left out", (low, FLOOR), xytext=(3, 5), textcoords="offset points", fontsize=8, color=NOTE)
     for level, colour in COLOUR.items():
         some = [one for one in found if one.level == level]
         label = f"{level} ({len(some)})"
         points = np.array([(one.tolerance, max(one.error, FLOOR)) for one in some]).reshape(-1, 2)
         axes.plot(*points.T, "o", color=colour, markersize=3.2, markeredgewidth=0, alpha=0.8, label=label)
-    axes.set(xscale="log", yscale="log", xlim=(low, high), ylim=(FLOOR / 2, 1.0), xlabel="tolerance asked for", ylabel="error against violin")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.06), title="rung taken (scenes)", fontsize=8, title_fontsize=8)
+    axes.set(xscale="log", yscale="log", xlim=(low, high), ylim=(FLOOR / 3, 30.0), xlabel="tolerance asked for", ylabel="error against violin")
+    axes.legend(loc="upper left", ncols=2, columnspacing=1.2, handletextpad=0.3, title="rung taken (scenes)", fontsize=8, title_fontsize=8, alignment="left")
 
 
 def _costs(axes: Axes, found: list[Trial]) -> None:
