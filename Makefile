@@ -8,7 +8,7 @@ DOCS_READY := $(VENV)/docs-ready
 
 
 # What `make all` makes; a new result is one more word here and a section in results/README.md.
-RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability auto optimise
+RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability auto tradeoff optimise
 
 .PHONY: help all $(RESULTS) test lint docs reference tutorial bench golden clean
 
@@ -54,6 +54,9 @@ thermal: $(READY) ## thermal noise of a triple with a fused-silica final stage
 
 stability: $(READY) ## where methods fail, and that ours does not
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/atlas.py
+
+tradeoff: $(READY) ## speed against accuracy of every rung and method (two minutes)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/tradeoff.py
 
 auto: $(READY)   ## what auto leaves out, and what that costs, on 300 random suspensions
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/auto.py

@@ -12,14 +12,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import mpmath
 import numpy as np
 
 from suspension_cli.analysis import response, signals
+from suspension_cli.analysis.tradeoff.exact import context, eliminate
 from suspension_cli.mechanics.model import LinearModel
 
-MP = mpmath.mp.clone()
-MP.dps = 50
+MP = context()
 TOGETHER = (0, 1, 2, 5)
 """x, y, z and yaw among the support's coordinates."""
 ROUNDING = 1e-10
@@ -122,29 +121,3 @@ def _dynamic(stiffness: Any, loss: Any, damping: Any, mass: Any, w: Any) -> list
         return MP.mpc(real, imag) if imag else real
 
     return [[element(*values) for values in zip(*parts, strict=True)] for parts in zip(stiffness, loss, damping, mass, strict=True)]
-
-
-def eliminate(matrix: list[list[Any]], right: list[list[Any]]) -> list[list[Any]]:
-    """Gaussian elimination with partial pivoting that skips zeros; both arguments are used up."""
-    size = len(matrix)
-    for n in range(size):
-        pivot = max(range(n, size), key=lambda row: abs(matrix[row][n]))
-        matrix[n], matrix[pivot], right[n], right[pivot] = matrix[pivot], matrix[n], right[pivot], right[n]
-        beyond = [j for j in range(n + 1, size) if matrix[n][j]]
-        driven = [j for j, value in enumerate(right[n]) if value]
-        for row in range(n + 1, size):
-            if matrix[row][n]:
-                factor = matrix[row][n] / matrix[n][n]
-                for j in beyond:
-                    matrix[row][j] -= factor * matrix[n][j]
-                for j in driven:
-                    right[row][j] -= factor * right[n][j]
-    for n in reversed(range(size)):
-        beyond = [j for j in range(n + 1, size) if matrix[n][j]]
-        for j in range(len(right[n])):
-            value = right[n][j]
-            for m in beyond:
-                if right[m][j]:
-                    value -= matrix[n][m] * right[m][j]
-            right[n][j] = value / matrix[n][n] if value else value
-    return right

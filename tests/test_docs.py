@@ -51,6 +51,7 @@ MAKES = {
     "sensitivity": ["sensitivity", "configs/double.toml"],
     "fit": ["fit", "configs/husman2000/table1-case4.toml", "measured/husman2000/table1-case4.toml"],
     "optimise": ["optimise", "configs/husman2000/triple-vertical.toml", "goals/geo600.toml", "--starts", "1"],
+    "tradeoff": ["tradeoff", "configs/husman2000/figure6.toml", "--repeat", "2", "--quantity", "response"],
     "damp": ["damp", "configs/triple-damped.toml", "--frequency", "1,2", "--duration", "1"],
     "statespace": ["export", "configs/double.toml", "--format", "hdf5"],
     "zpk": ["export", "configs/double.toml", "--format", "zpk", "--input", "support.x", "--output", "test.x"],

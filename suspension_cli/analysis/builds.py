@@ -19,7 +19,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import assemble, assorted
 from suspension_cli.mechanics.assorted import Assorted
 from suspension_cli.mechanics.blocks import mirrored
-from suspension_cli.mechanics.equilibrium import solve
+from suspension_cli.mechanics.equilibrium import Equilibrium, solve
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.mechanics.pose import layout
 from suspension_cli.models.fidelity import bending
@@ -106,8 +106,12 @@ def balance(scene: Scene, design: Design, *, level: str = "string", allow_unstab
         status[~found.converged] = UNBALANCED
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
-    orientation = model.orientation if model.orientation is not None else found.pose.rotation
-    return Builds(replace(model, orientation=orientation), status, wire, found.residual, mirrored(scene), terms)
+    return Builds(oriented(model, found), status, wire, found.residual, mirrored(scene), terms)
+
+
+def oriented(model: LinearModel, found: Equilibrium) -> LinearModel:
+    """A model that tells how its bodies are turned even if none of the batch is."""
+    return replace(model, orientation=model.orientation if model.orientation is not None else found.pose.rotation)
 
 
 def grows(model: LinearModel) -> Any:

@@ -18,6 +18,7 @@ COMMANDS = {
     "optimise": "Choose numbers of a design so that it meets goals.",
     "xcouple": "Cross-coupling of imperfect builds, over any imperfections.",
     "tolerance": "Random builds: scatter of modes and cross-coupling, what matters most.",
+    "tradeoff": "Speed against accuracy of every rung and method.",
     "damp": "Local control: closed-loop poles, margins, impulse response, sensor noise.",
     "export": "State space for control: mat, npz, hdf5, zpk, python-control.",
     "info": "How much model a design needs, and which rung auto takes.",

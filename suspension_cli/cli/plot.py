@@ -127,6 +127,13 @@ def _tolerance(results: Any, design: Any) -> Any:
     return picture.draw(summary, design.design.title or design.design.name, f"{group.attrs['over']} / {group.attrs['under']}")
 
 
+def _tradeoff(results: Any, design: Any) -> Any:
+    from suspension_cli.plots import tradeoff as picture
+    from suspension_cli.results import tradeoff as stored
+
+    return picture.draw(stored.load(results["tradeoff"]), design.design.title or design.design.name)
+
+
 _DRAWN = {
     "modes": _modes,
     "response": _response,
@@ -139,5 +146,6 @@ _DRAWN = {
     "sensitivity": _sensitivity,
     "fit": _fit,
     "optimise": _optimise,
+    "tradeoff": _tradeoff,
 }
 """Group of a results file to its figure."""

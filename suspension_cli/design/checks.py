@@ -18,7 +18,7 @@ from suspension_cli.design.schema import Design, Distribution, Perturbation, Spr
 from suspension_cli.design.wires import BladeSet, Wire, WireSet
 from suspension_cli.errors import Fault, key_shown, shown
 
-ANALYSES = ("modes", "response", "thermal", "xcouple", "tolerance", "sweep", "sensitivity", "fit", "optimise", "damp", "export", "info")
+ANALYSES = ("modes", "response", "thermal", "xcouple", "tolerance", "sweep", "sensitivity", "fit", "optimise", "tradeoff", "damp", "export", "info")
 """Commands that take defaults from a design's `[analysis]` table."""
 
 BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}

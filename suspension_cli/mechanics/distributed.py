@@ -73,6 +73,8 @@ def loaded(model: LinearModel) -> LinearModel:
 
 def _wire_terms(scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry, *, massive: bool) -> list[Term]:
     assert scene.fibres is not None
+    if not scene.wires.label:
+        return []
     forms = wire_forms(scene, numbering, balanced.pose)
     length = string.state(scene, balanced.pose).length
     terms: list[Term] = []

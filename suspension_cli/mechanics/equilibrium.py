@@ -131,6 +131,11 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     return _merged(found, doubtful, _followed(picked(scene, doubtful), numbering))
 
 
+def stepped(scene: Scene, steps: int) -> Equilibrium:
+    """Where so many Newton steps from the nominal pose lead, converged or not: one is the linear solution, none the nominal pose."""
+    return _newton(scene, layout(scene), nominal_pose(scene), 0.0, steps)
+
+
 def resolved(scene: Scene, numbering: Layout, found: Equilibrium, where: Any) -> Equilibrium:
     """Equilibria of a batch with those `where` something in the scene has changed sought anew, from where they were."""
     if not scene.batch:

@@ -48,7 +48,7 @@ def choose(design: Design, wanted: str = "auto") -> Choice:
         if why:
             return Choice("string", f"general string model, as {why}")
         return Choice("force", "force model of a symmetric chain" + _approximation(design))
-    why = _unsuited(design, wanted)
+    why = unsuited(design, wanted)
     if why:
         raise InputError([Fault("--fidelity", f"does not hold for {design.design.name}: {why}", "take auto or string", shown(wanted))])
     return Choice(wanted, "as asked" + (_approximation(design) if wanted == "force" else ""))
@@ -59,7 +59,7 @@ def approximate(design: Design) -> bool:
     return bool(force.series_is_approximate(design))
 
 
-def _unsuited(design: Design, level: str) -> str:
+def unsuited(design: Design, level: str) -> str:
     """Why a rung does not hold for a design; "" if it does."""
     if level in ("beam", "violin"):
         return fibres.unsuited(design, massive=level == "violin")

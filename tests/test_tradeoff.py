@@ -1,0 +1,300 @@
+"""What `pendsus tradeoff` compares: references against independent ones, methods against each other, the front, the timing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import exact as independent
+import numpy as np
+import pytest
+import scenes
+
+from suspension_cli.analysis import modes, signals
+from suspension_cli.analysis.tradeoff import balance, eigen, exact, imperfect, noise, run, spectra, timing, transfer
+from suspension_cli.analysis.tradeoff.comparisons import COMPARISONS, QUANTITIES
+from suspension_cli.analysis.tradeoff.registry import relative
+from suspension_cli.analysis.tradeoff.result import GAIN, ROUNDING, front, spell, told
+from suspension_cli.analysis.tradeoff.subject import FREQUENCIES, NOISE, RUNGS, Subject
+from suspension_cli.design.reader import read
+from suspension_cli.mechanics import equilibrium
+
+CONFIGS = Path(__file__).parent.parent / "configs"
+
+
+def subject(name):
+    return Subject(read(CONFIGS / f"{name}.toml").design)
+
+
+@pytest.fixture(scope="module")
+def single():
+    return subject("husman2000/table1-case3")
+
+
+@pytest.fixture(scope="module")
+def double():
+    return subject("double")
+
+
+@pytest.fixture(scope="module")
+def quadruple():
+    return subject("quadruple")
+
+
+# The front.
+
+
+def test_front_of_made_up_points():
+    time, error = [2.0, 1.0, 4.0, 3.0, 5.0], [1e-3, 1e-1, 1e-5, 1e-2, 1e-5]
+    assert front(time, error) == [1, 0, 2]
+    assert front([1.0], [0.3]) == [0]
+    assert front([], []) == []
+
+
+def test_front_takes_rounding_for_no_gain():
+    assert front([1.0, 2.0], [0.9 * ROUNDING, 0.0]) == [0]
+    assert front([1.0, 2.0, 3.0], [1e-3, 1e-3 * (1 - GAIN / 2), 1e-3 * (1 - 2 * GAIN)]) == [0, 2]
+
+
+def test_front_of_equal_times_keeps_the_better():
+    assert front([1.0, 1.0], [1e-2, 1e-3]) == [1]
+
+
+def test_front_against_its_definition():
+    """On it is what nothing beats; each other point is beaten by one that is on it."""
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        time, error = rng.integers(1, 8, 12).astype(float), 10.0 ** -rng.integers(0, 8, 12)
+        on = front(time, error)
+        beaten = (time[:, None] >= time) & (error[:, None] >= error) & ((time[:, None] > time) | (error[:, None] > error))
+        assert {(time[n], error[n]) for n in on} == {(time[n], error[n]) for n in np.flatnonzero(~beaten.any(1))}
+        assert all(beaten[n][on].any() for n in np.flatnonzero(beaten.any(1)))
+        assert (np.diff(time[on]) > 0).all() and (np.diff(error[on]) < 0).all()
+
+
+# References.
+
+
+def test_elimination_in_50_digits_leaves_nothing():
+    mp, rng = exact.context(), np.random.default_rng(2)
+    matrix = (rng.normal(size=(9, 9)) * 10.0 ** rng.uniform(-8, 8, (9, 1))) * (rng.random((9, 9)) < 0.7) + np.diag(10.0 ** rng.uniform(-3, 3, 9))
+    right = rng.normal(size=(9, 2))
+    solved = exact.eliminate(exact.converted(matrix), exact.converted(right))
+    for i in range(9):
+        for k in range(2):
+            terms = [mp.mpf(float(matrix[i, j])) * solved[j][k] for j in range(9)]
+            assert abs(sum(terms) - mp.mpf(float(right[i, k]))) < mp.mpf(10) ** -42 * (1 + sum(map(abs, terms)))
+
+
+def test_eigenvalues_in_50_digits(double):
+    """Against the invariants of M^-1 K: the sum of the eigenvalues and their product."""
+    model, mp = double.model("string"), exact.context()
+    block = model.blocks[0]
+    assert not model.massless[block].any()
+    part = replace(model)
+    vars(part)["blocks"] = (block,)
+    found = exact.omega_squared(part)
+    k, m = (mp.matrix(exact.converted(matrix[np.ix_(block, block)])) for matrix in (model.stiffness, model.mass))
+    unsymmetric = m**-1 * k
+    assert found.sum() == pytest.approx(float(sum(unsymmetric[n, n] for n in range(k.rows))), rel=1e-14)
+    assert found.prod() == pytest.approx(float(mp.det(k) / mp.det(m)), rel=1e-14)
+
+
+@pytest.mark.parametrize("name", ["double", "quadruple"])
+def test_response_in_50_digits(name, request):
+    """Against the reference of the other tests, which completes the matrices first: those agree far beyond what is compared."""
+    one = request.getfixturevalue(name)
+    model = one.model("string")
+    known = signals.bodies(model)
+    ours = exact.response(model, one.omega, *one.forms(model))
+    theirs = independent.compare(model, FREQUENCIES, [signals.drive("support.x", known)], [signals.motion(f"{one.last}.x", known)])
+    np.testing.assert_allclose(ours, theirs.exact[:, 0, 0], rtol=1e-13)
+
+
+def test_response_in_50_digits_of_a_vertical_oscillator(single):
+    """H = w0^2 / (w0^2 - w^2), with w0 of the closed form."""
+    from suspension_cli.models import closed_form
+
+    model = single.model("force")
+    known = signals.bodies(model)
+    square = closed_form.vertical(closed_form.four_wires(single.design))
+    drive, row = (signals.row(signal, model) for signal in (signals.drive("support.z", known), signals.motion("test.z", known)))
+    np.testing.assert_allclose(exact.response(model, single.omega, drive, row), square / (square - single.omega**2), rtol=1e-12)
+
+
+def test_equilibrium_in_50_digits(double):
+    scene = imperfect.spoilt(double)
+    found = balance.settled(scene)
+    assert found is not None
+    for ours, theirs in zip(found, imperfect.where(equilibrium.solve(scene)), strict=True):
+        assert np.abs(ours - theirs).max() < 1e-12 * np.abs(ours).max()
+
+
+# Methods.
+
+ERRORS = relative(FREQUENCIES)
+
+
+def test_responses_of_a_quadruple(quadruple):
+    """The solved ones have all digits; a modal sum has lost what the stability atlas tells: 1e-7 at 50 Hz, everything at 1 kHz."""
+    model = quadruple.model("string")
+    known = signals.bodies(model)
+    given = (model, quadruple.omega, *quadruple.forms(model))
+    true = independent.compare(model, FREQUENCIES, [signals.drive("support.x", known)], [signals.motion("test.x", known)]).exact[:, 0, 0]
+    for solve in (transfer.chain, transfer.dense, transfer.state_space, transfer.zeros_and_poles):
+        assert max(ERRORS(quadruple, solve(*given), true).values()) < 1e-12, solve.__name__
+    lost = ERRORS(quadruple, transfer.modal_sum(*given), true)
+    assert lost["1 Hz"] < 1e-12
+    assert 1e-8 < lost["50 Hz"] < 1e-5
+    assert lost["1 kHz"] > 0.1
+
+
+def test_responses_of_a_single_pendulum_agree(single):
+    model = single.model("string")
+    given = (model, single.omega, *single.forms(model))
+    chain = transfer.chain(*given)
+    for solve in (transfer.dense, transfer.modal_sum, transfer.state_space, transfer.zeros_and_poles):
+        np.testing.assert_allclose(solve(*given), chain, rtol=1e-12)
+
+
+def test_modal_sum_with_losses_that_do_not_couple():
+    """One loss angle of all wires of a stage whose motion along x is a mode by itself, and a damper on it."""
+    wires = {"count": 4, "l": 0.3, "s": 0.05, "t1": 0.05, "t2": 0.05, "d": 0.0, "k": 1e4}
+    raw = scenes.raw_of({"name": "test", "body": {"mass": 2.0, "inertia": [0.01] * 3}, "wires": wires, "damping": {"x": 3.0}})
+    model = Subject(scenes.design_of(raw)).model("string")
+    lossy = replace(model, lossy=model.stiffness * (1 + 0.1j))
+    known = signals.bodies(model)
+    drive, row = (signals.row(signal, model) for signal in (signals.drive("support.x", known), signals.motion("test.x", known)))
+    omega = 2 * np.pi * np.array([0.1, 0.9, 5.0])
+    for one in (model, lossy):
+        np.testing.assert_allclose(transfer.modal_sum(one, omega, drive, row), transfer.chain(one, omega, drive, row), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["double", "quadruple"])
+def test_eigenvalues_agree(name, request):
+    one = request.getfixturevalue(name)
+    true = spectra.reference(one)
+    for solve in (spectra.by_block, spectra.whole, spectra.symmetric, spectra.unsymmetric, spectra.poles, spectra.bisected):
+        assert max(spectra.error(one, solve(one), true).values()) < 1e-11, solve.__name__
+
+
+def test_batches_are_many_of_one(single):
+    """Batched eigenvalues and couplings are those of their members."""
+    factor = eigen.scattered()
+    one = spectra.symmetric(single)
+    for many in (spectra.SYMMETRIC(single)(), spectra.BY_BLOCK(single)().omega_squared, spectra.WHOLE(single)()[0], np.sort(spectra.UNSYMMETRIC(single)())):
+        np.testing.assert_allclose(many, factor[:, None] * one, rtol=1e-11)
+    share = imperfect.shares()
+    together = imperfect.rebuilt(single, share)
+    np.testing.assert_allclose(together[-1:], imperfect.rebuilt(single, np.ones(1)), rtol=1e-12)
+    closed, force = eigen.formulas_batch(single)(), eigen.force_batch(single)()
+    ours = np.sort(np.concatenate([values.reshape(len(factor), -1) for values in closed.values()], axis=-1))
+    theirs = np.sort(eigen.signed(np.concatenate([np.atleast_2d(values.T).T.reshape(len(factor), -1) for values in force.values()], axis=-1)))
+    np.testing.assert_allclose(ours, theirs, rtol=1e-10)
+
+
+def test_thermal_noise_agrees(single):
+    truth = noise.reference(single)
+    model = single.model(single.top)
+    for solve, limit in ((noise.dissipation, 1e-13), (noise.susceptibility, 1e-9)):
+        assert max(relative(NOISE)(single, solve(model, np.array(NOISE), single), truth).values()) < limit
+
+
+def test_coupling_rebuilt_agrees_with_the_design_perturbed(double):
+    """Builds made of arrays, and the design with a [[perturbation]] read anew, its matrices solved in 50 digits."""
+    np.testing.assert_allclose(imperfect.rebuilt(double, np.ones(1)), imperfect.string_reference(double), rtol=1e-9)
+    np.testing.assert_allclose(imperfect.rebuilt(double, np.ones(1), "violin"), imperfect.reference(double), rtol=1e-9)
+
+
+def test_first_order_is_of_first_order(single):
+    """Its error falls with the square of the imperfection."""
+    share = np.array([0.08, 0.04, 0.02])
+    error = np.abs(imperfect.perturbed(single, share) - imperfect.rebuilt(single, share))
+    assert np.log2(error[:-1] / error[1:]) == pytest.approx([2, 2], abs=0.2)
+
+
+def test_newton_steps_converge(double):
+    true = imperfect.hung(double)
+    linear, twice, full = (imperfect.apart(double, solve(double), true) for solve in (imperfect.steps(1)[0], imperfect.steps(2)[0], imperfect.full()[0]))
+    for part in true and linear:
+        assert full[part] < 1e-12 < twice[part] < 0.1 * linear[part]
+
+
+# Modes by rung.
+
+
+def test_modes_are_paired_by_shape(double):
+    wanted, found = eigen.reference(double), eigen.solved(double, "string")
+    plain = eigen.error(double, found, wanted)
+    assert set(plain) == set(eigen.KINDS)
+    order = np.random.default_rng(3).permutation(len(found.omega_squared))
+    names = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order")
+    mixed = replace(found, **{name: getattr(found, name)[order] for name in names})
+    assert eigen.error(double, mixed, wanted) == plain
+    off = replace(found, omega_squared=found.omega_squared * 1.02**2)
+    own = eigen.Reference(eigen.signed(found.omega_squared), eigen.kinds(found), eigen.bodily(double, found))
+    assert eigen.error(double, off, own) == pytest.approx(dict.fromkeys(eigen.KINDS, 0.02))
+
+
+def test_closed_forms_against_blocks(single):
+    found = eigen.formulas(single)
+    every = np.sort(np.concatenate(list(found.values())))
+    np.testing.assert_allclose(every, modes.solve(single.model("closed-form")).frequency, rtol=1e-12)
+
+
+# Measuring.
+
+
+def test_works_take_turns(monkeypatch):
+    monkeypatch.setattr(timing, "LEAST", 0.0)
+    calls = []
+    found = timing.quartiles([lambda name=name: calls.append(name) for name in "abc"], 4)
+    assert "".join(calls[-12:]) == "abcabcabcabc"
+    assert found.shape == (3, 3)
+    assert (np.diff(found, axis=1) >= 0).all()
+
+
+def test_quick_works_are_done_often():
+    calls = []
+    timing.quartiles([lambda: calls.append(1)], 2)
+    assert len(calls) == 2 + 2 * timing.MOST
+    assert timing.quartiles([], 2).shape == (0, 3)
+
+
+def test_what_does_not_hold_is_left_out_with_a_reason():
+    """Strings known by k alone: no rung with bending, no thermal noise; explicit wires: no force model."""
+    body = {"mass": 2.0, "inertia": [0.014, 0.011, 0.012]}
+    raw = scenes.raw_of({"name": "test", "body": body, "wires": {"count": 2, "l": 0.3, "t1": 0.05, "t2": 0.05, "d": 0.01, "k": 1e4}})
+    found = run.measured(scenes.design_of(raw), ("modes", "thermal", "coupling"), repeat=2)
+    assert [panel.key for panel in found.panels] == ["modes-rungs", "modes-methods", "thermal-rungs", "thermal-methods", "coupling-rungs", "coupling-methods"]
+    rungs = found.panels[0]
+    assert [entry.rung for entry in rungs.entries] == ["force", "string"]
+    assert {item.rung: item.reason for item in rungs.left} == {
+        "closed-form": "it does not hang on one symmetric set of four wires",
+        "beam": "wire test.1 has no cross-section",
+        "violin": "wire test.1 has no cross-section",
+    }
+    for panel in found.panels[2:4]:
+        assert panel.entries == () and panel.views == ()
+        assert all("wire test.1 has no cross-section" in item.reason for item in panel.left)
+
+
+def test_every_rung_has_its_place():
+    for item in COMPARISONS:
+        if item.compares == "rungs":
+            assert [method.rung for method in item.methods] == list(RUNGS)
+    assert set(QUANTITIES) == {"modes", "response", "thermal", "coupling", "equilibrium"}
+
+
+def test_what_hangs_on_springs_alone_has_every_rung():
+    spring = {"stiffness": [100.0, 200.0, 300.0, 1.0, 2.0, 3.0], "preload": [0.0, 0.0, 19.62, 0.0, 0.0, 0.0]}
+    raw = scenes.raw_of({"name": "test", "position": [0.0, 0.0, -0.1], "body": {"mass": 2.0, "inertia": [0.014, 0.011, 0.012]}, "spring": [spring]})
+    found = run.measured(scenes.design_of(raw), ("modes", "coupling", "equilibrium"), repeat=2)
+    assert [entry.rung for entry in found.panels[0].entries] == ["string", "beam", "violin"]
+    assert max(entry.error.max() for entry in found.panels[0].entries) < 1e-12
+    assert {item.reason for panel in found.panels[2:] for item in panel.left} == {"the last stage hangs on no wire"}
+
+
+def test_words():
+    assert [spell(value) for value in (2.0, 0.0123, 83e-6, 5e-10)] == ["2 s", "12.3 ms", "83 µs", "0.5 ns"]
+    assert (told(3.8e-7), told(1e-17), told(0.0)) == ("3.8e-07", "0", "0")
