@@ -149,7 +149,11 @@ def _weighed(job: Sweep, choice: Choice, setting: dict[str, Any]) -> tuple[Choic
     if choice.level != "string" or setting["fidelity"] != "auto":
         return choice, ""
     higher, error = rungs.coupling_error(job)
-    left = f"left out: bending and mass of wires ({error:.1g} of the largest coupling)" if error >= 0 else "unknown, as wires lack material or cross-section: their bending"
+    left = (
+        f"left out: bending and mass of wires ({error:.1g} of the largest coupling)"
+        if error >= 0
+        else "unknown, as wires lack material or cross-section: their bending"
+    )
     return replace(choice, error=error, reason=f"{choice.reason}; {left}"), higher
 
 
