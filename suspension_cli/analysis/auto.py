@@ -27,8 +27,8 @@ from suspension_cli.models.fidelity import Choice
 
 TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
-MARGIN = 0.5
-"""Share of the tolerance that a refinement which is left out may be seen to change."""
+MARGIN = 0.8
+"""Share of the tolerance that all refinements which are left out may be seen to change."""
 SAMPLES = 12
 """Frequencies at which a response is sampled."""
 NEAR = 0.05
@@ -173,18 +173,20 @@ def decide(design: Design, make: Callable[[LinearModel], Asked], tolerance: floa
     found = modes.solve(build(base.level))
     of = estimates(design, found)
     expected = asked.estimated(found, of)
-    refinements = []
-    if base.level == "force" and fidelity.approximate(design):
-        change = asked.change(build("force"), build("string"))
-        refinements.append(Refinement(SERIES, 1.0, force.series_is_approximate(design)[0], change, taken=not change <= MARGIN * tolerance))
-    refinements += [_weigh(name, of.stage, expected[name], asked, build, tolerance) for name in (BENDING, MASS)]
-    taken = [item for item in refinements if item.taken]
-    level = REFINEMENTS[taken[-1].name] if taken else base.level
-    error = float(sum(item.estimate for item in refinements if not item.taken))
+    refinements: list[Refinement] = []
+    for name in (SERIES, BENDING, MASS):
+        if name != SERIES:
+            refinements.append(_weigh(name, of.stage, expected[name], asked, build, tolerance, _room(refinements, tolerance)))
+        elif base.level == "force" and fidelity.approximate(design):
+            change = asked.change(build("force"), build("string"))
+            refinements.append(Refinement(SERIES, 1.0, force.series_is_approximate(design)[0], change, taken=not change <= _room([], tolerance)))
+    level = next((REFINEMENTS[item.name] for item in reversed(refinements) if item.taken), base.level)
+    error = float(sum(item.estimate for item in _left(refinements, level)))
     return Decision(Choice(level, _reason(base, level, refinements, tolerance), error), build(level), tuple(refinements))
 
 
-def _weigh(name: str, stages: tuple[str, ...], expected: Array, asked: Asked, build: Callable[[str], LinearModel], tolerance: float) -> Refinement:
+def _weigh(name: str, stages: tuple[str, ...], expected: Array, asked: Asked, build: Callable[[str], LinearModel], tolerance: float, room: float) -> Refinement:
+    """Whether a refinement is taken, of which `room` is left for what it changes."""
     total = float(expected.sum())
     stage = stages[int(np.argmax(expected))] if stages else ""
     low, high = asked.settled[name]
@@ -193,7 +195,19 @@ def _weigh(name: str, stages: tuple[str, ...], expected: Array, asked: Asked, bu
     if total > high * tolerance:
         return Refinement(name, total, stage, None, taken=True)
     change = asked.change(build({BENDING: "string", MASS: "beam"}[name]), build(REFINEMENTS[name]))  # one refinement at a time
-    return Refinement(name, total, stage, change, taken=not change <= MARGIN * tolerance)
+    return Refinement(name, total, stage, change, taken=not change <= room)
+
+
+def _room(refinements: list[Refinement], tolerance: float) -> float:
+    """What the next refinement may change if it is left out too."""
+    level = next((REFINEMENTS[item.name] for item in reversed(refinements) if item.taken), "")
+    return MARGIN * tolerance - float(np.nansum([item.estimate for item in _left(refinements, level)]))
+
+
+def _left(refinements: list[Refinement], level: str) -> list[Refinement]:
+    """Refinements that a rung does not have."""
+    rungs = list(REFINEMENTS.values())
+    return [item for item in refinements if level not in rungs or rungs.index(REFINEMENTS[item.name]) > rungs.index(level)]
 
 
 class _Builder:
@@ -258,7 +272,7 @@ def _smooth(size: Any) -> Any:
 
 def _reason(base: Choice, level: str, refinements: list[Refinement], tolerance: float) -> str:
     """One line: what was left out, and why."""
-    left = [item for item in refinements if not item.taken]
+    left = _left(refinements, level)
     unknown = [item.name for item in left if np.isnan(item.indicator)]
     small = [f"{item.name} ({item.estimate:.1g})" for item in left if not np.isnan(item.indicator)]
     taken = [f"{item.name} ({item.estimate:.1g}, {item.stage})" for item in refinements if item.taken]

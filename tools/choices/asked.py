@@ -1,8 +1,7 @@
-"""What is asked of a random suspension, its answer by `auto` and by the top rung, how far they are apart and what they cost."""
+"""What can be asked of a random suspension, by `auto` or on any rung, and how far an answer is from that of the top rung."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -17,6 +16,7 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Design
 from suspension_cli.models import fidelity, wire_mass
 
+TOP = "violin"
 POINTS = 1000
 """Frequencies of a response or a noise."""
 CHECKED = 60
@@ -28,84 +28,56 @@ WIDE = 10.0
 """Tolerances by which frequency may seem to be shifted."""
 ALIKE = 0.7
 """Overlap of two modes that are one and the same; a body's mode that mixes with a wire's has no partner."""
-REPETITIONS = 3
-
-Answer = tuple[str, Any]
-"""A rung and what was found."""
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One scene.
+class Question:
+    """What is asked of one design.
 
     Attributes
     ----------
-    seed : int
-    stages : int
-    quantity : str
-    tolerance : float
-    level : str
-        The rung that `auto` took.
-    error : float
-        Against the top rung, relative.
-    cost : float
-        Of `auto`, decision and all, over that of the top rung: medians of turns.
-    seconds : float
-        Of the top rung.
+    lower : tuple of str
+        Rungs below the top one that have an answer.
+    decided : callable
+        The rung that `auto` takes, and its answer.
+    on : callable
+        The answer on a rung, from the design.
+    apart : callable
+        Relative error of an answer.
     """
 
-    seed: int
-    stages: int
-    quantity: str
-    tolerance: float
-    level: str
-    error: float
-    cost: float
-    seconds: float
+    lower: tuple[str, ...]
+    decided: Callable[[], tuple[str, Any]]
+    on: Callable[[str], Any]
+    apart: Callable[[Any], float]
 
 
-def compared(
-    seed: int, quantity: str, design: Design, tolerance: float, ours: Callable[[], Answer], top: Callable[[], Answer], apart: Callable[..., float]
-) -> Trial:
-    """Both answers, in turns."""
-    times: tuple[list[float], list[float]] = ([], [])
-    answers: list[Answer] = [ours(), top()]
-    for _ in range(REPETITIONS):
-        for n, work in enumerate((ours, top)):
-            start = time.perf_counter()
-            answers[n] = work()
-            times[n].append(time.perf_counter() - start)
-    middle = [float(np.median(row)) for row in times]
-    return Trial(seed, len(design.stage), quantity, tolerance, answers[0][0], apart(answers[0][1], answers[1][1]), middle[0] / middle[1], middle[1])
-
-
-def frequencies(design: Design, _: Generator, tolerance: float) -> tuple[Callable[[], Answer], Callable[[], Answer], Callable[..., float]]:
+def frequencies(design: Design, _: Generator, tolerance: float) -> Question:
     """The modes of the bodies."""
 
-    def listed(model: Any) -> Any:
-        return wire_modes.solve(model, float(np.nanmax(modes.solve(model).frequency)))
+    def listed(model: Any, level: str) -> Any:
+        still = modes.solve(model)
+        return model, wire_modes.solve(model, float(np.nanmax(still.frequency))) if level == TOP else still
 
-    def ours() -> Answer:
+    def decided() -> tuple[str, Any]:
         decision = auto.decide(design, lambda _: auto.Frequencies(), tolerance)
-        level = decision.choice.level
-        return level, (decision.model, listed(decision.model) if level == "violin" else modes.solve(decision.model))
+        return decision.choice.level, listed(decision.model, decision.choice.level)
 
-    def top() -> Answer:
-        model = fidelity.linear_model(design, "violin")
-        return "violin", (model, listed(model))
+    def on(level: str) -> Any:
+        return listed(fidelity.linear_model(design, level), level)
 
-    def apart(quick: Any, slow: Any) -> float:
+    def apart(quick: Any) -> float:
+        model, slow = on(TOP)
         count = 6 * len(design.stage)
-        mass = slow[0].mass[6 : 6 + count, 6 : 6 + count]
-        overlap = np.abs(slow[1].shape[:, :count] @ mass @ quick[1].shape[:, :count].T)
+        overlap = np.abs(slow.shape[:, :count] @ model.mass[6 : 6 + count, 6 : 6 + count] @ quick[1].shape[:, :count].T)
         rows, columns = linear_sum_assignment(-overlap)
-        good = (overlap[rows, columns] > ALIKE) & (slow[1].frequency[rows] > 0)
-        return float(np.abs(quick[1].frequency[columns] / np.where(good, slow[1].frequency[rows], 1.0) - 1)[good].max(initial=0.0))
+        good = (overlap[rows, columns] > ALIKE) & (slow.frequency[rows] > 0)
+        return float(np.abs(quick[1].frequency[columns] / np.where(good, slow.frequency[rows], 1.0) - 1)[good].max(initial=0.0))
 
-    return ours, top, apart
+    return Question((fidelity.choose(design).level, "beam"), decided, on, apart)
 
 
-def responses(design: Design, rng: Generator, tolerance: float) -> tuple[Callable[[], Answer], Callable[[], Answer], Callable[..., float]]:
+def responses(design: Design, rng: Generator, tolerance: float) -> Question:
     """From one motion of the support, or a force on the first body, to a motion of the last."""
     dof = int(rng.integers(6))
     first, last = design.stage[0].name, design.stage[-1].name
@@ -120,21 +92,21 @@ def responses(design: Design, rng: Generator, tolerance: float) -> tuple[Callabl
         one = asked(model)
         return response.solve(model, frequency, one.inputs, one.outputs).value[:, 0, 0]
 
-    def ours() -> Answer:
+    def decided() -> tuple[str, Any]:
         decision = auto.decide(design, asked, tolerance)
         return decision.choice.level, solved(decision.model, grid)
 
-    def top() -> Answer:
-        return "violin", solved(fidelity.linear_model(design, "violin"), grid)
+    def on(level: str) -> Any:
+        return solved(fidelity.linear_model(design, level), grid)
 
-    def apart(quick: Any, _: Any) -> float:
-        model = fidelity.linear_model(design, "violin")
-        return shifted(rng, grid, quick, _dense(model, grid, tolerance), partial(solved, model), tolerance)
+    def apart(quick: Any) -> float:
+        model = fidelity.linear_model(design, TOP)
+        return shifted(rng, grid, quick, _dense(model, grid, tolerance), partial(solved, model))
 
-    return ours, top, apart
+    return Question((fidelity.choose(design).level, "beam"), decided, on, apart)
 
 
-def noises(design: Design, rng: Generator, tolerance: float) -> tuple[Callable[[], Answer], Callable[[], Answer], Callable[..., float]]:
+def noises(design: Design, rng: Generator, tolerance: float) -> Question:
     """Thermal noise of a motion of the last body."""
     output, grid = f"{design.stage[-1].name}.{rng.choice(['x', 'x', 'y', 'z', 'pitch', 'yaw'])}", _grid(rng)
 
@@ -143,18 +115,21 @@ def noises(design: Design, rng: Generator, tolerance: float) -> tuple[Callable[[
         signal, row = thermal.observed(model, output)
         return thermal.solve(model, frequency, row, signal, design.constants.temperature).amplitude
 
-    def ours() -> Answer:
+    def decided() -> tuple[str, Any]:
         level = wire_mass.choose(design, "auto", float(grid[-1]), tolerance).level
         return level, solved(level, grid)
 
-    def apart(quick: Any, _: Any) -> float:
-        dense = _dense(fidelity.linear_model(design, "violin"), grid, tolerance)
-        return shifted(rng, grid, quick, dense, partial(solved, "violin"), tolerance)
+    def apart(quick: Any) -> float:
+        return shifted(rng, grid, quick, _dense(fidelity.linear_model(design, TOP), grid, tolerance), partial(solved, TOP))
 
-    return ours, lambda: ("violin", solved("violin", grid)), apart
+    return Question(("beam",), decided, partial(solved, frequency=grid), apart)
 
 
-def shifted(rng: Generator, grid: Any, quick: Any, dense: Any, exact: Callable[[Any], Any], tolerance: float) -> float:
+QUANTITIES = {"modes": frequencies, "response": responses, "thermal noise": noises}
+"""What can be asked for."""
+
+
+def shifted(rng: Generator, grid: Any, quick: Any, dense: Any, exact: Callable[[Any], Any]) -> float:
     """How far an answer is from the exact one in size, or in frequency if that is nearer: the largest of some places of the grid.
 
     Near a resonance a frequency that is off by delta changes a response by Q delta; what is right to a tolerance is what is exact at a frequency that
@@ -184,7 +159,3 @@ def _dense(model: Any, grid: Any, tolerance: float) -> Any:
 def _grid(rng: Generator) -> Any:
     highest = float(np.exp(rng.uniform(np.log(1.0), np.log(100.0))))
     return np.geomspace(0.1, highest, POINTS)
-
-
-QUANTITIES = {"modes": frequencies, "response": responses, "thermal noise": noises}
-"""What can be asked for."""

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from choices.asked import QUANTITIES, Trial
+from choices.asked import QUANTITIES
+from choices.trial import Trial
 from suspension_cli.plots.style import INK, NOTE, PALETTE, new_figure
 
 COLOUR = dict(zip(("force", "string", "beam", "violin"), PALETTE, strict=False))
@@ -46,6 +47,10 @@ def _costs(axes: Axes, found: list[Trial]) -> None:
         axes.step(cost, 100 * np.arange(1, len(cost) + 1) / len(cost), where="post", color=colour, label=quantity)
     cost = np.sort([one.cost for one in found])
     axes.step(cost, 100 * np.arange(1, len(cost) + 1) / len(cost), where="post", color=INK, linewidth=1.6, label="all")
+    best = np.sort([one.best for one in found])
+    axes.step(
+        best, 100 * np.arange(1, len(best) + 1) / len(best), where="post", color=INK, linewidth=0.9, linestyle=(0, (3, 2)), label="all, errors known beforehand"
+    )
     axes.axvline(1.0, color=NOTE, linewidth=0.7, linestyle=(0, (4, 3)))
     axes.set(xscale="log", ylim=(0, 100), xlabel="time of auto / time of violin", ylabel="scenes that cost at most this (%)")
     axes.legend(loc="upper left", fontsize=8)
