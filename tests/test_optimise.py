@@ -380,14 +380,71 @@ def test_what_is_not_met_has_exit_code_1(tmp_path):
     raw = {"goal": [{"kind": "band", "modes": ["test longitudinal"], "at_least": 3.0}], "free": [{"name": f"{WIRES}.l", "lower": 0.1, "upper": 0.5}]}
     result = run("optimise", VERTICAL, written(tmp_path, raw, "goals.toml"), "--starts", "1", "--out", tmp_path, "--no-plot", "--fidelity", "string")
     assert result.exit_code == 1
-    assert "NOT MET" in result.stdout and "1 limits, 1 NOT MET" in result.stdout
+    assert "NOT MET" in result.stdout and "1 limit, 1 NOT MET" in result.stdout
     assert "# " in (text := (tmp_path / "husman2000-table1-case1-optimised.toml").read_text()) and "NOT MET: test longitudinal >= 3 Hz" in text
+
+
+def test_room_is_told_as_a_share_of_the_limit(tmp_path):
+    """Half the least there may be is 50 % short, and twice the most 100 % over, which margins in logarithms have alike."""
+    limits = [{"at_least": 2.0}, {"at_most": 0.25}, {"equals": 2.0}, {"at_most": 2.0}]
+    goal = [{"kind": "band", "modes": ["test longitudinal"]} | limit for limit in limits]
+    raw = {"goal": goal, "free": [{"name": f"{WIRES}.l", "lower": 0.2, "upper": 0.5}]}
+    result = run("optimise", VERTICAL, written(tmp_path, raw, "goals.toml"), "--starts", "1", "--out", tmp_path, "--json", "--fidelity", "string")
+    answer = strict_json(result.stdout)
+    value = answer["limits"][0]["value"]
+    np.testing.assert_allclose([limit["room"] for limit in answer["limits"]], [value / 2 - 1, 1 - value / 0.25, value / 2 - 1, 1 - value / 2], rtol=1e-12)
+    with h5py.File(tmp_path / "husman2000-table1-case1-optimise.h5") as file:
+        found = files.load(file["optimise"])
+    assert found.limits.room.tolist() == [limit["room"] for limit in answer["limits"]]
+
+
+def test_what_is_not_known_is_not_all_met(tmp_path):
+    """Of two materials one has a strength; the last line says so, as does the exit code."""
+    raw = {"goal": [{"kind": "stress", "at_most": 0.9}], "free": [{"name": "stage.mirror.wires.l", "lower": 0.5, "upper": 0.9}]}
+    file = written(tmp_path, raw, "goals.toml")
+    result = run("optimise", CONFIGS / "payload-recoil-mass.toml", file, "--starts", "1", "--out", tmp_path, "--no-plot", "--fidelity", "string")
+    assert result.exit_code == 1
+    assert "1 limit, met, 2 NOT KNOWN, checked on string" in result.stdout
+
+
+def test_a_limit_that_symmetry_keeps_is_told(tmp_path):
+    raw = {
+        "goal": [{"kind": "cross-coupling", "response": "test.x/test.z/support.z:50", "at_most": 1e-3}],
+        "free": [{"name": f"{WIRES}.l", "lower": 0.2, "upper": 0.5}],
+    }
+    result = run("optimise", VERTICAL, written(tmp_path, raw, "goals.toml"), "--starts", "1", "--out", tmp_path, "--no-plot", "--fidelity", "string")
+    assert result.exit_code == 0 and "is 0: the design's symmetry forbids it" in result.stderr
+
+
+def test_an_unstable_start_has_no_frequency(tmp_path):
+    """The start topples (wires end below the centre of mass); what was is then none, and the search gets it upright."""
+    raw = {
+        "goal": [{"kind": "band", "modes": ["test pitch"], "at_least": 0.5}],
+        "free": [{"name": f"{WIRES}.d", "lower": -0.2, "upper": 0.01, "start": -0.15}, {"name": f"{WIRES}.s", "lower": 0.001, "upper": 0.05, "start": 0.001}],
+    }
+    goals_file = written(tmp_path, raw, "goals.toml")
+    result = run("optimise", VERTICAL, goals_file, "--starts", "1", "--out", tmp_path, "--no-plot", "--fidelity", "string")
+    assert result.exit_code == 0, result.stderr
+    assert ", was none (+0.00 %, active)" in result.stdout and "nan" not in result.stdout
+
+
+def test_a_value_to_equal_is_drawn(tmp_path):
+    """As a line in the row of its mode, which is in another colour where it is not met."""
+    from suspension_cli.plots import optimise as picture
+
+    free = [Free(name=f"{WIRES}.l", lower=0.2, upper=0.3)]
+    goal = [Goal(kind="band", modes=["test longitudinal"], equals=0.5), Goal(kind="band", modes=["test yaw"], equals=1.79)]
+    figure = picture.draw(solved(VERTICAL, goal, free), "")
+    axes = figure.axes[0]
+    drawn = [path for one in axes.collections for path in one.get_paths() if "allowed" in str(one.get_label()) or len(path.vertices) > 2]
+    assert {0.5, 1.79} <= {round(float(path.vertices[0][0]), 6) for path in drawn}
+    assert "after, not met" in axes.get_legend_handles_labels()[1]
 
 
 BAND = {"kind": "band", "dof": ["x"], "at_least": 0.5}
 LENGTH = {"name": f"{WIRES}.l", "lower": 0.1, "upper": 1.0}
 BAD = {
-    "empty": ({}, "is empty"),
+    "empty": ({}, "is empty; write tables into it"),
     "no goal": ({"free": [LENGTH]}, "goal: missing"),
     "unknown kind": ({"goal": [{"kind": "colour"}], "free": [LENGTH]}, 'goal.1.kind = "colour": must be one of band'),
     "unknown key": ({"goal": [BAND | {"limit": 1}], "free": [LENGTH]}, "goal.1.limit = 1: unknown key"),
@@ -424,7 +481,10 @@ BAD = {
     "no such number": ({"goal": [BAND], "free": [LENGTH | {"name": f"{WIRES}.q"}]}, f'free.1.name = "{WIRES}.q": is no number'),
     "no such term": ({"goal": [BAND], "free": [LENGTH], "equal": [{"name": f"{WIRES}.s", "terms": {"q": 1.0}}]}, 'equal.1.terms = "q": is no number'),
     "starts outside": ({"goal": [BAND], "free": [LENGTH | {"lower": 0.5}]}, "free.1: the design's value 0.27 lies outside the bounds"),
-    "no such mode": ({"goal": [{"kind": "band", "modes": ["test sideways"], "at_least": 0.5}], "free": [LENGTH]}, 'goal.1.modes = "test sideways"'),
+    "no such mode": (
+        {"goal": [{"kind": "band", "modes": ["test sideways"], "at_least": 0.5}], "free": [LENGTH]},
+        'goal.1.modes = "test sideways": is the label of no mode',
+    ),
     "too many modes": ({"goal": [BAND | {"lowest": 3}], "free": [LENGTH]}, "goal.1.lowest = 3: the design has 2 modes of family longitudinal-pitch"),
     "one mode apart": ({"goal": [{"kind": "separation", "dof": ["z"], "at_least": 1.1}], "free": [LENGTH]}, "goal.1: there are no two modes"),
     "no such body": ({"goal": [{"kind": "isolation", "response": "tset.x/support.x:1", "at_most": 1.0}], "free": [LENGTH]}, 'goal.1.response = "tset.x"'),

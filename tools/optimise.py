@@ -58,10 +58,10 @@ def limits(found: dict[str, Any]) -> list[str]:
     lines = ["| limit | value | room | |", "|---|---:|---:|---|"]
     for row in found["limits"]:
         modal = row["goal"] in ("damping band", "coupling to the top mass")
-        if row["active"] or not row["met"] or not modal or row["margin"] < 0.1:
+        if row["active"] or not row["met"] or not modal or row["room"] < 0.1:
             word = "active" if row["active"] else ""
             lines.append(
-                f"| {row['limit'].replace('|', chr(92) + '|')} | {row['value']:.4g} | {100 * row['margin']:+.1f} % | {word if row['met'] else 'NOT MET'} |"
+                f"| {row['limit'].replace('|', chr(92) + '|')} | {row['value']:.4g} | {100 * row['room']:+.1f} % | {word if row['met'] else 'NOT MET'} |"
             )
     return lines
 

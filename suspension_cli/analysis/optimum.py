@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from suspension_cli.design.scene import Array
 
 
@@ -96,6 +98,13 @@ class Limits:
     met: Any
     active: Any
     multiplier: Array
+
+    @property
+    def room(self) -> Array:
+        """How far each value lies on the right side of its limit, as a share of the limit; below 0 on the wrong one, of an equality either."""
+        away = self.value / self.asked - 1
+        sense = np.array(self.sense, dtype=str)
+        return np.where(sense == "equals", -np.abs(away), np.where(sense == "at_most", -away, away)) + 0.0  # no minus before a zero
 
 
 @dataclass(frozen=True)

@@ -95,11 +95,12 @@ def parse(texts: list[str], modes: Modes, known: tuple[str, ...], option: str = 
     """
     found: list[Scalar] = []
     for text in texts:
-        found += [_ratio(text, known, option)] if "/" in text else _modes(text.strip(), modes, option)
+        found += [_ratio(text, known, option)] if "/" in text else _modes(text.strip(), modes, option, only=not known)
     return tuple(dict.fromkeys(found))
 
 
-def _modes(text: str, modes: Modes, option: str) -> list[Mode]:
+def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[Mode]:
+    """Modes by a label or number; `only` where nothing but modes can be meant."""
     names = labels(modes)
     every = [Mode(name, n) for n, name in enumerate(names)]
     if text == ALL:
@@ -111,7 +112,7 @@ def _modes(text: str, modes: Modes, option: str) -> list[Mode]:
         remedy = f"write {chosen[0].text!r} to {chosen[-1].text!r}, or its number in pendsus modes"
         raise InputError([Fault(option, f"is the label of {len(chosen)} modes", remedy, shown(text))])
     if not chosen:
-        remedy = suggestion(text, names) + "; a response is OUTPUT/INPUT:FREQUENCY, a coupling OVER/UNDER/INPUT:FREQUENCY"
+        remedy = suggestion(text, names) + ("" if only else "; a response is OUTPUT/INPUT:FREQUENCY, a coupling OVER/UNDER/INPUT:FREQUENCY")
         raise InputError([Fault(option, "is the label of no mode", remedy, shown(text))])
     return chosen
 

@@ -100,11 +100,14 @@ def _designs(ctx: click.Context, files: tuple[str, ...], given: Measured, overri
             raise InputError([Fault("experiment", "names its designs itself", "write pendsus fit MEASURED", shown(files[0]))], files[-1])
         asked = [(str(Path(files[-1]).parent / item.design), tuple(item.set)) for item in given.experiment]
     read, bad = [], {}
-    for file, own in asked:
+    for n, (file, own) in enumerate(asked, 1):
         try:
             read.append(analyses.prepared(ctx, file, (*own, *overrides)))
         except InputError as error:
-            bad[str(error)] = error
+            theirs = {shown(text) for text in own} - {shown(text) for text in overrides}
+            moved = [Fault(f"experiment.{n}.set", fault.problem, fault.remedy, fault.value) for fault in error.faults if fault.value in theirs]
+            told = InputError(moved, files[-1]) if moved else error  # what stands in MEASURED, not on the command line
+            bad[str(told)] = told
     if bad:
         raise joined(list(bad.values()))
     choices = [analyses.differentiable(setting, source.file) for source, setting in read]

@@ -67,6 +67,11 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
         analyses.draw(picture.draw(found, source.design.design.title or name), path.with_suffix(".png"), voice)
     for what in found.unknown:
         voice.warn(f"not known, so not met: {what}")
+    for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
+        if value == 0:
+            voice.warn(f"{name} is 0: the design's symmetry forbids it whatever its numbers are; give the goal a perturbation")
+    if found.rounds >= optimise.ROUNDS:
+        voice.warn(f"after {found.rounds} corrections search and check may still differ: limits are told as checked, but a better design may be near")
     if as_json:
         import json
 
@@ -110,6 +115,7 @@ def document(name: str, found: Optimum, goals: Goals) -> dict[str, Any]:
                 "limit": text,
                 "value": plain(limits.value[n]),
                 "margin": plain(limits.margin[n]),
+                "room": plain(limits.room[n]),
                 "met": bool(limits.met[n]),
                 "active": bool(limits.active[n]),
                 "multiplier": plain(limits.multiplier[n]),
@@ -152,10 +158,7 @@ def table(found: Optimum, goals: Goals) -> list[str]:
         unit = "" if found.quantities.unit[n] == "1" else f" {found.quantities.unit[n]}"
         lines.append(f"{word:7}  {found.quantities.name[n]}: {found.quantities.after[n]:.6g}{unit}, was {found.quantities.before[n]:.6g}{unit}")
     lines += [f"UNKNOWN  {what}" for what in found.unknown]
-    missed = int((~found.limits.met).sum())
-    verdict = "all are met" if not missed else f"{missed} NOT MET"
-    lines += ["", f"{len(found.limits.name)} limits, {verdict}, checked on {found.fidelity}"]
-    return lines + _starts(found)
+    return [*lines, "", _verdict(found), *_starts(found)]
 
 
 def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
@@ -171,13 +174,31 @@ def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
     lines = [f"{word:7}  {name}" + (f", {len(mine)} limits" if len(mine) > 1 else "")]
     for n in told:
         state = "NOT MET" if not limits.met[n] else "active" if limits.active[n] else ""
-        before = quantities.before[limits.quantity[n]]
-        was = f", was {before:.4g}" if limits.other[n] < 0 else ""
-        room = f"{100 * limits.margin[n]:+.{0 if abs(limits.margin[n]) >= 0.1 else 2}f} %"
-        lines.append(f"         {limits.name[n]}: {limits.value[n]:.4g}{was} ({room}{', ' + state if state else ''})")
+        was = f", was {_size(float(quantities.before[limits.quantity[n]]))}" if limits.other[n] < 0 else ""
+        room = [_share(limits.room[n])] if math.isfinite(limits.room[n]) else []
+        lines.append(f"         {limits.name[n]}: {_size(limits.value[n])}{was} ({', '.join([*room, *([state] if state else [])])})")
     if len(told) < len(mine):
         lines.append(f"         and {len(mine) - len(told)} with more room")
     return lines
+
+
+def _size(value: float) -> str:
+    """A value; there is none of a mode that is unstable, or has no counterpart."""
+    return f"{value:.4g}" if math.isfinite(value) else "none"
+
+
+def _share(value: float) -> str:
+    """Room in %, without a minus before a zero."""
+    percent = 100 * value
+    return f"{percent:+.0f} %" if abs(percent) >= 10 else f"{round(percent, 2) + 0.0:+.2f} %"
+
+
+def _verdict(found: Optimum) -> str:
+    """How many limits there are and whether they are met; what is not known is not."""
+    count, missed, unknown = len(found.limits.name), int((~found.limits.met).sum()), len(found.unknown)
+    said = [f"{missed} NOT MET" if missed else "all are met" if count != 1 else "met"] if count else []
+    said += [f"{unknown} NOT KNOWN"] if unknown else []
+    return ", ".join([f"{count or 'no'} limit{'' if count == 1 else 's'}", *said, f"checked on {found.fidelity}"])
 
 
 def _starts(found: Optimum) -> list[str]:

@@ -33,7 +33,7 @@ class Experiment(Table, frozen=True):
 
     design: Annotated[str, Meta(min_length=1, description="path of a design file, from the folder of this one")]
     mode: Annotated[list[Mode], Meta(min_length=1)]
-    name: Annotated[Stem, Meta(description="of its own; default: the stem of the design file")] | None = None
+    name: Annotated[Stem, Meta(description="letters, digits, . _ and -, of its own; default: the stem of the design file")] | None = None
     set: Annotated[list[str], Meta(description="overrides as --set takes them")] = msgspec.field(default_factory=list)
 
     @property

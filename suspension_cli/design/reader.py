@@ -67,7 +67,7 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
 def document(file: str | Path) -> dict[str, Any]:
     """A TOML file as it stands, whatever it should hold; raises `InputError` if it is none."""
     try:
-        return _parse(_text(Path(file)))
+        return _parse(_text(Path(file)), "write tables into it, as docs/ shows")
     except InputError as error:
         raise error.in_file(str(file)) from None
 
@@ -124,7 +124,7 @@ def _text(path: Path) -> str:
     return text
 
 
-def _parse(text: str) -> dict[str, Any]:
+def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> dict[str, Any]:
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -134,7 +134,7 @@ def _parse(text: str) -> dict[str, Any]:
     except ValueError:  # all that Python does not read of TOML's numbers
         raise InputError([Fault("", "is not TOML: a number has thousands of digits", "write it shorter")]) from None
     if not raw:
-        raise InputError([Fault("", "is empty", "start a design with `pendsus new`")])
+        raise InputError([Fault("", "is empty", remedy)])
     return raw
 
 

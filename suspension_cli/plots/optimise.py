@@ -45,10 +45,9 @@ def draw(found: Optimum, title: str) -> Figure:
         _numbers(place(figure, 8.0, 0.62, 2.1, room * share), found)
         if others:
             _margins(place(figure, 8.0, 0.62 + room * share + 0.95, 2.1, room * (1 - share)), found, others)
-        met, count = int(found.limits.met.sum()), len(found.limits.name)
-        figure.suptitle(
-            f"{plain(title, 80)}: {met} of {count} limits met, checked on {found.fidelity}", x=0.01, y=1 - 0.1 / (tall + 1.35), ha="left", fontsize=9
-        )
+        met, count, unknown = int(found.limits.met.sum()), len(found.limits.name), len(found.unknown)
+        text = f"{plain(title, 80)}: {met} of {count} limits met{f', {unknown} not known' if unknown else ''}, checked on {found.fidelity}"
+        figure.suptitle(text, x=0.01, y=1 - 0.1 / (tall + 1.35), ha="left", fontsize=9)
         return figure
 
 
@@ -79,15 +78,18 @@ def _modes(axes: Axes, found: Optimum) -> None:
     bands = []
     for row in rows:
         mine = _of_row(found, row, "Hz")
-        edges = {sense: [limits.asked[n] for n in mine if limits.sense[n] == sense] for sense in ("at_least", "at_most")}
-        if edges["at_least"] or edges["at_most"]:
-            bands.append((row, max(edges["at_least"], default=None), min(edges["at_most"], default=None), all(limits.met[n] for n in mine)))
+        equal = [limits.asked[n] for n in mine if limits.sense[n] == "equals"]
+        least = [limits.asked[n] for n in mine if limits.sense[n] == "at_least"] + equal
+        most = [limits.asked[n] for n in mine if limits.sense[n] == "at_most"] + equal
+        if mine:
+            bands.append((row, max(least, default=None), min(most, default=None), all(limits.met[n] for n in mine)))
     told = [edge for _, a, b, _ in bands for edge in (a, b) if edge is not None]
     low, high = min([low, *(edge / 1.25 for edge in told)]), max([high, *(edge * 1.25 for edge in told)])
     missed = {row for row, _, _, met in bands if not met}
     for n, (row, a, b, _) in enumerate(bands):
         a, b = low if a is None else a, high if b is None else b
-        axes.fill_betweenx([row - 0.5, row + 0.5], a, b, color=BAND, linewidth=0, zorder=0, label=None if n else "allowed")
+        line = 2.0 if a == b else 0.0  # what is to equal a value is allowed on a line
+        axes.fill_betweenx([row - 0.5, row + 0.5], a, b, color=BAND, linewidth=line, zorder=0, label=None if n else "allowed")
     axes.hlines(rows, modes.before, modes.after, color=NOTE, linewidth=0.6, zorder=2)
     axes.plot(modes.before, rows, "o", markersize=4, markerfacecolor="white", markeredgecolor=BEFORE, linestyle="", label="before")
     kept = np.array([row not in missed for row in rows])
@@ -148,7 +150,7 @@ def _others(found: Optimum) -> list[int]:
 def _margins(axes: Axes, found: Optimum, which: list[int]) -> None:
     limits = found.limits
     rows = _rows(axes, [plain(_sign(limits.name[n].removesuffix(" of breaking")), 52) for n in which])
-    values = np.nan_to_num(100 * limits.margin[which], nan=-WIDEST)
+    values = np.nan_to_num(100 * limits.room[which], nan=-WIDEST)
     shown = np.clip(values, -WIDEST, WIDEST)
     axes.barh(rows, shown, height=0.55, color=[AFTER if limits.met[n] else MISSED for n in which])
     axes.axvline(0.0, color=INK, linewidth=0.6)
@@ -157,7 +159,7 @@ def _margins(axes: Axes, found: Optimum, which: list[int]) -> None:
     for row, value, end in zip(rows, values, np.maximum(shown, 0.0), strict=True):
         text = f"{value:+.{0 if abs(value) >= 10 else 1}f} %" + (" →" if value > WIDEST else "")
         axes.annotate(text, (end, row), (3, 0), textcoords="offset points", va="center", fontsize=6.5)
-    axes.set_xlabel("room to the limit (%)")
+    axes.set_xlabel("room (% of the limit)")
     axes.set_title("other limits", loc="left", fontsize=7.5, color=INK)
 
 
