@@ -143,3 +143,15 @@ def test_wires_of_unknown_section_are_told():
     assert decision.choice.level == "force"
     assert np.isnan(decision.choice.error)
     assert "unknown" in decision.choice.reason
+
+
+def test_what_the_rung_has_is_not_told_as_left_out():
+    """Wires that bend are on a rung that has blades as coordinates, whether these are what it was taken for or not."""
+    design = read(CONFIGS / "quadruple.toml").design
+    base = fidelity.linear_model(design, "string")
+    drive, motion = plants.drives(base, "support.x"), plants.motions(base, "test.x")
+    decision = auto.decide(design, lambda _: auto.Transfer(drive, motion, np.geomspace(0.1, 100, 50)), TOLERANCE)
+    series = decision.refinements[0]
+    assert (series.name, series.taken, decision.choice.level) == ("blades as coordinates", False, "violin")
+    assert "left out" not in decision.choice.reason
+    assert decision.choice.error == 0.0

@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import scenes
@@ -53,3 +54,52 @@ def test_the_command_tells(tmp_path):
     done = run("xcouple", design, "--sweep", "k=0.9:1.1:3,offset=-1e-3:1e-3:3", "--json", "--fidelity", "violin", "--out", str(tmp_path))
     assert "has them" not in done.stderr
     assert json.loads(done.stdout)["fidelity"] == "violin"
+
+
+ROD = """
+[design]
+name = "rod"
+[[stage]]
+name = "test"
+body = { mass = 2.0, inertia = [0.0147, 0.0117, 0.011] }
+[stage.wires]
+count = 4
+l = 0.4
+s = 0.02
+t1 = 0.1
+t2 = 0.1
+d = 0.001
+material = "c70steel"
+radius = 8e-3
+"""
+"""Rods of 8 mm: bending lifts the weight off some of them in every build whose ends are 1 mm off."""
+
+
+def test_builds_that_hang_on_strings_alone_tell_nothing():
+    rung, error = rungs.coupling_error(job(ROD, "test"))
+    assert rung == "violin"
+    assert math.isnan(error)
+
+
+def test_no_coupling_on_either_is_no_error():
+    asked = job((CONFIGS / "husman2000" / "table1-case3.toml").read_text(), "test")
+    assert rungs.coupling_error(replace(asked, axes=(Axis("mass", (0.9, 1.1)),))) == ("violin", 0.0)
+
+
+def test_the_command_says_what_it_does_not_know(tmp_path):
+    design = tmp_path / "rod.toml"
+    design.write_text(ROD)
+    done = run("xcouple", str(design), "--sweep", "k=0.9:1.1:3,offset=-1e-3:1e-3:3", "--json", "--out", str(tmp_path))
+    assert "is not known, as not all builds at the ends of the axes hang on both rungs: --fidelity violin" in done.stderr
+    assert json.loads(done.stdout)["estimated_error"] is None
+    with h5py.File(tmp_path / "rod-xcouple.h5") as results:
+        assert "on string and on violin" in results.attrs["fidelity_reason"]
+
+
+def test_the_command_names_what_the_higher_rung_has(tmp_path):
+    """Without a density there is no mass of wires to leave out; a change of several hundred per cent is written out."""
+    design = tmp_path / "rod.toml"
+    design.write_text(ROD.replace("8e-3", "3e-3").replace('"c70steel"', '"mine"') + "[materials.mine]\nyoungs_modulus = 2e11\npoisson_ratio = 0.3\n")
+    done = run("xcouple", str(design), "--sweep", "k=0.9:1.1:3,offset=-1e-3:1e-3:3", "--json", "--out", str(tmp_path))
+    warned = next(line for line in done.stderr.splitlines() if "has it" in line)
+    assert "bending of wires changes these couplings by" in warned and "mass" not in warned and "e+" not in warned

@@ -97,7 +97,7 @@ class Decision:
 class Frequencies:
     """The frequencies of all modes of the bodies.
 
-    To first order they are estimated within a factor of 3 (`tests/test_auto.py`).
+    To first order they are estimated within a factor of 3.5 (`tests/test_estimates.py`).
     """
 
     settled: ClassVar[dict[str, tuple[float, float]]] = {BENDING: (0.25, 3.0), MASS: (0.25, 3.0)}
@@ -205,7 +205,7 @@ def _room(refinements: list[Refinement], tolerance: float) -> float:
 
 
 def _left(refinements: list[Refinement], level: str) -> list[Refinement]:
-    """Refinements that a rung does not have."""
+    """What a rung does not have; it has what it was not taken for too, if a lower rung has that."""
     rungs = list(REFINEMENTS.values())
     return [item for item in refinements if level not in rungs or rungs.index(REFINEMENTS[item.name]) > rungs.index(level)]
 

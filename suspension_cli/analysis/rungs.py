@@ -73,7 +73,8 @@ def coupling_error(job: Sweep) -> tuple[str, float]:
     rung : str
         The highest that the design says enough for, `violin` or `beam`; "" if neither.
     error : float
-        How much it changes the ratio, of the largest ratio of the builds at the ends of the axes; NaN if that is not known.
+        How much it changes the ratio, of the largest ratio of the builds at the ends of the axes; NaN if that is not known, as there is no such rung, or as
+        a build hangs on one of both rungs and not on the other, or none does on either.
     """
     design = reader.parse(job.text)
     rung = next((level for level in ("violin", "beam") if not fibres.unsuited(design, massive=level == "violin")), "")
@@ -85,6 +86,10 @@ def coupling_error(job: Sweep) -> tuple[str, float]:
     probe = replace(job, axes=axes, question=replace(job.question, frequency=some))
     found = (one.compute(0, one.count)["ratio"] for one in (probe, replace(probe, level=rung)))
     old, new = (np.asarray(ratio) for ratio in found)
-    known = np.isfinite(old) & np.isfinite(new)
-    largest = float(np.abs(new[known]).max(initial=0.0))
-    return rung, float(np.abs(old - new)[known].max(initial=0.0)) / largest if largest > 0 else float("nan")
+    known = np.isfinite(new)
+    if not known.any() or (known != np.isfinite(old)).any():
+        return rung, float("nan")
+    largest, change = (float(np.abs(ratio[known]).max()) for ratio in (new, old - new))
+    if largest == 0:
+        return rung, 0.0 if change == 0 else float("inf")
+    return rung, change / largest

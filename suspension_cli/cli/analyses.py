@@ -92,11 +92,15 @@ def modelled(
         choice = ladder.choose(source.design, fidelity)
         if rungs and choice.level not in rungs[1:]:
             choice = ladder.Choice(rungs[0], f"general {rungs[0]} model, as imperfect builds need it")
-    return choice, stood(source, choice, allow_unstable, voice, model, rational=rational)
+    return choice, stood(source, choice, allow_unstable, voice, model, rational=rational, bends=not rungs or "beam" in rungs)
 
 
-def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voice, model: LinearModel | None = None, *, rational: bool = False) -> LinearModel:
+def stood(
+    source: Read, choice: Choice, allow_unstable: bool, voice: options.Voice, model: LinearModel | None = None, *, rational: bool = False, bends: bool = False
+) -> LinearModel:
     """The linear model on a rung, if its equilibrium is stable or may be unstable; with constant matrices if it must be `rational`.
+
+    `bends` says that ``beam`` may be asked for, which is told of where only strings fall over.
 
     Raises
     ------
@@ -116,10 +120,25 @@ def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voi
     if not found.stable:
         worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
         if not allow_unstable:
-            raise InputError([Fault("stage", f"the equilibrium is unstable: {worst}", "make it stable (raise d, say), or give --allow-unstable")])
+            way = "take --fidelity beam, whose wires hold it by bending," if bends and _held(source, choice) else "make it stable (raise d, say),"
+            raise InputError([Fault("stage", f"the equilibrium is unstable: {worst}", f"{way} or give --allow-unstable")])
         voice.warn(f"{source.design.design.name} is unstable: {worst}")
     limits.warn(source.design, model, found, voice)
     return model
+
+
+def _held(source: Read, choice: Choice) -> bool:
+    """Whether wires that bend make a design stable that is not on strings."""
+    from suspension_cli.analysis import modes
+    from suspension_cli.errors import InputError
+    from suspension_cli.models import fidelity as ladder
+
+    if choice.level in ("beam", "violin") or ladder.unsuited(source.design, "beam"):
+        return False
+    try:
+        return modes.solve(ladder.linear_model(source.design, "beam")).stable
+    except InputError:  # it does not balance there
+        return False
 
 
 def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:

@@ -106,8 +106,12 @@ def text(title: str, tolerance: float, found: Estimates, decisions: dict[str, De
     """The same for people: a table of indicators a stage, then the choices."""
     columns = _largest(found)
     width = max([len(stage) for stage in found.stage] + [6])
-    lines = [title, "", "About how much each refinement of a stage's wires would change the frequency that it changes most, relative:"]
-    lines.append(f"  {'':{width}}  " + "  ".join(columns) + "  first violin mode")
+    lines = [title, ""]
+    if found.stage:
+        lines.append("About how much each refinement of a stage's wires would change the frequency that it changes most, relative:")
+        lines.append(f"  {'':{width}}  " + "  ".join(columns) + "  first violin mode")
+    else:
+        lines.append("No stage hangs on wires.")
     for n, stage in enumerate(found.stage):
         cells = [f"{_shown(float(values[n])):>{len(name)}}" for name, values in columns.items()]
         lines.append(f"  {stage:{width}}  " + "  ".join(cells) + f"  {_hertz(float(found.violin[n])):>17}")

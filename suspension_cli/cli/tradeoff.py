@@ -76,7 +76,7 @@ def _demand_stable(source: Read) -> None:
 
     found = modes.solve(fidelity.linear_model(source.design, "string"))
     if not found.stable:
-        problem = f"the equilibrium is unstable: {found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
+        problem = f"the equilibrium is unstable on strings: {found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
         raise InputError([Fault("stage", problem, "make it stable (raise d, say): only then are there responses to compare")])
 
 
@@ -102,10 +102,12 @@ def _comparison(panel: Panel) -> dict[str, Any]:
 
 
 def _entry(panel: Panel, entry: Entry) -> dict[str, Any]:
+    from suspension_cli.cli import analyses
+
     return {
         "rung": entry.rung,
         "method": entry.method,
-        "error": dict(zip(panel.component, entry.error.tolist(), strict=True)),
+        "error": dict(zip(panel.component, analyses.plain(entry.error), strict=True)),
         "once_s": entry.once.tolist(),
         "batch_s": entry.batch.tolist(),
         "once_relative": entry.time("once") / panel.fastest("once"),

@@ -19,6 +19,8 @@ DEFAULT_GRID = {"k": "0.6:1.4:41", "mass": "0.9:1.1:41", "inertia": "0.9:1.1:41"
 OTHER_GRID = "-2e-3:2e-3:5"
 LEVELS = ("string", "beam", "violin")
 """Rungs that imperfect builds have; the first unless another is asked for."""
+MORE = {"beam": "bending of wires", "violin": "bending and mass of wires"}
+"""What rungs have that strings have not."""
 TOLD = 0.01
 """Share of the largest coupling from which it is a warning what strings leave out; imperfections are hardly known any better."""
 
@@ -125,8 +127,8 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
     bad = {reason: count for reason, count in answer.failures.items() if count}
     if bad:
         voice.warn("; ".join(f"{count} of {job.count} builds failed: {reason}" for reason, count in bad.items()))
-    if higher and choice.error > TOLD:
-        voice.warn(f"bending and mass of wires change these couplings by {100 * choice.error:.2g} % of the largest: --fidelity {higher} has them")
+    if higher and not choice.error <= TOLD:
+        voice.warn(f"{_changed(higher, choice.error)}: --fidelity {higher} has {'it' if higher == 'beam' else 'them'}")
     _warn_of_faint(question, answer, voice)
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import coupling as picture
@@ -149,12 +151,20 @@ def _weighed(job: Sweep, choice: Choice, setting: dict[str, Any]) -> tuple[Choic
     if choice.level != "string" or setting["fidelity"] != "auto":
         return choice, ""
     higher, error = rungs.coupling_error(job)
-    left = (
-        f"left out: bending and mass of wires ({error:.1g} of the largest coupling)"
-        if error >= 0
-        else "unknown, as wires lack material or cross-section: their bending"
-    )
+    if not higher:
+        left = "unknown, as wires lack material or cross-section: their bending"
+    elif math.isnan(error):
+        left = f"unknown, as not all builds at the ends of the axes hang both on string and on {higher}: {MORE[higher]}"
+    else:
+        left = f"left out: {MORE[higher]} ({error:.1g} of the largest coupling)"
     return replace(choice, error=error, reason=f"{choice.reason}; {left}"), higher
+
+
+def _changed(higher: str, error: float) -> str:
+    """What a higher rung changes of the couplings."""
+    if math.isnan(error):
+        return f"what the {MORE[higher]} would change of these couplings is not known, as not all builds at the ends of the axes hang on both rungs"
+    return f"{MORE[higher]} change{'s' if higher == 'beam' else ''} these couplings by {float(f'{100 * error:.2g}'):g} % of the largest"
 
 
 def _warn_of_faint(question: Question, answer: Any, voice: options.Voice) -> None:

@@ -208,7 +208,7 @@ def unsuited(design: Design) -> str:
     above = SUPPORT
     for stage in design.stage:
         if stage.wires is None:
-            return f"stage {stage.name} has explicit wires"
+            return f"stage {stage.name} has explicit wires" if stage.wire else f"stage {stage.name} hangs on no wires"
         if stage.hangs_from not in (None, above):
             return "it branches"
         if stage.spring:

@@ -144,7 +144,7 @@ IMPERFECT = (
             Method(rung, "rebuilt", imperfect.one(imperfect.on_rung(rung)), imperfect.batch(imperfect.on_rung(rung)), imperfect.fails(rung)) for rung in RUNGS
         ),
         views={},
-        unsuited=imperfect.uncoupled,
+        unsuited=imperfect.incomparable,
     ),
     Comparison(
         quantity="coupling",

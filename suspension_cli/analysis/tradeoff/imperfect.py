@@ -43,12 +43,28 @@ def no_wire(subject: Subject) -> str:
     return "" if subject.wire >= 0 else "the last stage hangs on no wire"
 
 
+def unhung(subject: Subject, rungs: tuple[str, ...] = ("string",)) -> str:
+    """Why builds with the least or the whole imperfection do not hang on a rung that holds for the design; empty if they do on all."""
+    least_and_most = shares()[[0, -1]]
+    for rung in rungs:
+        if not subject.unsuited[rung]:
+            status = builds.balance(spoilt(subject, least_and_most), subject.design, level=rung).status
+            if status.any():
+                return f"with the imperfection, on {rung}, {builds.STATUS[int(status.max())]}"
+    return ""
+
+
 def uncoupled(subject: Subject) -> str:
     """Why there is no coupling to compare; empty if there is."""
-    if no_wire(subject):
-        return no_wire(subject)
+    if no_wire(subject) or unhung(subject):
+        return no_wire(subject) or unhung(subject)
     size = float(np.abs(string_reference(subject))[0])
     return "" if size > FAINT else f"the imperfection couples nothing ({size:.0e} is rounding)"
+
+
+def incomparable(subject: Subject) -> str:
+    """Why there is no coupling to compare on all rungs; empty if there is."""
+    return uncoupled(subject) or unhung(subject, ("beam", "violin"))
 
 
 def fails(rung: str) -> Any:
@@ -146,6 +162,8 @@ def unbalanced(subject: Subject) -> str:
         return no_wire(subject)
     if subject.scene.springs.label:
         return "springs are not written down in 50 digits"
+    if unhung(subject):
+        return unhung(subject)
     return "" if balance.settled(spoilt(subject)) is not None else "its equilibrium is not unique to 50 digits (a body is free to turn)"
 
 
