@@ -12,6 +12,7 @@ import scenes
 from scipy.optimize import linear_sum_assignment
 
 from suspension_cli.analysis import auto, modes, response, thermal, wire_modes
+from suspension_cli.analysis.asked import NEAR, Frequencies, Transfer
 from suspension_cli.design.reader import read
 from suspension_cli.models import fidelity, wire_mass
 
@@ -28,14 +29,14 @@ def random_design(seed):
 
 
 def away(frequency, known):
-    return frequency[(np.abs(frequency[:, None] / known[known > 0] - 1) > 2 * auto.NEAR).all(1)]
+    return frequency[(np.abs(frequency[:, None] / known[known > 0] - 1) > 2 * NEAR).all(1)]
 
 
 @pytest.mark.parametrize("seed", range(24))
 def test_frequencies_of_modes(seed):
     """The modes of bodies on the rung taken against those with distributed wires; the estimate is not far off."""
     design = random_design(seed)
-    decision = auto.decide(design, lambda _: auto.Frequencies(), TOLERANCE)
+    decision = auto.decide(design, lambda _: Frequencies(), TOLERANCE)
     model = fidelity.linear_model(design, "violin")
     quick = modes.solve(decision.model)
     slow = wire_modes.solve(model, 1.2 * float(quick.frequency[-1]))
@@ -59,7 +60,7 @@ def test_responses(seed):
     base = fidelity.linear_model(design, "string")
     drive, motion = plants.drives(base, "support.x"), plants.motions(base, f"{base.body[-1]}.x")
     grid = np.geomspace(0.05, 20, 300)
-    decision = auto.decide(design, lambda _: auto.Transfer(drive, motion, grid), TOLERANCE)
+    decision = auto.decide(design, lambda _: Transfer(drive, motion, grid), TOLERANCE)
     truth = fidelity.linear_model(design, "violin")
     known = np.concatenate([modes.solve(model).frequency for model in (decision.model, truth)])
     frequency = away(grid, known)
@@ -88,7 +89,7 @@ def test_hairs_stay_strings():
     stage = {"name": "test", "body": {"mass": 5.0, "inertia": [0.02, 0.02, 0.02]}, "wires": wires}
     hair = {"youngs_modulus": 1e7, "poisson_ratio": 0.3, "density": 1.0}
     raw = {"design": {"name": "hairs"}, "materials": {"hair": hair}, "stage": [stage]}
-    decision = auto.decide(scenes.design_of(raw), lambda _: auto.Frequencies(), 1e-2)
+    decision = auto.decide(scenes.design_of(raw), lambda _: Frequencies(), 1e-2)
     assert decision.choice.level == "force"
     assert all(not item.taken for item in decision.refinements)
 
@@ -96,7 +97,7 @@ def test_hairs_stay_strings():
 def test_a_body_free_to_spin_needs_the_torsion_of_its_wire():
     """A string lets it spin; that mode is a torsion pendulum, however thin the wire."""
     stage = {"name": "test", "body": {"mass": 5.0, "inertia": [0.02] * 3}, "wires": {"count": 1, "l": 0.4, "d": 0.01, "material": "c70steel", "radius": 1e-4}}
-    decision = auto.decide(scenes.design_of({"design": {"name": "one"}, "stage": [stage]}), lambda _: auto.Frequencies(), 0.1)
+    decision = auto.decide(scenes.design_of({"design": {"name": "one"}, "stage": [stage]}), lambda _: Frequencies(), 0.1)
     assert decision.choice.level == "beam"
     assert (modes.solve(decision.model).frequency > 0).all()
 
@@ -131,7 +132,7 @@ def _clamped(stage):
 
 def test_a_tighter_tolerance_takes_more():
     design = random_design(4)
-    levels = [auto.decide(design, lambda _: auto.Frequencies(), tolerance).choice.level for tolerance in (0.3, 1e-3, 1e-9)]
+    levels = [auto.decide(design, lambda _: Frequencies(), tolerance).choice.level for tolerance in (0.3, 1e-3, 1e-9)]
     order = [fidelity.LEVELS.index(level) for level in levels]
     assert order == sorted(order)
     assert levels[-1] == "violin"
@@ -139,7 +140,7 @@ def test_a_tighter_tolerance_takes_more():
 
 def test_wires_of_unknown_section_are_told():
     raw = scenes.chain(np.random.default_rng(1), 1)
-    decision = auto.decide(scenes.design_of(raw), lambda _: auto.Frequencies(), 1e-3)
+    decision = auto.decide(scenes.design_of(raw), lambda _: Frequencies(), 1e-3)
     assert decision.choice.level == "force"
     assert np.isnan(decision.choice.error)
     assert "unknown" in decision.choice.reason
@@ -150,7 +151,7 @@ def test_what_the_rung_has_is_not_told_as_left_out():
     design = read(CONFIGS / "quadruple.toml").design
     base = fidelity.linear_model(design, "string")
     drive, motion = plants.drives(base, "support.x"), plants.motions(base, "test.x")
-    decision = auto.decide(design, lambda _: auto.Transfer(drive, motion, np.geomspace(0.1, 100, 50)), TOLERANCE)
+    decision = auto.decide(design, lambda _: Transfer(drive, motion, np.geomspace(0.1, 100, 50)), TOLERANCE)
     series = decision.refinements[0]
     assert (series.name, series.taken, decision.choice.level) == ("blades as coordinates", False, "violin")
     assert "left out" not in decision.choice.reason

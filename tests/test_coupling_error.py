@@ -103,3 +103,29 @@ def test_the_command_names_what_the_higher_rung_has(tmp_path):
     done = run("xcouple", str(design), "--sweep", "k=0.9:1.1:3,offset=-1e-3:1e-3:3", "--json", "--out", str(tmp_path))
     warned = next(line for line in done.stderr.splitlines() if "has it" in line)
     assert "bending of wires changes these couplings by" in warned and "mass" not in warned and "e+" not in warned
+
+
+GRID = "k=0.9:1.1:3,offset=-1e-3:1e-3:3"
+
+
+def test_a_tolerance_decides(tmp_path):
+    """Without one the sweep is on strings; with one, on what keeps to it."""
+    design = CONFIGS / "geo-silica-triple.toml"
+    loose, close, asked = (
+        json.loads(run("xcouple", design, "--sweep", GRID, "--json", "--out", tmp_path, *words).stdout)
+        for words in (("--tolerance", "1"), ("--tolerance", "0.05"), ("--fidelity", "violin"))
+    )
+    assert (loose["fidelity"], close["fidelity"]) == ("string", "violin")
+    assert 0.05 < loose["estimated_error"] < 1.0 and close["estimated_error"] == 0.0
+    assert close["ratio_real"] == asked["ratio_real"] and close["ratio_imag"] == asked["ratio_imag"]
+    old, new = (np.array(one["ratio_real"]) + 1j * np.array(one["ratio_imag"]) for one in (loose, close))
+    assert np.abs(old - new).max() / np.abs(new).max() == pytest.approx(loose["estimated_error"], rel=0.3)
+
+
+def test_the_matrix_tells_too(tmp_path):
+    design = CONFIGS / "imperfect.toml"
+    plain, close = (json.loads(run("xcouple", design, "--matrix", "--json", "--out", tmp_path, *words).stdout) for words in ((), ("--tolerance", "1e-4")))
+    assert plain["fidelity"] == "string" and plain["estimated_error"] > 1e-4
+    assert close["fidelity"] == "violin" and close["estimated_error"] == 0.0
+    exact = json.loads(run("xcouple", design, "--matrix", "--json", "--out", tmp_path, "--fidelity", "violin").stdout)
+    assert close["matrix_real"] == exact["matrix_real"]

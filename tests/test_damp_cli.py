@@ -32,7 +32,7 @@ def done(tmp_path_factory):
     """The file, the JSON and the results of one run."""
     folder = tmp_path_factory.mktemp("damp")
     file = written(folder, damped(), "triple.toml")
-    result = run("damp", file, "--json", "--out", folder / "out", "--frequency", "0.1:50:101", "--duration", "20")
+    result = run("damp", file, "--json", "--out", folder / "out", "--frequency", "0.1:50:101", "--duration", "20", "--fidelity", "force")
     assert result.exit_code == 0, result.stderr
     with open_results(folder / "out" / "triple-damp.h5") as results:
         return strict_json(result.stdout), files.load(results["damp"]), folder / "out" / "triple-damp.h5"
@@ -43,6 +43,7 @@ def test_json(done):
     assert [entry.name for entry in path.parent.iterdir()] == ["triple-damp.h5"]
     assert list(answer) == [
         "command", "design", "fidelity", "stable", "output", "impulse", "poles", "margins", "frequency_hz", "sensor_noise_asd",
+        "estimated_error",
     ]  # fmt: skip
     assert (answer["command"], answer["design"], answer["fidelity"], answer["stable"]) == ("damp", "triple", "force", True)
     assert (answer["output"], answer["impulse"]) == ("test.x", "test.force_x")

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import scenes
 
-from suspension_cli.analysis import auto, modes
+from suspension_cli.analysis import modes
+from suspension_cli.analysis.asked import Frequencies
 from suspension_cli.analysis.estimates import estimates
 from suspension_cli.mechanics import distributed
 from suspension_cli.models import fidelity
@@ -84,11 +85,11 @@ def test_small_changes_are_estimated_within_a_factor_of_three(seed, effective):
     string, beam, violin = (fidelity.linear_model(design, level) for level in ("string", "beam", "violin"))
     weighed = estimates(design, modes.solve(string))
     bending, mass = weighed.bending.sum(1).max(), weighed.mass.sum(1).max()
-    asked = auto.Frequencies()
+    asked = Frequencies()
     if bending < 0.03:
-        assert 1 / 3.5 < asked.change(string, beam) / bending < 3.5
+        assert 1 / 3.5 < asked.change(string, beam)[0] / bending < 3.5
     if mass < 0.03:
-        assert 1 / 3.5 < asked.change(beam, violin) / mass < 3.5
+        assert 1 / 3.5 < asked.change(beam, violin)[0] / mass < 3.5
 
 
 def test_light_models_gain_mass_without_being_built_anew():

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analysis import auto, loads, modes, response, statics, wire_modes
-from suspension_cli.analysis.auto import Asked
+from suspension_cli.analysis.asked import Asked, Frequencies, Transfer
 from suspension_cli.analysis.families import Families
 from suspension_cli.analysis.loads import Part
 from suspension_cli.analysis.modes import Modes
@@ -70,7 +70,7 @@ def of(text: str, quantities: tuple[Quantity, ...], families: Families, level: s
         Which of some modes (with their mass matrix) each mode of the starting design has become; -1 where there is no telling.
     """
     design = reader.parse(text)
-    choice, model = _built(design, lambda _: auto.Frequencies(), level)
+    choice, model = _built(design, lambda _: Frequencies(), level)
     found = modes.solve(model)
     if choice.level == "violin":
         found = _of_bodies(wire_modes.solve(model, float(np.nanmax(found.frequency))))  # the mass of wires lowers all frequencies
@@ -117,7 +117,7 @@ def _response(design: Design, item: OfResponse, level: str) -> float:
     outputs = [item.ratio.over] + ([] if item.ratio.under is None else [item.ratio.under])
     inputs, frequency = [item.ratio.input], np.array([item.ratio.frequency])
     built = with_imperfections(design, item.perturbation)
-    _, model = _built(built, lambda _: auto.Transfer(inputs, outputs, frequency), level)
+    _, model = _built(built, lambda _: Transfer(inputs, outputs, frequency), level)
     size = np.abs(response.solve(model, frequency, inputs, outputs).value[0, :, 0])
     return float(size[0] if len(size) == 1 else size[0] / size[1] if size[0] else 0.0)
 

@@ -72,12 +72,12 @@ TOLERANCE_LOSSY = 1e-2
 """The same with loss angles, which no finite state space has: modes get the viscous damping that gives them the same Q."""
 
 
-def build(model: LinearModel, inputs: list[Signal], outputs: list[Signal], *, zpk: bool = False) -> Exported:
-    """The system from inputs to outputs, measured against the direct solution."""
+def build(model: LinearModel, inputs: list[Signal], outputs: list[Signal], direct: LinearModel | None = None, *, zpk: bool = False) -> Exported:
+    """The system from inputs to outputs of a model with constant matrices, measured against the direct solution (of the model itself, if of no other)."""
     system = statespace.build(model, inputs, outputs)
     form = zero_pole_gain(system) if zpk else None
     tolerance = TOLERANCE_LOSSY if model.lossy is not None else TOLERANCE_ZPK if zpk else TOLERANCE
-    low, high, worst = statespace.band(form or system, model, inputs, outputs, tolerance)
+    low, high, worst = statespace.band(form or system, direct or model, inputs, outputs, tolerance)
     return Exported(system, form, (low, high), tolerance, worst)
 
 

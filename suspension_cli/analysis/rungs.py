@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,11 +13,16 @@ from suspension_cli.analysis.modes import Modes
 from suspension_cli.design import fibres, reader
 from suspension_cli.design.schema import Design
 from suspension_cli.models import fidelity, force
+from suspension_cli.models.fidelity import Choice
 
 PROBED = 3
 """Axes of a sweep at both ends of which rungs are compared, so 2 to this power of its builds."""
 FREQUENCIES = 12
 """At how many frequencies."""
+EDGE = 0.8
+"""Share of a tolerance that strings may be seen to leave out there."""
+MORE = {"beam": "bending of wires", "violin": "bending and mass of wires"}
+"""What rungs have that strings have not."""
 
 
 @dataclass(frozen=True)
@@ -93,3 +99,34 @@ def coupling_error(job: Sweep) -> tuple[str, float]:
     if largest == 0:
         return rung, 0.0 if change == 0 else float("inf")
     return rung, change / largest
+
+
+def weighed(job: Sweep, choice: Choice, tolerance: float | None) -> tuple[Sweep, Choice, str]:
+    """A sweep on strings, or on the rung that a tolerance asks for, with what that leaves out.
+
+    Parameters
+    ----------
+    job : Sweep
+    choice : Choice
+        Of `string`.
+    tolerance : float or None
+        Of the largest coupling; None takes strings whatever they leave out.
+
+    Returns
+    -------
+    job : Sweep
+    choice : Choice
+    higher : str
+        The rung that has what strings leave out; "" if the design does not say enough for one.
+    """
+    higher, error = coupling_error(job)
+    if higher and tolerance is not None and error > EDGE * tolerance:
+        reason = f"for {MORE[higher]} ({error:.1g} of the largest coupling); tolerance {tolerance:g}"
+        return replace(job, level=higher), Choice(higher, reason, 0.0 if higher == "violin" else math.nan), higher
+    if not higher:
+        left = "unknown, as wires lack material or cross-section: their bending"
+    elif math.isnan(error):
+        left = f"unknown, as not all builds at the ends of the axes hang both on string and on {higher}: {MORE[higher]}"
+    else:
+        left = f"left out: {MORE[higher]} ({error:.1g} of the largest coupling)"
+    return job, replace(choice, error=error, reason=f"{choice.reason}; {left}"), higher

@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import limits, options
+from suspension_cli.cli import options
 
 if TYPE_CHECKING:
-    from suspension_cli.analysis.auto import Asked
     from suspension_cli.analysis.coupling import Question
     from suspension_cli.design.schema import Design
     from suspension_cli.mechanics.model import LinearModel
     from suspension_cli.models.fidelity import Choice
     from suspension_cli.results import Provenance
-
-    Asker = Callable[[LinearModel], Asked]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,93 +50,6 @@ def prepared(ctx: click.Context, file: str, overrides: tuple[str, ...], extra: t
     return Read(source.design, source.text, source.file), options.with_analysis_table(ctx, table, source.file, extra)
 
 
-def modelled(
-    source: Read,
-    fidelity: str,
-    allow_unstable: bool,
-    voice: options.Voice,
-    *,
-    asked: Asker | None = None,
-    tolerance: float = options.TOLERANCE,
-    rungs: tuple[str, ...] = (),
-    rational: bool = False,
-) -> tuple[Choice, LinearModel]:
-    """The linear model on the rung that what is asked for needs; one with constant matrices if it must be `rational`.
-
-    `rungs` are those that imperfect builds have, the first of which is taken unless another is asked for.
-
-    Raises
-    ------
-    InputError
-        If the equilibrium is unstable and that is not allowed, or a rung is asked for that does not hold.
-    """
-    from suspension_cli.analysis import auto
-    from suspension_cli.errors import Fault, InputError, shown
-    from suspension_cli.models import fidelity as ladder
-
-    if rungs and fidelity not in ("auto", *rungs):
-        others = ", ".join(("auto", *rungs[:-1]))
-        raise InputError([Fault("--fidelity", "does not hold for imperfect builds", f"take {others} or {rungs[-1]}", shown(fidelity))])
-    if rational and fidelity == "violin":
-        problem = "does not hold here: wires with mass have no state space of finite order"
-        raise InputError([Fault("--fidelity", problem, "take beam, which holds below the first violin mode", shown(fidelity))])
-    model = None
-    if asked is not None and fidelity == "auto":
-        decision = auto.decide(source.design, asked, tolerance)
-        choice, model = decision.choice, decision.model
-    else:
-        choice = ladder.choose(source.design, fidelity)
-        if rungs and choice.level not in rungs[1:]:
-            choice = ladder.Choice(rungs[0], f"general {rungs[0]} model, as imperfect builds need it")
-    return choice, stood(source, choice, allow_unstable, voice, model, rational=rational, bends=not rungs or "beam" in rungs)
-
-
-def stood(
-    source: Read, choice: Choice, allow_unstable: bool, voice: options.Voice, model: LinearModel | None = None, *, rational: bool = False, bends: bool = False
-) -> LinearModel:
-    """The linear model on a rung, if its equilibrium is stable or may be unstable; with constant matrices if it must be `rational`.
-
-    `bends` says that ``beam`` may be asked for, which is told of where only strings fall over.
-
-    Raises
-    ------
-    InputError
-        If it is unstable and that is not allowed.
-    """
-    from suspension_cli.analysis import modes
-    from suspension_cli.errors import Fault, InputError
-    from suspension_cli.models import fidelity as ladder
-
-    model = ladder.linear_model(source.design, choice.level) if model is None else model
-    if rational and model.terms:
-        model = dataclasses.replace(model, terms=())
-        voice.say(f"{source.design.design.name}: losses that depend on frequency are left out, as no state space has them")
-    voice.detail(f"{source.design.design.name}: {choice.level}: {choice.reason}; balanced to {model.residual:.0e} of the weight")
-    found = modes.solve(dataclasses.replace(model, terms=()))
-    if not found.stable:
-        worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
-        if not allow_unstable:
-            way = "take --fidelity beam, whose wires hold it by bending," if bends and _held(source, choice) else "make it stable (raise d, say),"
-            raise InputError([Fault("stage", f"the equilibrium is unstable: {worst}", f"{way} or give --allow-unstable")])
-        voice.warn(f"{source.design.design.name} is unstable: {worst}")
-    limits.warn(source.design, model, found, voice)
-    return model
-
-
-def _held(source: Read, choice: Choice) -> bool:
-    """Whether wires that bend make a design stable that is not on strings."""
-    from suspension_cli.analysis import modes
-    from suspension_cli.errors import InputError
-    from suspension_cli.models import fidelity as ladder
-
-    if choice.level in ("beam", "violin") or ladder.unsuited(source.design, "beam"):
-        return False
-    try:
-        return modes.solve(ladder.linear_model(source.design, "beam")).stable
-    except InputError:  # it does not balance there
-        return False
-
-
 def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
     """What a results file says of where it comes from."""
     from suspension_cli.results import Provenance
@@ -148,32 +57,11 @@ def provenance(source: Read, choice: Choice, argv: list[str]) -> Provenance:
     return Provenance(source.text, options.command_line(argv), choice.level, choice.reason, error=choice.error)
 
 
-def differentiable(setting: dict[str, Any], file: str) -> Choice:
-    """The rung that has exact derivatives.
-
-    Raises
-    ------
-    InputError
-        If another is asked for.
-    """
-    from suspension_cli.errors import Fault, InputError, shown
-    from suspension_cli.models.fidelity import Choice
-
-    if setting["fidelity"] not in ("auto", "string"):
-        raise InputError([Fault("--fidelity", "has no derivatives", "take auto or string", shown(setting["fidelity"]))], file)
-    return Choice("string", "general string model, whose derivatives are exact")
-
-
 def plain(values: Any) -> Any:
     """Numbers for JSON, as lists like their arrays: null for those that are not finite."""
     import numpy as np
 
     return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def estimate(choice: Choice) -> float | None:
-    """The estimated relative error of a rung, for JSON."""
-    return choice.error if math.isfinite(choice.error) else None
 
 
 def draw(figure: Any, path: Path, voice: options.Voice) -> None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 @click.option("--duration", type=click.FloatRange(1e-3, 1e6), default=60.0, show_default=True, help="Of the impulse response, s.")
 @click.option("--frequency", default="0.1:100:2000", show_default=True, metavar="GRID", help="For gains and noise, Hz.")
 @options.allow_unstable
+@options.tolerance
 @options.analysis
 @click.pass_context
 def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
@@ -32,8 +33,9 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     import numpy as np
 
     from suspension_cli.analysis import damp
+    from suspension_cli.analysis.rational import rational
     from suspension_cli.analysis.signals import FORCES
-    from suspension_cli.cli import analyses
+    from suspension_cli.cli import analyses, rung
     from suspension_cli.conventions import DOFS
     from suspension_cli.grids import grid
     from suspension_cli.results import damp as files
@@ -41,7 +43,9 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, rational=True)
+        decision = rung.constant(source, setting["fidelity"], setting["tolerance"])
+        choice = decision.choice
+        model = rational(rung.stood(source, choice, setting["allow_unstable"], voice, decision.model, bends=True))
         output = setting["output"] or f"{model.body[-1]}.x"
         body, dof = output.partition("@")[0].rpartition(".")[::2]
         push: str = setting["impulse"] or (f"{body}.{FORCES[DOFS.index(dof)]}" if dof in DOFS and body in model.body else "support.x")
@@ -66,6 +70,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
 def document(name: str, choice: Choice, answer: Damped) -> dict[str, Any]:
     """The JSON document."""
+    from suspension_cli.cli import rung
+
     poles = [
         {"frequency_hz": float(f), "q": _finite(q), "real_per_s": float(p.real), "imag_per_s": float(p.imag), "state": state}
         for f, q, p, state in zip(answer.closed.frequency, answer.closed.q, answer.closed.value, answer.closed.state, strict=True)
@@ -73,7 +79,8 @@ def document(name: str, choice: Choice, answer: Damped) -> dict[str, Any]:
     margins = [{"loop": loop} | {key: _finite(value) for key, value in vars(margin).items()} for loop, margin in zip(answer.loop, answer.margin, strict=True)]
     head = {"command": "damp", "design": name, "fidelity": choice.level, "stable": answer.stable, "output": answer.output, "impulse": answer.drive}
     noise = (answer.noise**2).sum(1) ** 0.5
-    return head | {"poles": poles, "margins": margins, "frequency_hz": answer.frequency.tolist(), "sensor_noise_asd": noise.tolist()}
+    head |= {"poles": poles, "margins": margins, "frequency_hz": answer.frequency.tolist(), "sensor_noise_asd": noise.tolist()}
+    return head | {"estimated_error": rung.estimate(choice)}
 
 
 def _finite(value: float) -> float | None:

@@ -13,6 +13,7 @@ from suspension_cli.cli import options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.export import Exported
+    from suspension_cli.models.fidelity import Choice
 
 FORMATS = ("mat", "npz", "hdf5", "zpk", "control")
 SUFFIX = {"mat": ".mat", "npz": ".npz", "hdf5": ".h5", "zpk": "-zpk.h5", "control": "-control.json"}
@@ -30,6 +31,7 @@ SUFFIX = {"mat": ".mat", "npz": ".npz", "hdf5": ".h5", "zpk": "-zpk.h5", "contro
 @options.overrides
 @options.out
 @options.fidelity
+@options.tolerance
 @options.as_json_only
 @options.quiet
 @options.verbose
@@ -41,21 +43,25 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     and stands in its metadata.
     """
     from suspension_cli.analysis import export, signals
-    from suspension_cli.cli import analyses
+    from suspension_cli.analysis.rational import rational
+    from suspension_cli.cli import analyses, rung
     from suspension_cli.results import export as files
 
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, rational=True)
+        decision = rung.constant(source, setting["fidelity"], setting["tolerance"])
+        choice = decision.choice
+        direct = rung.stood(source, choice, setting["allow_unstable"], voice, decision.model, bends=True)
+        model = rational(direct)
         lossy = model.lossy is not None
         if not setting["loss"]:
-            model = dataclasses.replace(model, lossy=None)
+            model = direct = dataclasses.replace(model, lossy=None)
         known = signals.bodies(model)
         drives, motions = signals.everything(model)
         inputs = [signals.drive(text, known) for text in setting["inputs"] or drives]
         outputs = [signals.motion(text, known) for text in setting["outputs"] or motions]
-        made = export.build(model, inputs, outputs, zpk=setting["form"] == "zpk")
+        made = export.build(model, inputs, outputs, direct, zpk=setting["form"] == "zpk")
     path = options.folder(out) / f"{source.design.design.name}-statespace{SUFFIX[setting['form']]}"
     files.save(path, setting["form"], made, analyses.provenance(source, choice, sys.argv))
     voice.say(f"wrote {path}")
@@ -66,7 +72,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     if as_json:
         import json
 
-        click.echo(json.dumps(document(source.design.design.name, choice.level, setting["form"], str(path), made)))
+        click.echo(json.dumps(document(source.design.design.name, choice, setting["form"], str(path), made)))
     else:
         click.echo(
             f"{choice.level}: {choice.reason}\n{len(made.system.state)} states, {len(made.system.input)} inputs, {len(made.system.output)} outputs; "
@@ -75,10 +81,12 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         )
 
 
-def document(name: str, level: str, form: str, path: str, made: Exported) -> dict[str, Any]:
+def document(name: str, choice: Choice, form: str, path: str, made: Exported) -> dict[str, Any]:
     """The JSON document."""
+    from suspension_cli.cli import rung
+
     system = made.system
-    head = {"command": "export", "design": name, "fidelity": level, "format": form, "file": path}
+    head = {"command": "export", "design": name, "fidelity": choice.level, "format": form, "file": path}
     return head | {
         "state": list(system.state),
         "input": list(system.input),
@@ -86,4 +94,5 @@ def document(name: str, level: str, form: str, path: str, made: Exported) -> dic
         "band_hz": list(made.band),
         "tolerance": made.tolerance,
         "worst_error": made.worst if math.isfinite(made.worst) else None,
+        "estimated_error": rung.estimate(choice),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -48,7 +49,7 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
 
     voice = options.Voice(quiet, verbose)
     given = measurements.read(files[-1])
-    sources, setting, choice = _designs(ctx, files, given, overrides)
+    sources, setting, choice = _designs(ctx, files, given, overrides, voice)
     try:
         with Bar(enabled=not quiet) as bar:
             how: dict[str, Any] = {"starts": setting["starts"], "seed": setting["seed"], "tell": bar}
@@ -76,16 +77,18 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     if as_json:
         import json
 
-        click.echo(json.dumps(document(name, [source.file for source in sources], found)))
+        click.echo(json.dumps(document(name, [source.file for source in sources], choice, found)))
     else:
         click.echo("\n".join(table(found)))
 
 
-def _designs(ctx: click.Context, files: tuple[str, ...], given: Measured, overrides: tuple[str, ...]) -> tuple[list[Read], dict[str, Any], Choice]:
-    """The designs that were measured, the options (of the first, where defaults stand in the designs), and the rung."""
+def _designs(
+    ctx: click.Context, files: tuple[str, ...], given: Measured, overrides: tuple[str, ...], voice: options.Voice
+) -> tuple[list[Read], dict[str, Any], Choice]:
+    """The designs that were measured, the options (of the first, where defaults stand in the designs), and the rung with its largest error."""
     from pathlib import Path
 
-    from suspension_cli.cli import analyses
+    from suspension_cli.cli import analyses, rung
     from suspension_cli.errors import Fault, InputError, joined, shown
 
     if given.experiment is None:
@@ -110,12 +113,33 @@ def _designs(ctx: click.Context, files: tuple[str, ...], given: Measured, overri
             bad[str(told)] = told
     if bad:
         raise joined(list(bad.values()))
-    choices = [analyses.differentiable(setting, source.file) for source, setting in read]
-    return [source for source, _ in read], read[0][1], choices[0]
+    sources = [source for source, _ in read]
+    seen = [given.mode] if given.experiment is None else [item.mode for item in given.experiment]
+    choices = []
+    for (source, setting), measured in zip(read, seen, strict=True):
+        with source.faults():
+            decision = rung.differentiable(setting, source, _asker({mode.label for mode in measured or ()}))
+        choices.append(decision.choice)
+        rung.tell(source, decision, voice)
+    return sources, read[0][1], max(choices, key=lambda choice: -1.0 if math.isnan(choice.error) else choice.error)
 
 
-def document(name: str, files: list[str], found: Fit) -> dict[str, Any]:
+def _asker(labels: set[str | None]) -> Any:
+    """The modes of these labels; all if some have none."""
+    from suspension_cli.analysis import modes, scalars
+    from suspension_cli.analysis.asked import Several
+
+    def asked(model: Any) -> Several:
+        found = modes.solve(model)
+        every = tuple(scalars.Mode(name, n) for n, name in enumerate(scalars.labels(found)))
+        return Several(every if None in labels else tuple(mode for mode in every if mode.text in labels) or every, found)
+
+    return asked
+
+
+def document(name: str, files: list[str], choice: Choice, found: Fit) -> dict[str, Any]:
     """The JSON document; null for an uncertainty that is infinite or that of a number at its bound."""
+    from suspension_cli.cli import rung
     from suspension_cli.cli.analyses import plain
 
     who = found.experiment
@@ -137,7 +161,7 @@ def document(name: str, files: list[str], found: Fit) -> dict[str, Any]:
     return {
         "command": "fit",
         "design": name,
-        "fidelity": "string",
+        "fidelity": choice.level,
         "experiments": [{"name": experiment, "design": file} for experiment, file in zip(who, files, strict=True)],
         "parameters": learned,
         "covariance": plain(found.covariance),
@@ -147,6 +171,7 @@ def document(name: str, files: list[str], found: Fit) -> dict[str, Any]:
         "degrees_of_freedom": found.freedom,
         "singular_values": found.singular.tolist(),
         "directions": found.direction.tolist(),
+        "estimated_error": rung.estimate(choice),
     }
 
 

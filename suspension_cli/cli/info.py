@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import analyses, options
+from suspension_cli.cli import analyses, options, rung
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.auto import Decision
@@ -45,6 +45,7 @@ def _weighed(source: analyses.Read, setting: dict[str, Any]) -> tuple[Estimates,
     import numpy as np
 
     from suspension_cli.analysis import auto, modes, signals
+    from suspension_cli.analysis.asked import Frequencies, Transfer
     from suspension_cli.analysis.estimates import estimates
     from suspension_cli.design.fibres import unsuited
     from suspension_cli.grids import grid
@@ -54,13 +55,13 @@ def _weighed(source: analyses.Read, setting: dict[str, Any]) -> tuple[Estimates,
     frequency = np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0))
     output = setting["output"] or f"{design.stage[-1].name}.x"
 
-    def transfer(model: Any) -> auto.Transfer:
+    def transfer(model: Any) -> Transfer:
         known = signals.bodies(model)
-        return auto.Transfer([signals.drive(setting["drive"], known)], [signals.motion(output, known)], frequency)
+        return Transfer([signals.drive(setting["drive"], known)], [signals.motion(output, known)], frequency)
 
     span = f"{frequency.min():g} to {frequency.max():g} Hz"
     decisions = {
-        "frequencies of the modes": auto.decide(design, lambda _: auto.Frequencies(), tolerance),
+        "frequencies of the modes": auto.decide(design, lambda _: Frequencies(), tolerance),
         f"{output} / {setting['drive']}, {span}": auto.decide(design, transfer, tolerance),
     }
     noise = None
@@ -76,7 +77,7 @@ def document(name: str, tolerance: float, found: Estimates, decisions: dict[str,
         {
             "quantity": quantity,
             "fidelity": decision.choice.level,
-            "estimated_error": analyses.estimate(decision.choice),
+            "estimated_error": rung.estimate(decision.choice),
             "reason": decision.choice.reason,
             "refinements": [
                 {"name": item.name, "indicator": _finite(item.indicator), "stage": item.stage, "change": item.change, "taken": item.taken}
@@ -87,9 +88,7 @@ def document(name: str, tolerance: float, found: Estimates, decisions: dict[str,
     ]
     if noise is not None:
         quantity, choice = noise
-        choices.append(
-            {"quantity": quantity, "fidelity": choice.level, "estimated_error": analyses.estimate(choice), "reason": choice.reason, "refinements": []}
-        )
+        choices.append({"quantity": quantity, "fidelity": choice.level, "estimated_error": rung.estimate(choice), "reason": choice.reason, "refinements": []})
     indicators = [
         {"stage": stage, "refinement": name, "value": _finite(float(values[n]))}
         for n, stage in enumerate(found.stage)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import analyses, limits, options
+from suspension_cli.cli import analyses, limits, options, rung
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.modes import Modes
@@ -95,25 +95,25 @@ def _solve(source: Source, setting: dict[str, Any]) -> tuple[Choice, Modes]:
     import numpy as np
 
     from suspension_cli.analysis import auto, modes, wire_modes
+    from suspension_cli.analysis.asked import Frequencies
     from suspension_cli.errors import InputError
     from suspension_cli.models import fidelity as ladder
 
     highest, level = setting["max_frequency"], setting["fidelity"]
     try:
         if highest is None and level == "auto":
-            decision = auto.decide(source.design, lambda _: auto.Frequencies(), setting["tolerance"])
+            decision = auto.decide(source.design, lambda _: Frequencies(), setting["tolerance"])
             found = modes.solve(decision.model)
             if decision.choice.level != "violin":
                 return decision.choice, found
             # the mass of wires lowers all frequencies: those of the bodies lie below the highest one without it
             return decision.choice, wire_modes.solve(decision.model, float(np.nanmax(found.frequency)))
-        choice = ladder.choose(source.design, "violin" if level == "auto" else level)
-        model = ladder.linear_model(source.design, choice.level)
-        if choice.level != "violin":
-            found = modes.solve(model)
-            return choice, found if highest is None else found.up_to(highest)
+        decision = auto.left_out(source.design, ladder.choose(source.design, "violin" if level == "auto" else level), lambda _: Frequencies())
+        if decision.choice.level != "violin":
+            found = modes.solve(decision.model)
+            return decision.choice, found if highest is None else found.up_to(highest)
         highest = HIGHEST if highest is None else highest
-        return ladder.Choice("violin", f"wires with their mass, all modes up to {highest:g} Hz"), wire_modes.solve(model, highest)
+        return ladder.Choice("violin", f"wires with their mass, all modes up to {highest:g} Hz", 0.0), wire_modes.solve(decision.model, highest)
     except InputError as error:
         raise error.in_file(source.file) from None
 
@@ -156,9 +156,7 @@ def document(name: str, choice: Choice, modes: Modes) -> dict[str, Any]:
             row["growth_rate_per_s"] = float(modes.growth_rate[n])
         share = {"label": labels[n], "share": float(modes.shares[n].max()), "top_mass_share": float(modes.top_share[n]), "verdict": verdicts[n]}
         rows.append(row | share)
-    return {"command": "modes", "design": name, "fidelity": choice.level, "stable": modes.stable, "modes": rows} | {
-        "estimated_error": analyses.estimate(choice)
-    }
+    return {"command": "modes", "design": name, "fidelity": choice.level, "stable": modes.stable, "modes": rows} | {"estimated_error": rung.estimate(choice)}
 
 
 def table(source: Source, choice: Choice, modes: Modes) -> str:

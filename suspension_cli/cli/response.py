@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import analyses, options
+from suspension_cli.cli import analyses, options, rung
 
 if TYPE_CHECKING:
-    from suspension_cli.analysis.auto import Transfer
+    from suspension_cli.analysis.asked import Transfer
     from suspension_cli.analysis.response import Response
     from suspension_cli.mechanics.model import LinearModel
     from suspension_cli.models.fidelity import Choice
@@ -44,7 +44,9 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
         asker = partial(_asked, setting=setting)
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, asked=asker, tolerance=setting["tolerance"])
+        decision = rung.weighed(source, setting["fidelity"], asker, setting["tolerance"])
+        choice = decision.choice
+        model = rung.stood(source, choice, setting["allow_unstable"], voice, decision.model, bends=True)
         answer = _solved(model, setting)
     path = options.folder(out) / f"{source.design.design.name}-response.h5"
     origin = analyses.provenance(source, choice, sys.argv)
@@ -67,7 +69,7 @@ def _asked(model: LinearModel, setting: dict[str, Any]) -> Transfer:
     import numpy as np
 
     from suspension_cli.analysis import signals
-    from suspension_cli.analysis.auto import Transfer
+    from suspension_cli.analysis.asked import Transfer
     from suspension_cli.grids import grid
 
     bodies = (*signals.bodies(model),)
@@ -91,7 +93,7 @@ def document(name: str, choice: Choice, answer: Response) -> dict[str, Any]:
         for i, into in enumerate(answer.input)
     ]
     head = {"command": "response", "design": name, "fidelity": choice.level, "frequency_hz": answer.frequency.tolist()}
-    return head | (pairs[0] if len(pairs) == 1 else {"responses": pairs}) | {"estimated_error": analyses.estimate(choice)}
+    return head | (pairs[0] if len(pairs) == 1 else {"responses": pairs}) | {"estimated_error": rung.estimate(choice)}
 
 
 def summary(answer: Response, choice: Any) -> str:

@@ -11,6 +11,7 @@ from suspension_cli.cli import options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.sensitivity import Sensitivity
+    from suspension_cli.models.fidelity import Choice
 
 ACROSS = 8
 """Columns of one table."""
@@ -30,16 +31,18 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     Exact first derivatives, the change of the equilibrium included.  Writes DIR/NAME-sensitivity.h5 and .png.
     """
     from suspension_cli.analysis import modes, scalars, sensitivity, signals
-    from suspension_cli.cli import analyses
+    from suspension_cli.cli import analyses, rung
     from suspension_cli.results import sensitivity as files
 
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice = analyses.differentiable(setting, source.file)
-        model = analyses.stood(source, choice, setting["allow_unstable"], voice)
+        decision = rung.differentiable(setting, source, rung.several(setting["result"]))
+        choice = decision.choice
+        model = rung.stood(source, choice, setting["allow_unstable"], voice, decision.model)
         asked = scalars.parse(list(setting["result"]) or [scalars.ALL], modes.solve(model), signals.bodies(model))
         found = sensitivity.solve(source.text, asked)
+    rung.tell(source, decision, voice)
     path = options.folder(out) / f"{source.design.design.name}-sensitivity.h5"
     files.save(path, found, analyses.provenance(source, choice, sys.argv))
     voice.say(f"wrote {path}")
@@ -53,19 +56,26 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     if as_json:
         import json
 
-        click.echo(json.dumps(document(source.design.design.name, choice.level, found)))
+        click.echo(json.dumps(document(source.design.design.name, choice, found)))
     else:
         click.echo("\n".join([f"{choice.level}: {choice.reason}", *table(found)]))
 
 
-def document(name: str, level: str, found: Sensitivity) -> dict[str, Any]:
+def document(name: str, choice: Choice, found: Sensitivity) -> dict[str, Any]:
     """The JSON document: parameters first; null where there is no derivative."""
+    from suspension_cli.cli import rung
     from suspension_cli.cli.analyses import plain
 
     numbers = [{"name": n, "value": float(v), "free": bool(f)} for n, v, f in zip(found.parameter, found.value, found.free, strict=True)]
     results = [{"name": n, "unit": u, "nominal": plain(v)} for n, u, v in zip(found.result, found.unit, found.nominal, strict=True)]
-    head = {"command": "sensitivity", "design": name, "fidelity": level, "parameters": numbers, "results": results}
-    return head | {"derivative": plain(found.derivative), "one_percent": plain(found.one_percent)}
+    head = {"command": "sensitivity", "design": name, "fidelity": choice.level}
+    return head | {
+        "parameters": numbers,
+        "results": results,
+        "derivative": plain(found.derivative),
+        "one_percent": plain(found.one_percent),
+        "estimated_error": rung.estimate(choice),
+    }
 
 
 def table(found: Sensitivity) -> list[str]:

@@ -10,6 +10,7 @@ from suspension_cli.cli import options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.coupling import Axis
+    from suspension_cli.models.fidelity import Choice
     from suspension_cli.results.sweep import Swept
 
 ALIKE = 0.4
@@ -31,9 +32,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     """
     from suspension_cli.analysis import modes, scalars, signals
     from suspension_cli.analysis.sweep import ParameterSweep
-    from suspension_cli.cli import analyses
+    from suspension_cli.cli import analyses, rung
     from suspension_cli.errors import Fault, InputError, shown
-    from suspension_cli.models import fidelity
     from suspension_cli.results import sweep as files
 
     voice = options.Voice(quiet, verbose)
@@ -44,12 +44,13 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
             raise InputError(
                 [Fault("--fidelity", "does not go through sweeps, whose wires are strings", "take auto, string or force", shown(setting["fidelity"]))]
             )
-        choice = fidelity.choose(source.design, setting["fidelity"])
-        model = fidelity.linear_model(source.design, choice.level)
+        decision = rung.weighed(source, setting["fidelity"], rung.several(setting["result"]), top="string")
+        choice, model = decision.choice, decision.model
         asked = scalars.parse(list(setting["result"]) or [scalars.ALL], modes.solve(model), signals.bodies(model))
         job = ParameterSweep(source.text, over, choice.level, asked, setting["allow_unstable"])
         job.check()
     voice.detail(f"{source.design.design.name}: {choice.level}: {choice.reason}")
+    rung.tell(source, decision, voice)
     path = options.folder(out) / f"{source.design.design.name}-sweep.h5"
     fill, after = lambda group: files.fill(group, job, model), lambda part: files.complete(part, job)
     with source.faults():
@@ -66,7 +67,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     if as_json:
         import json
 
-        click.echo(json.dumps(document(source.design.design.name, choice.level, answer)))
+        click.echo(json.dumps(document(source.design.design.name, choice, answer)))
     else:
         click.echo("\n".join([f"{choice.level}: {choice.reason}", *table(answer)]))
 
@@ -91,8 +92,9 @@ def axes(vary: list[str]) -> tuple[Axis, ...]:
     return tuple(result)
 
 
-def document(name: str, level: str, answer: Swept) -> dict[str, Any]:
+def document(name: str, choice: Choice, answer: Swept) -> dict[str, Any]:
     """The JSON document: first axis first; what is not there (an unstable mode, a failed point) is null."""
+    from suspension_cli.cli import rung
     from suspension_cli.cli.analyses import plain
 
     results = [
@@ -100,7 +102,8 @@ def document(name: str, level: str, answer: Swept) -> dict[str, Any]:
         for n, result in enumerate(answer.result)
     ]
     swept = [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes]
-    return {"command": "sweep", "design": name, "fidelity": level, "axes": swept, "results": results, "failures": answer.failures}
+    head = {"command": "sweep", "design": name, "fidelity": choice.level}
+    return head | {"axes": swept, "results": results, "failures": answer.failures, "estimated_error": rung.estimate(choice)}
 
 
 def table(answer: Swept) -> list[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import analyses, options
+from suspension_cli.cli import analyses, options, rung
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.thermal import Thermal
@@ -71,7 +71,7 @@ def _solved(source: Any, setting: dict[str, Any], voice: options.Voice) -> tuple
 
     frequency = np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0))
     choice = wire_mass.choose(source.design, setting["fidelity"], float(frequency.max()), setting["tolerance"])
-    model = analyses.stood(source, choice, setting["allow_unstable"], voice)
+    model = rung.stood(source, choice, setting["allow_unstable"], voice)
     if not setting["arm"] >= 0:
         raise InputError([Fault("--arm", "must be a length", "give it in m, e.g. 4000", shown(setting["arm"]))])
     tilt = thermal.arm_tilt(setting["arm"])
@@ -116,7 +116,7 @@ def document(name: str, choice: Choice, noises: list[Thermal]) -> dict[str, Any]
         for noise in noises
     ]
     head = {"command": "thermal", "design": name, "fidelity": choice.level, "frequency_hz": noises[0].frequency.tolist()}
-    return head | (each[0] if len(each) == 1 else {"noises": each}) | {"estimated_error": analyses.estimate(choice)}
+    return head | (each[0] if len(each) == 1 else {"noises": each}) | {"estimated_error": rung.estimate(choice)}
 
 
 def summary(choice: Choice, noises: list[Thermal]) -> str:

@@ -11,6 +11,7 @@ from suspension_cli.cli import options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.scatter import Summary
+    from suspension_cli.models.fidelity import Choice
 
 
 @click.command("tolerance")
@@ -28,17 +29,22 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
     Tells quantiles, the share of builds under a limit and which imperfections matter most.  Writes DIR/NAME-tolerance.h5 and .png.
     """
+    from suspension_cli.analysis import auto
+    from suspension_cli.analysis.asked import Frequencies
     from suspension_cli.analysis.tolerance import Tolerances
-    from suspension_cli.cli import analyses
+    from suspension_cli.cli import analyses, rung
     from suspension_cli.results import tolerance as files
 
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, rungs=("string",))
+        decision = auto.left_out(source.design, rung.imperfect(source, setting["fidelity"], ("string",)), lambda _: Frequencies())
+        choice = decision.choice
+        model = rung.stood(source, choice, setting["allow_unstable"], voice, decision.model)
         job = Tolerances(source.text, setting["builds"], setting["seed"], analyses.question(model, setting), setting["allow_unstable"])
         job.check()
         voice.detail(f"{len(job.factors)} numbers scatter")
+    rung.tell(source, decision, voice)
     path = options.folder(out) / f"{source.design.design.name}-tolerance.h5"
     analyses.swept(job, path, "tolerance", source, choice, setting, voice, lambda group: files.fill(group, job, setting["limit"]))
     summary = files.summarise(path, job, setting["limit"])
@@ -52,14 +58,15 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     if as_json:
         import json
 
-        click.echo(json.dumps(document(source.design.design.name, choice.level, job.seed, ratio, summary)))
+        click.echo(json.dumps(document(source.design.design.name, choice, job.seed, ratio, summary)))
     else:
         click.echo(table(choice, ratio, summary))
 
 
-def document(name: str, level: str, seed: int, ratio: str, summary: Summary) -> dict[str, Any]:
+def document(name: str, choice: Choice, seed: int, ratio: str, summary: Summary) -> dict[str, Any]:
     """The JSON document."""
     from suspension_cli.analysis.scatter import LEVELS, leading
+    from suspension_cli.cli import rung
 
     def plain(value: float) -> float | None:
         return float(value) if math.isfinite(value) else None
@@ -86,16 +93,16 @@ def document(name: str, level: str, seed: int, ratio: str, summary: Summary) -> 
     head = {
         "command": "tolerance",
         "design": name,
-        "fidelity": level,
+        "fidelity": choice.level,
         "builds": summary.builds,
         "good": summary.good,
         "failures": summary.failures,
         "seed": seed,
     }
-    return head | {"levels": list(LEVELS), "modes": modes, "coupling": coupling}
+    return head | {"levels": list(LEVELS), "modes": modes, "coupling": coupling, "estimated_error": rung.estimate(choice)}
 
 
-def table(choice: Any, ratio: str, summary: Summary) -> str:
+def table(choice: Choice, ratio: str, summary: Summary) -> str:
     """Modes and coupling for people."""
     from suspension_cli.analysis.scatter import LEVELS, leading
 

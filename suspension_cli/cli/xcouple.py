@@ -11,18 +11,14 @@ import click
 from suspension_cli.cli import options
 
 if TYPE_CHECKING:
-    from suspension_cli.analysis.coupling import Axis, Question, Sweep
-    from suspension_cli.mechanics.model import LinearModel
+    from suspension_cli.analysis.asked import Transfer
+    from suspension_cli.analysis.coupling import Axis, Question
     from suspension_cli.models.fidelity import Choice
 
 DEFAULT_GRID = {"k": "0.6:1.4:41", "mass": "0.9:1.1:41", "inertia": "0.9:1.1:41"}
 OTHER_GRID = "-2e-3:2e-3:5"
 LEVELS = ("string", "beam", "violin")
 """Rungs that imperfect builds have; the first unless another is asked for."""
-MORE = {"beam": "bending of wires", "violin": "bending and mass of wires"}
-"""What rungs have that strings have not."""
-TOLD = 0.01
-"""Share of the largest coupling from which it is a warning what strings leave out; imperfections are hardly known any better."""
 
 
 @click.command("xcouple")
@@ -40,6 +36,12 @@ TOLD = 0.01
     "--hold", type=click.Choice(["loaded-length", "natural-length"]), default="loaded-length", show_default=True, help="What stays as the wire changes."
 )
 @options.question
+@click.option(
+    "--tolerance",
+    type=options.Finite(1e-12, 1.0),
+    metavar="SHARE",
+    help="Of the largest coupling: what strings may leave out before auto takes beam or violin.  [default: strings, with a warning from 1 %]",
+)
 @click.option("--matrix", is_flag=True, help="The six-by-six table of couplings of this one design instead of a sweep.")
 @options.batch
 @options.allow_unstable
@@ -50,15 +52,17 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
     Sweeps the product of any number of imperfections; writes DIR/NAME-xcouple.h5 and .png.
     """
-    from suspension_cli.cli import analyses
+    from suspension_cli.analysis import signals
+    from suspension_cli.cli import analyses, rung
 
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides, extra=swept_names())
     with source.faults():
-        choice, model = analyses.modelled(source, setting["fidelity"], setting["allow_unstable"], voice, rungs=LEVELS)
+        choice = rung.imperfect(source, setting["fidelity"], LEVELS)
+        model = rung.stood(source, choice, setting["allow_unstable"], voice, bends=True)
         question = analyses.question(model, setting)
     if setting["matrix"]:
-        _matrix(source, choice, model, question, setting, out, as_json, voice)
+        _matrix(source, choice, signals.bodies(model), question, setting, out, as_json, voice)
         return
     _sweep(source, choice, question, setting, out, as_json, voice)
 
@@ -112,22 +116,25 @@ def _is_number(text: str) -> bool:
 
 
 def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any], out: str, as_json: bool, voice: options.Voice) -> None:
+    from suspension_cli.analysis import rungs
     from suspension_cli.analysis.coupling import Sweep
-    from suspension_cli.cli import analyses
+    from suspension_cli.cli import analyses, rung
     from suspension_cli.results import coupling as files
 
     table = source.design.analysis.get("xcouple", {})
     with source.faults():
         job = Sweep(source.text, axes(setting["sweep"], table), question, setting["allow_unstable"], choice.level)
         job.check()
-        choice, higher = _weighed(job, choice, setting)
+        higher = ""
+        if choice.level == "string" and setting["fidelity"] == "auto":
+            job, choice, higher = rungs.weighed(job, choice, setting["tolerance"])
     path = options.folder(out) / f"{source.design.design.name}-xcouple.h5"
     analyses.swept(job, path, "xcouple", source, choice, setting, voice, lambda group: files.fill(group, job))
     answer = files.load(path)
     bad = {reason: count for reason, count in answer.failures.items() if count}
     if bad:
         voice.warn("; ".join(f"{count} of {job.count} builds failed: {reason}" for reason, count in bad.items()))
-    if higher and not choice.error <= TOLD:
+    if choice.level == "string" and higher and not choice.error <= rung.TOLD:
         voice.warn(f"{_changed(higher, choice.error)}: --fidelity {higher} has {'it' if higher == 'beam' else 'them'}")
     _warn_of_faint(question, answer, voice)
     if setting["plot"] or (setting["plot"] is None and not as_json):
@@ -142,26 +149,10 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
         click.echo(summary(answer))
 
 
-def _weighed(job: Sweep, choice: Choice, setting: dict[str, Any]) -> tuple[Choice, str]:
-    """What strings leave out, in the choice, and the rung that has it; "" if there is none, or a rung was asked for."""
-    from dataclasses import replace
-
-    from suspension_cli.analysis import rungs
-
-    if choice.level != "string" or setting["fidelity"] != "auto":
-        return choice, ""
-    higher, error = rungs.coupling_error(job)
-    if not higher:
-        left = "unknown, as wires lack material or cross-section: their bending"
-    elif math.isnan(error):
-        left = f"unknown, as not all builds at the ends of the axes hang both on string and on {higher}: {MORE[higher]}"
-    else:
-        left = f"left out: {MORE[higher]} ({error:.1g} of the largest coupling)"
-    return replace(choice, error=error, reason=f"{choice.reason}; {left}"), higher
-
-
 def _changed(higher: str, error: float) -> str:
     """What a higher rung changes of the couplings."""
+    from suspension_cli.analysis.rungs import MORE
+
     if math.isnan(error):
         return f"what the {MORE[higher]} would change of these couplings is not known, as not all builds at the ends of the axes hang on both rungs"
     return f"{MORE[higher]} change{'s' if higher == 'beam' else ''} these couplings by {float(f'{100 * error:.2g}'):g} % of the largest"
@@ -183,7 +174,7 @@ def _warn_of_faint(question: Question, answer: Any, voice: options.Voice) -> Non
 
 def document(name: str, choice: Choice, answer: Any) -> dict[str, Any]:
     """The JSON document: first axis first; a failed build is null."""
-    from suspension_cli.cli import analyses
+    from suspension_cli.cli import analyses, rung
 
     single = len(answer.frequency) == 1
     ratio = answer.ratio[..., 0] if single else answer.ratio
@@ -191,7 +182,7 @@ def document(name: str, choice: Choice, answer: Any) -> dict[str, Any]:
         "command": "xcouple",
         "design": name,
         "fidelity": choice.level,
-        "estimated_error": analyses.estimate(choice),
+        "estimated_error": rung.estimate(choice),
         "axes": [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes],
         "ratio_real": analyses.plain(ratio.real),
         "ratio_imag": analyses.plain(ratio.imag),
@@ -220,20 +211,24 @@ def summary(answer: Any) -> str:
     )
 
 
-def _matrix(source: Any, choice: Any, model: LinearModel, question: Question, setting: dict[str, Any], out: str, as_json: bool, voice: options.Voice) -> None:
+def _matrix(
+    source: Any, choice: Choice, known: tuple[str, ...], question: Question, setting: dict[str, Any], out: str, as_json: bool, voice: options.Voice
+) -> None:
     import numpy as np
 
-    from suspension_cli.analysis import response, signals
-    from suspension_cli.cli import analyses
+    from suspension_cli.analysis import auto, response
+    from suspension_cli.cli import analyses, rung
     from suspension_cli.conventions import DOFS
     from suspension_cli.results import response as files
 
-    known, watched = signals.bodies(model), question.over
-    body, _, point = (setting["observe"] or watched.body).partition("@")
-    at = f"@{point}" if point else ""
-    inputs = [signals.drive(f"support.{dof}", known) for dof in DOFS]
-    outputs = [signals.motion(f"{body}.{dof}{at if dof in 'xyz' else ''}", known) for dof in DOFS]
-    answer = response.solve(model, np.array(question.frequency), inputs, outputs)
+    asked, watched = _all_motions(known, question, setting)
+    with source.faults():
+        if setting["fidelity"] == "auto" and setting["tolerance"] is not None:
+            decision = auto.decide(source.design, lambda _: asked, setting["tolerance"])
+        else:
+            decision = auto.left_out(source.design, choice, lambda _: asked)
+        choice = decision.choice
+        answer = response.solve(decision.model, np.array(question.frequency), asked.inputs, asked.outputs)
     path = options.folder(out) / f"{source.design.design.name}-xcouple-matrix.h5"
     files.save(path, answer, analyses.provenance(source, choice, sys.argv), "matrix")
     voice.say(f"wrote {path}")
@@ -248,6 +243,7 @@ def _matrix(source: Any, choice: Any, model: LinearModel, question: Question, se
             "command": "xcouple",
             "design": source.design.design.name,
             "fidelity": choice.level,
+            "estimated_error": rung.estimate(choice),
             "frequency_hz": list(question.frequency),
             "input": answer.input,
             "output": answer.output,
@@ -255,7 +251,22 @@ def _matrix(source: Any, choice: Any, model: LinearModel, question: Question, se
         click.echo(json.dumps(head | {"matrix_real": answer.value.real.tolist(), "matrix_imag": answer.value.imag.tolist()}))
         return
     for frequency, matrix in zip(answer.frequency, answer.value, strict=True):
-        click.echo(f"|motion of {body}{at} for motion of the support| at {frequency:.4g} Hz (SI)")
+        click.echo(f"|motion of {watched} for motion of the support| at {frequency:.4g} Hz (SI)")
         click.echo(" " * 8 + "".join(f"{dof:>11}" for dof in DOFS))
         for dof, row in zip(DOFS, matrix, strict=True):
             click.echo(f"{dof:>8}" + "".join(f"{'0' if value == 0 else f'{abs(value):.3e}':>11}" for value in row))
+
+
+def _all_motions(known: tuple[str, ...], question: Question, setting: dict[str, Any]) -> tuple[Transfer, str]:
+    """Every motion of the support to every motion of the point watched, and that point."""
+    import numpy as np
+
+    from suspension_cli.analysis import signals
+    from suspension_cli.analysis.asked import Transfer
+    from suspension_cli.conventions import DOFS
+
+    body, _, point = (setting["observe"] or question.over.body).partition("@")
+    at = f"@{point}" if point else ""
+    inputs = [signals.drive(f"support.{dof}", known) for dof in DOFS]
+    outputs = [signals.motion(f"{body}.{dof}{at if dof in 'xyz' else ''}", known) for dof in DOFS]
+    return Transfer(inputs, outputs, np.array(question.frequency)), f"{body}{at}"

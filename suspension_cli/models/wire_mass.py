@@ -25,6 +25,8 @@ WHERE = ("auto", "beam", "violin")
 TOLERANCE = 1e-3
 BELOW = 0.03
 """Of the lowest first violin mode: up to here leaving mass out costs less than `TOLERANCE`."""
+VALID = 0.7
+"""Of the lowest first violin mode: above it the series does not hold."""
 ERROR = np.pi**2 / 12
 """Relative error of the amplitude that this makes, over (f/f1)^2."""
 
@@ -50,21 +52,24 @@ def choose(design: Design, wanted: str, highest: float, tolerance: float = TOLER
     if wanted not in WHERE:
         raise InputError([Fault("--fidelity", "does not know where along a wire its loss sits", "take auto, beam or violin", shown(wanted))])
     _demand(design, massive=False)
-    if wanted == "beam":
+    if wanted == "beam" and fibres.unsuited(design, massive=True):
         return Choice("beam", "as asked; wires are without mass")
     _demand(design, massive=True)
     if wanted == "violin":
-        return Choice("violin", "as asked")
+        return Choice("violin", "as asked", 0.0)
     lowest, wire = first_violin(design)
     if wire == "":
-        return Choice("beam", "no wire has a violin mode")
+        return Choice("beam", "no wire has a violin mode", 0.0)
     share, heavy = highest / lowest, _heaviest(design)
+    error = max(ERROR * share**2, heavy) if share < VALID else np.inf
+    if wanted == "beam":
+        size = f"by {error:.1g}" if np.isfinite(error) else f"near and above {lowest:.4g} Hz, the first violin mode of wire {wire}, by any amount"
+        return Choice("beam", f"as asked; wires are without mass, which changes the sum {size}", error)
     if heavy > tolerance:
         return Choice("violin", f"the mass of wires counts, as a third of it is {heavy:.1g} of the mass that hangs on them", 0.0)
     first = f"the lowest first violin mode ({lowest:.4g} Hz, wire {wire})"
     if share > BELOW * (tolerance / TOLERANCE) ** 0.5:
         return Choice("violin", f"the mass of wires counts, as {highest:.4g} Hz is {100 * share:.3g} % of {first}", 0.0)
-    error = max(ERROR * share**2, heavy)
     return Choice("beam", f"wires are without mass, which changes the sum by {error:.1g}, as {highest:.4g} Hz is {100 * share:.2g} % of {first}", error)
 
 

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.random import Generator
 from scipy.optimize import linear_sum_assignment
 
-from suspension_cli.analysis import auto, modes, response, signals, thermal, wire_modes
+from choices import designs
+from suspension_cli.analysis import auto, coupling, modes, response, rungs, signals, thermal, wire_modes
+from suspension_cli.analysis.asked import Frequencies, Transfer
+from suspension_cli.analysis.coupling import Axis, Sweep
 from suspension_cli.conventions import DOFS
+from suspension_cli.design import reader
 from suspension_cli.design.schema import Design
 from suspension_cli.models import fidelity, wire_mass
+from suspension_cli.models.fidelity import Choice
 
 TOP = "violin"
+BUILDS = (41, 5)
+"""Of a sweep of couplings, as `pendsus xcouple` takes them by default."""
 POINTS = 1000
 """Frequencies of a response or a noise."""
 CHECKED = 60
@@ -60,7 +68,7 @@ def frequencies(design: Design, _: Generator, tolerance: float) -> Question:
         return model, wire_modes.solve(model, float(np.nanmax(still.frequency))) if level == TOP else still
 
     def decided() -> tuple[str, Any]:
-        decision = auto.decide(design, lambda _: auto.Frequencies(), tolerance)
+        decision = auto.decide(design, lambda _: Frequencies(), tolerance)
         return decision.choice.level, listed(decision.model, decision.choice.level)
 
     def on(level: str) -> Any:
@@ -84,9 +92,9 @@ def responses(design: Design, rng: Generator, tolerance: float) -> Question:
     drive = f"support.{DOFS[dof]}" if rng.random() < 0.5 else f"{first}.{signals.FORCES[dof]}"
     grid = _grid(rng)
 
-    def asked(model: Any) -> auto.Transfer:
+    def asked(model: Any) -> Transfer:
         known = signals.bodies(model)
-        return auto.Transfer([signals.drive(drive, known)], [signals.motion(f"{last}.{DOFS[dof]}", known)], grid)
+        return Transfer([signals.drive(drive, known)], [signals.motion(f"{last}.{DOFS[dof]}", known)], grid)
 
     def solved(model: Any, frequency: Any) -> Any:
         one = asked(model)
@@ -125,7 +133,35 @@ def noises(design: Design, rng: Generator, tolerance: float) -> Question:
     return Question(("beam",), decided, partial(solved, frequency=grid), apart)
 
 
-QUANTITIES = {"modes": frequencies, "response": responses, "thermal noise": noises}
+def couplings(design: Design, rng: Generator, tolerance: float) -> Question:
+    """From vertical motion of the support to the last body's, x over z a little below its centre, as one wire's stiffness and upper end are off."""
+    last, text = design.stage[-1].name, reader.dump(msgspec.to_builtins(design))
+    model = fidelity.linear_model(design, "string")
+    known, wire = signals.bodies(model), model.wire.index(f"{last}.1")
+    motions = (signals.motion(f"{last}.{dof}@0,0,-0.001", known) for dof in "xz")
+    asked = coupling.Question(wire, len(design.stage), "loaded-length", signals.drive("support.z", known), *motions, (float(_grid(rng)[-1]),))
+    offset = min(1e-3, 0.1 * designs.stretched(design)) * np.linspace(-1, 1, BUILDS[1])
+    job = Sweep(text, (Axis("k", tuple(np.linspace(0.9, 1.1, BUILDS[0]))), Axis("offset", tuple(offset))), asked)
+
+    def decided() -> tuple[str, Any]:
+        taken, choice, _ = rungs.weighed(job, Choice("string", "given"), tolerance)
+        return choice.level, taken.compute(0, job.count)["ratio"]
+
+    def on(level: str) -> Any:
+        return replace(job, level=level).compute(0, job.count)["ratio"]
+
+    def apart(quick: Any) -> float:
+        exact = on(TOP)
+        hung = np.isfinite(exact)
+        if (np.isfinite(quick) != hung).any():
+            return float("inf")
+        largest = np.abs(exact[hung]).max(initial=0.0)
+        return float(np.abs(quick - exact)[hung].max(initial=0.0) / largest) if largest else 0.0
+
+    return Question(("string", "beam"), decided, on, apart)
+
+
+QUANTITIES = {"modes": frequencies, "response": responses, "thermal noise": noises, "couplings": couplings}
 """What can be asked for."""
 
 

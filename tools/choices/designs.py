@@ -8,6 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from suspension_cli.design import reader
+from suspension_cli.design.expand import expand
 from suspension_cli.design.schema import Design
 
 STRESS = (1e7, 3e9)
@@ -33,6 +34,12 @@ def random_raw(seed: int) -> dict[str, Any]:
     if rng.random() < 0.25:
         raw["perturbation"] = [item for stage in stages for item in _imperfect(rng, stage, stress / MODULUS)]
     return raw
+
+
+def stretched(design: Design) -> float:
+    """By how much the shortest-stretched set of wires is longer for its load, m."""
+    wires = expand(design).wires
+    return float((wires.tension / wires.stiffness).min())
 
 
 def _between(rng: Generator, low: float, high: float) -> float:
