@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analysis import builds, coupling, signals
-from suspension_cli.analysis.coupling import Axis, Question, Sweep
+from suspension_cli.analysis.axes import Axis
+from suspension_cli.analysis.coupling import Question, Sweep
 from suspension_cli.analysis.tolerance import Tolerances
 from suspension_cli.design.expand import expand
 from suspension_cli.design.reader import parse, read

@@ -19,7 +19,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from suspension_cli import store
-from suspension_cli.analysis.coupling import Axis, Sweep
+from suspension_cli.analysis.axes import Axis
+from suspension_cli.analysis.coupling import Sweep
 from suspension_cli.analysis.tolerance import Tolerances
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError, PendsusError

@@ -14,7 +14,8 @@ import scenes
 from commandline import run
 
 from suspension_cli.analysis import rungs, signals
-from suspension_cli.analysis.coupling import Axis, Question, Sweep
+from suspension_cli.analysis.axes import Axis
+from suspension_cli.analysis.coupling import Question, Sweep
 from suspension_cli.design import reader
 
 CONFIGS = Path(__file__).parent.parent / "configs"

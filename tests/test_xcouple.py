@@ -9,7 +9,8 @@ from couplings import ACROSS, DOFS, FIGURE_6, FILE, FORBIDDEN, MASS, SHAPE, TRIP
 from golden import CONFIGS
 
 from suspension_cli.analysis import builds, modes, signals
-from suspension_cli.analysis.coupling import Axis, Sweep
+from suspension_cli.analysis.axes import Axis
+from suspension_cli.analysis.coupling import Sweep
 from suspension_cli.design.expand import expand
 from suspension_cli.design.reader import read
 from suspension_cli.grids import grid

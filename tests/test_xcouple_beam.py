@@ -18,7 +18,8 @@ from golden import CONFIGS
 from test_xcouple_builds import FAILING, perturbed, random_builds
 
 from suspension_cli.analysis import builds, coupling, response, signals
-from suspension_cli.analysis.coupling import Axis, Sweep
+from suspension_cli.analysis.axes import Axis
+from suspension_cli.analysis.coupling import Sweep
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.design.expand import expand

@@ -13,7 +13,8 @@ from couplings import FIGURE_6, FILE, TRIPLE, TRIPLE_FILE, answers, balanced, ex
 from golden import CONFIGS
 
 from suspension_cli.analysis import builds, modes, response
-from suspension_cli.analysis.coupling import Axis, Sweep
+from suspension_cli.analysis.axes import Axis
+from suspension_cli.analysis.coupling import Sweep
 from suspension_cli.design import reader
 from suspension_cli.design.expand import expand
 from suspension_cli.errors import InputError

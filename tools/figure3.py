@@ -14,7 +14,7 @@ import numpy as np
 from tables import PAPER, ROOT
 
 from suspension_cli.analysis import following, scalars
-from suspension_cli.analysis.coupling import Axis
+from suspension_cli.analysis.axes import Axis
 from suspension_cli.analysis.sweep import ParameterSweep, scalar
 from suspension_cli.design.reader import read
 from suspension_cli.models import closed_form

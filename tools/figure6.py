@@ -13,7 +13,8 @@ import numpy as np
 from tables import PAPER, ROOT
 
 from suspension_cli.analysis import signals
-from suspension_cli.analysis.coupling import Axis, Question, Sweep
+from suspension_cli.analysis.axes import Axis
+from suspension_cli.analysis.coupling import Question, Sweep
 from suspension_cli.design.reader import read
 from suspension_cli.grids import grid
 from suspension_cli.plots.style import PALE, PALETTE, house, new_figure, save

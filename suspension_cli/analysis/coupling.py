@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analysis import builds, variants
+from suspension_cli.analysis.axes import Axis, Product
 from suspension_cli.analysis.builds import Column
 from suspension_cli.analysis.signals import Signal
 from suspension_cli.design import perturb, reader
@@ -48,14 +49,6 @@ UNITS = {name: "1" if "factor" in text else "m" for name, text in PARAMETERS.ite
 
 
 @dataclass(frozen=True)
-class Axis:
-    """One swept parameter: a name in `PARAMETERS` or a dotted path, and its values."""
-
-    name: str
-    values: tuple[float, ...]
-
-
-@dataclass(frozen=True)
 class Question:
     """What is asked of every build.
 
@@ -83,7 +76,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Product):
     """A product of imperfections, as a job for `batch.run`: the first axis turns slowest.
 
     Attributes
@@ -103,21 +96,6 @@ class Sweep:
     question: Question
     allow_unstable: bool = False
     level: str = "string"
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Lengths of the axes."""
-        return tuple(len(axis.values) for axis in self.axes)
-
-    @property
-    def count(self) -> int:
-        """Number of builds."""
-        return int(np.prod(self.shape, dtype=int))
-
-    @property
-    def scales(self) -> tuple[str, ...]:
-        """Datasets that hold the values of the axes."""
-        return tuple(scale_name(axis.name) for axis in self.axes)
 
     @property
     def identity(self) -> str:
@@ -156,8 +134,7 @@ class Sweep:
 
     def compute(self, start: int, stop: int) -> dict[str, Any]:
         """Results of builds start to stop - 1."""
-        chosen = np.unravel_index(np.arange(start, stop), self.shape)
-        values = {axis.name: np.array(axis.values)[pick] for axis, pick in zip(self.axes, chosen, strict=True)}
+        values = self.values(start, stop)
         imperfections = {name: value for name, value in values.items() if name in PARAMETERS}
         if len(imperfections) == len(values):
             return answer(imperfect(expand(self._design), values, self.question), self._design, self.question, self.allow_unstable, self.level)
@@ -173,11 +150,6 @@ class Sweep:
     @cached_property
     def _design(self) -> Any:
         return reader.parse(self.text)
-
-
-def scale_name(axis: str) -> str:
-    """The dataset that holds the values of an axis."""
-    return f"axis {axis}".replace("/", "_")
 
 
 def over_unit(out: Signal, into: Signal) -> str:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from suspension_cli.analysis import modes
-from suspension_cli.analysis.coupling import Axis, Sweep
+from suspension_cli.analysis.axes import Axis
+from suspension_cli.analysis.coupling import Sweep
 from suspension_cli.analysis.modes import Modes
 from suspension_cli.design import fibres, reader
 from suspension_cli.design.schema import Design

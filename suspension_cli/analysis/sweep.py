@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analysis import builds, modes, spectrum, variants
+from suspension_cli.analysis.axes import Axis, Product
 from suspension_cli.analysis.builds import Builds, Column
-from suspension_cli.analysis.coupling import Axis, scale_name
 from suspension_cli.analysis.modes import Modes
 from suspension_cli.analysis.scalars import Mode, Ratio, Scalar
 from suspension_cli.design import reader
@@ -25,7 +25,7 @@ STATUS = (*builds.STATUS, "the design has other coordinates than the one swept")
 
 
 @dataclass(frozen=True)
-class ParameterSweep:
+class ParameterSweep(Product):
     """A product of values of parameters, as a job for `batch.run`: the first axis turns slowest.
 
     Attributes
@@ -47,21 +47,6 @@ class ParameterSweep:
     level: str
     results: tuple[Scalar, ...]
     allow_unstable: bool = False
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Lengths of the axes."""
-        return tuple(len(axis.values) for axis in self.axes)
-
-    @property
-    def count(self) -> int:
-        """Number of points."""
-        return int(np.prod(self.shape, dtype=int))
-
-    @property
-    def scales(self) -> tuple[str, ...]:
-        """Datasets that hold the values of the axes."""
-        return tuple(scale_name(axis.name) for axis in self.axes)
 
     @property
     def identity(self) -> str:
@@ -118,8 +103,7 @@ class ParameterSweep:
 
     def compute(self, start: int, stop: int) -> dict[str, Any]:
         """Results of points start to stop - 1."""
-        chosen = np.unravel_index(np.arange(start, stop), self.shape)
-        values = {axis.name: np.array(axis.values)[pick] for axis, pick in zip(self.axes, chosen, strict=True)}
+        values = self.values(start, stop)
         result = {column.name: _nothing(column, stop - start) for column in self.columns}
         for found, here in variants.balanced(self.text, values, self.level, allow_unstable=self.allow_unstable):
             same = found.model.coordinate == self._model.coordinate and (found.model.massless == self._model.massless).all()

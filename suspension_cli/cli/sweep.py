@@ -9,7 +9,7 @@ import click
 from suspension_cli.cli import options
 
 if TYPE_CHECKING:
-    from suspension_cli.analysis.coupling import Axis
+    from suspension_cli.analysis.axes import Axis
     from suspension_cli.models.fidelity import Choice
     from suspension_cli.results.sweep import Swept
 
@@ -74,7 +74,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:
     """The axes that `--vary` asks for."""
-    from suspension_cli.analysis.coupling import Axis
+    from suspension_cli.analysis.axes import Axis
     from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.grids import grid
 

@@ -12,7 +12,8 @@ from suspension_cli.cli import options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.asked import Transfer
-    from suspension_cli.analysis.coupling import Axis, Question
+    from suspension_cli.analysis.axes import Axis
+    from suspension_cli.analysis.coupling import Question
     from suspension_cli.models.fidelity import Choice
 
 DEFAULT_GRID = {"k": "0.6:1.4:41", "mass": "0.9:1.1:41", "inertia": "0.9:1.1:41"}
@@ -76,7 +77,8 @@ def swept_names() -> tuple[str, ...]:
 
 def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:
     """The axes that `--sweep` asks for; grids left out come from the design's table, then from the defaults."""
-    from suspension_cli.analysis.coupling import PARAMETERS, UNITS, Axis
+    from suspension_cli.analysis.axes import Axis
+    from suspension_cli.analysis.coupling import PARAMETERS, UNITS
     from suspension_cli.design.faults import suggestion
     from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.grids import grid

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analysis.coupling import Axis
+from suspension_cli.analysis.axes import Axis
 from suspension_cli.plots.style import NOTE, PALE, PALETTE, house, new_figure
 from suspension_cli.results.coupling import Coupling
 

@@ -10,7 +10,8 @@ import h5py
 import numpy as np
 
 from suspension_cli.analysis import builds
-from suspension_cli.analysis.coupling import UNITS, Axis, Sweep, scale_name
+from suspension_cli.analysis.axes import Axis, scale_name
+from suspension_cli.analysis.coupling import UNITS, Sweep
 from suspension_cli.design.scene import Array
 from suspension_cli.results import open_results, scale
 

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.analysis import builds, following, signals
-from suspension_cli.analysis.coupling import Axis, scale_name
+from suspension_cli.analysis.axes import Axis, scale_name
 from suspension_cli.analysis.response import solve
 from suspension_cli.analysis.scalars import Mode, Ratio, Scalar, labels
 from suspension_cli.analysis.sweep import STATUS, ParameterSweep, scalar

@@ -15,7 +15,8 @@ from scipy.optimize import linear_sum_assignment
 from choices import designs
 from suspension_cli.analysis import auto, coupling, modes, response, rungs, signals, thermal, wire_modes
 from suspension_cli.analysis.asked import Frequencies, Transfer
-from suspension_cli.analysis.coupling import Axis, Sweep
+from suspension_cli.analysis.axes import Axis
+from suspension_cli.analysis.coupling import Sweep
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.design.schema import Design

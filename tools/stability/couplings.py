@@ -11,6 +11,7 @@ from stability.energy import Stage
 from stability.references import INERTIA, MASS, SHAPE, design, document, precise
 from stability.row import SHIPPED, Row, relative
 from suspension_cli.analysis import coupling, signals
+from suspension_cli.analysis.axes import Axis
 from suspension_cli.design.expand import expand
 
 TINY = 10.0 ** np.arange(-3, -15, -1)
@@ -31,7 +32,7 @@ def _shipped(offset: Any, name: str = "lower_offset") -> Any:
         under=signals.motion("test.z@0,0,-0.001", bodies),
         frequency=(FREQUENCY,),
     )
-    sweep = coupling.Sweep(tomli_w.dumps(raw), (coupling.Axis(name, tuple(map(float, offset))),), question)
+    sweep = coupling.Sweep(tomli_w.dumps(raw), (Axis(name, tuple(map(float, offset))),), question)
     return sweep.compute(0, len(offset))["ratio"][:, 0].real
 
 
