@@ -159,6 +159,7 @@ WRONG = {
     "too many": ([{"frequency": 1.0, "uncertainty": 0.1}] * 7, [NUMBER], "mode: the design has 6 modes"),
     "no such number": ([MODE], [{"name": "stage.test.wires.q"}], 'parameter.1.name = "stage.test.wires.q": is no number'),
     "not in the design": ([MODE], [{"name": "support.stiffness.z"}], 'parameter.1.name = "support.stiffness.z": is no number that the design gives'),
+    "no sound start": ([MODE], [{"name": "stage.test.wires.d", "start": 1e9}], "parameter.1 = 1e+09: stage.test.wires.d: must be at least"),
     "outside": ([MODE], [NUMBER | {"upper": 1e11}], "parameter.1: the design's value 1.7e+11 lies outside the bounds"),
 }
 
