@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 
 import derivatives as differences
 import h5py
@@ -329,6 +330,21 @@ def test_what_the_search_believes_is_not_what_is_told(monkeypatch):
     truth = modes.solve(fidelity.linear_model(reader.parse(found.design), "string")).of("x")[0]
     assert found.quantities.after[0] == pytest.approx(truth, rel=1e-12)
     assert not found.met and found.limits.met.tolist() == [truth >= 1.2, truth <= 1.25]
+
+
+def test_corrections_that_never_settle_end_at_a_design_that_was_met(monkeypatch):
+    """A check that is 1 % above the search and 1 % below it by turns: every other design breaks the limit, the last one too."""
+    achieved, turns = optimise._achieved, []
+
+    def fickle(search, number, level):
+        made = achieved(search, number, level)
+        turns.append(made)
+        return replace(made, value=made.value * (1.01 if len(turns) % 2 else 0.99))
+
+    monkeypatch.setattr(optimise, "_achieved", fickle)
+    found = solved(VERTICAL, [Goal(kind="band", modes=["test longitudinal"], at_most=0.8)], [Free(name=f"{WIRES}.l", lower=0.2, upper=1.0)])
+    assert found.rounds == optimise.ROUNDS and found.met
+    assert found.quantities.after[0] == pytest.approx(0.99 / 1.01 * 0.8, rel=1e-5)
 
 
 def test_limits_hold_on_the_rung_that_checks():

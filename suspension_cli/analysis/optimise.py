@@ -20,7 +20,7 @@ from suspension_cli.analysis.families import Families
 from suspension_cli.analysis.freed import Freed
 from suspension_cli.analysis.modes import Modes
 from suspension_cli.analysis.optimum import Optimum, Starts
-from suspension_cli.analysis.outcome import told
+from suspension_cli.analysis.outcome import EQUAL, told
 from suspension_cli.analysis.quantities import wanted
 from suspension_cli.analysis.valued import Values, with_imperfections
 from suspension_cli.design import checks
@@ -145,19 +145,37 @@ def _chosen(search: Search, count: int, seed: int) -> list[Array]:
 
 
 def _checked(search: Search, best: Point, level: str) -> tuple[Point, Achieved, int]:
-    """The best design, corrected until search and ordinary analyses agree; what it achieves; and the number of corrections."""
-    rounds = 0
+    """The best design, corrected until search and ordinary analyses agree; what it achieves; and the number of corrections.
+
+    If they never do, that of all checked which breaks limits least; of several that break none the last.
+    """
+    rounds, checked = 0, []
     while True:
         made = _achieved(search, search.freed.numbers(best.share), level)
+        checked.append((best, made, search.offset))
         with np.errstate(invalid="ignore", divide="ignore"):
             offset = np.log(made.value) - (best.log - search.offset)
         offset = np.where(np.isfinite(offset), offset, 0.0)
-        if rounds == ROUNDS or (np.abs(offset - search.offset) < SETTLED).all():
+        if (np.abs(offset - search.offset) < SETTLED).all():
+            return best, made, rounds
+        if rounds == ROUNDS:
+            best, made, search.offset = min(reversed(checked), key=lambda one: _broken(search, one[1]))
+            search.seen.clear()
             return best, made, rounds
         rounds += 1
         search.offset = offset
         search.seen.clear()
         best = search.run(best.share) or best
+
+
+def _broken(search: Search, made: Achieved) -> float:
+    """By how much a design that was checked breaks the limit that it breaks most, as a logarithm; 0 if it keeps to all."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        log = np.log(made.value)
+        limits = (*search.wanted.limits, *search.order(log))
+        margins = np.array([-abs(margin(limit, log)[0]) if limit.sense == "equals" else margin(limit, log)[0] for limit in limits])
+    worst = float(np.max(-np.where(np.isnan(margins), -np.inf, margins), initial=0.0))
+    return worst if worst > EQUAL else 0.0
 
 
 def _achieved(search: Search, number: Array, level: str) -> Achieved:
