@@ -172,6 +172,13 @@ def test_what_does_not_fit_the_design_is_refused(kind, tmp_path):
     assert any(line.startswith(problem) for line in lines), lines
 
 
+def test_a_fit_that_ends_at_an_unstable_design_says_so(tmp_path):
+    """From a start that is unstable the search finds no way back."""
+    raw = {"mode": [{"label": "test pitch", "frequency": 0.78, "uncertainty": 0.01}], "parameter": [{"name": "stage.upper.wires.d", "start": -0.02}]}
+    result = run("fit", CONFIGS / "double.toml", written(tmp_path, raw, "measured.toml"), "--no-plot", "--quiet", "--out", tmp_path)
+    assert result.exit_code == 0 and result.stderr.startswith("warning: double as fitted is unstable on string: upper pitch grows at ")
+
+
 def test_measurements_are_read(tmp_path):
     assert measured.read(MEASURED).parameter[1].prior == 0.1176
     raw = tomllib.loads(MEASURED.read_text())

@@ -451,6 +451,14 @@ def test_a_limit_that_symmetry_keeps_is_told(tmp_path):
     assert result.exit_code == 0 and "is 0: the design's symmetry forbids it" in result.stderr
 
 
+def test_a_design_that_falls_over_is_told(tmp_path):
+    """No goal is about its pitch."""
+    raw = {"goal": [{"kind": "height", "at_most": 1.0}], "free": [{"name": "stage.upper.wires.d", "lower": -0.05, "upper": 0.01, "start": -0.05}]}
+    options = ("--starts", "1", "--no-plot", "--quiet", "--out", tmp_path)
+    result = run("optimise", CONFIGS / "double.toml", written(tmp_path, raw, "goals.toml"), *options)
+    assert result.exit_code == 0 and result.stderr.startswith("warning: the design found is unstable: upper pitch;")
+
+
 def test_an_unstable_start_has_no_frequency(tmp_path):
     """The start topples (wires end below the centre of mass); what was is then none, and the search gets it upright."""
     raw = {
