@@ -159,6 +159,7 @@ WRONG = {
     "too many": ([{"frequency": 1.0, "uncertainty": 0.1}] * 7, [NUMBER], "mode: the design has 6 modes"),
     "no such number": ([MODE], [{"name": "stage.test.wires.q"}], 'parameter.1.name = "stage.test.wires.q": is no number'),
     "not in the design": ([MODE], [{"name": "support.stiffness.z"}], 'parameter.1.name = "support.stiffness.z": is no number that the design gives'),
+    "no sound start": ([MODE], [{"name": "stage.test.wires.d", "start": 1e9}], "parameter.1 = 1e+09: stage.test.wires.d: must be at least"),
     "outside": ([MODE], [NUMBER | {"upper": 1e11}], "parameter.1: the design's value 1.7e+11 lies outside the bounds"),
 }
 
@@ -169,6 +170,13 @@ def test_what_does_not_fit_the_design_is_refused(kind, tmp_path):
     file = written(tmp_path, {"mode": mode, "parameter": parameter}, "measured.toml")
     lines = assert_refused(run("fit", CASE, file, "--out", tmp_path / "out"), file, tmp_path / "out")
     assert any(line.startswith(problem) for line in lines), lines
+
+
+def test_a_fit_that_ends_at_an_unstable_design_says_so(tmp_path):
+    """From a start that is unstable the search finds no way back."""
+    raw = {"mode": [{"label": "test pitch", "frequency": 0.78, "uncertainty": 0.01}], "parameter": [{"name": "stage.upper.wires.d", "start": -0.02}]}
+    result = run("fit", CONFIGS / "double.toml", written(tmp_path, raw, "measured.toml"), "--no-plot", "--quiet", "--out", tmp_path)
+    assert result.exit_code == 0 and result.stderr.startswith("warning: double as fitted is unstable on string: upper pitch grows at ")
 
 
 def test_measurements_are_read(tmp_path):

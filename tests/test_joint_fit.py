@@ -136,6 +136,11 @@ BAD = {
     "twice in one": ({"parameter": [{"name": E}, {"name": E, "experiments": ["long"]}]}, "parameter.2.name"),
     "label": ({"experiment": [ONE, ONE | {"name": "b", "mode": [{"frequency": 1.0, "uncertainty": 0.1, "label": "q"}]}]}, 'experiment.b.mode.1.label = "q"'),
     "values differ": ({"parameter": [{"name": "stage.test.wires.l"}]}, 'parameter.1.name = "stage.test.wires.l": has different values'),
+    "not in all": (
+        {"experiment": [ONE, ONE | {"name": "b", "set": ["stage.test.wires.d_upper=0.001"]}], "parameter": [{"name": "stage.test.wires.d_upper"}]},
+        'parameter.1.name = "stage.test.wires.d_upper": is no number that the design of table1-case1 gives; list in experiments',
+    ),
+    "leads nowhere": ({"parameter": [{"name": "stage.upper.wires.l", "start": 0.3}]}, "parameter.1 = 0.3: stage.upper.wires.l: there is no 'upper' here"),
     "overrides": ({"experiment": [ONE | {"set": ["stage.q=1"]}]}, 'experiment.1.set = "stage.q=1": there is no'),
     "no file name": ({"experiment": [ONE | {"name": "a b/c"}]}, 'experiment."a b/c".name = "a b/c": is not acceptable; give letters, digits'),
     "no modes": ({"experiment": [{"design": "x"}]}, "experiment.1.mode: missing"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 
 import derivatives as differences
 import h5py
@@ -214,6 +215,25 @@ def test_ties_hold_to_the_last_bit():
     assert found.numbers.tied.tolist() == [False, False, True, True]
 
 
+def test_numbers_that_follow_keep_to_their_bounds_whatever_goals_ask():
+    """As free numbers do: a goal that cannot be met does not push them out."""
+    goal, free = [Goal(kind="band", modes=["test longitudinal"], at_least=5.0)], [Free(name=f"{WIRES}.l", lower=0.1, upper=1.0)]
+    tie = Equal(name=f"{WIRES}.radius", terms={f"{WIRES}.l": 1e-3}, lower=2e-4, upper=3e-4)
+    found = solved(VERTICAL, goal, free, [tie])
+    assert not found.met and found.numbers.after == pytest.approx([0.2, 2e-4]) and found.numbers.bound.tolist() == [0, -1]
+
+
+@pytest.mark.parametrize("lower", [2e-4, None])
+def test_what_the_bound_of_a_number_that_follows_costs(lower):
+    """The depth of the mass on vertical wires is l and a constant."""
+    goal, free = [Goal(kind="height", maximise=True)], [Free(name=f"{WIRES}.l", lower=0.1, upper=1.0)]
+    tie = Equal(name=f"{WIRES}.radius", terms={f"{WIRES}.l": 1e-3}, lower=lower, upper=3e-4)
+    found = solved(VERTICAL, goal, free, [tie])
+    assert found.numbers.after == pytest.approx([0.3, 3e-4]) and found.stationarity < 1e-6
+    cost = np.nan if lower is None else 1e-4 / 1e-3 / found.quantities.after[0]
+    assert found.numbers.multiplier == pytest.approx([0.0, cost], nan_ok=True)
+
+
 def test_modes_are_followed_by_their_shapes_through_crossings():
     """Tilt of Figure 3 lies above the longitudinal mode as drawn; below it, it is still tilt."""
     found = solved(FIGURE3, [Goal(kind="band", modes=["test pitch"], at_most=0.9)], [Free(name=f"{WIRES}.s", lower=1e-4, upper=0.05, scale="log")])
@@ -310,6 +330,21 @@ def test_what_the_search_believes_is_not_what_is_told(monkeypatch):
     truth = modes.solve(fidelity.linear_model(reader.parse(found.design), "string")).of("x")[0]
     assert found.quantities.after[0] == pytest.approx(truth, rel=1e-12)
     assert not found.met and found.limits.met.tolist() == [truth >= 1.2, truth <= 1.25]
+
+
+def test_corrections_that_never_settle_end_at_a_design_that_was_met(monkeypatch):
+    """A check that is 1 % above the search and 1 % below it by turns: every other design breaks the limit, the last one too."""
+    achieved, turns = optimise._achieved, []
+
+    def fickle(search, number, level):
+        made = achieved(search, number, level)
+        turns.append(made)
+        return replace(made, value=made.value * (1.01 if len(turns) % 2 else 0.99))
+
+    monkeypatch.setattr(optimise, "_achieved", fickle)
+    found = solved(VERTICAL, [Goal(kind="band", modes=["test longitudinal"], at_most=0.8)], [Free(name=f"{WIRES}.l", lower=0.2, upper=1.0)])
+    assert found.rounds == optimise.ROUNDS and found.met
+    assert found.quantities.after[0] == pytest.approx(0.99 / 1.01 * 0.8, rel=1e-5)
 
 
 def test_limits_hold_on_the_rung_that_checks():
@@ -416,6 +451,14 @@ def test_a_limit_that_symmetry_keeps_is_told(tmp_path):
     assert result.exit_code == 0 and "is 0: the design's symmetry forbids it" in result.stderr
 
 
+def test_a_design_that_falls_over_is_told(tmp_path):
+    """No goal is about its pitch."""
+    raw = {"goal": [{"kind": "height", "at_most": 1.0}], "free": [{"name": "stage.upper.wires.d", "lower": -0.05, "upper": 0.01, "start": -0.05}]}
+    options = ("--starts", "1", "--no-plot", "--quiet", "--out", tmp_path)
+    result = run("optimise", CONFIGS / "double.toml", written(tmp_path, raw, "goals.toml"), *options)
+    assert result.exit_code == 0 and result.stderr.startswith("warning: the design found is unstable: upper pitch;")
+
+
 def test_an_unstable_start_has_no_frequency(tmp_path):
     """The start topples (wires end below the centre of mass); what was is then none, and the search gets it upright."""
     raw = {
@@ -487,6 +530,19 @@ BAD = {
     ),
     "too many modes": ({"goal": [BAND | {"lowest": 3}], "free": [LENGTH]}, "goal.1.lowest = 3: the design has 2 modes of family longitudinal-pitch"),
     "one mode apart": ({"goal": [{"kind": "separation", "dof": ["z"], "at_least": 1.1}], "free": [LENGTH]}, "goal.1: there are no two modes"),
+    "a response for a mode": (
+        {"goal": [{"kind": "band", "modes": ["test.x/support.x:1"], "at_least": 0.5}], "free": [LENGTH]},
+        'goal.1.modes = "test.x/support.x:1": is the label of no mode',
+    ),
+    "nothing to divide by": (
+        {"goal": [{"kind": "cross-coupling", "response": "test.z/test.x/support.z:50", "at_most": 1.0}], "free": [LENGTH]},
+        'goal = "|test.z/test.x/support.z| at 50 Hz": has no value',
+    ),
+    "no wires at all": ({"goal": [{"kind": "stress", "wires": [], "at_most": 1.0}], "free": [LENGTH]}, "goal.1.wires = []: has 0 elements"),
+    "out of reach": (
+        {"goal": [BAND], "free": [LENGTH], "equal": [{"name": f"{WIRES}.s", "terms": {f"{WIRES}.l": 0.1}, "lower": 0.2, "upper": 0.3}]},
+        f"equal.1.lower = 0.2: {WIRES}.s comes no nearer to it than",
+    ),
     "no such body": ({"goal": [{"kind": "isolation", "response": "tset.x/support.x:1", "at_most": 1.0}], "free": [LENGTH]}, 'goal.1.response = "tset.x"'),
     "no such stage": ({"goal": [{"kind": "height", "stage": "tset", "at_most": 1.0}], "free": [LENGTH]}, 'goal.1.stage = "tset": names no stage'),
     "no blades": ({"goal": [{"kind": "stress", "blades": ["test"], "at_most": 1.0}], "free": [LENGTH]}, 'goal.1.blades = "test": names no stage with blades'),
@@ -504,7 +560,7 @@ BAD = {
 def test_bad_goals_are_refused(kind, tmp_path):
     raw, problem = BAD[kind]
     file = written(tmp_path, raw, "goals.toml")
-    lines = assert_refused(run("optimise", VERTICAL, file, "--out", tmp_path / "out"), file, tmp_path / "out")
+    lines = assert_refused(run("optimise", VERTICAL, file, "--out", tmp_path / "out", "--quiet"), file, tmp_path / "out")
     named = [line.replace(f"free.{WIRES}.l.", "free.1.") for line in lines]
     assert any(line.startswith(problem) for line in named), lines
 

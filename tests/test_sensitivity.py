@@ -291,3 +291,23 @@ def test_bad_options_are_refused(options, problem, tmp_path):
     file = CASES / "table1-case2.toml"
     lines = assert_refused(run("sensitivity", file, *options, "--out", tmp_path / "out"), file, tmp_path / "out")
     assert any(line.startswith(problem) for line in lines), lines
+
+
+def test_a_ratio_to_what_symmetry_forbids_has_no_derivative(tmp_path):
+    """Nor is it a traceback: other results are told all the same."""
+    result = run("sensitivity", CONFIGS / "double.toml", "--result", "test.z/test.x/support.z:50", "--result", "1", "--json", "--out", tmp_path)
+    told = strict_json(result.stdout)
+    assert told["results"][0]["nominal"] is None and {row[0] for row in told["derivative"]} == {None}
+    assert any(row[1] for row in told["derivative"])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("results", [["test.x/support.x:0"], ["test.x/support.x:10", "5", "test.x@0,0,0.001/test.z/support.z:50"]])
+def test_all_text_lies_within_the_picture(results):
+    """Also of few results, and where nothing moves anything."""
+    from suspension_cli.plots import sensitivity as picture
+
+    figure = picture.draw(solved((CONFIGS / "quadruple.toml").read_text(), *results), "")
+    for axes in figure.axes:
+        box = axes.get_tightbbox()
+        assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1

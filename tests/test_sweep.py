@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 
+import h5py
 import numpy as np
 import pytest
 from commandline import assert_refused, edited, run, strict_json, written
@@ -186,6 +187,21 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     assert run("sweep", SINGLE, *options, "--out", tmp_path / "parts", "--resume").exit_code == 0
     name = "husman2000-table1-case2-sweep.h5"
     assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_a_mode_that_comes_to_nothing_does_not_hide_the_others(tmp_path):
+    """Yaw of wires that meet is 0: the other modes still stand on a logarithmic axis, unlike a coupling that is 0 throughout."""
+    from suspension_cli.plots import sweep as picture
+
+    for options, scale in (
+        (("--vary", "stage.upper.wires.t1=0:0.06:4"), "log"),
+        (("--result", "test.x/support.x:10", "--result", "test.x/test.z/support.z:9"), "linear"),
+    ):
+        options = options if scale == "log" else ("--vary", "stage.upper.wires.l=0.1:2:4", *options)
+        swept(CONFIGS / "double.toml", tmp_path, *options)
+        with h5py.File(tmp_path / "double-sweep.h5") as file:
+            (axes,) = picture.draw(files.read(file["sweep"]), "").axes
+        assert axes.get_yscale() == scale and axes.get_xlabel().endswith(" (SI)")
 
 
 def test_pictures_and_the_table(tmp_path):

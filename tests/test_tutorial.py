@@ -55,6 +55,8 @@ def steps(tmp_path_factory):
         for number, step in enumerate(tutorial.steps(tutorial.PAGE.read_text())):
             copy = shutil.copy(step.found, tmp_path_factory.mktemp("drawn") / f"{number}.png") if step.kind == "picture" else step.found
             kept.append((step, copy))
+        again = Path("results/my-thermal.png").read_bytes()  # which the page ends with
+        kept.append((tutorial.Step("again", "", (0, 0)), again))
     return kept
 
 
@@ -70,6 +72,11 @@ def test_every_picture_is_drawn(steps):
     assert len(pictures) == 5
     for step, drawn in pictures:
         assert size(tutorial.PAGE.parent / step.text) == pytest.approx(size(drawn), rel=0.02), f"run: make tutorial ({step.text})"
+
+
+def test_the_picture_drawn_again_is_the_one_shown(steps):
+    *_, (_, shown) = [(step, copy) for step, copy in steps if step.kind == "picture" and "thermal" in step.text]
+    assert Path(shown).read_bytes() == steps[-1][1]
 
 
 def test_pictures_are_all_used():

@@ -5,7 +5,8 @@ margins c(u) >= 0 in logarithms, each mode's by itself, so that everything is sm
 
     minimise s    with    c(u) + s >= 0,  -s <= e(u) <= s,  s >= 0,
 
-whose s is the largest violation (e: equalities); then, from there, the objective with c >= 0 and e = 0.  Where there is no design (a wire shorter than
+whose s is the largest violation (e: equalities); then, from there, the objective with c >= 0 and e = 0.  Bounds hold throughout, those of numbers that follow
+from others b(u) >= 0 included.  Where there is no design (a wire shorter than
 its span, one that goes slack) the search is told of a place far worse than the one before, so that it takes a smaller step.
 """
 
@@ -46,17 +47,26 @@ class Point:
     log : (q,) array
         Logarithms of the quantities.
     violation, objective : float
+    outside : float
+        How far the numbers that follow from others lie beyond their bounds, as shares of these.
     """
 
     share: Array
     log: Array
     violation: float
     objective: float
+    outside: float
 
     @property
-    def rank(self) -> tuple[float, float]:
-        """What points are compared by: the violation, then the objective."""
-        return (self.violation, 0.0) if self.violation > KEPT else (0.0, self.objective)
+    def worst(self) -> float:
+        """The largest violation, of a limit or of bounds."""
+        return max(self.violation, self.outside)
+
+    @property
+    def rank(self) -> tuple[float, float, float]:
+        """What points are compared by: what lies out of bounds, then the violation, then the objective."""
+        beyond = self.outside if self.outside > KEPT else 0.0
+        return (beyond, self.violation, 0.0) if self.violation > KEPT else (beyond, 0.0, self.objective)
 
 
 @dataclass(frozen=True)
@@ -72,6 +82,8 @@ class Held:
         -1 at the lower, 1 at the upper bound.
     bound_multiplier : (p,) array
         The same, a unit of the way between the bounds.
+    tied_multiplier : (b,) array
+        Of the bounds of numbers that follow from others, see `Freed.ties`.
     stationarity : float
         What is left of the objective's gradient, of all of it.
     """
@@ -80,6 +92,7 @@ class Held:
     multiplier: Array
     bound: Any
     bound_multiplier: Array
+    tied_multiplier: Array
     stationarity: float
 
 
@@ -144,8 +157,8 @@ class Search:
                 self.seen[key] = Valued(found.log + self.offset, found.slope * self.freed.rate(number)) if good else None
         return self.seen[key]
 
-    def margins(self, now: Valued, share: Array) -> tuple[Array, Array, Array, Array]:
-        """Margins c (k,) less what is kept, their slopes, equalities e and theirs; bounds of numbers that follow from others come last in c."""
+    def margins(self, now: Valued) -> tuple[Array, Array, Array, Array]:
+        """Margins c (k,) less what is kept, their slopes, equalities e and theirs."""
         c, dc, e, de = [], [], [], []
         for limit in self.limits:
             value, slope = margin(limit, now.log, now.slope)
@@ -155,12 +168,14 @@ class Search:
             else:
                 c.append(value - self.goals.margin)
                 dc.append(slope)
+        size = len(self.begin)
+        return np.array(c), np.array(dc).reshape(-1, size), np.array(e), np.array(de).reshape(-1, size)
+
+    def within(self, share: Array) -> tuple[Array, Array]:
+        """How far the numbers that follow from others lie within their bounds b (b,), as shares of these, and the slopes."""
         rows, sides = self.freed.ties()
         number = self.freed.numbers(share)
-        size = len(share)
-        whole = np.concatenate([np.array(c), rows @ number + sides])
-        slopes = np.concatenate([np.array(dc).reshape(-1, size), rows * self.freed.rate(number)])
-        return whole, slopes, np.array(e), np.array(de).reshape(-1, size)
+        return rows @ number + sides, rows * self.freed.rate(number)
 
     def objective(self, now: Valued, share: Array) -> tuple[float, Array]:
         """What is to be made small, and its gradient."""
@@ -181,10 +196,10 @@ class Search:
         now = self.value(share)
         if now is None:
             return None
-        c, _, e, _ = self.margins(now, share)
+        c, _, e, _ = self.margins(now)
         worst = float(np.max(np.concatenate([-c, np.abs(e), [-np.inf]])))
         goal = worst if self.roomy else self.objective(now, share)[0]
-        found = Point(share.copy(), now.log, max(worst, 0.0), goal)
+        found = Point(share.copy(), now.log, max(worst, 0.0), goal, float(np.max(-self.within(share)[0], initial=0.0)))
         if self.best is None or found.rank < self.best.rank:
             self.best = found
         return found
@@ -197,9 +212,9 @@ class Search:
         self.pairs = self.order(now.log)
         begin = self.point(share)
         assert begin is not None
-        if begin.violation > KEPT:
+        if begin.worst > KEPT:
             self._solve(begin.share, begin.violation, phase=1)
-        if self.best is not None and self.best.violation <= KEPT:
+        if self.best is not None and self.best.worst <= KEPT:
             self._solve(self.best.share, self.best.objective, phase=2)
         return self.best
 
@@ -218,7 +233,7 @@ class Search:
                 f, g, c, dc, e, de = last[0]
                 return f + WORSE, g, c - WORSE, dc, e + np.copysign(WORSE, e), de
             self.point(u)
-            last[:] = [(*self.objective(now, u), *self.margins(now, u))]
+            last[:] = [(*self.objective(now, u), *self.margins(now))]
             return last[0]
 
         def widened(slopes: Array, sign: float) -> Array:
@@ -229,11 +244,12 @@ class Search:
 
         def below(x: Array) -> Array:
             _, _, c, _, e, _ = told(x)
-            return np.concatenate([c + s(x), *([e + s(x), s(x) - e] if phase == 1 else [])])
+            return np.concatenate([c + s(x), *([e + s(x), s(x) - e] if phase == 1 else []), self.within(x[: len(share)])[0]])
 
         def below_slope(x: Array) -> Array:
             _, _, _, dc, _, de = told(x)
-            return np.vstack([widened(dc, 1.0), *([widened(de, 1.0), widened(-de, 1.0)] if phase == 1 else [])])
+            bounds = widened(self.within(x[: len(share)])[1], 0.0)
+            return np.vstack([widened(dc, 1.0), *([widened(de, 1.0), widened(-de, 1.0)] if phase == 1 else []), bounds])
 
         rules: list[Any] = [{"type": "ineq", "fun": below, "jac": below_slope}]
         if phase == 2 and any(limit.sense == "equals" for limit in self.limits):
@@ -253,28 +269,28 @@ class Search:
 
         now = self.value(point.share)
         assert now is not None
-        c, dc, e, de = self.margins(now, point.share)
+        c, dc, e, de = self.margins(now)
+        b, db = self.within(point.share)
         edge = np.where(point.share <= KEPT, -1, np.where(point.share >= 1 - KEPT, 1, 0))
         most = self.roomy or point.violation > KEPT  # then the smallest margin is what counts, and margins share out a weight of 1
         reach = float(np.min(np.concatenate([c, [] if self.roomy else -np.abs(e)]), initial=np.inf)) if most else 0.0
-        near, at = np.flatnonzero(c <= reach + ACTIVE), np.flatnonzero(edge)
+        near, at, tied = np.flatnonzero(c <= reach + ACTIVE), np.flatnonzero(edge), np.flatnonzero(b <= ACTIVE)
         forced = np.flatnonzero(np.abs(e) >= -reach - ACTIVE) if most and not self.roomy else np.arange(len(e))
-        matrix = np.concatenate([dc[near], de[forced], -de[forced], -np.eye(len(edge))[at] * edge[at][:, None]]).T
+        matrix = np.concatenate([dc[near], de[forced], -de[forced], -np.eye(len(edge))[at] * edge[at][:, None], db[tied]]).T
         right = np.zeros(len(edge)) if most else self.objective(now, point.share)[1]
         if most:
             equal = 0.0 if self.roomy else 1.0
-            matrix = np.vstack([matrix, [1.0] * len(near) + [equal] * (2 * len(forced)) + [0.0] * len(at)])
+            matrix = np.vstack([matrix, [1.0] * len(near) + [equal] * (2 * len(forced)) + [0.0] * (len(at) + len(tied))])
             right = np.append(right, 1.0)
         weight, left = nnls(matrix, right) if matrix.shape[1] else (np.zeros(0), float(np.linalg.norm(right)))
-        parts = np.split(weight, np.cumsum([len(near), len(forced), len(forced)]))
+        parts = np.split(weight, np.cumsum([len(near), len(forced), len(forced), len(at)]))
         multiplier, active = np.zeros(len(self.limits)), np.zeros(len(self.limits), dtype=bool)
         plain, equals = (np.array([n for n, limit in enumerate(self.limits) if (limit.sense == "equals") == same], dtype=int) for same in (False, True))
-        own = near < len(plain)  # the others are bounds of numbers that follow
-        multiplier[plain[near[own]]], active[plain[near[own]]] = parts[0][own], True
+        multiplier[plain[near]], active[plain[near]] = parts[0], True
         multiplier[equals[forced]], active[equals[forced]] = parts[1] - parts[2], True
-        bounds = np.zeros(len(edge))
-        bounds[at] = parts[3]
-        return Held(active, multiplier, edge, bounds, float(left / max(np.linalg.norm(right), 1e-12)))
+        bounds, followers = np.zeros(len(edge)), np.zeros(len(b))
+        bounds[at], followers[tied] = parts[3], parts[4]
+        return Held(active, multiplier, edge, bounds, followers, float(left / max(np.linalg.norm(right), 1e-12)))
 
 
 def margin(limit: Limit, log: Array, slope: Array | None = None) -> tuple[float, Any]:

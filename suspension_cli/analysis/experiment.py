@@ -168,7 +168,7 @@ class Experiment:
                 found = scalars.parse([item.label], self.names, (), where)
                 numbers = [one.number for one in found if isinstance(one, scalars.Mode)]
                 if len(numbers) != 1 or numbers[0] in given.values():
-                    raise InputError([Fault(where, "is not one mode, or was measured before", "see pendsus modes", shown(item.label))])
+                    raise InputError([Fault(where, "is not one mode, or was measured before", "see pendsus modes --fidelity string", shown(item.label))])
                 given[n] = numbers[0]
         return given
 
@@ -176,4 +176,4 @@ class Experiment:
         allowed = self.mode[n].dof
         if allowed is None:
             return Fault(f"{self.where}mode", f"the design has {count} modes, fewer than were measured", "leave some out")
-        return Fault(f"{self.where}mode.{n + 1}.dof", "no mode is left that lives there", "see pendsus modes", shown(allowed))
+        return Fault(f"{self.where}mode.{n + 1}.dof", "no mode is left that lives there", "see pendsus modes --fidelity string", shown(allowed))

@@ -15,19 +15,19 @@ import numpy as np
 
 from suspension_cli.analysis import achieved, families, modes, signals
 from suspension_cli.analysis.achieved import Achieved
-from suspension_cli.analysis.constrained import Point, Search, margin
+from suspension_cli.analysis.constrained import KEPT, Point, Search, margin
 from suspension_cli.analysis.families import Families
 from suspension_cli.analysis.freed import Freed
 from suspension_cli.analysis.modes import Modes
 from suspension_cli.analysis.optimum import Optimum, Starts
-from suspension_cli.analysis.outcome import told
+from suspension_cli.analysis.outcome import EQUAL, told
 from suspension_cli.analysis.quantities import wanted
 from suspension_cli.analysis.valued import Values, with_imperfections
 from suspension_cli.design import checks
 from suspension_cli.design.expand import nominal
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.scene import Array
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import Fault, InputError, shown
 from suspension_cli.mechanics.blocks import mirrored
 from suspension_cli.models import fidelity
 
@@ -60,15 +60,17 @@ def solve(text: str, goals: Goals, *, level: str = "auto", starts: int = STARTS,
     Raises
     ------
     InputError
-        If a goal or a number is not the design's.
+        If a goal or a number is not the design's, or no design was found whose numbers that follow from others lie within their bounds.
     """
     freed = Freed.of(text, goals)
     values = _values(freed, goals)
     search = Search(values, goals, np.zeros(len(values.wanted.quantities)))
     if search.value(search.begin) is None:
-        values.at(freed.start)  # says why there is none
+        _demand(values)
     points, before = _searched(search, starts, seed, report)
     best = min((point for point in points if point is not None), key=lambda point: point.rank)
+    if best.outside > KEPT:
+        raise InputError(_beyond(freed, freed.values(freed.numbers(best.share))))
     best, made, rounds = _checked(search, best, level)
     return told(search, best, _achieved(search, freed.start, level), made, _starts(points, before), rounds)
 
@@ -86,6 +88,25 @@ def _values(freed: Freed, goals: Goals) -> Values:
     return Values(freed, wanted(goals, design, found, kin, signals.bodies(model)), kin)
 
 
+def _demand(values: Values) -> None:
+    """Say why a design has no values to start from."""
+    log = values.at(values.freed.start).log  # tells itself if there is no such design
+    lost = [item.text for item, value in zip(values.wanted.quantities, log, strict=True) if not np.isfinite(value)]
+    raise InputError([Fault("goal", "has no value in the design as it starts", "divide by what does not vanish", shown(text)) for text in lost])
+
+
+def _beyond(freed: Freed, value: dict[str, float]) -> list[Fault]:
+    """What to say of numbers that follow from others to where they must not."""
+    remedy = "widen its bounds, or those of the numbers that it follows from"
+    found = []
+    for n, item in enumerate(freed.equal, 1):
+        if item.lower is not None and value[item.name] < item.lower:
+            found.append(Fault(f"equal.{n}.lower", f"{item.name} comes no nearer to it than {value[item.name]:g}", remedy, shown(item.lower)))
+        if item.upper is not None and value[item.name] > item.upper:
+            found.append(Fault(f"equal.{n}.upper", f"{item.name} comes no nearer to it than {value[item.name]:g}", remedy, shown(item.upper)))
+    return found
+
+
 def _searched(search: Search, starts: int, seed: int, report: Any) -> tuple[list[Point | None], list[float]]:
     """Where each start led, and the violation at it."""
     begins = [search.begin, *_chosen(search, starts - 1, seed)]
@@ -95,7 +116,7 @@ def _searched(search: Search, starts: int, seed: int, report: Any) -> tuple[list
         if now is not None:
             search.pairs = search.order(now.log)
         begin = None if now is None else search.point(share)
-        before.append(np.nan if begin is None else begin.violation)
+        before.append(np.nan if begin is None else begin.worst)
         points.append(search.run(share))
         if report is not None:
             report(n + 1, len(begins), (n + 1) / (time.monotonic() - began))
@@ -124,19 +145,37 @@ def _chosen(search: Search, count: int, seed: int) -> list[Array]:
 
 
 def _checked(search: Search, best: Point, level: str) -> tuple[Point, Achieved, int]:
-    """The best design, corrected until search and ordinary analyses agree; what it achieves; and the number of corrections."""
-    rounds = 0
+    """The best design, corrected until search and ordinary analyses agree; what it achieves; and the number of corrections.
+
+    If they never do, that of all checked which breaks limits least; of several that break none the last.
+    """
+    rounds, checked = 0, []
     while True:
         made = _achieved(search, search.freed.numbers(best.share), level)
+        checked.append((best, made, search.offset))
         with np.errstate(invalid="ignore", divide="ignore"):
             offset = np.log(made.value) - (best.log - search.offset)
         offset = np.where(np.isfinite(offset), offset, 0.0)
-        if rounds == ROUNDS or (np.abs(offset - search.offset) < SETTLED).all():
+        if (np.abs(offset - search.offset) < SETTLED).all():
+            return best, made, rounds
+        if rounds == ROUNDS:
+            best, made, search.offset = min(reversed(checked), key=lambda one: _broken(search, one[1]))
+            search.seen.clear()
             return best, made, rounds
         rounds += 1
         search.offset = offset
         search.seen.clear()
         best = search.run(best.share) or best
+
+
+def _broken(search: Search, made: Achieved) -> float:
+    """By how much a design that was checked breaks the limit that it breaks most, as a logarithm; 0 if it keeps to all."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        log = np.log(made.value)
+        limits = (*search.wanted.limits, *search.order(log))
+        margins = np.array([-abs(margin(limit, log)[0]) if limit.sense == "equals" else margin(limit, log)[0] for limit in limits])
+    worst = float(np.max(-np.where(np.isnan(margins), -np.inf, margins), initial=0.0))
+    return worst if worst > EQUAL else 0.0
 
 
 def _achieved(search: Search, number: Array, level: str) -> Achieved:
@@ -165,4 +204,4 @@ def _starts(points: list[Point | None], before: list[float]) -> Starts:
     def each(name: str) -> Array:
         return np.array([np.nan if point is None else getattr(point, name) for point in points])
 
-    return Starts(np.array(before), each("violation"), each("objective"), place)
+    return Starts(np.array(before), each("worst"), each("objective"), place)

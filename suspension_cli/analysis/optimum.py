@@ -24,7 +24,7 @@ class Numbers:
     bound : int array
         -1 at the lower bound, 1 at the upper one, 0 between them.
     multiplier : array
-        What the objective would gain if the bound gave way, for all of the way between the bounds.
+        What the objective would gain if the bound gave way, for all of the way between the bounds; NaN of a number that follows and has one bound alone.
     """
 
     name: tuple[str, ...]

@@ -72,8 +72,19 @@ def _numbers(freed: Freed, number: Array, held: Held) -> Numbers:
         lower=known(lower),
         upper=known(upper),
         bound=bound,
-        multiplier=np.concatenate([held.bound_multiplier, np.zeros(ties)]),
+        multiplier=np.concatenate([held.bound_multiplier, _followers(freed, held)]),
     )
+
+
+def _followers(freed: Freed, held: Held) -> Array:
+    """Multipliers of the bounds of numbers that follow, for all of the way between them: NaN where there is one bound alone."""
+    found, parts = np.zeros(len(freed.equal)), iter(held.tied_multiplier)
+    for n, item in enumerate(freed.equal):
+        way = np.nan if item.lower is None or item.upper is None else item.upper - item.lower
+        for bound in (item.lower, item.upper):
+            if bound is not None:
+                found[n] += next(parts) * way / (abs(bound) or 1.0)
+    return found
 
 
 def _limits(search: Search, made: Achieved, held: Held) -> Limits:

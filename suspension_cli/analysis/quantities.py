@@ -204,7 +204,7 @@ def _of_modes(goal: Goal, key: str, found: Modes, families: Families) -> list[Of
     if goal.modes is not None:
         picked = [item for item in scalars.parse(goal.modes, found, (), f"{key}.modes") if isinstance(item, scalars.Mode)]
         if not picked:
-            raise InputError([Fault(f"{key}.modes", "names no mode", "see pendsus modes", shown(goal.modes))])
+            raise InputError([Fault(f"{key}.modes", "names no mode", "see pendsus modes --fidelity string", shown(goal.modes))])
         return [OfMode(item.text, unit, share, number=item.number) for item in picked]
     chosen = []
     for family in dict.fromkeys(int(families.member[DOFS.index(dof)]) for dof in goal.dof or ()):

@@ -89,13 +89,13 @@ def parse(texts: list[str], modes: Modes, known: tuple[str, ...], option: str = 
     modes : Modes
         Of the design as drawn.
     known : tuple of str
-        Bodies, see `signals.bodies`.
+        Bodies, see `signals.bodies`; empty where nothing but modes can be meant.
     option : str
         For faults.
     """
     found: list[Scalar] = []
     for text in texts:
-        found += [_ratio(text, known, option)] if "/" in text else _modes(text.strip(), modes, option, only=not known)
+        found += [_ratio(text, known, option)] if "/" in text and known else _modes(text.strip(), modes, option, only=not known)
     return tuple(dict.fromkeys(found))
 
 
@@ -109,7 +109,7 @@ def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[
         return [every[int(text) - 1]]
     chosen = [mode for mode, label in zip(every, modes.label, strict=True) if text in (mode.text, label)]
     if len(chosen) > 1 and "#" not in text:
-        remedy = f"write {chosen[0].text!r} to {chosen[-1].text!r}, or its number in pendsus modes"
+        remedy = f"write {chosen[0].text!r} to {chosen[-1].text!r}, or its number in pendsus modes on the same rung"
         raise InputError([Fault(option, f"is the label of {len(chosen)} modes", remedy, shown(text))])
     if not chosen:
         remedy = suggestion(text, names) + ("" if only else "; a response is OUTPUT/INPUT:FREQUENCY, a coupling OVER/UNDER/INPUT:FREQUENCY")

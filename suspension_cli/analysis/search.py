@@ -14,8 +14,9 @@ import numpy as np
 
 from suspension_cli.analysis import parameters
 from suspension_cli.analysis.experiment import Experiment
+from suspension_cli.analysis.parameters import twins
 from suspension_cli.design.faults import suggestion
-from suspension_cli.design.measured import Free, Measured
+from suspension_cli.design.measured import Measured
 from suspension_cli.design.scene import Array
 from suspension_cli.errors import Fault, InputError, shown
 
@@ -80,7 +81,7 @@ def problem(texts: Sequence[str], measured: Measured, files: Sequence[str]) -> P
     """
     free = measured.parameter
     shared = np.array([measured.shares(n) for n in range(len(free))])
-    start = _start(texts, free, shared)
+    start = _start(texts, measured, shared)
     low = np.array([-np.inf if item.lower is None else item.lower for item in free])
     high = np.array([np.inf if item.upper is None else item.upper for item in free])
     outside = np.flatnonzero(~((low <= start) & (start <= high)))
@@ -91,27 +92,45 @@ def problem(texts: Sequence[str], measured: Measured, files: Sequence[str]) -> P
         Experiment(text, modes, [item.name for item, here in zip(free, own, strict=True) if here], start[own], measured.where(n), file)
         for n, (text, modes, own, file) in enumerate(zip(texts, measured.modes, shared.T, files, strict=True))
     ]
+    _demand(experiments, shared)
     prior = np.array([0.0 if item.prior is None else item.prior for item in free])
     doubt = np.array([np.inf if item.uncertainty is None else item.uncertainty for item in free])
     return Problem(experiments, shared, start, low, high, prior, doubt)
 
 
-def _start(texts: Sequence[str], free: list[Free], shared: Any) -> Array:
+def _start(texts: Sequence[str], measured: Measured, shared: Any) -> Array:
     """Where the search begins: as asked, else as the designs have it, else what was known before."""
     known = [{item.name: item.value for item in parameters.every(text)} for text in texts]
     found, bad = [], []
-    for n, (item, own) in enumerate(zip(free, shared, strict=True), 1):
-        mine = [table for table, here in zip(known, own, strict=True) if here]
-        given = {table.get(item.name, item.prior) for table in mine}
+    for n, (item, own) in enumerate(zip(measured.parameter, shared, strict=True), 1):
+        mine = [(table, name) for table, name, here in zip(known, measured.names, own, strict=True) if here]
+        given = {table.get(item.name, item.prior) for table, _ in mine}
         if item.start is None and None in given:
-            remedy = suggestion(item.name, list(mine[0])) + "; or give a start"
-            bad.append(Fault(f"parameter.{n}.name", "is no number that the design gives", remedy, shown(item.name)))
+            table, name = next((table, name) for table, name in mine if item.name not in table)
+            whose = f"the design of {name}" if name else "the design"
+            others = any(item.name in table for table, _ in mine)
+            remedy = "list in experiments those whose designs do" if others else suggestion(item.name, list(table))
+            bad.append(Fault(f"parameter.{n}.name", f"is no number that {whose} gives", remedy + "; or give a start", shown(item.name)))
         elif item.start is None and len(given) > 1:
             bad.append(Fault(f"parameter.{n}.name", "has different values in the designs that share it", "give a start", shown(item.name)))
         found.append(item.start if item.start is not None else next(iter(given)))
     if bad:
         raise InputError(bad)
     return np.array(found, dtype=float)
+
+
+def _demand(experiments: list[Experiment], shared: Any) -> None:
+    """Tell faults of the numbers that the search begins with where they stand: in the measurements, not in a design or an override."""
+    bad: dict[Fault, None] = {}
+    for experiment, own in zip(experiments, shared.T, strict=True):
+        try:
+            experiment.design(experiment.start)
+        except InputError as error:
+            for n, name, x in zip(np.flatnonzero(own), experiment.free, experiment.start, strict=True):
+                mine = [fault for fault in error.faults if fault.key in twins(name) or (fault.value or "").startswith(f'"{name}=')]
+                bad |= {Fault(f"parameter.{n + 1}", f"{name}: {fault.problem}", fault.remedy, f"{x:g}"): None for fault in mine}
+    if bad:
+        raise InputError(list(bad))
 
 
 def starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:

@@ -59,11 +59,12 @@ class Slope:
         state[own] = _solved(matrix[own, own], force - matrix[own, :6] @ state[:6])
         rows = [_row(base, base.linear, signal) for signal in watched]
         outputs = [(complex(value), row, _solved(matrix[own, own].T, row[6:])) for value, row in zip(exact, rows, strict=True)]
-        size = abs(exact[0]) if len(exact) == 1 else abs(exact[0] / exact[1])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            size = abs(exact[0]) if len(exact) == 1 else abs(exact[0] / exact[1])
         return Slope(float(size), outputs, state, omega, base, [*watched, item.input])
 
     def of_size(self, change: Linear) -> float:
-        """Derivative of the size."""
+        """Derivative of the size; NaN of a ratio to what is 0."""
         *watched, drive = self.signals
         right = -_dynamic(change, self.omega)[6:] @ self.state
         if drive.acts:
@@ -75,6 +76,8 @@ class Slope:
         value, slope = self.outputs[0][0], moved[0]
         if len(moved) > 1:
             under, other = self.outputs[1][0], moved[1]
+            if under == 0:
+                return np.nan
             value, slope = value / under, (slope * under - value * other) / under**2
         return float(abs(slope) if value == 0 else (np.conj(value) * slope).real / abs(value))
 

@@ -40,11 +40,13 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     """
     from pathlib import Path
 
-    from suspension_cli.analysis import fit
+    from suspension_cli.analysis import fit, modes
     from suspension_cli.cli import analyses
     from suspension_cli.cli.progress import Bar
     from suspension_cli.design import measured as measurements
+    from suspension_cli.design import reader
     from suspension_cli.errors import InputError
+    from suspension_cli.models import fidelity
     from suspension_cli.results import fit as results
 
     voice = options.Voice(quiet, verbose)
@@ -70,6 +72,10 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     for label, bound in zip(found.parameters, found.at_bound, strict=True):
         if bound:
             voice.warn(f"{label} ends at its bound")
+    for name, fitted in zip(found.experiment, found.design, strict=True):
+        states = modes.solve(fidelity.linear_model(reader.parse(fitted), "string"))
+        if not states.stable:
+            voice.warn(f"{name} as fitted is unstable on string: {states.label[0]} grows at {states.growth_rate[0]:.4g} 1/s")
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import fit as picture
 

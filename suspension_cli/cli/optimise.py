@@ -70,6 +70,9 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
         if value == 0:
             voice.warn(f"{name} is 0: the design's symmetry forbids it whatever its numbers are; give the goal a perturbation")
+    unstable = [label for label, after in zip(found.modes.label, found.modes.after, strict=True) if math.isnan(after)]
+    if unstable:
+        voice.warn(f"the design found is unstable: {', '.join(unstable)}; no goal forbids it but a band of these modes")
     if found.rounds >= optimise.ROUNDS:
         voice.warn(f"after {found.rounds} corrections search and check may still differ: limits are told as checked, but a better design may be near")
     if as_json:

@@ -54,12 +54,12 @@ class Goal(Table, frozen=True):
     weight: Positive | None = None
     dof: Annotated[list[Dof], Meta(min_length=1, description=f"modes of the families that these belong to: {', '.join(DOFS)}")] | None = None
     lowest: Annotated[int, Meta(ge=1, le=1000, description="of each family, this many of the lowest modes")] | None = None
-    modes: Annotated[list[str], Meta(min_length=1, description="modes by their labels in pendsus modes, followed by their shapes")] | None = None
+    modes: Annotated[list[str], Meta(min_length=1, description="labels in pendsus modes --fidelity string, followed by shapes")] | None = None
     apart: Annotated[Literal["ratio", "hertz"], Meta(description="how a separation is told")] | None = None
     response: Annotated[str, Meta(description="OUTPUT/INPUT:FREQUENCY, or OVER/UNDER/INPUT:FREQUENCY of a cross-coupling")] | None = None
     perturbation: Annotated[list[Perturbation], Meta(min_length=1, description="imperfections with which the response is taken")] | None = None
-    wires: Annotated[list[Name], Meta(description="stages whose wires are meant")] | None = None
-    blades: Annotated[list[Name], Meta(description="stages whose blades are meant")] | None = None
+    wires: Annotated[list[Name], Meta(min_length=1, description="stages whose wires are meant")] | None = None
+    blades: Annotated[list[Name], Meta(min_length=1, description="stages whose blades are meant")] | None = None
     stage: Annotated[Name, Meta(description="stage whose depth below the suspension point is meant")] | None = None
 
 

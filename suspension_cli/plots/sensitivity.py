@@ -36,7 +36,8 @@ def draw(found: Sensitivity, title: str) -> Figure:
         figure = new_figure(3.4 + width * len(found.result), 1.7 + CELL[1] * max(len(rows), 4))
         axes = figure.subplots()
         top = min(max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0), MOST)
-        drawn = axes.imshow(shown, norm=SymLogNorm(0.05, vmin=-top, vmax=top), cmap="RdBu_r", aspect="auto")
+        extent = (-0.5, len(found.result) - 0.5, max(len(rows), 1) - 0.5, -0.5)  # of some height where nothing moves anything
+        drawn = axes.imshow(shown, norm=SymLogNorm(0.05, vmin=-top, vmax=top), cmap="RdBu_r", aspect="auto", extent=extent)
         strength = np.abs(np.asarray(drawn.norm(change[rows])) - 0.5)
         for (row, column), value in np.ndenumerate(change[rows]):
             if not relative[column] and value:
@@ -55,12 +56,14 @@ def draw(found: Sensitivity, title: str) -> Figure:
         axes.tick_params(length=0)
         for spine in axes.spines.values():
             spine.set_visible(False)
-        bar = figure.colorbar(drawn, ax=axes, pad=0.02, aspect=40, ticks=[-10, -1, -0.1, 0, 0.1, 1, 10])
-        bar.ax.set_yticklabels(["−10", "−1", "−0.1", "0", "0.1", "1", "10"])
-        bar.set_label("change of the result (%) for 1 % of the parameter", fontsize=6.5)
+        ticks = [tick for tick in (-10, -1, -0.1, 0, 0.1, 1, 10) if abs(tick) <= top]
+        bar = figure.colorbar(drawn, ax=axes, pad=0.02, aspect=40, ticks=ticks)
+        bar.ax.set_yticklabels([f"{tick:g}".replace("-", "−") for tick in ticks])
+        bar.set_label("change of the result (%)\nfor 1 % of the parameter", fontsize=6.5)
         bar.ax.tick_params(labelsize=6)
         bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
         figure.suptitle(plain(title, 90), x=0.01, ha="left", fontsize=9)
         figure.text(0.01, 0.008, "string model; SI units; empty: less than 0.005 %", fontsize=6, color=NOTE)
-        figure.tight_layout(rect=(0, 0.015, 1, 0.99))
+        for _ in range(2):  # the bar keeps its shape, so that what stands beside it moves once more
+            figure.tight_layout(rect=(0, 0.015, 1, 0.99))
         return figure

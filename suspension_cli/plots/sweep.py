@@ -50,7 +50,7 @@ def _logarithmic(values: Any) -> bool:
 def _wide(values: Any) -> bool:
     """Whether values that differ widely ask for a logarithmic axis."""
     positive = values[np.isfinite(values) & (values > 0)]
-    return bool(positive.size and positive.max() > DECADE * positive.min() and not (values == 0).any())
+    return bool(positive.size and positive.max() > DECADE * positive.min())
 
 
 def _lines(swept: Swept, value: Any) -> Figure:
@@ -65,8 +65,8 @@ def _lines(swept: Swept, value: Any) -> Figure:
             axes.plot(first.values, value[:, n], color=colour, linestyle=dashes, marker=marker, markersize=3, label=plain(swept.result[n], 60))
         if _logarithmic(first.values):
             axes.set_xscale("log")
-        if _wide(value[:, chosen]):
-            axes.set_yscale("log")
+        if _wide(value[:, chosen]) and not (value[:, chosen] == 0).all(0).any():
+            axes.set_yscale("log", nonpositive="mask")  # a line ends where it comes to 0
         axes.set_ylabel(_quantity(unit))
         axes.margins(x=0)
         _as_drawn(axes, swept)
@@ -76,7 +76,7 @@ def _lines(swept: Swept, value: Any) -> Figure:
         axes.legend(
             [handles[chosen.index(n)] for n in order], [plain(swept.result[n], 60) for n in order], loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=6.5
         )
-    figure.axes[-1].set_xlabel(plain(first.name, 90))
+    figure.axes[-1].set_xlabel(plain(first.name, 84) + " (SI)")
     return figure
 
 
@@ -118,7 +118,7 @@ def _map(axes: Axes, swept: Swept, value: Any, n: int) -> None:
     first, second = swept.axes[:2]
     finite = np.ma.masked_invalid(value.T)
     low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
-    norm = LogNorm(low, high) if _wide(value) else Normalize(low, high)
+    norm = LogNorm(low, high) if _wide(value) and low > 0 else Normalize(low, high)
     axes.set_facecolor("#eeeeee")
     drawn = axes.pcolormesh(first.values, second.values, finite, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
     bar = axes.figure.colorbar(drawn, ax=axes, pad=0.02)
@@ -132,5 +132,5 @@ def _map(axes: Axes, swept: Swept, value: Any, n: int) -> None:
         axes.plot(*swept.drawn[:2], "+", color="white", markersize=9, markeredgewidth=2.2)
         axes.plot(*swept.drawn[:2], "+", color=INK, markersize=8, markeredgewidth=0.9)
     axes.set_title(plain(swept.result[n], 44), loc="left", fontsize=7.5)
-    axes.set_xlabel(plain(first.name, 44), fontsize=7)
-    axes.set_ylabel(plain(second.name, 44), fontsize=7)
+    axes.set_xlabel(plain(first.name, 38) + " (SI)", fontsize=7)
+    axes.set_ylabel(plain(second.name, 38) + " (SI)", fontsize=7)
