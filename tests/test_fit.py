@@ -176,7 +176,7 @@ def test_a_fit_that_ends_at_an_unstable_design_says_so(tmp_path):
     """From a start that is unstable the search finds no way back."""
     raw = {"mode": [{"label": "test pitch", "frequency": 0.78, "uncertainty": 0.01}], "parameter": [{"name": "stage.upper.wires.d", "start": -0.02}]}
     result = run("fit", CONFIGS / "double.toml", written(tmp_path, raw, "measured.toml"), "--no-plot", "--quiet", "--out", tmp_path)
-    assert result.exit_code == 0 and result.stderr.startswith("warning: double as fitted is unstable on string: upper pitch grows at ")
+    assert result.exit_code == 0 and "warning: double as fitted is unstable on string: upper pitch grows at " in result.stderr
 
 
 def test_measurements_are_read(tmp_path):
