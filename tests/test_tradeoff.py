@@ -17,7 +17,7 @@ from suspension_cli.analysis.tradeoff.registry import relative
 from suspension_cli.analysis.tradeoff.result import GAIN, ROUNDING, front, spell, told
 from suspension_cli.analysis.tradeoff.subject import FREQUENCIES, NOISE, RUNGS, Subject
 from suspension_cli.design.reader import read
-from suspension_cli.mechanics import equilibrium
+from suspension_cli.mechanics import condensed, equilibrium
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 
@@ -139,11 +139,13 @@ def test_responses_of_a_quadruple(quadruple):
     """The solved ones have all digits; a modal sum has lost what the stability atlas tells: 1e-7 at 50 Hz, everything at 1 kHz."""
     model = quadruple.model("string")
     known = signals.bodies(model)
-    given = (model, quadruple.omega, *quadruple.forms(model))
+    forms = quadruple.forms(model)
     true = independent.compare(model, FREQUENCIES, [signals.drive("support.x", known)], [signals.motion("test.x", known)]).exact[:, 0, 0]
-    for solve in (transfer.chain, transfer.dense, transfer.state_space, transfer.zeros_and_poles):
-        assert max(ERRORS(quadruple, solve(*given), true).values()) < 1e-12, solve.__name__
-    lost = ERRORS(quadruple, transfer.modal_sum(*given), true)
+    solved = [transfer.dense(model, quadruple.omega, *forms)]
+    solved += [prepare(model, *forms)(quadruple.omega) for prepare in (transfer.chained, transfer.realised, transfer.factored)]
+    for values in solved:
+        assert max(ERRORS(quadruple, values, true).values()) < 1e-12
+    lost = ERRORS(quadruple, transfer.modal(model, *forms)(quadruple.omega), true)
     assert lost["1 Hz"] < 1e-12
     assert 1e-8 < lost["50 Hz"] < 1e-5
     assert lost["1 kHz"] > 0.1
@@ -151,10 +153,11 @@ def test_responses_of_a_quadruple(quadruple):
 
 def test_responses_of_a_single_pendulum_agree(single):
     model = single.model("string")
-    given = (model, single.omega, *single.forms(model))
-    chain = transfer.chain(*given)
-    for solve in (transfer.dense, transfer.modal_sum, transfer.state_space, transfer.zeros_and_poles):
-        np.testing.assert_allclose(solve(*given), chain, rtol=1e-12)
+    forms = single.forms(model)
+    chain = transfer.chain(model, single.omega, *forms)
+    np.testing.assert_allclose(transfer.dense(model, single.omega, *forms), chain, rtol=1e-12)
+    for prepare in (transfer.modal, transfer.realised, transfer.factored):
+        np.testing.assert_allclose(prepare(model, *forms)(single.omega), chain, rtol=1e-12)
 
 
 def test_modal_sum_with_losses_that_do_not_couple():
@@ -167,7 +170,37 @@ def test_modal_sum_with_losses_that_do_not_couple():
     drive, row = (signals.row(signal, model) for signal in (signals.drive("support.x", known), signals.motion("test.x", known)))
     omega = 2 * np.pi * np.array([0.1, 0.9, 5.0])
     for one in (model, lossy):
-        np.testing.assert_allclose(transfer.modal_sum(one, omega, drive, row), transfer.chain(one, omega, drive, row), rtol=1e-12)
+        chain = transfer.chain(one, omega, drive, row)
+        for values in (transfer.modal(one, drive, row)(omega), transfer.dense(one, omega, drive, row)):
+            np.testing.assert_allclose(values, chain, rtol=1e-12)
+
+
+def test_blades_without_tip_mass_follow_in_a_modal_sum():
+    """Coordinates without mass are eliminated and put back: those of blades here, one of which is watched."""
+    one = subject("geo-silica-triple")
+    model = one.model("string")
+    assert model.massless[6:].any()
+    drive, _ = one.forms(model)
+    for n in np.flatnonzero(model.massless)[-2:]:
+        row = np.eye(model.size)[n]
+        wanted = exact.response(model, one.omega[:2], drive, row)
+        np.testing.assert_allclose(transfer.modal(model, drive, row)(one.omega[:2]), wanted, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["modal sum", "state space", "zpk", "chain"])
+def test_what_is_kept_is_worked_out_once(double, monkeypatch, name):
+    """A method that keeps what does not depend on frequency answers as the same method anew, and does not solve for modes or poles again."""
+    responses = next(item for item in COMPARISONS if item.quantity == "response" and item.compares == "methods")
+    anew, kept = (next(method for method in responses.methods if method.name == f"{name}{more}") for more in ("", ", kept"))
+    wanted = anew.once(double)
+    assert (kept.once(double) == wanted).all()
+    for place in (np.linalg, transfer.statespace, transfer.export, condensed):
+        for solver in ("eigh", "eigvals", "assemble", "zero_pole_gain", "_block"):
+            if hasattr(place, solver):
+                monkeypatch.setattr(place, solver, None)
+    assert (kept.once(double) == wanted).all()
+    with pytest.raises(TypeError):
+        anew.once(double)
 
 
 @pytest.mark.parametrize("name", ["double", "quadruple"])
@@ -240,6 +273,17 @@ def test_closed_forms_against_blocks(single):
     found = eigen.formulas(single)
     every = np.sort(np.concatenate(list(found.values())))
     np.testing.assert_allclose(every, modes.solve(single.model("closed-form")).frequency, rtol=1e-12)
+
+
+def test_closed_forms_of_a_design_that_is_free_to_turn():
+    """Wires of no width at the COM leave pitch free: a frequency of 0 has no relative error, the others have theirs."""
+    wires = {"count": 4, "l": 0.28, "s": 0.0, "t1": 0.0965, "t2": 0.0965, "d": 0.0, "k": 1.227e4}
+    one = Subject(scenes.design_of(scenes.raw_of({"name": "test", "body": {"mass": 5.6, "inertia": [0.0227, 0.016, 0.016]}, "wires": wires})))
+    wanted, found = eigen.reference(one), eigen.formulas(one)
+    assert (wanted.frequency == 0).sum() == 1
+    assert max(eigen.error(one, found, wanted).values()) < 1e-12
+    off = {kind: 1.02 * values for kind, values in found.items()}
+    assert eigen.error(one, off, wanted) == pytest.approx(dict.fromkeys(eigen.KINDS, 0.02))
 
 
 # Measuring.

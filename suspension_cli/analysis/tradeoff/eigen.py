@@ -64,14 +64,16 @@ def error(subject: Subject, found: Modes | dict[str, Array], wanted: Reference) 
 
     result = dict.fromkeys(KINDS, 0.0)
     for kind in KINDS:
-        mine = [n for n, name in enumerate(wanted.kind) if name == kind and wanted.frequency[n] != 0]
+        mine = [n for n, name in enumerate(wanted.kind) if name == kind]
+        true = wanted.frequency[mine]
         if isinstance(found, dict):
-            pairs = list(zip(sorted(found[kind].tolist()), sorted(wanted.frequency[mine].tolist()), strict=True))
+            rows, columns = linear_sum_assignment(np.abs(true[:, None] - found[kind]))  # of as many of either, by rank
+            pairs = list(zip(found[kind][columns].tolist(), true[rows].tolist(), strict=True))
         else:
             rows, columns = linear_sum_assignment(np.abs(wanted.shape @ bodily(subject, found).T), maximize=True)
             partner, frequency = dict(zip(rows.tolist(), columns.tolist(), strict=True)), signed(found.omega_squared)
             pairs = [(float(frequency[partner[n]]), float(wanted.frequency[n])) for n in mine if n in partner]
-        result[kind] = max((abs(ours - true) / abs(true) for ours, true in pairs), default=0.0)
+        result[kind] = max((abs(ours - exact) / abs(exact) for ours, exact in pairs if exact != 0), default=0.0)
     return result
 
 
