@@ -233,6 +233,22 @@ def test_thermal_noise_agrees(single):
         assert max(relative(NOISE)(single, solve(model, np.array(NOISE), single), truth).values()) < limit
 
 
+@pytest.mark.parametrize("name", ["husman2000/figure6", "double", "geo-silica-triple"])
+def test_thermal_noise_in_50_digits(name):
+    """What the parts dissipate, against the imaginary part of the susceptibility, x = H f: 4 k T |Im H| / omega; in 50 digits nothing of it cancels."""
+    one = subject(name)
+    model, omega = one.model(one.top), 2 * np.pi * np.array(NOISE)
+    _, row = noise.thermal.observed(model, f"{one.last}.x")
+    density = np.zeros(len(omega))
+    for block in noise.dispersive.blocks(model):
+        force, there = row[block.keep], block.at(omega)
+        if force.any():
+            susceptibility = [force @ exact.pushed(there.matrix[:, 6:, n], force) for n in range(len(omega))]
+            density += 4 * 1.380649e-23 * one.temperature * np.abs(np.imag(susceptibility)) / omega
+    assert noise.warmth(one) == {one.temperature}
+    np.testing.assert_allclose(noise.reference(one), np.sqrt(density), rtol=1e-9)
+
+
 def test_coupling_rebuilt_agrees_with_the_design_perturbed(double):
     """Builds made of arrays, and the design with a [[perturbation]] read anew, its matrices solved in 50 digits."""
     np.testing.assert_allclose(imperfect.rebuilt(double, np.ones(1)), imperfect.string_reference(double), rtol=1e-9)
