@@ -226,6 +226,16 @@ def test_batches_are_many_of_one(single):
     np.testing.assert_allclose(ours, theirs, rtol=1e-10)
 
 
+@pytest.mark.parametrize("name", ["double", "quadruple"])
+def test_batches_of_modes_are_those_of_their_members(name, request, monkeypatch):
+    """On strings and with wires that bend: with every mass as drawn, each member has the design's own modes."""
+    one = request.getfixturevalue(name)
+    monkeypatch.setattr(eigen, "scattered", lambda: np.ones(3))
+    for rung, batch in (("string", eigen.string_batch), ("beam", eigen.beam_batch)):
+        wanted = eigen.solved(one, rung).omega_squared
+        np.testing.assert_allclose(batch(one)().omega_squared, np.broadcast_to(wanted, (3, len(wanted))), rtol=1e-10)
+
+
 def test_thermal_noise_agrees(single):
     truth = noise.reference(single)
     model = single.model(single.top)

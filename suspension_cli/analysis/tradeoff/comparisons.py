@@ -32,7 +32,7 @@ MODES = (
             Method("closed-form", "formulas", eigen.formulas, eigen.formulas_batch),
             Method("force", "blocks", lambda s: eigen.solved(s, "force"), eigen.force_batch),
             Method("string", "blocks", lambda s: eigen.solved(s, "string"), eigen.string_batch),
-            Method("beam", "blocks", lambda s: eigen.solved(s, "beam")),
+            Method("beam", "blocks", lambda s: eigen.solved(s, "beam"), eigen.beam_batch),
             Method("violin", "counted", eigen.counted),
         ),
         views={},

@@ -12,7 +12,7 @@ from suspension_cli.analysis.modes import Modes
 from suspension_cli.analysis.tradeoff.subject import Subject
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import perturb
-from suspension_cli.design.scene import Array
+from suspension_cli.design.scene import Array, Scene
 from suspension_cli.models import closed_form, fidelity, force
 
 KINDS = {"longitudinal-pitch": ("x", "pitch"), "transverse-roll": ("y", "roll"), "vertical": ("z",), "yaw": ("yaw",)}
@@ -126,5 +126,16 @@ def force_batch(subject: Subject) -> Any:
 
 def string_batch(subject: Subject) -> Any:
     """Scenes as one batch: balanced, assembled and solved block by block, as `pendsus sweep` does."""
-    scene = perturb.scale_mass(subject.scene, len(subject.scene.bodies.name), scattered())
+    scene = _scenes(subject)
     return lambda: spectrum.solve(builds.balance(scene, subject.design, split=True).model)
+
+
+def beam_batch(subject: Subject) -> Any:
+    """The same with wires that bend, as `pendsus xcouple` balances and assembles them; mirror symmetries are not looked for."""
+    scene = _scenes(subject)
+    return lambda: spectrum.solve(builds.balance(scene, subject.design, level="beam").model)
+
+
+def _scenes(subject: Subject) -> Scene:
+    """The design with the masses of a batch."""
+    return perturb.scale_mass(subject.scene, len(subject.scene.bodies.name), scattered())
