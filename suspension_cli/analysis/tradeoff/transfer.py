@@ -10,6 +10,7 @@ from suspension_cli.analysis import export, modes, response, signals, statespace
 from suspension_cli.analysis.tradeoff import exact
 from suspension_cli.analysis.tradeoff.subject import Answer, Prepare, Subject
 from suspension_cli.design.scene import Array, Index
+from suspension_cli.mechanics import stacks
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.models import fidelity
 
@@ -37,16 +38,21 @@ def chain(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
 
 
 def dense(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
-    """One LAPACK solve a frequency on each block that is touched."""
+    """One LAPACK solve a frequency on each block that is touched.
+
+    Scaled, so that units do not choose the pivots, and from the top down: both keep digits of long chains.
+    """
     full = model.stiffness if model.lossy is None else model.lossy
-    square = omega[:, None, None] ** 2
     result = np.full(len(omega), row[:6] @ drive[:6], dtype=complex)
-    for block in _touched(model, drive, row):
+    place = {name: n for n, name in enumerate(model.body)}
+    for touched in _touched(model, drive, row):
+        block = np.array(sorted(touched, key=lambda n: place.get(model.coordinate[n].split(".", 1)[0], -1)))
         both = np.ix_(block, np.concatenate([np.arange(6), block]))
-        dynamic = full[both] - square * model.mass[both]
+        dynamic = full[both][..., None] - omega**2 * model.mass[both][..., None]
         if model.damping[both].any():
-            dynamic = dynamic + 1j * omega[:, None, None] * model.damping[both]
-        result += np.linalg.solve(dynamic[..., 6:], -(dynamic[..., :6] @ drive[:6])[..., None])[..., 0] @ row[block]
+            dynamic = dynamic + 1j * omega * model.damping[both][..., None]
+        pushed = -np.einsum("csf,s->cf", dynamic[:, :6], drive[:6])
+        result += row[block] @ stacks.dense(dynamic[:, 6:], pushed[:, None])[:, 0]
     return result
 
 
