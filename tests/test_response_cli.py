@@ -135,6 +135,22 @@ def test_an_unstable_design_must_be_asked_for(file, out):
     assert len(strict_json(result.stdout)["real"]) == 2000
 
 
+@pytest.mark.parametrize(
+    ("d", "section", "way"), [(-0.0008, True, "take --fidelity beam"), (-0.005, True, "make it stable"), (-0.0008, False, "make it stable")]
+)
+def test_what_bending_holds_is_told_of_beam(tmp_path, out, d, section, way):
+    """Strings tip over 0.35 mm below the COM here, wires that bend 1 mm lower: only between the two, and where sections are known, does beam help."""
+    wires = {"count": 4, "l": 0.28, "s": 5e-4, "t1": 0.0965, "t2": 0.0965, "d": d}
+    wires |= {"material": "steel302", "radius": 1e-4} if section else {"k": 1.9e4}
+    body = {"mass": 5.6, "inertia": [0.0227, 0.016, 0.016]}
+    one = written(tmp_path, {"design": {"name": "soft"}, "stage": [{"name": "test", "body": body, "wires": wires}]})
+    asks = ("response", one, "--out", out, "--no-plot", "--input", "support.x", "--output", "test.x", "--frequency", "1")
+    (line,) = assert_refused(run(*asks, "--fidelity", "string"), one, out)
+    assert way in line and line.endswith("or give --allow-unstable")
+    if section:
+        assert (run(*asks, "--fidelity", "beam").exit_code == 0) == ("beam" in way)
+
+
 def test_on_a_lossless_resonance(file, out, tmp_path):
     """The response is infinite there, which is no number: told, not written.  Loss or a hair's breadth make it finite."""
     stage = {"name": "test", "body": {"mass": 1.0, "inertia": [0.1] * 3}, "wires": {"count": 1, "l": 0.5, "k": 100.0}}

@@ -111,6 +111,15 @@ def test_soft_pitch():
     breaks(row, difference=(1e-5, 1e-2))
 
 
+def test_pitch_of_wires_ever_closer_to_the_com():
+    """Nothing cancels, so no digit is lost however soft pitch is; wires that end in the COM leave it free."""
+    row = geometry.narrow(np.array([1e-2, 1e-4, 1e-6, 1e-9, 1e-12]))
+    holds(row, 20 * EPS)
+    breaks(row, difference=(1e-6, 1e-4))
+    free = modes.solve(fidelity.linear_model(geometry.design(geometry.document(s=0.0, d=0.0)), "string"))
+    assert free.omega_squared[0] == 0 and free.label[0] == "test pitch"
+
+
 @pytest.mark.parametrize("distance", [1e-6, 1e-12])
 def test_where_pitch_tips_over(distance):
     """At d = -4 k s^2 / (m g): from the side on which gravity wins there is one mode that grows, on the other none."""
@@ -175,6 +184,29 @@ def test_the_page_is_that_of_the_rows():
     assert f"**{row.title}** ({row.quantity}). {row.finding}" in page
     assert page.count("\n| **") == len(atlas.ROWS)
     assert atlas.table_row(row).count("|") == atlas.HEAD.splitlines()[-1].count("|")
+
+
+def test_names_cover_no_line():
+    """The names in a panel stand clear of every line, whatever these are."""
+    from stability import draw
+
+    from suspension_cli.plots.style import house
+
+    value = np.geomspace(1, 1e6, 25)
+    rising, falling = 1e-16 * value**2, 1e-2 / value
+    row = Row("t", "d", "q", value, {"pendsus: one": rising, "another": falling, "a third": np.full(25, 1e-15)}, "", "", mark={"here": 1e2})
+    with house():
+        figure = draw.draw([row])
+        axes = figure.axes[0]
+        box = axes.get_legend().get_window_extent(figure.canvas.get_renderer())
+        for error in row.error.values():
+            assert not box.padded(5).count_contains(axes.transData.transform(np.column_stack(draw._drawn(row, error))))
+
+
+def test_a_method_right_in_the_end_is_not_said_to_hold_all_the_way():
+    error = {"pendsus": np.zeros(3), "bulge": np.array([0.0, 2 * BROKEN, 0.0]), "flat": np.zeros(3)}
+    line = atlas.table_row(Row("t", "d", "q", np.array([1.0, 2.0, 3.0]), error, "", ""))
+    assert "bulge: off by 0.002 at 2, right beyond<br>flat: holds" in line
 
 
 def test_a_method_breaks_where_it_stays_broken():

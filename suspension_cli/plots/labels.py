@@ -17,12 +17,12 @@ NEAR = 4.5
 """Distance of a label from its point, points (1/72 in)."""
 SPACE = 3.0
 """Least distance between two labels side by side, points."""
-REACHES = (1.0, 2.2, 3.6, 5.2, 7.0, 9.0, 11.5)
+REACHES = (1.0, 2.2, 3.6, 5.2, 7.0, 9.0, 11.5, 14.5, 18.0, 22.0)
 """Factors on it, tried from the nearest on; past the first a line leads to the point."""
 SIDES = ((1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (0, -1))
 """Where a label may stand, the best place first."""
 ON_LABEL, ON_POINT, CROSSED, ON_LINE, OUTSIDE, FAR = 60.0, 25.0, 20.0, 4.0, 200.0, 1.0
-"""What overlapping costs a place, crossing another label's line, and each step away from the point."""
+"""What overlapping costs a place, crossing another label's line (or a label with one), and each step away from the point."""
 
 
 def annotate(
@@ -95,6 +95,8 @@ def _places(point: Any, size: tuple[float, float], pixel: float, frame: Any, box
         if reach > 1.0:
             lead = _lead(point, box, pixel)
             cost += CROSSED * (sum(_cross(lead, other) for other in leads) + sum(_through(lead, dot) for dot in dots if not _inside(point, dot)))
+            cost += CROSSED * sum(_through(lead, other) for other in boxes)
+        cost += CROSSED * sum(_through(other, box) for other in leads)
         cost += ON_LINE * sum(box[0] < line[2] and line[0] < box[2] and box[1] < line[3] and line[1] < box[3] for line in lines)
         cost += OUTSIDE * (apart[0] < frame.x0 or apart[2] > frame.x1 or apart[1] < frame.y0 or apart[3] > frame.y1)
         yield cost, (reach, box)

@@ -20,7 +20,7 @@ CHART, HIGH = 2.32, 1.3
 LEFT = {"rungs": 0.72, "methods": 6.32}
 """Where the charts of a half begin, inches; between them `GAP`."""
 GAP, WIDTH = 0.14, 11.2
-HEAD, ROW, ABOVE, FOOT = 1.12, 1.98, 0.34, 0.2
+HEAD, ROW, ABOVE, FOOT = 1.27, 1.98, 0.34, 0.2
 """Inches: above all rows, of a row, of its heading, below all rows."""
 SIDE = 0.1
 FONT = 6.6
@@ -29,9 +29,12 @@ HALVES = {
     "rungs": ("Rungs: what is left out of the physics", "error against the top rung"),
     "methods": ("Methods: what arithmetic and approximations cost", "error against 50 digits on the same rung"),
 }
+KEPT = ", kept"
+"""End of the name of a method that has what it prepares already: a star in the chart, where room is short."""
 KEY = (
     "Grey steps: the Pareto front; no other point is both faster and more accurate.  Thin upright bars: from the least to the largest error.",
     "Thick level bars: quartiles of the time.  Hollow: it takes no arrays, so that a batch is done one by one.  Grey strip: errors below 10⁻¹² are rounding.",
+    "*: with all that does not depend on frequency worked out before.",
 )
 
 
@@ -122,7 +125,7 @@ def _chart(axes: Axes, panel: Panel, view: View, kind: str, worst: Any, least: A
     spans = [np.array([[row[1], y], [row[1], z]]) for row, y, z in zip(times, low, high, strict=True)]
     lines = [_pixels(axes, ends) for ends in [*(path[n : n + 2] for n in range(len(path) - 1)), *bars, *spans]]
     points = list(zip(times[:, 1].tolist(), high.tolist(), strict=True))
-    texts = [entry.name(panel.compares) for entry in panel.entries]
+    texts = [entry.name(panel.compares).replace(KEPT, "*") for entry in panel.entries]
     annotate(axes, points, texts, [COLOUR[entry.rung] for entry in panel.entries], FONT, [(extent.x0, extent.y0, extent.x1, extent.y1)], lines)
 
 

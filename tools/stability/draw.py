@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ SAME = {
 EPS = 2.0**-53
 FLOOR, CEILING = 1e-17, 1e2
 """What is below or above is drawn at the edge."""
+CLEAR, EDGE = 6.0, 2.5
+"""Distance of names from lines that is enough, and from the frame at least, points."""
 COLUMNS = 3
 WIDTH, HEIGHT = 3.5, 2.75
 """Of a panel, inches."""
@@ -46,6 +49,8 @@ def draw(rows: list[Row]) -> Figure:
         panel.set_axis_off()
     _key(axes[len(rows)])
     figure.tight_layout(w_pad=1.6, h_pad=1.4)
+    for panel, row in zip(axes, rows, strict=False):
+        _place_key(panel, row)
     return figure
 
 
@@ -59,7 +64,7 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
     axes.axhline(BROKEN, color=NOTE, linewidth=0.5, linestyle=(0, (1, 2)))
     for name, at in row.mark.items():
         axes.axvline(at, color=NOTE, linewidth=0.5, linestyle=(0, (4, 2)))
-        axes.annotate(name, (at, CEILING), (2, 0), textcoords="offset points", rotation=90, fontsize=5.6, color=NOTE, ha="left", va="top")
+        axes.annotate(name, (at, CEILING), (-1.5, -4), textcoords="offset points", rotation=90, fontsize=5.6, color=NOTE, ha="right", va="top")
     for name, dash in zip(row.shipped, ("-", (0, (4, 1.2)), (0, (1, 1))), strict=False):
         _line(axes, row, name, color=OURS, linewidth=2.0, linestyle=dash, zorder=5)
     free = [colour for colour in THEIRS if colour not in [SAME.get(name) for name in row.others]]
@@ -73,18 +78,46 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
     axes.xaxis.set_minor_locator(NullLocator())
     if span[1] < 100 * span[0]:
         axes.set_xticks(row.value[::3], [f"{value:g}" for value in row.value[::3]])
-    handles, labels = axes.get_legend_handles_labels()
-    key = axes.legend(handles, labels, fontsize=5.6, loc=row.legend, handlelength=2.0, labelspacing=0.25, borderaxespad=0.2, frameon=True, framealpha=0.85)
+    key = axes.legend(fontsize=5.6, handlelength=1.4, handletextpad=0.5, labelspacing=0.2, borderpad=0.1, borderaxespad=0.0, framealpha=0.85)
     key.get_frame().set_linewidth(0.0)
     key.set_zorder(10)
+
+
+def _place_key(axes: Axes, row: Row) -> None:
+    """Put the names where no line runs, as clear of all as need be, and else as close to a corner as can be."""
+    key: Any = axes.get_legend()
+    renderer = key.figure.canvas.get_renderer()
+    frame, box, pixel = axes.get_window_extent(renderer), key.get_window_extent(renderer), key.figure.dpi / 72
+    lines = [np.column_stack(_drawn(row, row.error[name])) for name in row.error]
+    lines += [np.column_stack([np.full(200, at), np.geomspace(FLOOR, CEILING, 200)]) for at in row.mark.values()]
+    x, y = axes.transData.transform(np.concatenate(lines)).T
+    words = [text.get_window_extent(renderer) for text in axes.texts]
+    x, y = (
+        np.concatenate([here, *(np.linspace(*ends, 9) for ends in spans)])
+        for here, spans in ((x, [w.intervalx for w in words]), (y, [w.intervaly for w in words]))
+    )
+    edge = EDGE * pixel
+    free = np.array([frame.width - box.width, frame.height - box.height]) - 2 * edge
+    best = (-np.inf, -np.inf, -np.inf), (0.0, 0.0)
+    for across, up in product(np.linspace(0, 1, 61), repeat=2):
+        left, low = frame.x0 + edge + across * free[0], frame.y0 + edge + up * free[1]
+        apart = np.hypot(np.maximum.reduce([left - x, x - left - box.width, 0 * x]), np.maximum.reduce([low - y, y - low - box.height, 0 * y]))
+        corner = -np.hypot(*(free * [min(across, 1 - across), min(up, 1 - up)]))
+        best = max(best, ((-float((apart == 0).sum()), min(float(apart.min()), CLEAR * pixel), corner), (left, low)))
+    key.set_loc(tuple(axes.transAxes.inverted().transform(best[1])))
+
+
+def _drawn(row: Row, error: Any) -> tuple[Any, Any]:
+    """Points along the line of a method, close to each other."""
+    along = np.linspace(0, len(error) - 1, 20 * len(error))
+    value, shown = (np.exp(np.interp(along, np.arange(len(error)), np.log(part))) for part in (row.value, _shown(error)))
+    return value, shown
 
 
 def _line(axes: Axes, row: Row, name: str, **look: Any) -> None:
     """One method, with a cross where it breaks."""
     error, at = _shown(row.error[name]), row.broken_at(name)
-    along = np.linspace(0, len(error) - 1, 20 * len(error))  # points between, so that the legend sees the whole line
-    value, shown = (np.exp(np.interp(along, np.arange(len(error)), np.log(part))) for part in (row.value, error))
-    axes.plot(value, shown, label=name, **look)
+    axes.plot(row.value, error, label=name, **look)
     if at is not None:
         size = 3.5 + look["linewidth"]
         axes.plot(at, error[list(row.value).index(at)], "x", color=look["color"], markersize=size, markeredgewidth=1.2, zorder=look["zorder"] + 1)

@@ -18,6 +18,7 @@ from suspension_cli.models import fidelity
 DISTANCE = 10.0 ** np.arange(1, -15, -1)
 SLOPE = 10.0 ** np.arange(-0.25, -5.9, -0.25)
 LEFT = 10.0 ** np.arange(0, -14.1, -1)
+SIZE = 10.0 ** np.arange(-2, -12.1, -0.5)
 CLOSE = 5e-4
 """m; half the distance of the wires in x where pitch is to be soft."""
 WIDE = 0.01
@@ -54,9 +55,7 @@ def soft_pitch(distance: Any = DISTANCE) -> Row:
             mine = found.omega_squared[(found.energy[:, 0, 0] + found.energy[:, 0, 4]) > 0.5].min()
             answers = {f"{SHIPPED}: {side}": mine}
             if sign < 0:
-                block = np.array([0, 4])
-                quotients = Stage.drawn(expand(one)).quotients()[np.ix_(block, block)]
-                answers["difference quotients of energy"] = np.linalg.eigvals(quotients / np.array([MASS, INERTIA[1]])[:, None]).real.min()
+                answers["difference quotients of energy"] = _softest(one)
                 answers["eigenvalues of M⁻¹K"] = np.linalg.eigvals(model.stiffness[6:, 6:] / np.diag(model.mass)[6:, None]).real.min()
             for name, omega2 in answers.items():
                 error.setdefault(name, []).append(float(relative(omega2, float(lowest(d)))))
@@ -71,8 +70,43 @@ def soft_pitch(distance: Any = DISTANCE) -> Row:
             "torque keeps as many digits "
             "fewer as it is smaller: of difference quotients none at 10⁻⁵. The program's closed forms tell stable from unstable down to 10⁻¹³ of that height."
         ),
-        limit="ε / distance; `modes` warns where lowering wires by less than 0.1 mm would tip a body over",
+        limit="ε / distance, from 10⁻¹³ on told as rigid; `modes` warns where lowering wires by less than 0.1 mm would tip a body over",
     )
+
+
+def narrow(size: Any = SIZE) -> Row:
+    """The same where the wires' distance in x and their height above the COM both go to 0, and pitch costs nothing in the end."""
+    error: dict[str, list[float]] = {}
+    for value in size:
+        for name, s, d in (("distance and height", value, value), ("distance alone, d = 0", value, 0.0), ("height alone, s = 0", 0.0, value)):
+            one = design(document(s=float(s), d=float(d)))
+            model = fidelity.linear_model(one, "string")
+            found = modes.solve(model)
+            answers = {f"{SHIPPED}: {name}": found.omega_squared[(found.energy[:, 0, 0] + found.energy[:, 0, 4]) > 0.5].min()}
+            if s and d:
+                answers["difference quotients of energy"] = _softest(one)
+                answers["eigenvalues of M⁻¹K"] = naive.unscaled(model).min()
+            for method, omega2 in answers.items():
+                error.setdefault(method, []).append(float(relative(omega2, float(lowest(float(d), float(s))))))
+    return Row(
+        title="Pitch: wires ever closer to the COM",
+        driver="distance of the wires in x, height above the COM (m)",
+        quantity="lowest ω² of longitudinal and pitch",
+        value=np.asarray(size),
+        error={name: np.array(values) for name, values in error.items()},
+        finding=(
+            "Wires that end in the COM leave pitch free, and what holds it close by drowns in difference quotients of an energy whose other parts stay. "
+            "In the program's closed forms of wires and weight each part shrinks with it, so that nothing cancels."
+        ),
+        limit="none found; `modes` warns where lowering wires by less than 0.1 mm would tip a body over, and tells a mode that costs nothing as rigid",
+    )
+
+
+def _softest(one: Design) -> float:
+    """The lowest omega^2 of longitudinal and pitch by difference quotients of the energy."""
+    block = np.array([0, 4])
+    quotients = Stage.drawn(expand(one)).quotients()[np.ix_(block, block)]
+    return float(np.linalg.eigvals(quotients / np.array([MASS, INERTIA[1]])[:, None]).real.min())
 
 
 def nearly_slack(left: Any = LEFT) -> Row:
@@ -155,8 +189,8 @@ def nearly_horizontal(slope: Any = SLOPE) -> Row:
         error={name: np.array(values) for name, values in error.items()},
         finding=(
             "The height of the suspension is the small difference of the wires' length and their span, so that the last bit of either is ε / slope² of it, and "
-            "difference quotients amplify what is left by the wires' stiffness. The program takes (l − span)(l + span), which loses no more "
-            "than the file's own last bit."
+            "difference quotients amplify what is left by the wires' stiffness. The program takes l² − span², which loses less than twice "
+            "what the file's own last bit does."
         ),
         limit="ε / slope²; a rise of less than 10⁻⁶ of the length is refused",
     )

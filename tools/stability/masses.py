@@ -97,5 +97,4 @@ def row(mass: Any = MASS) -> Row:
             "The program judges the forces on every body by what that body carries; eigenvalues do not mind, as each mass scales its own rows."
         ),
         limit="none found",
-        legend="upper left",
     )

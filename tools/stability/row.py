@@ -37,8 +37,6 @@ class Row:
         Where the program's own method ends, and what it says there.
     mark : mapping of str to float
         Values of the parameter worth a line in the chart, by their label.
-    legend : str
-        Where the chart has room for the names.
     """
 
     title: str
@@ -49,7 +47,6 @@ class Row:
     finding: str
     limit: str
     mark: Mapping[str, float] = field(default_factory=dict)
-    legend: str = "best"
 
     @property
     def shipped(self) -> list[str]:

@@ -12,7 +12,7 @@ from suspension_cli.analysis.modes import Modes
 from suspension_cli.analysis.tradeoff.subject import Subject
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import perturb
-from suspension_cli.design.scene import Array
+from suspension_cli.design.scene import Array, Scene
 from suspension_cli.models import closed_form, fidelity, force
 
 KINDS = {"longitudinal-pitch": ("x", "pitch"), "transverse-roll": ("y", "roll"), "vertical": ("z",), "yaw": ("yaw",)}
@@ -64,14 +64,16 @@ def error(subject: Subject, found: Modes | dict[str, Array], wanted: Reference) 
 
     result = dict.fromkeys(KINDS, 0.0)
     for kind in KINDS:
-        mine = [n for n, name in enumerate(wanted.kind) if name == kind and wanted.frequency[n] != 0]
+        mine = [n for n, name in enumerate(wanted.kind) if name == kind]
+        true = wanted.frequency[mine]
         if isinstance(found, dict):
-            pairs = list(zip(sorted(found[kind].tolist()), sorted(wanted.frequency[mine].tolist()), strict=True))
+            rows, columns = linear_sum_assignment(np.abs(true[:, None] - found[kind]))  # of as many of either, by rank
+            pairs = list(zip(found[kind][columns].tolist(), true[rows].tolist(), strict=True))
         else:
             rows, columns = linear_sum_assignment(np.abs(wanted.shape @ bodily(subject, found).T), maximize=True)
             partner, frequency = dict(zip(rows.tolist(), columns.tolist(), strict=True)), signed(found.omega_squared)
             pairs = [(float(frequency[partner[n]]), float(wanted.frequency[n])) for n in mine if n in partner]
-        result[kind] = max((abs(ours - true) / abs(true) for ours, true in pairs), default=0.0)
+        result[kind] = max((abs(ours - exact) / abs(exact) for ours, exact in pairs if exact != 0), default=0.0)
     return result
 
 
@@ -124,5 +126,16 @@ def force_batch(subject: Subject) -> Any:
 
 def string_batch(subject: Subject) -> Any:
     """Scenes as one batch: balanced, assembled and solved block by block, as `pendsus sweep` does."""
-    scene = perturb.scale_mass(subject.scene, len(subject.scene.bodies.name), scattered())
+    scene = _scenes(subject)
     return lambda: spectrum.solve(builds.balance(scene, subject.design, split=True).model)
+
+
+def beam_batch(subject: Subject) -> Any:
+    """The same with wires that bend, as `pendsus xcouple` balances and assembles them; mirror symmetries are not looked for."""
+    scene = _scenes(subject)
+    return lambda: spectrum.solve(builds.balance(scene, subject.design, level="beam").model)
+
+
+def _scenes(subject: Subject) -> Scene:
+    """The design with the masses of a batch."""
+    return perturb.scale_mass(subject.scene, len(subject.scene.bodies.name), scattered())

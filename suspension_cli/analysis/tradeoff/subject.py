@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -14,6 +16,11 @@ from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.models import fidelity
+
+Answer = Callable[[Array], Any]
+"""What gives a response (f,) at any frequencies (f,) in rad/s."""
+Prepare = Callable[[LinearModel, Array, Array], Answer]
+"""What finds it, from a model and the forms (N,) of what drives and what is watched."""
 
 RUNGS = tuple(level for level in fidelity.LEVELS if level != "auto")
 FREQUENCIES = (1.0, 10.0, 50.0, 100.0, 1000.0)
@@ -57,6 +64,17 @@ class Subject:
     def fresh(self, rung: str) -> LinearModel:
         """The same with nothing worked out yet, so that every method pays for what it needs."""
         return replace(self.model(rung))
+
+    @cached_property
+    def _answers(self) -> dict[Prepare, Answer]:
+        return {}
+
+    def kept(self, prepare: Prepare) -> Answer:
+        """What a method works out of the string rung's matrices before it knows the frequencies, worked out once."""
+        if prepare not in self._answers:
+            model = self.model("string")
+            self._answers[prepare] = prepare(model, *self.forms(model))
+        return self._answers[prepare]
 
     @property
     def last(self) -> str:

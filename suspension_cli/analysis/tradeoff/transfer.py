@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from suspension_cli.analysis import export, modes, response, signals, statespace
 from suspension_cli.analysis.tradeoff import exact
-from suspension_cli.analysis.tradeoff.subject import Subject
-from suspension_cli.design.scene import Array
-from suspension_cli.mechanics import dispersive, elimination
+from suspension_cli.analysis.tradeoff.subject import Answer, Prepare, Subject
+from suspension_cli.design.scene import Array, Index
+from suspension_cli.mechanics import stacks
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.models import fidelity
 
 SWEEP = 2000
 """Frequencies in a batch."""
-BAND = (0.1, 1000.0)
-"""Hz, over which they run."""
+BAND = 2 * np.pi * np.geomspace(0.1, 1000.0, SWEEP)
+"""rad/s, over which they run."""
 
 
 def reference(subject: Subject) -> Any:
@@ -39,42 +38,86 @@ def chain(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
 
 
 def dense(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
-    """One LAPACK solve a frequency on each block that is touched."""
+    """One LAPACK solve a frequency on each block that is touched.
+
+    Scaled, so that units do not choose the pivots, and from the top down: both keep digits of long chains.
+    """
+    full = model.stiffness if model.lossy is None else model.lossy
     result = np.full(len(omega), row[:6] @ drive[:6], dtype=complex)
-    for block in dispersive.blocks(model):
-        seen, moves = row[block.keep], drive[:6, None]
-        if seen.any() and block.pulled(moves):
-            one_node = elimination.Tree((np.arange(len(block.keep)),), (-1,))
-            result += seen @ replace(block, tree=one_node).at(omega).solve(moves, np.zeros((len(block.keep), 1)))[:, 0]
+    place = {name: n for n, name in enumerate(model.body)}
+    for touched in _touched(model, drive, row):
+        block = np.array(sorted(touched, key=lambda n: place.get(model.coordinate[n].split(".", 1)[0], -1)))
+        both = np.ix_(block, np.concatenate([np.arange(6), block]))
+        dynamic = full[both][..., None] - omega**2 * model.mass[both][..., None]
+        if model.damping[both].any():
+            dynamic = dynamic + 1j * omega * model.damping[both][..., None]
+        pushed = -np.einsum("csf,s->cf", dynamic[:, :6], drive[:6])
+        result += row[block] @ stacks.dense(dynamic[:, 6:], pushed[:, None])[:, 0]
     return result
 
 
-def modal_sum(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
-    """Sum over modes, phi (phi . f) / (omega_m^2 + i phi K'' phi + i omega phi C phi - omega^2): right as far as losses do not couple them."""
-    found = modes.solve(model)
-    shapes = found.shape @ model.basis[6:, 6:]
-    seen = shapes @ row[6:]
-    shapes, poles, seen = (values[seen != 0] for values in (shapes, found.omega_squared, seen))
+def _touched(model: LinearModel, drive: Array, row: Array) -> list[Index]:
+    """The blocks that are driven and seen."""
+    pulled = model.pulled[:, drive[:6] != 0].any(1)
+    return [block for block in model.blocks if row[block].any() and pulled[block].any()]
+
+
+# What may be kept is told apart from what each frequency takes: from a model and two linear forms, what gives the response at any frequencies.
+
+
+def chained(model: LinearModel, drive: Array, row: Array) -> Answer:
+    """The chain elimination; the model itself keeps what it prepares."""
+    return lambda omega: chain(model, omega, drive, row)
+
+
+def modal(model: LinearModel, drive: Array, row: Array) -> Answer:
+    """Sum over modes, phi (phi . f) / (omega_m^2 + i phi K'' phi + i omega phi C phi - omega^2): right as far as losses do not couple them.
+
+    Of the modes no more than the sum needs: omega_m^2 and shapes of the blocks touched.
+    """
+    parts = [_modes(model, block) for block in _touched(model, drive, row)]
+    poles = np.concatenate([np.zeros(0), *(values for values, _ in parts)])
+    shapes = np.concatenate([np.zeros((0, model.size)), *(found for _, found in parts)])
     full = model.stiffness if model.lossy is None else model.lossy
-    k, c, m = (-(shapes @ (matrix[6:, :6] @ drive[:6])) * seen for matrix in (full, model.damping, model.mass))
-    loss, damping = ((shapes @ matrix[6:, 6:] * shapes).sum(-1) for matrix in (np.imag(full), model.damping))
-    square = omega[:, None] ** 2
-    driven, stiff = k - square * m if m.any() else k, (poles + 1j * loss if loss.any() else poles) - square
-    if c.any():
-        driven = driven + 1j * omega[:, None] * c
-    if damping.any():
-        stiff = stiff + 1j * omega[:, None] * damping
-    return (driven / stiff).sum(-1) + row[:6] @ drive[:6]
+    seen, direct = shapes @ row, row[:6] @ drive[:6]
+    k, c, m = (-(shapes @ (matrix[:, :6] @ drive[:6])) * seen for matrix in (full, model.damping, model.mass))
+    loss, damping = ((shapes @ matrix * shapes).sum(-1) for matrix in (np.imag(full), model.damping))
+
+    def at(omega: Array) -> Any:
+        square = omega[:, None] ** 2
+        driven, stiff = k - square * m if m.any() else k, (poles + 1j * loss if loss.any() else poles) - square
+        if c.any():
+            driven = driven + 1j * omega[:, None] * c
+        if damping.any():
+            stiff = stiff + 1j * omega[:, None] * damping
+        return (driven / stiff).sum(-1) + direct
+
+    return at
 
 
-def state_space(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
+def _modes(model: LinearModel, block: Index) -> tuple[Array, Array]:
+    """omega^2 (m,) and shapes (m, N) of unit modal mass of a block."""
+    kept, mass, stiffness, recover = modes.condensed(model, block)
+    inverse = np.linalg.inv(np.linalg.cholesky(mass))
+    dynamic = inverse @ stiffness @ inverse.T
+    values, vectors = np.linalg.eigh((dynamic + dynamic.T) / 2)
+    own = vectors.T @ inverse
+    shapes = np.zeros((len(values), model.size))
+    shapes[:, kept] = own
+    shapes[:, block[model.massless[block]]] = own @ recover.T
+    return values, shapes
+
+
+def realised(model: LinearModel, drive: Array, row: Array) -> Answer:
     """C (i omega - A)^-1 B + D, A balanced."""
-    return _system(model, drive, row).at(omega / (2 * np.pi))[:, 0, 0]
+    system = _system(model, drive, row)
+    return lambda omega: system.at(omega / (2 * np.pi))[:, 0, 0]
 
 
-def zeros_and_poles(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
+def factored(model: LinearModel, drive: Array, row: Array) -> Answer:
     """Gain times the product over zeros and poles."""
-    return export.zero_pole_gain(_system(model, drive, row)).at(omega / (2 * np.pi))[:, 0, 0]
+    found = export.zero_pole_gain(_system(model, drive, row))
+    return lambda omega: found.at(omega / (2 * np.pi))[:, 0, 0]
 
 
 def _system(model: LinearModel, drive: Array, row: Array) -> statespace.StateSpace:
@@ -93,9 +136,14 @@ def on_matrices(solve: Any) -> tuple[Any, Any]:
     return _timed(lambda subject: subject.fresh("string"), solve)
 
 
-def on_kept_model(solve: Any) -> tuple[Any, Any]:
-    """The same when the model has answered before and kept what it prepared."""
-    return _timed(lambda subject: subject.model("string"), solve)
+def prepared(prepare: Prepare) -> tuple[Any, Any]:
+    """The same of a method that tells apart what it may keep, done anew each time."""
+    return on_matrices(lambda model, omega, drive, row: prepare(model, drive, row)(omega))
+
+
+def kept(prepare: Prepare) -> tuple[Any, Any]:
+    """The same with all that is kept prepared before."""
+    return (lambda subject: subject.kept(prepare)(subject.omega)), (lambda subject: lambda: subject.kept(prepare)(BAND))
 
 
 def _timed(model_of: Any, solve: Any) -> tuple[Any, Any]:
@@ -103,5 +151,4 @@ def _timed(model_of: Any, solve: Any) -> tuple[Any, Any]:
         model = model_of(subject)
         return solve(model, omega, *subject.forms(model))
 
-    omega = 2 * np.pi * np.geomspace(*BAND, SWEEP)
-    return (lambda subject: at(subject, subject.omega)), (lambda subject: lambda: at(subject, omega))
+    return (lambda subject: at(subject, subject.omega)), (lambda subject: lambda: at(subject, BAND))
