@@ -22,7 +22,6 @@ LITTLE = (
     ("modes", QUADRUPLE),
     ("damp", CONFIGS / "triple-damped.toml"),
     ("export", QUADRUPLE, "--format", "hdf5"),
-    ("tolerance", CONFIGS / "triple-tolerance.toml", "--builds", "20"),
     ("xcouple", QUADRUPLE, "--sweep", "k=0.9:1.1:3"),
 )
 

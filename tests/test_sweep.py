@@ -39,6 +39,11 @@ CASES = {
     "dampers": (CONFIGS / "triple-damped.toml", "force", {"constants.gravity": [9.7, 9.81, 9.9]}),
     "imperfect": (CONFIGS / "imperfect.toml", "string", {"perturbation.1.k_factor": [1.0, 1.1, 1.3]}),
     "five wires": (CONFIGS / "five-wires.toml", "string", {"constants.gravity": [9.7, 9.81, 9.9]}),
+    "bent": (CONFIGS / "quadruple.toml", "beam", {"stage.test.wires.t1": [0.1, 0.13, 0.15], "stage.top.wires.d": [1e-3, 2e-3, 1e-3]}),
+    "bent, as thick as they are": (CONFIGS / "double.toml", "beam", {"stage.test.wires.radius": [1e-4, 2e-4, 3e-4]}),
+    "bent, imperfect": (CONFIGS / "imperfect.toml", "beam", {"perturbation.1.k_factor": [1.0, 1.1, 1.3]}),
+    "bent, dampers": (CONFIGS / "triple-damped.toml", "beam", {"constants.gravity": [9.7, 9.81, 9.9]}),
+    "bent, five wires": (CONFIGS / "five-wires.toml", "beam", {"constants.gravity": [9.7, 9.81, 9.9]}),
 }
 
 
@@ -150,7 +155,8 @@ def test_results_by_name(tmp_path):
     assert answer["results"][1]["nominal"] == pytest.approx(drawn.frequency[0], rel=1e-12)
 
 
-def test_it_does_not_matter_how_it_is_run(tmp_path):
+@pytest.mark.parametrize("level", ["auto", "beam"])
+def test_it_does_not_matter_how_it_is_run(level, tmp_path):
     """Chunks and processes change no bit of the file."""
     options = (
         "--vary",
@@ -161,6 +167,8 @@ def test_it_does_not_matter_how_it_is_run(tmp_path):
         "test yaw",
         "--result",
         "test.x/support.x:3",
+        "--fidelity",
+        level,
     )
     files_written = []
     for how in (("--workers", "1"), ("--workers", "2", "--chunk", "64")):
@@ -273,8 +281,31 @@ def test_a_coarse_grid_is_warned_of(tmp_path):
         assert ("take a finer grid" in result.stderr) is warned
 
 
-@pytest.mark.parametrize("level", ["beam", "violin"])
-def test_rungs_that_no_sweep_has_are_refused(level, tmp_path):
-    options = ("--vary", "stage.test.wires.d=1e-3,2e-3", "--fidelity", level, "--json", "--out", tmp_path / "out")
+def test_modes_of_wires_with_mass_are_refused(tmp_path):
+    options = ("--vary", "stage.test.wires.d=1e-3,2e-3", "--fidelity", "violin", "--json", "--out", tmp_path / "out")
     (line,) = assert_refused(run("sweep", SINGLE, *options), SINGLE, tmp_path / "out")
-    assert "--fidelity" in line
+    assert line == '--fidelity = "violin": has no modes that could be followed; take beam, or ask for responses alone'
+
+
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_points_are_runs_of_their_own(level, tmp_path):
+    """On wires that bend: a mode (beam) and a response as `modes` and `response` give them at each point."""
+    names = ["test.x/support.x:11", *(["upper yaw"] if level == "beam" else [])]
+    asked = [word for name in names for word in ("--result", name)]
+    answer = swept(CONFIGS / "double.toml", tmp_path, "--vary", "stage.test.wires.d=1e-3,2e-3", "--fidelity", level, *asked)
+    for n, d in enumerate((1e-3, 2e-3)):
+        model = fidelity.linear_model(variants.overridden((CONFIGS / "double.toml").read_text(), {"stage.test.wires.d": d}), level)
+        known = signals.bodies(model)
+        shaken = response.solve(model, np.array([11.0]), [signals.drive("support.x", known)], [signals.motion("test.x", known)]).value[0, 0, 0]
+        assert values(answer, names[0])[n] == pytest.approx(abs(shaken), rel=1e-9)
+        if level == "beam":
+            found = modes.solve(model)
+            assert values(answer, "upper yaw")[n] == pytest.approx(found.frequency[found.label.index("upper yaw")], rel=1e-12)
+
+
+def test_what_bending_would_change_is_told(tmp_path):
+    options = ("--vary", "stage.test.wires.d=1e-3,2e-3", "--result", "test pitch", "--json", "--out", tmp_path)
+    told = run("sweep", CONFIGS / "double.toml", *options).stderr
+    assert "warning: double: what force leaves out changes test pitch by 25 %; --fidelity beam has it" in told
+    assert "leaves out" not in run("sweep", CONFIGS / "double.toml", *options, "--fidelity", "string").stderr
+    assert "leaves out" not in run("sweep", CONFIGS / "double.toml", *options, "--fidelity", "beam").stderr

@@ -15,12 +15,13 @@ from hypothesis import strategies as st
 from paper import table_1
 from scipy import stats
 
-from suspension_cli.analysis import builds, modes, sampling, signals
+from suspension_cli.analysis import builds, modes, response, sampling, signals
 from suspension_cli.analysis.coupling import Question
 from suspension_cli.analysis.scatter import leading, rank_correlation
 from suspension_cli.analysis.tolerance import Tolerances
 from suspension_cli.design.schema import Distribution
-from suspension_cli.mechanics import assemble, equilibrium
+from suspension_cli.mechanics import assemble, distributed, equilibrium
+from suspension_cli.models import fidelity
 from suspension_cli.models.surroundings import surrounded
 
 TRIPLE = CONFIGS / "triple-tolerance.toml"
@@ -155,20 +156,26 @@ def one_of(scene, base, number):
     return dataclasses.replace(scene, **{name: part(getattr(scene, name), getattr(base, name)) for name in ("bodies", "wires", "blades", "springs")})
 
 
-@pytest.mark.parametrize("kind", ["everything", "triple", "damped on a frame"])
+@pytest.mark.parametrize("kind", ["everything", "triple", "damped on a frame", "on beam"])
 def test_frequencies_are_those_of_each_build_by_itself(kind):
-    raw = tomllib.loads(TRIPLE.read_text()) if kind == "triple" else everything()
+    raw = tomllib.loads(TRIPLE.read_text()) if kind in ("triple", "on beam") else everything()
     if kind == "damped on a frame":
         raw = raw | {"support": {"stiffness": {"x": 2e6, "pitch": 1e5}, "mass": 100.0, "inertia": [5.0, 5.0, 5.0]}}
         raw["stage"][1]["damping"] = {"x": 1.0}
-    job = job_of(raw, 40, 5)
+    bent = kind == "on beam"
+    job = dataclasses.replace(job_of(raw, 40, 5), text=tomli_w.dumps(raw), level="beam") if bent else job_of(raw, 40, 5)
     found, scene = job.compute(0, 40), sampling.imperfect(job.scene, job.factors, job.deviations(0, 40))
     good = np.flatnonzero(found["status"] == builds.GOOD)
     assert len(good) > 30
     for n in good:
         alone = one_of(scene, job.scene, n)
-        own = modes.solve(surrounded(assemble.linear_model(alone), job.design))
-        np.testing.assert_allclose(np.sort(found["frequency"][n]), own.frequency, rtol=1e-10)
+        plain = distributed.linear_model(*fidelity.bending(alone, job.design), massive=False) if bent else assemble.linear_model(alone)
+        model = surrounded(plain, job.design)
+        np.testing.assert_allclose(np.sort(found["frequency"][n]), modes.solve(model).frequency, rtol=1e-9 if bent else 1e-10)
+        if bent:
+            asked = job.question
+            over, under = response.solve(model, np.array(asked.frequency), [asked.input], [asked.over, asked.under]).value[0, :, 0]
+            assert found["ratio"][n, 0] == pytest.approx(over / under, rel=1e-7)
         assert found["residual"][n] < equilibrium.CONVERGED
     assert np.isnan(found["frequency"][found["status"] != builds.GOOD]).all()
 

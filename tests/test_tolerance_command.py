@@ -177,3 +177,25 @@ def test_bad_options_are_refused(options, tmp_path):
     result = run("tolerance", file, *options, "--out", tmp_path / "out")
     assert result.exit_code == 2
     assert not (tmp_path / "out").exists()
+
+
+def test_what_strings_leave_out_of_the_coupling_is_told(tmp_path):
+    """Against all builds on the rung that has it."""
+    file = TRIPLE
+    options = ("--builds", "200", "--workers", "1", "--no-plot", "--out", tmp_path, "--json")
+    told = run("tolerance", file, *options)
+    with h5py.File(tmp_path / "triple-tolerance-tolerance.h5") as results:
+        old, error, reason = results["tolerance"]["ratio"][:], results.attrs["estimated_error"], results.attrs["fidelity_reason"]
+    bent = run("tolerance", file, *options, "--fidelity", "beam")
+    with h5py.File(tmp_path / "triple-tolerance-tolerance.h5") as results:
+        new, beam = results["tolerance"]["ratio"][:], results.attrs["fidelity"]
+    assert beam == "beam" and "warning" not in bent.stderr
+    assert strict_json(told.stdout)["estimated_error"] == error and "of the cross-coupling: bending of wires" in reason
+    assert "bending of wires changes the cross-coupling of builds by up to 34 % of the largest: --fidelity beam has it" in told.stderr
+    good = np.isfinite(old) & np.isfinite(new)
+    assert np.abs(old - new)[good].max() / np.abs(new[good]).max() == pytest.approx(error, rel=0.5)
+
+
+def test_rungs_that_random_builds_do_not_have(tmp_path):
+    [line] = assert_refused(run("tolerance", TRIPLE, "--fidelity", "violin", "--out", tmp_path / "out"), TRIPLE, tmp_path / "out")
+    assert line == '--fidelity = "violin": does not hold for imperfect builds; take auto, string or beam'

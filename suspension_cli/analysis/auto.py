@@ -70,9 +70,18 @@ class Decision:
 
     @property
     def missed(self) -> str:
-        """What is left out that changes what is asked for most: what of it that is; "" where that was not sampled."""
+        """Of what is asked for, that which changes most by what is left out; "" where nothing was sampled."""
+        return "" if self._worst is None else self._worst.what
+
+    @property
+    def needed(self) -> str:
+        """The rung that would have this; "" where nothing was sampled."""
+        return "" if self._worst is None else REFINEMENTS[self._worst.name]
+
+    @property
+    def _worst(self) -> Refinement | None:
         left = [item for item in _left(list(self.refinements), self.choice.level) if item.change is not None]
-        return max(left, key=lambda item: item.estimate).what if left else ""
+        return max(left, key=lambda item: item.estimate, default=None)
 
 
 def decide(design: Design, make: Callable[[LinearModel], Asked], tolerance: float = TOLERANCE, top: str = "violin") -> Decision:

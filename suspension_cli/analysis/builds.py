@@ -87,7 +87,7 @@ def balance(scene: Scene, design: Design, *, level: str = "string", allow_unstab
     """Equilibrium and linear model of every scene of a batch with one axis; an unstable one is a failure unless that is allowed.
 
     `split` looks for mirror symmetries that all scenes share: then what one scene gets depends on the others, unless all have the same ones.
-    It is for strings alone; `level` may be ``beam`` or ``violin`` too.
+    `level` may be ``string``, ``beam`` or ``violin``.
     """
     terms: tuple[Assorted, ...] = ()
     with np.errstate(all="ignore"):
@@ -96,7 +96,7 @@ def balance(scene: Scene, design: Design, *, level: str = "string", allow_unstab
             plain = assemble.linear_model(scene, found, split=split)
         else:
             scene, drag = bending(scene, design)
-            plain, found, terms = assorted.linear_model(scene, drag, massive=level == "violin")
+            plain, found, terms = assorted.linear_model(scene, drag, massive=level == "violin", split=split)
         model, terms = surrounded(plain, design), framed(terms, plain.size, design)
         slack = found.tension <= 0
         status = np.full(scene.batch, GOOD, dtype=np.uint8)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from suspension_cli.analysis import modes
 from suspension_cli.analysis.axes import Axis
 from suspension_cli.analysis.coupling import Sweep
 from suspension_cli.analysis.modes import Modes
+from suspension_cli.analysis.tolerance import Tolerances
 from suspension_cli.design import fibres, reader
 from suspension_cli.design.schema import Design
 from suspension_cli.models import fidelity, force
@@ -18,6 +20,8 @@ from suspension_cli.models.fidelity import Choice
 
 PROBED = 3
 """Axes of a sweep at both ends of which rungs are compared, so 2 to this power of its builds."""
+BUILDS = 32
+"""Random builds that are compared."""
 FREQUENCIES = 12
 """At how many frequencies."""
 EDGE = 0.8
@@ -91,15 +95,29 @@ def coupling_error(job: Sweep) -> tuple[str, float]:
     asked = job.question.frequency
     some = tuple(asked[n] for n in np.unique(np.linspace(0, len(asked) - 1, min(FREQUENCIES, len(asked))).astype(int)))
     probe = replace(job, axes=axes, question=replace(job.question, frequency=some))
-    found = (one.compute(0, one.count)["ratio"] for one in (probe, replace(probe, level=rung)))
-    old, new = (np.asarray(ratio) for ratio in found)
-    known = np.isfinite(new)
-    if not known.any() or (known != np.isfinite(old)).any():
-        return rung, float("nan")
+    old, new = (np.asarray(one.compute(0, one.count)["ratio"]) for one in (probe, replace(probe, level=rung)))
+    return rung, float("nan") if (np.isfinite(new) != np.isfinite(old)).any() else _of_largest(old, new)
+
+
+def scatter_error(job: Tolerances) -> float:
+    """What the couplings of random builds on `string` leave out by the bending, torsion and loss of wires, of the largest of the first builds.
+
+    NaN if that is not known, as the design says nothing of its wires or none of these builds hangs on either rung.
+    """
+    if fibres.unsuited(job.design, massive=False):
+        return float("nan")
+    first = min(job.count, BUILDS)
+    old, new = (np.asarray(one.compute(0, first)["ratio"]) for one in (job, replace(job, level="beam")))
+    return _of_largest(old, new)
+
+
+def _of_largest(old: Any, new: Any) -> float:
+    """The largest change of ratios, of the largest of them, among builds that hang on both rungs; NaN if there is none."""
+    known = np.isfinite(old) & np.isfinite(new)
+    if not known.any():
+        return float("nan")
     largest, change = (float(np.abs(ratio[known]).max()) for ratio in (new, old - new))
-    if largest == 0:
-        return rung, 0.0 if change == 0 else float("inf")
-    return rung, change / largest
+    return change / largest if largest > 0 else 0.0 if change == 0 else float("inf")
 
 
 def weighed(job: Sweep, choice: Choice, tolerance: float | None) -> tuple[Sweep, Choice, str]:

@@ -76,7 +76,8 @@ class ParameterSweep(Product):
 
     @cached_property
     def _model(self) -> LinearModel:
-        return fidelity.linear_model(reader.parse(self.text), self.level)
+        """As drawn, without what depends on frequency: neither modes nor coordinates need it, and processes could not be sent it."""
+        return replace(fidelity.linear_model(reader.parse(self.text), self.level), terms=())
 
     @cached_property
     def nominal(self) -> Modes:

@@ -19,6 +19,7 @@ from suspension_cli.design import reader
 from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.models import fidelity
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,8 @@ class Tolerances:
         Whose ratio is the cross-coupling; its wire and body do not matter.
     allow_unstable : bool
         Whether a build with an unstable equilibrium is as good as any.
+    level : str
+        ``string`` or ``beam``.
     """
 
     text: str
@@ -43,6 +46,7 @@ class Tolerances:
     seed: int
     question: Question
     allow_unstable: bool = False
+    level: str = "string"
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -57,7 +61,7 @@ class Tolerances:
     @property
     def identity(self) -> str:
         """What tells this job from another of the same design."""
-        return repr((self.count, self.seed, self.question, self.allow_unstable))
+        return repr((self.count, self.seed, self.question, self.allow_unstable, self.level))
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -94,8 +98,7 @@ class Tolerances:
         from suspension_cli.mechanics import assemble
         from suspension_cli.models.surroundings import surrounded
 
-        model = surrounded(assemble.linear_model(self.scene), self.design)
-        found = modes.solve(model)
+        found = modes.solve(fidelity.linear_model(self.design, self.level))
         plain = surrounded(assemble.linear_model(self.scene, split=False), self.design)
         keep = kept(plain)
         root = np.linalg.cholesky(plain.mass[np.ix_(keep, keep)])
@@ -117,7 +120,7 @@ class Tolerances:
     def compute(self, start: int, stop: int) -> dict[str, Any]:
         """Results of builds start to stop - 1."""
         scene = sampling.imperfect(self.scene, self.factors, self.deviations(start, stop))
-        found = builds.balance(scene, self.design, allow_unstable=self.allow_unstable)
+        found = builds.balance(scene, self.design, level=self.level, allow_unstable=self.allow_unstable)
         with np.errstate(all="ignore"):
             omega_squared = followed(found, self._start[1], self._start[2])
             outputs = builds.transfer(found, np.array(self.question.frequency), [self.question.input], [self.question.over, self.question.under])[..., 0]

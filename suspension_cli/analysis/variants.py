@@ -76,7 +76,7 @@ def balanced(text: str, values: dict[str, Array], level: str, *, allow_unstable:
     text, values
         As for `scenes`.
     level : str
-        ``closed-form``, ``force`` or ``string``.
+        One of `fidelity.LEVELS` but ``auto``.
     allow_unstable : bool
         Whether an unstable equilibrium is as good as any.
 
@@ -87,12 +87,12 @@ def balanced(text: str, values: dict[str, Array], level: str, *, allow_unstable:
     here : (p,) int array
         Which points they are.
     """
-    if level == "string":
-        for scene, design, here in scenes(text, values):
+    if level in ("string", "beam", "violin"):
+        for scene, design, here in scenes(text, values, level):
             flags = mirrored(scene)
             for mirrors in np.unique(flags, axis=0):
                 some = (flags == mirrors).all(-1)
-                yield builds.balance(stack.picked(scene, some), design, allow_unstable=allow_unstable, split=True), here[some]
+                yield builds.balance(stack.picked(scene, some), design, level=level, allow_unstable=allow_unstable, split=True), here[some]
         return
     alike: dict[tuple[Any, ...], list[tuple[int, Design]]] = {}
     for n, row in enumerate(np.stack(list(values.values()), axis=1)):

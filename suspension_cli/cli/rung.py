@@ -150,9 +150,10 @@ def estimate(choice: Choice) -> float | None:
     return choice.error if math.isfinite(choice.error) else None
 
 
-def tell(source: Read, decision: Decision, voice: options.Voice) -> None:
-    """Warn of what a rung leaves out where no other can be had."""
+def tell(source: Read, decision: Decision, voice: options.Voice, levels: tuple[str, ...] = ()) -> None:
+    """Warn of what a rung leaves out that nobody chose; `levels` are what the command takes instead."""
     choice = decision.choice
     if choice.error > TOLD:
+        better = next((f"--fidelity {level} has it" for level in levels if level == decision.needed), "modes, response and thermal have it")
         size = f"{100 * choice.error:.2g} %" if choice.error < 1 else "100 % or more"
-        voice.warn(f"{source.design.design.name}: what {choice.level} leaves out changes {decision.missed} by {size}; modes, response and thermal have it")
+        voice.warn(f"{source.design.design.name}: what {choice.level} leaves out changes {decision.missed} by {size}; {better}")

@@ -40,17 +40,16 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
         over = axes(list(setting["vary"]))
-        if setting["fidelity"] in ("beam", "violin"):
-            raise InputError(
-                [Fault("--fidelity", "does not go through sweeps, whose wires are strings", "take auto, string or force", shown(setting["fidelity"]))]
-            )
         decision = rung.weighed(source, setting["fidelity"], rung.several(setting["result"]), top="string")
         choice, model = decision.choice, decision.model
         asked = scalars.parse(list(setting["result"]) or [scalars.ALL], modes.solve(model), signals.bodies(model))
+        if choice.level == "violin" and any(isinstance(item, scalars.Mode) for item in asked):
+            raise InputError([Fault("--fidelity", "has no modes that could be followed", "take beam, or ask for responses alone", shown("violin"))])
         job = ParameterSweep(source.text, over, choice.level, asked, setting["allow_unstable"])
         job.check()
     voice.detail(f"{source.design.design.name}: {choice.level}: {choice.reason}")
-    rung.tell(source, decision, voice)
+    if setting["fidelity"] == "auto":
+        rung.tell(source, decision, voice, ("beam", "violin"))
     path = options.folder(out) / f"{source.design.design.name}-sweep.h5"
     fill, after = lambda group: files.fill(group, job, model), lambda part: files.complete(part, job)
     with source.faults():

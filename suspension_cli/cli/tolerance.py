@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,13 @@ from suspension_cli.cli import options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.scatter import Summary
+    from suspension_cli.analysis.tolerance import Tolerances
+    from suspension_cli.cli.analyses import Read
     from suspension_cli.models.fidelity import Choice
+
+
+LEVELS = ("string", "beam")
+"""Rungs that random builds have; the first unless another is asked for."""
 
 
 @click.command("tolerance")
@@ -38,13 +45,17 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        decision = auto.left_out(source.design, rung.imperfect(source, setting["fidelity"], ("string",)), lambda _: Frequencies())
+        decision = auto.left_out(source.design, rung.imperfect(source, setting["fidelity"], LEVELS), lambda _: Frequencies())
         choice = decision.choice
         model = rung.stood(source, choice, setting["allow_unstable"], voice, decision.model)
-        job = Tolerances(source.text, setting["builds"], setting["seed"], analyses.question(model, setting), setting["allow_unstable"])
+        job = Tolerances(source.text, setting["builds"], setting["seed"], analyses.question(model, setting), setting["allow_unstable"], choice.level)
         job.check()
         voice.detail(f"{len(job.factors)} numbers scatter")
-    rung.tell(source, decision, voice)
+        if choice.level == "string":
+            choice = _coupled(job, choice)
+    if setting["fidelity"] == "auto":
+        rung.tell(source, decision, voice, LEVELS)
+        _tell(source, choice, decision.choice, voice)
     path = options.folder(out) / f"{source.design.design.name}-tolerance.h5"
     analyses.swept(job, path, "tolerance", source, choice, setting, voice, lambda group: files.fill(group, job, setting["limit"]))
     summary = files.summarise(path, job, setting["limit"])
@@ -61,6 +72,26 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         click.echo(json.dumps(document(source.design.design.name, choice, job.seed, ratio, summary)))
     else:
         click.echo(table(choice, ratio, summary))
+
+
+def _coupled(job: Tolerances, choice: Choice) -> Choice:
+    """What strings leave out of the cross-coupling too, in the choice."""
+    from suspension_cli.analysis import rungs
+
+    error = rungs.scatter_error(job)
+    if math.isnan(error):
+        return choice
+    reason = f"{choice.reason}; of the cross-coupling: bending of wires ({error:.1g} of the largest of the first builds)"
+    return dataclasses.replace(choice, reason=reason, error=max(choice.error, error))
+
+
+def _tell(source: Read, choice: Choice, of_modes: Choice, voice: options.Voice) -> None:
+    """Warn of what strings leave out of the cross-coupling, if that is more than of the modes."""
+    from suspension_cli.cli import rung
+
+    if choice.error > max(rung.TOLD, of_modes.error):
+        what = "bending of wires changes the cross-coupling of builds by up to"
+        voice.warn(f"{source.design.design.name}: {what} {float(f'{100 * choice.error:.2g}'):g} % of the largest: --fidelity beam has it")
 
 
 def document(name: str, choice: Choice, seed: int, ratio: str, summary: Summary) -> dict[str, Any]:

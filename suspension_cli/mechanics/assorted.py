@@ -108,7 +108,7 @@ class AssortedLoss:
         return AssortedLoss(self.term.spread(from_new))
 
 
-def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> tuple[LinearModel, Equilibrium, tuple[Assorted, ...]]:
+def linear_model(scene: Scene, drag: Drag = (), *, massive: bool, split: bool = False) -> tuple[LinearModel, Equilibrium, tuple[Assorted, ...]]:
     """Linear models of many builds in equilibrium, static and without loss, and what depends on frequency.
 
     Parameters
@@ -117,21 +117,24 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> tuple[Linea
         With one batch axis; `fibres` filled.
     drag, massive
         As for `distributed.linear_model`.
+    split : bool
+        Whether mirror symmetries that all builds share are split off; then none depends on the others only if all have the same.
 
     Returns
     -------
     LinearModel
-        With the builds as first axis; symmetries are not split off, so that none depends on the others.
+        With the builds as first axis.
     Equilibrium
         Not necessarily converged.
     terms : tuple of Assorted
     """
     numbering = layout(scene)
     scene, found = hanging.balanced(scene, numbering)
-    model = assemble.linear_model(lossless(scene), found, split=False)
+    model = assemble.linear_model(lossless(scene), found, split=split)
     plain = unsplit(numbering)
     lossy = [*loss_terms(scene, numbering, found.pose, plain), *gas_terms(scene, numbering, found.pose, plain, drag)]
-    return model, found, (*_wires(scene, numbering, found, massive=massive), *(AssortedLoss(term) for term in lossy if isinstance(term, LossTerm)))
+    terms = [*_wires(scene, numbering, found, massive=massive), *(AssortedLoss(term) for term in lossy if isinstance(term, LossTerm))]
+    return model, found, tuple(term.spread(model.basis) if split else term for term in terms)
 
 
 def _wires(scene: Scene, numbering: Layout, found: Equilibrium, *, massive: bool) -> list[AssortedWire]:
