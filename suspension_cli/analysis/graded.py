@@ -45,11 +45,9 @@ def solve(mass: Array, stiffness: Array) -> tuple[Any, Any]:
     values, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
     shapes = np.swapaxes(inverse, -1, -2) @ vectors
     soft = np.abs(values) < APART * np.abs(values).max(-1, keepdims=True)
-    kinds, which = np.unique(soft, axis=0, return_inverse=True)
-    for number, kind in enumerate(kinds):
+    for kind, here in _kinds(soft):
         if not kind.any():
             continue
-        here = np.flatnonzero(which.ravel() == number)
         own = shapes[here][:, :, kind]
         across = np.swapaxes(own, -1, -2)
         less_mass, less_stiffness = (across @ matrix[here] @ own for matrix in (mass, stiffness))
@@ -57,6 +55,14 @@ def solve(mass: Array, stiffness: Array) -> tuple[Any, Any]:
         values[np.ix_(here, kind)] = found
         shapes[here[:, None], :, np.flatnonzero(kind)] = np.swapaxes(own @ within, -1, -2)
     return values, shapes
+
+
+def _kinds(soft: Any) -> list[tuple[Any, Any]]:
+    """Rows of (p, m) that are alike: each kind with its places, (m,) and (q,)."""
+    if (soft == soft[:1]).all():
+        return [(soft[0], np.arange(len(soft)))]
+    kinds, which = np.unique(soft, axis=0, return_inverse=True)
+    return [(kind, np.flatnonzero(which.ravel() == number)) for number, kind in enumerate(kinds)]
 
 
 def quickly(mass: Array, stiffness: Array, tension: Array) -> tuple[Any, Any]:
