@@ -74,12 +74,12 @@ class AssortedWire:
         """Add it to dynamic stiffnesses (q, N, N) of builds, in place."""
         fibre = fitted(self.fibre, self.length[which], self.stiffness[which])
         strand = Strand(fibre, self.tension[which], self.massive, lossy=True, surrounded=self.surrounded)
-        moving, rest = strand.at(omega), strand.rest
+        moving = strand.at(omega)
         ends = np.zeros((len(which), ENDS, ENDS), dtype=complex)
         start = 0
         for part in PARTS:
             own = slice(start, start + WIDTH[part])
-            ends[:, own, own] = np.moveaxis(moving.stiffness(part) - rest[part], -1, 0)
+            ends[:, own, own] = np.moveaxis(moving.stiffness(part) - strand.resting(part), -1, 0)
             start = own.stop
         forms = self.forms[which]
         dynamic[:, self.rows[:, None], self.rows] += forms @ ends @ np.swapaxes(forms, -1, -2)

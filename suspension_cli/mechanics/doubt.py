@@ -41,14 +41,17 @@ class Table:
     ----------
     edge : (e,) array
         rad/s, ascending.
-    size : (c, e - 1, 6 + c) array
-        n of each coordinate, between each frequency and the next, for unit motions of the support and unit forces on the coordinates.
+    size : (c, s, 6 + c) array
+        n of each coordinate, between a frequency and another, for unit motions of the support and unit forces on the coordinates.
+    place : (e - 1,) int array
+        Which of these s holds between each frequency and the next.
     growth : (e - 1,) array
         By how much elimination makes more of that (`elimination.Factors`).
     """
 
     edge: Array
     size: Any
+    place: Any
     growth: Any
 
     def limit(self, rows: Any, moves: Any, pushed: Any, *, grown: bool) -> Any:
@@ -59,7 +62,7 @@ class Table:
         inputs, used = np.abs(np.concatenate([moves, pushed])), np.flatnonzero(rows.any(0))
         size = self.size[used[0] : used[0] + 1] if len(used) == 1 else self.size[used]
         felt = (np.abs(rows[:, used]) / DOUBT) @ (size @ inputs).reshape(len(used), -1)
-        felt = felt.reshape(len(rows), -1, inputs.shape[1]).swapaxes(1, 2)
+        felt = felt.reshape(len(rows), -1, inputs.shape[1]).swapaxes(1, 2)[..., self.place]
         return felt * self.growth if grown else felt
 
     def cell(self, omega: Array) -> Any:
@@ -73,24 +76,33 @@ def table(block: Block, low: float, high: float, *, carried: bool) -> Table:
     """The table of a block between two frequencies (rad/s)."""
     key, span = (Table, carried), (low, high)
     if key not in block.kept or block.kept[key][0] != span:  # the last is kept, for calls that repeat
-        edge = _edges(block, low, high)
-        size, growth = _sizes(block, edge, carried=carried), block.measured(edge, np.inf).growth
-        size, growth = np.maximum(size[:-1], size[1:]), np.nan_to_num(np.maximum(growth[:-1], growth[1:]), nan=HOPELESS, posinf=HOPELESS)
-        size[_enclosing(edge, block.resonances)] = HOPELESS
+        # n has its peaks at the resonances alone; what elimination makes of it has more, and is quicker to work out
+        coarse = _edges(block.resonances, low, high)
+        edge = coarse if low == high else np.union1d(coarse, _edges(np.concatenate([block.parts, _crossings(block)]), low, high))
+        size = _sizes(block, coarse, carried=carried)
+        size = np.maximum(size[:-1], size[1:])
+        size[_enclosing(coarse, block.resonances)] = HOPELESS
+        place = np.minimum(np.searchsorted(coarse, edge[:-1], side="right") - 1, len(size) - 1)
+        growth = block.measured(edge, np.inf).growth
+        growth = np.nan_to_num(np.maximum(growth[:-1], growth[1:]), nan=HOPELESS, posinf=HOPELESS)
         growth[_enclosing(edge, block.parts)] = HOPELESS
-        block.kept[key] = span, Table(edge, np.ascontiguousarray(np.swapaxes(size, 0, 1)), growth)
+        block.kept[key] = span, Table(edge, np.ascontiguousarray(np.swapaxes(size, 0, 1)), place, growth)
     return block.kept[key][1]
 
 
-def _edges(block: Block, low: float, high: float) -> Array:
-    """Evenly in the logarithm, and closing in on each pole, of the whole or a part, and each zero of D's diagonal; at least two, both ends among them."""
+def _edges(poles: Array, low: float, high: float) -> Array:
+    """Evenly in the logarithm, and closing in on each pole; at least two, both ends among them."""
     start = max(low, high * 1e-9)
     if start == high:
         return np.array([low, high])
     base = np.geomspace(start, high, int(DECADE * np.log10(high / start)) + 2)
-    crossings = [np.sqrt(k / m) for piece in block.own for k, m in zip(np.diag(piece.stiffness.real), np.diag(piece.mass), strict=True) if k > 0 and m > 0]
-    near = (np.concatenate([block.resonances, block.parts, crossings])[:, None] * np.concatenate([1 - NEAR, 1 + NEAR])).ravel()
+    near = (poles[:, None] * np.concatenate([1 - NEAR, 1 + NEAR])).ravel()
     return np.unique(np.concatenate([[low], base[1:-1], near[(near > low) & (near < high)], [high]]))
+
+
+def _crossings(block: Block) -> Array:
+    """Zeros of D's diagonal, rad/s."""
+    return np.array([np.sqrt(k / m) for piece in block.own for k, m in zip(np.diag(piece.stiffness.real), np.diag(piece.mass), strict=True) if k > 0 and m > 0])
 
 
 def _enclosing(edge: Array, poles: Array) -> Any:
@@ -103,8 +115,10 @@ def _sizes(block: Block, edge: Array, *, carried: bool) -> Any:
     """n at the grid's frequencies, (e, c, 6 + c)."""
     omega = edge[:, None, None]
     count = len(block.keep)
-    dynamic = block.stiffness - omega**2 * block.mass + 1j * omega * block.damping
-    rounded = np.abs(block.stiffness) + omega**2 * np.abs(block.mass) + omega * np.abs(block.damping)
+    dynamic = block.stiffness - omega**2 * block.mass
+    rounded = np.abs(block.stiffness) + omega**2 * np.abs(block.mass)
+    if block.damping.any():
+        dynamic, rounded = dynamic + 1j * omega * block.damping, rounded + omega * np.abs(block.damping)
     with np.errstate(divide="ignore", invalid="ignore"):  # a grid point on a pole to the last bit
         inverted = np.nan_to_num(np.moveaxis(inverse(np.moveaxis(dynamic[..., 6:], 0, -1)), -1, 0), nan=HOPELESS, posinf=HOPELESS, neginf=-HOPELESS)
     push, drag = np.broadcast_to(np.eye(count), (len(edge), count, count)), -dynamic[..., :6]

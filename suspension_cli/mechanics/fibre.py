@@ -55,14 +55,15 @@ class Strand:
     @cached_property
     def static(self) -> dict[str, Any]:
         """Stiffness (c, c) of every part at rest, without loss."""
-        return {part: matrix[..., 0] for part, matrix in self.rest.items()}
+        return {part: self.resting(part)[..., 0] for part in PARTS}
+
+    def resting(self, part: str) -> Any:
+        """The same of one part as (c, c, f), for as many wires as there are tensions and lengths."""
+        return self._still.stiffness(part).real
 
     @cached_property
-    def rest(self) -> dict[str, Any]:
-        """The same as (c, c, f), for as many wires as there are tensions and lengths."""
-        still = Strand(self.fibre, self.tension, massive=False, lossy=False)
-        now = still.at(np.zeros(np.size(self.tension)))
-        return {part: now.stiffness(part).real for part in PARTS}
+    def _still(self) -> Moving:
+        return Strand(self.fibre, self.tension, massive=False, lossy=False).at(np.zeros(np.size(self.tension)))
 
     def resonances_below(self, omega: Any, parts: tuple[str, ...] = PARTS) -> Any:
         """How many resonances (f,) of the wire with both ends held lie below each omega (rad/s), in some of its parts."""
@@ -215,6 +216,15 @@ class Moving:
         drag = gas.wire_drag(section, around)[int(part[-1]) - 1]
         with np.errstate(divide="ignore"):
             return section.mass - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
+
+
+def kinds(fibres: tuple[Fibre, ...], *numbers: Any) -> list[list[int]]:
+    """Places of wires that are made alike, and are alike to the last bit in all numbers (..., w): kind by kind."""
+    found: dict[tuple[Any, ...], list[int]] = {}
+    for n, fibre in enumerate(fibres):
+        key = (fibre.sections, fibre.effective, *(np.ascontiguousarray(values[..., n]).tobytes() for values in numbers))
+        found.setdefault(key, []).append(n)
+    return list(found.values())
 
 
 def fitted(fibre: Fibre, length: Any, k: Any) -> Fibre:

@@ -25,7 +25,7 @@ import numpy as np
 
 from suspension_cli.design.scene import Flex, Scene
 from suspension_cli.mechanics import string
-from suspension_cli.mechanics.fibre import Strand, fitted
+from suspension_cli.mechanics.fibre import Strand, fitted, kinds
 from suspension_cli.mechanics.geometric import add_arms
 from suspension_cli.mechanics.pose import Layout, Pose
 from suspension_cli.rotations import cross, cross_matrix
@@ -39,13 +39,13 @@ def flexible(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
     tension, length = wires.tension if tension is None else tension, wires.length if length is None else length
     taut, long, k = (np.broadcast_to(v, shape) for v in (tension, length, wires.stiffness))
     bend, twist = np.empty((*shape, 2, 3)), np.empty(shape)
-    for number, fibre in enumerate(scene.fibres.wire):
-        own = (..., number)
-        hung = fitted(fibre, np.ravel(long[own]), np.ravel(k[own]))
-        rest = Strand(hung, np.ravel(taut[own]), massive=False, lossy=False).rest
+    for alike in kinds(scene.fibres.wire, taut, long, k):
+        own = (..., alike[0])
+        hung = fitted(scene.fibres.wire[alike[0]], np.ravel(long[own]), np.ravel(k[own]))
+        strand = Strand(hung, np.ravel(taut[own]), massive=False, lossy=False)
         for plane, part in enumerate(("bend-1", "bend-2")):
-            bend[..., number, plane, :] = _turning(rest[part]).reshape(*scene.batch, 3)
-        twist[own] = (rest["twist"][1, 1] / 4).reshape(scene.batch)
+            bend[..., alike, plane, :] = _turning(strand.resting(part)).reshape(*scene.batch, 1, 3)
+        twist[..., alike] = (strand.resting("twist")[1, 1] / 4).reshape(*scene.batch, 1)
     planes = [[_planes(fibre.plane, clamp) for clamp in fibre.clamp] for fibre in scene.fibres.wire]
     upper, lower = (np.array([pair[end] for pair in planes]).reshape(-1, 2, 3) for end in (0, 1))
     flex = Flex(upper, lower, bend, twist)

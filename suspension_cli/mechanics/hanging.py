@@ -11,7 +11,7 @@ from suspension_cli.design.fibres import Fibre
 from suspension_cli.design.scene import Scene
 from suspension_cli.mechanics import equilibrium, flexure, joined, string
 from suspension_cli.mechanics.equilibrium import Equilibrium
-from suspension_cli.mechanics.fibre import Strand, fitted
+from suspension_cli.mechanics.fibre import Strand, fitted, kinds
 from suspension_cli.mechanics.pose import Layout
 
 SETTLED = 1e-12
@@ -75,9 +75,11 @@ def _to_clamps(scene: Scene) -> Scene:
     if not any(fibre.effective for fibre in fibres.wire):
         return scene
     ends = np.zeros((*scene.batch, len(wires.label), 2))
-    for n, fibre in enumerate(fibres.wire):
-        if fibre.effective:
-            ends[..., n, :] = _hinges(fibre, *(np.broadcast_to(v[..., n], scene.batch) for v in (wires.length, wires.stiffness, wires.tension)))
+    shape = (*scene.batch, len(wires.label))
+    hung = [np.broadcast_to(v, shape) for v in (wires.length, wires.stiffness, wires.tension)]
+    for alike in kinds(fibres.wire, *hung):
+        if fibres.wire[alike[0]].effective:
+            ends[..., alike, :] = _hinges(fibres.wire[alike[0]], *(v[..., alike[0]] for v in hung))[..., None, :]
     e, longer = wires.span / wires.length[..., None], ends.sum(-1)
     moved = replace(
         wires,
@@ -94,7 +96,6 @@ def _hinges(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
     upper = lower = np.zeros(length.size)
     for _ in range(HINGES):
         longer = fitted(fibre, length.ravel() + upper + lower, k.ravel())
-        rest = Strand(longer, tension.ravel(), massive=False, lossy=False).rest["bend-1"]
-        ends = joined.ends(rest)  # w_1, w'_1, w_2, w'_2
+        ends = joined.ends(Strand(longer, tension.ravel(), massive=False, lossy=False).resting("bend-1"))  # w_1, w'_1, w_2, w'_2
         upper, lower = np.abs(ends[1, 2] / ends[0, 2]), np.abs(ends[3, 0] / ends[2, 0])
     return np.stack([upper, lower], axis=-1).reshape(*length.shape, 2)
