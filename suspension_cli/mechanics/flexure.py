@@ -46,10 +46,10 @@ def flexible(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
         for plane, part in enumerate(("bend-1", "bend-2")):
             bend[..., alike, plane, :] = _turning(strand.resting(part)).reshape(*scene.batch, 1, 3)
         twist[..., alike] = (strand.resting("twist")[1, 1] / 4).reshape(*scene.batch, 1)
-    planes = [[_planes(fibre.plane, clamp) for clamp in fibre.clamp] for fibre in scene.fibres.wire]
-    upper, lower = (np.array([pair[end] for pair in planes]).reshape(-1, 2, 3) for end in (0, 1))
-    flex = Flex(upper, lower, bend, twist)
-    return replace(scene, flex=flex)
+    planes = np.array([fibre.plane for fibre in scene.fibres.wire]).reshape(-1, 3)
+    clamps = np.array([fibre.clamp for fibre in scene.fibres.wire]).reshape(-1, 2, 3)
+    upper, lower = (_planes(planes, clamps[:, end]) for end in (0, 1))
+    return replace(scene, flex=Flex(upper, lower, bend, twist))
 
 
 def _turning(stiffness: Any) -> Any:
@@ -59,10 +59,10 @@ def _turning(stiffness: Any) -> Any:
 
 
 def _planes(plane: Any, clamp: Any) -> Any:
-    """The unit vectors (2, 3) of the two principal planes across a clamp."""
-    first = plane - (plane @ clamp) * clamp
-    first = first / np.sqrt(first @ first)
-    return np.array([first, np.cross(clamp, first)])
+    """The unit vectors (..., 2, 3) of the two principal planes across clamps, all (..., 3)."""
+    first = plane - (plane * clamp).sum(-1, keepdims=True) * clamp
+    first = first / np.sqrt((first**2).sum(-1, keepdims=True))
+    return np.stack([first, cross(clamp, first)], axis=-2)
 
 
 def _vectors(scene: Scene, pose: Pose) -> tuple[Any, Any]:
