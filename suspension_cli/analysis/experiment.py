@@ -128,7 +128,7 @@ class Experiment:
             change = derivatives.of(base, name)
             if change is None:
                 raise InputError([Fault(f"parameter {name}", "cannot change alone: the suspension would not balance", "fit another number")])
-            slope[:, n] = frequencies(found, base.linear, change)[order]
+            slope[:, n] = frequencies(found, change)[order]
         return found.frequency[order], slope
 
     def measured(self, x: Array) -> tuple[Array, Array]:

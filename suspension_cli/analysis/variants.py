@@ -6,7 +6,7 @@ then worked out for whole arrays of designs of one topology.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -52,20 +52,38 @@ def scenes(text: str, values: dict[str, Array], level: str = "string") -> Iterat
         Which points they are.  One whose design is at fault is in no batch.
     """
     rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
-    alike: dict[tuple[Any, ...], list[tuple[int, Scene, Design]]] = {}
-    for n, row in enumerate(rows):
+    for numbers, members, design in alike((_possible(text, dict(zip(values, row, strict=True))) for row in rows), level):
+        place = np.full(len(rows), -1)
+        place[numbers] = np.arange(len(members))
+        here = np.flatnonzero(place[pick.ravel()] >= 0)
+        yield stack.stacked(members, place[pick.ravel()[here]]), design, here
+
+
+def _possible(text: str, values: dict[str, float]) -> Design | None:
+    """A design with numbers put in; None if it is at fault."""
+    try:
+        return overridden(text, values)
+    except InputError:
+        return None
+
+
+def alike(designs: Iterable[Design | None], level: str) -> Iterator[tuple[list[int], list[Scene], Design]]:
+    """Scenes of designs that differ in nothing but the arrays of their scenes, with their numbers and one of the designs.
+
+    Those without a scene are left out.
+    """
+    kinds: dict[tuple[Any, ...], list[tuple[int, Scene, Design]]] = {}
+    for n, design in enumerate(designs):
         try:
-            design = overridden(text, dict(zip(values, row, strict=True)))
-            scene = expand(design)
+            scene = None if design is None else expand(design)
         except InputError:
             continue
+        if design is None or scene is None:
+            continue
         made = _made_of(design) if level in ("beam", "violin") else ()
-        alike.setdefault((*_common(scene, design, n), made), []).append((n, scene, design))
-    for members in alike.values():
-        place = np.full(len(rows), -1)
-        place[[n for n, _, _ in members]] = np.arange(len(members))
-        here = np.flatnonzero(place[pick.ravel()] >= 0)
-        yield stack.stacked([scene for _, scene, _ in members], place[pick.ravel()[here]]), members[0][2], here
+        kinds.setdefault((*_common(scene, design, n), made), []).append((n, scene, design))
+    for members in kinds.values():
+        yield [n for n, _, _ in members], [scene for _, scene, _ in members], members[0][2]
 
 
 def balanced(text: str, values: dict[str, Array], level: str, *, allow_unstable: bool = False) -> Iterator[tuple[Builds, Any]]:
@@ -94,15 +112,15 @@ def balanced(text: str, values: dict[str, Array], level: str, *, allow_unstable:
                 some = (flags == mirrors).all(-1)
                 yield builds.balance(stack.picked(scene, some), design, level=level, allow_unstable=allow_unstable, split=True), here[some]
         return
-    alike: dict[tuple[Any, ...], list[tuple[int, Design]]] = {}
+    kinds: dict[tuple[Any, ...], list[tuple[int, Design]]] = {}
     for n, row in enumerate(np.stack(list(values.values()), axis=1)):
         try:
             design = overridden(text, dict(zip(values, row, strict=True)))
         except InputError:
             continue
         if not (closed_form if level == "closed-form" else force).unsuited(design):
-            alike.setdefault(_shape(design, level, n), []).append((n, design))
-    for members in alike.values():
+            kinds.setdefault(_shape(design, level, n), []).append((n, design))
+    for members in kinds.values():
         designs = [design for _, design in members]
         model = _widened(closed_form.linear_model(designs[0])) if level == "closed-form" else _chains(designs)
         yield _standing(surrounded(model, designs[0]), allow_unstable), np.array([n for n, _ in members])
