@@ -11,7 +11,7 @@ degenerate, and on resonances: what becomes of modes and responses follows from 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -65,6 +65,19 @@ class Bent(Linear):
         return replace(self, stiffness=self.stiffness + more.real, loss=self.loss + more.imag)
 
 
+def changes(design: Design, numbers: Sequence[Parameter], level: str, omega: Sequence[float] = ()) -> tuple[Differentiable, Mapping[str, Linear | None]]:
+    """A design on a rung, and the derivatives of its matrices: exact ones on ``string``; see `derived`."""
+    if level == "beam":
+        return derived(design, numbers, omega)
+    base = derivatives.prepared(design)
+    return base, {item.name: derivatives.of(base, item.name) for item in numbers}
+
+
+def at(linear: Linear, number: int) -> Linear:
+    """Matrices at one of the frequencies asked for; those of strings are the same at all."""
+    return linear.at(number) if isinstance(linear, Bent) else linear
+
+
 def derived(design: Design, numbers: Iterable[Parameter], omega: Sequence[float] = ()) -> tuple[Differentiable, dict[str, Bent | None]]:
     """A design on `beam`, and the derivatives of its matrices.
 
@@ -88,13 +101,13 @@ def derived(design: Design, numbers: Iterable[Parameter], omega: Sequence[float]
         steps[item.name] = None if change is None else SHARE * _scale(base.linear, change, item.value)
     moves = [(name, step, node) for name, step in steps.items() if step is not None for node in NODES]
     solved = _solved([design, *(shifted(design, name, node * step) for name, step, node in moves)], np.array(omega, dtype=float), base.scene)
-    changes: dict[str, Bent | None] = dict.fromkeys(steps)
+    found: dict[str, Bent | None] = dict.fromkeys(steps)
     for n in range(1, len(solved), len(NODES)):
         name, step, _ = moves[n - 1]
-        changes[name] = _difference(solved[n : n + len(NODES)], step)
+        found[name] = _difference(solved[n : n + len(NODES)], step)
     here = solved[0]
     assert here is not None  # it hangs: it was asked for its modes before
-    return replace(base, linear=here), changes
+    return replace(base, linear=here), found
 
 
 def _scale(linear: Linear, change: Linear, value: float) -> float:
@@ -130,9 +143,8 @@ def _each(found: Builds, omega: Array, scene: Scene) -> list[Bent | None]:
     mass, stiffness, damping = (np.broadcast_to(matrix, (count, size, size)) for matrix in (model.mass, model.stiffness, model.damping))
     loss = np.zeros((count, size, size)) if model.lossy is None else np.broadcast_to(model.lossy.imag, (count, size, size))
     assert model.orientation is not None
-    parts = zip(mass, stiffness, damping, loss, model.orientation, dispersive, found.mirrors, strict=True)
-    stands = found.status == builds.GOOD
-    return [Bent(*some, scene, more, kept) if good else None for good, (*some, more, kept) in zip(stands, parts, strict=True)]
+    turned, stands = model.orientation, found.status == builds.GOOD
+    return [Bent(mass[n], stiffness[n], damping[n], loss[n], turned[n], scene, dispersive[n], found.mirrors[n]) if stands[n] else None for n in range(count)]
 
 
 def _difference(around: list[Bent | None], step: float) -> Bent | None:
@@ -145,6 +157,5 @@ def _difference(around: list[Bent | None], step: float) -> Bent | None:
         a, b, c, d = (getattr(one, name) for one in (before, near, after, far))
         return (8 * (c - b) - (d - a)) / (12 * step)
 
-    parts = [slope(name) for name in ("mass", "stiffness", "damping", "loss", "orientation")]
-    kept = np.all([one.kept for one in (before, near, after, far)], axis=0)
-    return Bent(*parts, near.scene, slope("dispersive"), kept)
+    moving = {name: slope(name) for name in ("mass", "stiffness", "damping", "loss", "orientation", "dispersive")}
+    return replace(near, **moving, kept=np.all([one.kept for one in (before, near, after, far)], axis=0))

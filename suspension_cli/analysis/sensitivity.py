@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import derivatives, differences, modes, parameters
-from suspension_cli.analysis.derivatives import Differentiable, Linear
-from suspension_cli.analysis.differences import Bent
+from suspension_cli.analysis import differences, modes, parameters
+from suspension_cli.analysis.derivatives import Linear
 from suspension_cli.analysis.modes import DEGENERATE, Modes
 from suspension_cli.analysis.parameters import Parameter
 from suspension_cli.analysis.scalars import Mode, Ratio, Scalar
@@ -22,7 +21,6 @@ from suspension_cli.analysis.slope import Slope
 from suspension_cli.analysis.spectrum import matched
 from suspension_cli.design import reader
 from suspension_cli.design.scene import Array
-from suspension_cli.design.schema import Design
 from suspension_cli.models import fidelity
 
 
@@ -77,11 +75,11 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = "string") -> Sens
     model = fidelity.linear_model(design, level)
     found = modes.solve(replace(model, terms=()))
     at = [item.frequency for item in results if isinstance(item, Ratio)]
-    base, changes = _exactly(design, known) if level == "string" else differences.derived(design, known, 2 * np.pi * np.array(at))
+    base, changes = differences.changes(design, known, level, [2 * np.pi * frequency for frequency in at])
     asked: list[Mode | tuple[Slope, int]] = []
     for item in results:
         place = sum(not isinstance(ask, Mode) for ask in asked)
-        asked.append((Slope.of(replace(base, linear=_at(base.linear, place)), model, item), place) if isinstance(item, Ratio) else item)
+        asked.append((Slope.of(replace(base, linear=differences.at(base.linear, place)), model, item), place) if isinstance(item, Ratio) else item)
     kept: list[tuple[Parameter, bool, Array]] = []
     for item in known:
         change = changes[item.name]
@@ -89,7 +87,7 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = "string") -> Sens
             kept.append((item, False, np.full(len(results), np.nan)))
         elif change.matters:
             moved = frequencies(found, change)
-            row = [moved[ask.number] if isinstance(ask, Mode) else ask[0].of_size(_at(change, ask[1])) for ask in asked]
+            row = [moved[ask.number] if isinstance(ask, Mode) else ask[0].of_size(differences.at(change, ask[1])) for ask in asked]
             kept.append((item, True, np.array(row)))
     nominal = [found.frequency[ask.number] if isinstance(ask, Mode) else ask[0].size for ask in asked]
     return Sensitivity(
@@ -101,17 +99,6 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = "string") -> Sens
         nominal=np.array(nominal),
         derivative=np.array([row for _, _, row in kept]).reshape(-1, len(results)),
     )
-
-
-def _exactly(design: Design, known: tuple[Parameter, ...]) -> tuple[Differentiable, dict[str, Linear | None]]:
-    """A design on `string`, and the derivatives of its matrices."""
-    base = derivatives.prepared(design)
-    return base, {item.name: derivatives.of(base, item.name) for item in known}
-
-
-def _at(linear: Linear, place: int) -> Linear:
-    """Matrices at one of the frequencies asked for; those of strings are the same at all."""
-    return linear.at(place) if isinstance(linear, Bent) else linear
 
 
 def squares(found: Modes, change: Linear) -> Array:
