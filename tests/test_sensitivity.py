@@ -284,7 +284,7 @@ def test_units_of_time_mass_and_length():
     [
         (("--result", "test pitsch"), '--result = "test pitsch": is the label of no mode'),
         (("--result", "test.x/support.x"), '--result = "test.x/support.x": is no response'),
-        (("--fidelity", "force"), '--fidelity = "force": has no derivatives; take auto or string'),
+        (("--fidelity", "force"), '--fidelity = "force": has no derivatives; take auto, string or beam'),
     ],
 )
 def test_bad_options_are_refused(options, problem, tmp_path):
