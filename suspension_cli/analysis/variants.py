@@ -15,6 +15,7 @@ import numpy as np
 from suspension_cli.analysis import builds
 from suspension_cli.analysis.builds import Builds
 from suspension_cli.design import reader, stack
+from suspension_cli.design.derive import com_positions
 from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
@@ -81,7 +82,7 @@ def alike(designs: Iterable[Design | None], level: str) -> Iterator[tuple[list[i
         if design is None or scene is None:
             continue
         made = _made_of(design) if level in ("beam", "violin") else ()
-        kinds.setdefault((*_common(scene, design, n), made), []).append((n, scene, design))
+        kinds.setdefault((*_common(scene, design), made), []).append((n, scene, design))
     for members in kinds.values():
         yield [n for n, _, _ in members], [scene for _, scene, _ in members], members[0][2]
 
@@ -161,9 +162,12 @@ def _standing(model: LinearModel, allow_unstable: bool) -> Builds:
     return Builds(replace(model, orientation=upright), status, wire, np.zeros(count), mirrors)
 
 
-def _alone(design: Design, number: int) -> int:
-    """The design's number where dampers or a support that gives way make each design a case of its own."""
-    return number if design.support is not None or any(stage.damping is not None for stage in design.stage) else -1
+def _around(design: Design) -> tuple[str, ...]:
+    """What `surrounded` adds to the models of one batch: a support that gives way, dampers, and where these act."""
+    dampers = tuple(stage.damping for stage in design.stage)
+    if all(own is None for own in dampers):
+        return (repr(design.support),)
+    return (repr(design.support), repr(dampers), repr(com_positions(design)))  # of floats, so to the last digit
 
 
 def _shape(design: Design, level: str, number: int) -> tuple[Any, ...]:
@@ -171,15 +175,15 @@ def _shape(design: Design, level: str, number: int) -> tuple[Any, ...]:
     if level == "closed-form":
         return (number,)
     sets = tuple((stage.wires and stage.wires.count, stage.blades and stage.blades.count) for stage in design.stage)
-    return (sets, force.lossy(design), _alone(design, number))
+    return (sets, force.lossy(design), _around(design))
 
 
-def _common(scene: Scene, design: Design, number: int) -> tuple[Any, ...]:
+def _common(scene: Scene, design: Design) -> tuple[Any, ...]:
     """What scenes of one batch have in common."""
     static = [getattr(group, name) for group in (scene.bodies, scene.wires, scene.blades, scene.springs) for name in stack.STATIC if hasattr(group, name)]
     kinds = [np.array(item).tobytes() if isinstance(item, np.ndarray) else item for item in static]
     light, damped = (scene.blades.tip_mass == 0).tobytes(), bool(scene.springs.damping.any())
-    return (scene.gravity, *kinds, light, damped, _alone(design, number))
+    return (scene.gravity, *kinds, light, damped, _around(design))
 
 
 def _made_of(design: Design) -> tuple[Any, ...]:

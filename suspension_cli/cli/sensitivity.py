@@ -53,7 +53,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import sensitivity as picture
 
-        analyses.draw(picture.draw(found, source.design.design.title or source.design.design.name), path.with_suffix(".png"), voice)
+        analyses.draw(picture.draw(found, source.design.design.title or source.design.design.name, choice.level), path.with_suffix(".png"), voice)
     if as_json:
         import json
 
