@@ -25,6 +25,7 @@ from suspension_cli.analysis.parameters import Parameter, shifted
 from suspension_cli.design import stack
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError
 
 SHARE = 1e-3
 """Step, of a number or of the change of it that would change a matrix by as much as there is: truncation is its fourth power, rounding is over it."""
@@ -94,6 +95,11 @@ def derived(design: Design, numbers: Iterable[Parameter], omega: Sequence[float]
         Of strings, but for `linear`, which is a `Bent`.
     changes : dict
         By name; None for a number that cannot change alone: the suspension would not balance as it is drawn.
+
+    Raises
+    ------
+    InputError
+        If there is no equilibrium, or a wire is slack in it.
     """
     base, steps = derivatives.prepared(design), dict[str, float | None]()
     for item in numbers:
@@ -106,7 +112,8 @@ def derived(design: Design, numbers: Iterable[Parameter], omega: Sequence[float]
         name, step, _ = moves[n - 1]
         found[name] = _difference(solved[n : n + len(NODES)], step)
     here = solved[0]
-    assert here is not None  # it hangs: it was asked for its modes before
+    if here is None:
+        raise InputError([Fault("stage", "has no equilibrium near the nominal pose with wires that bend", "see pendsus check")])
     return replace(base, linear=here), found
 
 
