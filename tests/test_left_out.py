@@ -76,7 +76,7 @@ def test_a_fit_tells(tmp_path):
     done = run("fit", measured, "--json", "--out", tmp_path / "out")
     assert done.exit_code == 0, done.stderr
     assert [line for line in done.stderr.splitlines() if "leaves out" in line] == [
-        "warning: double: what string leaves out changes test pitch by 25 %; modes, response and thermal have it"
+        "warning: double: what string leaves out changes test pitch by 25 %; --fidelity beam has it"
     ]
     answer = strict_json(done.stdout)
     assert 0.1 < answer["estimated_error"] == recorded(tmp_path / "out")["estimated_error"]

@@ -268,6 +268,13 @@ def test_sections_of_wires():
     assert share[f"{path}.1.length"] == pytest.approx(-(first - 0.1 / (1.3 * 1.2 * thin**2)) / whole / 2, rel=1e-9)
 
 
+def test_steps_of_a_taper_are_no_number_that_changes_a_little():
+    found = solved((CONFIGS / "geo-silica-triple.toml").read_text(), "test vertical")
+    share = dict(zip(found.parameter, found.one_percent[:, 0], strict=True))
+    assert not [name for name in share if name.endswith("steps")]
+    assert share["stage.test.wires.sections.2.radius.2"] > 0
+
+
 def test_units_of_time_mass_and_length():
     """f is 1/s: scaled units of time, mass and length scale g (m/s^2), E (kg/(m s^2)), masses and all lengths, and nothing else."""
     found = solved((CASES / "figure6.toml").read_text())
@@ -284,7 +291,7 @@ def test_units_of_time_mass_and_length():
     [
         (("--result", "test pitsch"), '--result = "test pitsch": is the label of no mode'),
         (("--result", "test.x/support.x"), '--result = "test.x/support.x": is no response'),
-        (("--fidelity", "force"), '--fidelity = "force": has no derivatives; take auto or string'),
+        (("--fidelity", "force"), '--fidelity = "force": has no derivatives; take auto, string or beam'),
     ],
 )
 def test_bad_options_are_refused(options, problem, tmp_path):

@@ -75,6 +75,28 @@ def test_batches_of_designs_are_those_designs(case):
     assert sorted(seen) == [0, 1, 2]
 
 
+@pytest.mark.parametrize("level", ["force", "string", "beam"])
+def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level):
+    """Designs that share them are one batch; a response on a resonance tells who has which, and where they act."""
+    raw = tomllib.loads((CONFIGS / "double.toml").read_text())
+    raw["stage"][1]["damping"] = {"x": 2.0, "pitch": 0.1, "against": "support"}
+    text = reader.dump(raw | {"support": {"stiffness": {"x": 1e5}, "mass": 20.0, "damping": {"x": 50.0}}})
+    grid = {
+        "stage.test.damping.x": [2.0, 2.0, 3.0, 2.0, 2.0],
+        "support.stiffness.x": [1e5, 1e5, 1e5, 2e5, 1e5],
+        "stage.upper.wires.l": [0.3, 0.3, 0.3, 0.3, 0.35],
+        "stage.upper.body.mass": [3.0, 3.5, 3.0, 3.0, 3.0],
+    }
+    batches = list(variants.balanced(text, {path: np.array(column) for path, column in grid.items()}, level))
+    assert sorted(len(here) for _, here in batches) == [1, 1, 1, 2]
+    for found, here in batches:
+        for n, point in enumerate(here.tolist()):
+            alone = fidelity.linear_model(variants.overridden(text, {path: column[point] for path, column in grid.items()}), level)
+            ratio = scalars.Ratio("", signals.motion("test.x", alone.body), None, signals.drive("support.x", ("support",)), 0.71)
+            expected = response.solve(alone, np.array([0.71]), [ratio.input], [ratio.over]).value[0, 0, 0]
+            assert sweep.ratio_of(found, ratio)[n] == pytest.approx(expected, rel=1e-9)
+
+
 def test_modes_are_followed_through_a_crossing(tmp_path):
     """Yaw against t1 (equation 9) crosses longitudinal and transverse; its rank changes, its line does not."""
     answer = swept(SINGLE, tmp_path, "--vary", "stage.test.wires.t1=0.002:0.13:60", "--vary", "stage.test.wires.s=0.005,0.01")

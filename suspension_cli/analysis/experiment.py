@@ -1,4 +1,4 @@
-"""One design and what was measured of it: its frequencies, and their exact derivatives, as functions of the numbers to be learned."""
+"""One design and what was measured of it: its frequencies, and their derivatives, as functions of the numbers to be learned."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import contextlib
 import copy
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import derivatives, modes, scalars, spectrum
-from suspension_cli.analysis.parameters import twins
+from suspension_cli.analysis import differences, modes, scalars, spectrum
+from suspension_cli.analysis.parameters import Parameter, twins
 from suspension_cli.analysis.sensitivity import frequencies
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Mode
@@ -44,6 +44,8 @@ class Experiment:
         Before key paths of the modes, in faults.
     file : str
         The design's, for faults.
+    level : str
+        ``string``, whose derivatives are exact, or ``beam`` (`differences`).
     known : dict
         What was solved already.
     """
@@ -54,6 +56,7 @@ class Experiment:
     start: Array
     where: str = ""
     file: str = ""
+    level: str = "string"
     known: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
 
     @cached_property
@@ -65,12 +68,12 @@ class Experiment:
     def drawn(self) -> LinearModel:
         """The model that the search starts from."""
         with self.faults():
-            return fidelity.linear_model(self.design(self.start), "string")
+            return fidelity.linear_model(self.design(self.start), self.level)
 
     @cached_property
     def names(self) -> modes.Modes:
         """Its modes, whose labels measurements bear."""
-        return modes.solve(self.drawn)
+        return modes.solve(replace(self.drawn, terms=()))
 
     @cached_property
     def home(self) -> list[str]:
@@ -120,15 +123,17 @@ class Experiment:
 
     def _solved(self, x: Array) -> tuple[Array, Array]:
         design = self.design(x)
-        base, model = derivatives.prepared(design), fidelity.linear_model(design, "string")
+        model = replace(fidelity.linear_model(design, self.level), terms=())
         found, shape = modes.solve(model), spectrum.of_one(model).shape[0]
         order = spectrum.matched(self.shape, shape)[0]
         slope = np.zeros((len(order), len(self.free)))
+        numbers = [Parameter(name, float(value)) for name, value in zip(self.free, x, strict=True)]
+        changes = differences.changes(design, numbers, self.level)[1]
         for n, name in enumerate(self.free):
-            change = derivatives.of(base, name)
+            change = changes[name]
             if change is None:
                 raise InputError([Fault(f"parameter {name}", "cannot change alone: the suspension would not balance", "fit another number")])
-            slope[:, n] = frequencies(found, base.linear, change)[order]
+            slope[:, n] = frequencies(found, change)[order]
         return found.frequency[order], slope
 
     def measured(self, x: Array) -> tuple[Array, Array]:
@@ -168,7 +173,7 @@ class Experiment:
                 found = scalars.parse([item.label], self.names, (), where)
                 numbers = [one.number for one in found if isinstance(one, scalars.Mode)]
                 if len(numbers) != 1 or numbers[0] in given.values():
-                    raise InputError([Fault(where, "is not one mode, or was measured before", "see pendsus modes --fidelity string", shown(item.label))])
+                    raise InputError([Fault(where, "is not one mode, or was measured before", f"see pendsus modes --fidelity {self.level}", shown(item.label))])
                 given[n] = numbers[0]
         return given
 
@@ -176,4 +181,4 @@ class Experiment:
         allowed = self.mode[n].dof
         if allowed is None:
             return Fault(f"{self.where}mode", f"the design has {count} modes, fewer than were measured", "leave some out")
-        return Fault(f"{self.where}mode.{n + 1}.dof", "no mode is left that lives there", "see pendsus modes --fidelity string", shown(allowed))
+        return Fault(f"{self.where}mode.{n + 1}.dof", "no mode is left that lives there", f"see pendsus modes --fidelity {self.level}", shown(allowed))

@@ -1,4 +1,4 @@
-"""Numbers of designs learned from measured frequencies: least squares with exact derivatives.
+"""Numbers of designs learned from measured frequencies: least squares.
 
 Minimised is the sum of ((f - measured) / uncertainty)^2 over the modes of all experiments and ((p - prior) / uncertainty)^2 over numbers that were
 known before, within bounds (`search`); modes without a label are matched at every step.  The covariance is the inverse of J^T J at the end, J the
@@ -102,7 +102,16 @@ class Fit:
         return tuple(f"{self.experiment[n]}: {label}" for n, label in zip(self.of, self.label, strict=True))
 
 
-def solve(texts: Sequence[str], measured: Measured, files: Sequence[str] = (), *, starts: int = 1, seed: int = 1, tell: Tell | None = None) -> Fit:
+def solve(
+    texts: Sequence[str],
+    measured: Measured,
+    files: Sequence[str] = (),
+    *,
+    level: str = "string",
+    starts: int = 1,
+    seed: int = 1,
+    tell: Tell | None = None,
+) -> Fit:
     """Learn numbers of designs from measured modes.
 
     Parameters
@@ -112,6 +121,8 @@ def solve(texts: Sequence[str], measured: Measured, files: Sequence[str] = (), *
     measured : Measured
     files : sequence of str
         Of the designs, for faults.
+    level : str
+        Rung of the models, ``string`` or ``beam``.
     starts, seed : int
         Searches, all but the first from random numbers; the best counts.
     tell : callable, optional
@@ -122,7 +133,7 @@ def solve(texts: Sequence[str], measured: Measured, files: Sequence[str] = (), *
     InputError
         If a number or a label is not the design's; without a file where the measurements are at fault.
     """
-    problem = search.problem(texts, measured, files or [""] * len(texts))
+    problem = search.problem(texts, measured, files or [""] * len(texts), level)
     ends, began = [], time.monotonic()
     for start in search.starts(problem, starts, seed):
         ends.append(search.least_squares(problem, start))

@@ -1,4 +1,4 @@
-"""What a small change of each number of a design does to its modes, responses and couplings: exact first derivatives.
+"""What a small change of each number of a design does to its modes, responses and couplings: first derivatives, exact in those of the matrices.
 
 For a mode K v = lambda M v with v M v = 1: dlambda = v (dK - lambda dM) v (Rayleigh; it holds with massless coordinates, too).  Modes that share a
 lambda are told apart only by the change: within their space, V (dK - lambda dM) V^T has the derivatives as eigenvalues and the modes that emerge as
@@ -7,12 +7,12 @@ eigenvectors (Lancaster, Numer. Math. 6, 377 (1964)).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import derivatives, modes, parameters
+from suspension_cli.analysis import differences, modes, parameters
 from suspension_cli.analysis.derivatives import Linear
 from suspension_cli.analysis.modes import DEGENERATE, Modes
 from suspension_cli.analysis.parameters import Parameter
@@ -60,29 +60,36 @@ class Sensitivity:
             return np.where(self.nominal == 0, np.abs(change), 100 * change / np.where(self.nominal == 0, 1.0, self.nominal))
 
 
-def solve(text: str, results: tuple[Scalar, ...]) -> Sensitivity:
-    """Derivatives of results with respect to every number of a design, on the `string` rung.
+def solve(text: str, results: tuple[Scalar, ...], level: str = "string") -> Sensitivity:
+    """Derivatives of results with respect to every number of a design.
 
     Parameters
     ----------
     text : str
         The design as TOML.
     results : tuple of Scalar
+    level : str
+        ``string``, whose derivatives are exact, or ``beam`` (`differences`).
     """
-    design = reader.parse(text)
-    base, model = derivatives.prepared(design), fidelity.linear_model(design, "string")
-    found = modes.solve(model)
-    asked = [Slope.of(base, model, item) if isinstance(item, Ratio) else item for item in results]
+    design, known = reader.parse(text), parameters.every(text, level)
+    model = fidelity.linear_model(design, level)
+    found = modes.solve(replace(model, terms=()))
+    at = [item.frequency for item in results if isinstance(item, Ratio)]
+    base, changes = differences.changes(design, known, level, [2 * np.pi * frequency for frequency in at])
+    asked: list[Mode | tuple[Slope, int]] = []
+    for item in results:
+        place = sum(not isinstance(ask, Mode) for ask in asked)
+        asked.append((Slope.of(replace(base, linear=differences.at(base.linear, place)), model, item), place) if isinstance(item, Ratio) else item)
     kept: list[tuple[Parameter, bool, Array]] = []
-    for item in parameters.every(text):
-        change = derivatives.of(base, item.name)
+    for item in known:
+        change = changes[item.name]
         if change is None:
             kept.append((item, False, np.full(len(results), np.nan)))
         elif change.matters:
-            moved = frequencies(found, base.linear, change)
-            row = [moved[ask.number] if isinstance(ask, Mode) else ask.of_size(change) for ask in asked]
+            moved = frequencies(found, change)
+            row = [moved[ask.number] if isinstance(ask, Mode) else ask[0].of_size(differences.at(change, ask[1])) for ask in asked]
             kept.append((item, True, np.array(row)))
-    nominal = [found.frequency[ask.number] if isinstance(ask, Mode) else ask.size for ask in asked]
+    nominal = [found.frequency[ask.number] if isinstance(ask, Mode) else ask[0].size for ask in asked]
     return Sensitivity(
         parameter=tuple(item.name for item, _, _ in kept),
         value=np.array([item.value for item, _, _ in kept]),
@@ -122,7 +129,7 @@ def _groups(squared: Array) -> list[Any]:
     return [part for part in parts if len(part) > 1]
 
 
-def frequencies(found: Modes, base: Linear, change: Linear) -> Array:
+def frequencies(found: Modes, change: Linear) -> Array:
     """Derivatives (m,) of frequencies, Hz over the parameter's unit; NaN for rigid and unstable modes."""
     squared = squares(found, change)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -6,7 +6,7 @@ then worked out for whole arrays of designs of one topology.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from suspension_cli.analysis import builds
 from suspension_cli.analysis.builds import Builds
 from suspension_cli.design import reader, stack
+from suspension_cli.design.derive import com_positions
 from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
@@ -52,20 +53,38 @@ def scenes(text: str, values: dict[str, Array], level: str = "string") -> Iterat
         Which points they are.  One whose design is at fault is in no batch.
     """
     rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
-    alike: dict[tuple[Any, ...], list[tuple[int, Scene, Design]]] = {}
-    for n, row in enumerate(rows):
+    for numbers, members, design in alike((_possible(text, dict(zip(values, row, strict=True))) for row in rows), level):
+        place = np.full(len(rows), -1)
+        place[numbers] = np.arange(len(members))
+        here = np.flatnonzero(place[pick.ravel()] >= 0)
+        yield stack.stacked(members, place[pick.ravel()[here]]), design, here
+
+
+def _possible(text: str, values: dict[str, float]) -> Design | None:
+    """A design with numbers put in; None if it is at fault."""
+    try:
+        return overridden(text, values)
+    except InputError:
+        return None
+
+
+def alike(designs: Iterable[Design | None], level: str) -> Iterator[tuple[list[int], list[Scene], Design]]:
+    """Scenes of designs that differ in nothing but the arrays of their scenes, with their numbers and one of the designs.
+
+    Those without a scene are left out.
+    """
+    kinds: dict[tuple[Any, ...], list[tuple[int, Scene, Design]]] = {}
+    for n, design in enumerate(designs):
         try:
-            design = overridden(text, dict(zip(values, row, strict=True)))
-            scene = expand(design)
+            scene = None if design is None else expand(design)
         except InputError:
             continue
+        if design is None or scene is None:
+            continue
         made = _made_of(design) if level in ("beam", "violin") else ()
-        alike.setdefault((*_common(scene, design, n), made), []).append((n, scene, design))
-    for members in alike.values():
-        place = np.full(len(rows), -1)
-        place[[n for n, _, _ in members]] = np.arange(len(members))
-        here = np.flatnonzero(place[pick.ravel()] >= 0)
-        yield stack.stacked([scene for _, scene, _ in members], place[pick.ravel()[here]]), members[0][2], here
+        kinds.setdefault((*_common(scene, design), made), []).append((n, scene, design))
+    for members in kinds.values():
+        yield [n for n, _, _ in members], [scene for _, scene, _ in members], members[0][2]
 
 
 def balanced(text: str, values: dict[str, Array], level: str, *, allow_unstable: bool = False) -> Iterator[tuple[Builds, Any]]:
@@ -94,15 +113,15 @@ def balanced(text: str, values: dict[str, Array], level: str, *, allow_unstable:
                 some = (flags == mirrors).all(-1)
                 yield builds.balance(stack.picked(scene, some), design, level=level, allow_unstable=allow_unstable, split=True), here[some]
         return
-    alike: dict[tuple[Any, ...], list[tuple[int, Design]]] = {}
+    kinds: dict[tuple[Any, ...], list[tuple[int, Design]]] = {}
     for n, row in enumerate(np.stack(list(values.values()), axis=1)):
         try:
             design = overridden(text, dict(zip(values, row, strict=True)))
         except InputError:
             continue
         if not (closed_form if level == "closed-form" else force).unsuited(design):
-            alike.setdefault(_shape(design, level, n), []).append((n, design))
-    for members in alike.values():
+            kinds.setdefault(_shape(design, level, n), []).append((n, design))
+    for members in kinds.values():
         designs = [design for _, design in members]
         model = _widened(closed_form.linear_model(designs[0])) if level == "closed-form" else _chains(designs)
         yield _standing(surrounded(model, designs[0]), allow_unstable), np.array([n for n, _ in members])
@@ -143,9 +162,12 @@ def _standing(model: LinearModel, allow_unstable: bool) -> Builds:
     return Builds(replace(model, orientation=upright), status, wire, np.zeros(count), mirrors)
 
 
-def _alone(design: Design, number: int) -> int:
-    """The design's number where dampers or a support that gives way make each design a case of its own."""
-    return number if design.support is not None or any(stage.damping is not None for stage in design.stage) else -1
+def _around(design: Design) -> tuple[str, ...]:
+    """What `surrounded` adds to the models of one batch: a support that gives way, dampers, and where these act."""
+    dampers = tuple(stage.damping for stage in design.stage)
+    if all(own is None for own in dampers):
+        return (repr(design.support),)
+    return (repr(design.support), repr(dampers), repr(com_positions(design)))  # of floats, so to the last digit
 
 
 def _shape(design: Design, level: str, number: int) -> tuple[Any, ...]:
@@ -153,15 +175,15 @@ def _shape(design: Design, level: str, number: int) -> tuple[Any, ...]:
     if level == "closed-form":
         return (number,)
     sets = tuple((stage.wires and stage.wires.count, stage.blades and stage.blades.count) for stage in design.stage)
-    return (sets, force.lossy(design), _alone(design, number))
+    return (sets, force.lossy(design), _around(design))
 
 
-def _common(scene: Scene, design: Design, number: int) -> tuple[Any, ...]:
+def _common(scene: Scene, design: Design) -> tuple[Any, ...]:
     """What scenes of one batch have in common."""
     static = [getattr(group, name) for group in (scene.bodies, scene.wires, scene.blades, scene.springs) for name in stack.STATIC if hasattr(group, name)]
     kinds = [np.array(item).tobytes() if isinstance(item, np.ndarray) else item for item in static]
     light, damped = (scene.blades.tip_mass == 0).tobytes(), bool(scene.springs.damping.any())
-    return (scene.gravity, *kinds, light, damped, _alone(design, number))
+    return (scene.gravity, *kinds, light, damped, _around(design))
 
 
 def _made_of(design: Design) -> tuple[Any, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import sys
 from typing import TYPE_CHECKING, Any
@@ -54,7 +55,7 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     sources, setting, choice = _designs(ctx, files, given, overrides, voice)
     try:
         with Bar(enabled=not quiet) as bar:
-            how: dict[str, Any] = {"starts": setting["starts"], "seed": setting["seed"], "tell": bar}
+            how: dict[str, Any] = {"level": choice.level, "starts": setting["starts"], "seed": setting["seed"], "tell": bar}
             found = fit.solve([source.text for source in sources], given, [source.file for source in sources], **how)
     except InputError as error:
         raise error if error.file else error.in_file(files[-1]) from None
@@ -73,9 +74,9 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
         if bound:
             voice.warn(f"{label} ends at its bound")
     for name, fitted in zip(found.experiment, found.design, strict=True):
-        states = modes.solve(fidelity.linear_model(reader.parse(fitted), "string"))
+        states = modes.solve(fidelity.linear_model(reader.parse(fitted), choice.level))
         if not states.stable:
-            voice.warn(f"{name} as fitted is unstable on string: {states.label[0]} grows at {states.growth_rate[0]:.4g} 1/s")
+            voice.warn(f"{name} as fitted is unstable on {choice.level}: {states.label[0]} grows at {states.growth_rate[0]:.4g} 1/s")
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import fit as picture
 
@@ -122,12 +123,13 @@ def _designs(
     sources = [source for source, _ in read]
     seen = [given.mode] if given.experiment is None else [item.mode for item in given.experiment]
     choices = []
-    for (source, setting), measured in zip(read, seen, strict=True):
+    setting = read[0][1]
+    for source, measured in zip(sources, seen, strict=True):
         with source.faults():
-            decision = rung.differentiable(setting, source, _asker({mode.label for mode in measured or ()}))
+            decision = rung.differentiable(setting["fidelity"], source, _asker({mode.label for mode in measured or ()}))
         choices.append(decision.choice)
-        rung.tell(source, decision, voice)
-    return sources, read[0][1], max(choices, key=lambda choice: -1.0 if math.isnan(choice.error) else choice.error)
+        rung.tell(source, decision, voice, tuple(rung.DIFFERENTIABLE))
+    return sources, setting, max(choices, key=lambda choice: -1.0 if math.isnan(choice.error) else choice.error)
 
 
 def _asker(labels: set[str | None]) -> Any:
@@ -136,7 +138,7 @@ def _asker(labels: set[str | None]) -> Any:
     from suspension_cli.analysis.asked import Several
 
     def asked(model: Any) -> Several:
-        found = modes.solve(model)
+        found = modes.solve(dataclasses.replace(model, terms=()))
         every = tuple(scalars.Mode(name, n) for n, name in enumerate(scalars.labels(found)))
         return Several(every if None in labels else tuple(mode for mode in every if mode.text in labels) or every, found)
 

@@ -101,7 +101,7 @@ def _sensitivity(results: Any, design: Any) -> Any:
     from suspension_cli.plots import sensitivity as picture
     from suspension_cli.results import sensitivity as stored
 
-    return picture.draw(stored.load(results["sensitivity"]), design.design.title or design.design.name)
+    return picture.draw(stored.load(results["sensitivity"]), design.design.title or design.design.name, str(results.attrs["fidelity"]))
 
 
 def _fit(results: Any, _: Any) -> Any:

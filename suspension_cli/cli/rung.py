@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.cli import limits, options
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 TOLD = 0.01
 """Relative error from which it is a warning what a rung leaves out that was not asked for."""
+DIFFERENTIABLE = {"string": "general string model, whose derivatives are exact", "beam": "beam model, derivatives by differences"}
+"""Rungs that have derivatives; the first unless another is asked for."""
 
 
 def weighed(source: Read, wanted: str, asker: Asker | None = None, tolerance: float = options.TOLERANCE, top: str = "violin") -> Decision:
@@ -87,21 +89,22 @@ def several(texts: list[str] | tuple[str, ...]) -> Asker:
     return asked
 
 
-def differentiable(setting: dict[str, Any], source: Read, asker: Asker) -> Decision:
-    """The rung that has exact derivatives.
+def differentiable(wanted: str, source: Read, asker: Asker) -> Decision:
+    """The rung that has exact derivatives, or `beam` if that is asked for.
 
     Raises
     ------
     InputError
-        If another is asked for.
+        If another is asked for, or the design says too little for `beam`.
     """
     from suspension_cli.analysis import auto
     from suspension_cli.errors import Fault, InputError, shown
-    from suspension_cli.models.fidelity import Choice
+    from suspension_cli.models import fidelity as ladder
 
-    if setting["fidelity"] not in ("auto", "string"):
-        raise InputError([Fault("--fidelity", "has no derivatives", "take auto or string", shown(setting["fidelity"]))], source.file)
-    return auto.left_out(source.design, Choice("string", "general string model, whose derivatives are exact"), asker)
+    if wanted not in ("auto", *DIFFERENTIABLE):
+        raise InputError([Fault("--fidelity", "has no derivatives", "take auto, string or beam", shown(wanted))], source.file)
+    level = "string" if wanted == "auto" else ladder.choose(source.design, wanted).level
+    return auto.left_out(source.design, ladder.Choice(level, DIFFERENTIABLE[level]), asker)
 
 
 def stood(source: Read, choice: Choice, allow_unstable: bool, voice: options.Voice, model: LinearModel | None = None, *, bends: bool = False) -> LinearModel:

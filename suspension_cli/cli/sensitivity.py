@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,7 @@ LEAST = 0.0005
 def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
     """What 1 % of every number of a design moves its modes, responses and couplings by.
 
-    Exact first derivatives, the change of the equilibrium included.  Writes DIR/NAME-sensitivity.h5 and .png.
+    First derivatives, the change of the equilibrium included.  Writes DIR/NAME-sensitivity.h5 and .png.
     """
     from suspension_cli.analysis import modes, scalars, sensitivity, signals
     from suspension_cli.cli import analyses, rung
@@ -37,12 +38,12 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     voice = options.Voice(quiet, verbose)
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        decision = rung.differentiable(setting, source, rung.several(setting["result"]))
+        decision = rung.differentiable(setting["fidelity"], source, rung.several(setting["result"]))
         choice = decision.choice
-        model = rung.stood(source, choice, setting["allow_unstable"], voice, decision.model)
-        asked = scalars.parse(list(setting["result"]) or [scalars.ALL], modes.solve(model), signals.bodies(model))
-        found = sensitivity.solve(source.text, asked)
-    rung.tell(source, decision, voice)
+        model = rung.stood(source, choice, setting["allow_unstable"], voice, decision.model, bends=True)
+        asked = scalars.parse(list(setting["result"]) or [scalars.ALL], modes.solve(dataclasses.replace(model, terms=())), signals.bodies(model))
+        found = sensitivity.solve(source.text, asked, choice.level)
+    rung.tell(source, decision, voice, tuple(rung.DIFFERENTIABLE))
     path = options.folder(out) / f"{source.design.design.name}-sensitivity.h5"
     files.save(path, found, analyses.provenance(source, choice, sys.argv))
     voice.say(f"wrote {path}")
@@ -52,7 +53,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import sensitivity as picture
 
-        analyses.draw(picture.draw(found, source.design.design.title or source.design.design.name), path.with_suffix(".png"), voice)
+        analyses.draw(picture.draw(found, source.design.design.title or source.design.design.name, choice.level), path.with_suffix(".png"), voice)
     if as_json:
         import json
 

@@ -22,7 +22,7 @@ class Mode(Table, frozen=True):
 
     frequency: Frequency
     uncertainty: Annotated[float, Meta(gt=0, le=1e6, description="standard deviation, Hz")]
-    label: Annotated[str, Meta(description="as pendsus modes --fidelity string tells it; matched to the nearest mode if left out")] | None = None
+    label: Annotated[str, Meta(description="as pendsus modes tells it on the rung of the fit; if left out, the nearest mode")] | None = None
     dof: Annotated[list[Literal["x", "y", "z", "roll", "pitch", "yaw"]], Meta(min_length=1, description="without a label: what may move most in it")] | None = (
         None
     )

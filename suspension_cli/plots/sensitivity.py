@@ -19,13 +19,15 @@ CELL = 0.235, 0.17
 """Width and height of a cell, in."""
 
 
-def draw(found: Sensitivity, title: str) -> Figure:
+def draw(found: Sensitivity, title: str, level: str = "string") -> Figure:
     """The figure of `pendsus sensitivity`.
 
     Parameters
     ----------
     found : Sensitivity
     title : str
+    level : str
+        Rung of the models that it is of.
     """
     with house():
         change = np.nan_to_num(found.one_percent)
@@ -63,7 +65,7 @@ def draw(found: Sensitivity, title: str) -> Figure:
         bar.ax.tick_params(labelsize=6)
         bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
         figure.suptitle(plain(title, 90), x=0.01, ha="left", fontsize=9)
-        figure.text(0.01, 0.008, "string model; SI units; empty: less than 0.005 %", fontsize=6, color=NOTE)
+        figure.text(0.01, 0.008, f"{level} model; SI units; empty: less than 0.005 %", fontsize=6, color=NOTE)
         for _ in range(2):  # the bar keeps its shape, so that what stands beside it moves once more
             figure.tight_layout(rect=(0, 0.015, 1, 0.99))
         return figure
