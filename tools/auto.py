@@ -30,9 +30,10 @@ HEAD = """# What `auto` leaves out, and what that costs
 {count} random suspensions (`tools/choices/designs.py`): one to four stages, with and without blades, wires from rods at 10 MPa to hairs at 3 GPa, of
 two steels and fused silica, round and ribbons, half of them told by where they seem to bend, a quarter built imperfectly. Each is asked one thing, to a
 tolerance between 0.0001 and 0.1. The error is that against `violin`: of mode frequencies, paired by their shapes; of responses and noise at {checked} of
-{points} frequencies from 0.1 Hz to between 1 and 100 Hz, in size, or in frequency where that is nearer (beside a resonance). Cost is the time of deciding
-and solving over that of `violin`, in turns in one process on one thread, medians of {turns}; beside it that of the cheapest rung that is right, as if
-its error were known and deciding cost nothing: less is not to be had from these rungs.
+{points} frequencies from 0.1 Hz to between 1 and 100 Hz, in size, or in frequency where that is nearer (beside a resonance); of couplings in the
+{builds} builds of a sweep, of the largest. Cost is the time of deciding and solving over that of `violin`, in turns in one process on one thread,
+medians of {turns}; beside it that of the cheapest rung that is right, as if its error were known and deciding cost nothing: less is not to be had
+from these rungs.
 
 ![Error against tolerance, and cost](auto.png)
 
@@ -80,7 +81,7 @@ def failures(found: list[Trial]) -> str:
 
 def report(found: list[Trial]) -> str:
     """The whole page."""
-    head = HEAD.format(count=len(found), checked=asked.CHECKED, points=asked.POINTS, turns=REPETITIONS)
+    head = HEAD.format(count=len(found), checked=asked.CHECKED, points=asked.POINTS, builds=int(np.prod(asked.BUILDS)), turns=REPETITIONS)
     rows = [row(name, [one for one in found if one.quantity == name]) for name in QUANTITIES]
     return head + "\n".join([*rows, row("**all**", found)]) + "\n\n" + failures(found) + "\n"
 
