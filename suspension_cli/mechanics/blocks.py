@@ -57,7 +57,8 @@ class Symmetry:
 
 def symmetry(scene: Scene, numbering: Layout) -> Symmetry:
     """Find the mirror symmetries of a scene (of every scene of a batch)."""
-    images = {axis: blade_images(scene, axis) for axis in (0, 1)}
+    kin = _kin(scene)
+    images = {axis: _blade_images(scene, axis, kin) for axis in (0, 1)}
     mirrors = [axis for axis in (0, 1) if images[axis] is not None]
     operators = [_operator(scene, numbering, axis, images[axis]) for axis in mirrors]
     basis, parity = _adapted_basis(numbering.size, operators)
@@ -111,10 +112,10 @@ def _adapted_basis(size: int, operators: list[Array]) -> tuple[Array, Array]:
     return basis, parities.T
 
 
-def blade_images(scene: Scene, axis: int) -> Any:
+def _blade_images(scene: Scene, axis: int, kin: _Kin) -> Any:
     """The mirror image of every blade under a mirror in x (axis 0) or y (1); None unless every scene of a batch has that mirror."""
-    pairs, one = _blade_pairs(scene, axis)
-    if not np.all(_has_mirror(scene, axis, pairs, one)) or (pairs.ndim > 2 and (pairs != pairs[:1]).any()):
+    pairs, one = _blade_pairs(scene, axis, kin)
+    if not np.all(_has_mirror(scene, axis, kin, pairs, one)) or (pairs.ndim > 2 and (pairs != pairs[:1]).any()):
         return None
     first = pairs.reshape(-1, *pairs.shape[-2:])[0] if pairs.size else np.zeros((0, 1))
     return first.argmax(1)
@@ -122,7 +123,32 @@ def blade_images(scene: Scene, axis: int) -> Any:
 
 def mirrored(scene: Scene) -> Any:
     """Which scenes of a batch map on themselves when x, or y, is mirrored: (..., 2) bool."""
-    return np.stack([np.broadcast_to(_has_mirror(scene, axis, *_blade_pairs(scene, axis)), scene.batch) for axis in (0, 1)], axis=-1)
+    kin = _kin(scene)
+    return np.stack([np.broadcast_to(_has_mirror(scene, axis, kin, *_blade_pairs(scene, axis, kin)), scene.batch) for axis in (0, 1)], axis=-1)
+
+
+@dataclass(frozen=True)
+class _Kin:
+    """Pairs (..., b, b) of blades and (..., w, w) of wires that have the same numbers, but for where they are."""
+
+    blades: Any
+    wires: Any
+
+
+def _kin(scene: Scene) -> _Kin:
+    blades, wires = scene.blades, scene.wires
+    plates = _same(blades.body, blades.axes.T) & _equal(blades.stiffness, blades.stiffness) & _same(blades.loss)
+    plates = plates & _equal(blades.tip_mass[..., None], blades.tip_mass[..., None])
+    # wires that hang from no blade match each other; others match if their blades do
+    strands = _same(wires.upper, wires.lower, wires.loss) & ((wires.blade[:, None] < 0) == (wires.blade[None, :] < 0))
+    strands = strands & _equal(wires.stiffness[..., None], wires.stiffness[..., None])
+    strands = strands & _close(wires.tension[..., None], wires.tension[..., None]) & _close(wires.length[..., None], wires.length[..., None])
+    if scene.fibres is not None:
+        place = {label: n for n, label in enumerate(blades.label)}
+        order = sorted(scene.fibres.blade, key=lambda blade: place[blade.label])
+        plates = plates & _alike([(blade.angle, blade.losses, blade.thickness, blade.temperature) for blade in order])
+        strands = strands & _alike([(fibre.sections, fibre.temperature, fibre.effective) for fibre in scene.fibres.wire])
+    return _Kin(plates, strands)
 
 
 def _flip(axis: int) -> Array:
@@ -131,19 +157,14 @@ def _flip(axis: int) -> Array:
     return flip
 
 
-def _blade_pairs(scene: Scene, axis: int) -> tuple[Any, Any]:
+def _blade_pairs(scene: Scene, axis: int, kin: _Kin) -> tuple[Any, Any]:
     """Pairs (..., b, b) of blades that are each other's images, and whether that is one to one."""
     blades, flip = scene.blades, _flip(axis)
-    same = _same(blades.body, blades.axes.T) & _equal(blades.tip, blades.tip * flip) & _equal(blades.stiffness, blades.stiffness)
-    same = same & _equal(blades.tip_mass[..., None], blades.tip_mass[..., None]) & _close(blades.load, blades.load * flip) & _same(blades.loss)
-    if scene.fibres is not None:
-        place = {label: n for n, label in enumerate(blades.label)}
-        order = sorted(scene.fibres.blade, key=lambda blade: place[blade.label])
-        same = same & _alike([(blade.angle, blade.losses, blade.thickness, blade.temperature) for blade in order])
+    same = kin.blades & _equal(blades.tip, blades.tip * flip) & _close(blades.load, blades.load * flip)
     return same, _one_to_one(same)
 
 
-def _has_mirror(scene: Scene, axis: int, blade: Any, one: Any) -> Any:
+def _has_mirror(scene: Scene, axis: int, kin: _Kin, blade: Any, one: Any) -> Any:
     """Whether each scene (...) maps on itself under a mirror in x (axis 0) or y (1); its blades pair as `_blade_pairs` says."""
     bodies, wires, springs, flip = scene.bodies, scene.wires, scene.springs, _flip(axis)
     odd = np.outer(flip, flip) < 0
@@ -151,11 +172,7 @@ def _has_mirror(scene: Scene, axis: int, blade: Any, one: Any) -> Any:
     good = good & one
     if not np.any(good):
         return good
-    # wires that hang from no blade match each other; others match if their blades do
-    same = _same(wires.upper) & _same(wires.lower) & ((wires.blade[:, None] < 0) == (wires.blade[None, :] < 0))
-    same = same & _equal(wires.upper_point, wires.upper_point * flip) & _equal(wires.lower_point, wires.lower_point * flip)
-    same = same & _equal(wires.stiffness[..., None], wires.stiffness[..., None]) & _close(wires.tension[..., None], wires.tension[..., None])
-    same = same & _close(wires.length[..., None], wires.length[..., None]) & _same(wires.loss)
+    same = kin.wires & _equal(wires.upper_point, wires.upper_point * flip) & _equal(wires.lower_point, wires.lower_point * flip)
     if scene.fibres is not None:
         same = same & _fibres(scene.fibres.wire, flip)
     if len(scene.blades.label):
@@ -178,8 +195,8 @@ def _has_mirror(scene: Scene, axis: int, blade: Any, one: Any) -> Any:
 
 
 def _fibres(fibres: tuple[Fibre, ...], flip: Array) -> Any:
-    """Pairs (w, w) of wires that are made alike, and whose clamps and planes are each other's images."""
-    same = _alike([(fibre.sections, fibre.temperature, fibre.effective) for fibre in fibres])
+    """Pairs (w, w) of wires whose clamps and planes are each other's images."""
+    same = np.ones((len(fibres), len(fibres)), dtype=bool)
     for end in (0, 1):
         clamps = np.array([fibre.clamp[end] for fibre in fibres]).reshape(-1, 3)
         same = same & _close(clamps, clamps * flip)

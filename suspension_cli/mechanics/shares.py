@@ -51,6 +51,6 @@ def lever_arms(scene: Scene) -> Any:
     result = np.full((*scene.batch, len(scene.bodies.name) + 1), LEAST_ARM)
     ends = ((wires.upper, wires.upper_point), (wires.lower, wires.lower_point), (springs.lower, springs.lower_point))
     for body, points in ends:
-        for number, own in enumerate(body.tolist()):
-            result[..., own] = np.maximum(result[..., own], np.abs(points[..., number, :]).max(-1))
+        place: Any = (..., body)
+        np.maximum.at(result, place, np.abs(points).max(-1))
     return result[..., 1:]
