@@ -7,6 +7,8 @@ into exit code 1.
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 
@@ -68,6 +70,15 @@ class InputError(PendsusError):
     def in_file(self, file: str) -> InputError:
         """The same faults, told of ``file``."""
         return InputError(self.faults, file)
+
+
+@contextlib.contextmanager
+def faults_of(file: str) -> Iterator[None]:
+    """Tell faults that are found in the meantime of a file, unless they are of another."""
+    try:
+        yield
+    except InputError as error:
+        raise error if error.file else error.in_file(file) from None
 
 
 SHOWN = 60

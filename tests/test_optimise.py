@@ -14,9 +14,11 @@ from commandline import assert_refused, run, strict_json, written
 from designs import TEXTS
 from golden import CONFIGS, ROOT
 
-from suspension_cli.analysis import derivatives, families, loads, modes, optimise, spectrum, valued
-from suspension_cli.analysis.families import Families
-from suspension_cli.analysis.freed import Freed
+from suspension_cli.analysis import derivatives, modes, spectrum
+from suspension_cli.analysis.optimise import families, loads, valued
+from suspension_cli.analysis.optimise import run as searching
+from suspension_cli.analysis.optimise.families import Families
+from suspension_cli.analysis.optimise.freed import Freed
 from suspension_cli.design import goals, reader
 from suspension_cli.design.expand import nominal
 from suspension_cli.design.goals import Equal, Free, Goal, Goals
@@ -36,13 +38,13 @@ G = 9.81
 def solved(file, goal, free, equal=(), **how):
     """The optimum of a design, checked on `string`, from its own numbers alone unless told otherwise."""
     wanted = Goals(goal=goal, free=free, equal=list(equal), prefer=how.pop("prefer", "near"), margin=how.pop("margin", 1e-6))
-    return optimise.solve(file if isinstance(file, str) else file.read_text(), wanted, **{"level": "string", "starts": 1} | how)
+    return searching.solve(file if isinstance(file, str) else file.read_text(), wanted, **{"level": "string", "starts": 1} | how)
 
 
 def values_of(file, wanted):
     """Quantities of a freed design."""
     freed = Freed.of(file.read_text(), wanted)
-    return optimise._values(freed, wanted)
+    return searching._values(freed, wanted)
 
 
 EVERY = Goals(
@@ -325,7 +327,7 @@ def test_what_the_search_believes_is_not_what_is_told(monkeypatch):
     goal, free = [Goal(kind="band", modes=["test longitudinal"], at_least=1.2, at_most=1.25)], [Free(name=f"{WIRES}.l", lower=0.1, upper=1.0)]
     corrected = solved(VERTICAL, goal, free)
     assert corrected.met and corrected.rounds > 0  # what differs is taken into account
-    monkeypatch.setattr(optimise, "ROUNDS", 0)
+    monkeypatch.setattr(searching, "ROUNDS", 0)
     found = solved(VERTICAL, goal, free)
     truth = modes.solve(fidelity.linear_model(reader.parse(found.design), "string")).of("x")[0]
     assert found.quantities.after[0] == pytest.approx(truth, rel=1e-12)
@@ -334,16 +336,16 @@ def test_what_the_search_believes_is_not_what_is_told(monkeypatch):
 
 def test_corrections_that_never_settle_end_at_a_design_that_was_met(monkeypatch):
     """A check that is 1 % above the search and 1 % below it by turns: every other design breaks the limit, the last one too."""
-    achieved, turns = optimise._achieved, []
+    achieved, turns = searching._achieved, []
 
     def fickle(search, number, level):
         made = achieved(search, number, level)
         turns.append(made)
         return replace(made, value=made.value * (1.01 if len(turns) % 2 else 0.99))
 
-    monkeypatch.setattr(optimise, "_achieved", fickle)
+    monkeypatch.setattr(searching, "_achieved", fickle)
     found = solved(VERTICAL, [Goal(kind="band", modes=["test longitudinal"], at_most=0.8)], [Free(name=f"{WIRES}.l", lower=0.2, upper=1.0)])
-    assert found.rounds == optimise.ROUNDS and found.met
+    assert found.rounds == searching.ROUNDS and found.met
     assert found.quantities.after[0] == pytest.approx(0.99 / 1.01 * 0.8, rel=1e-5)
 
 

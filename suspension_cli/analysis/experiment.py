@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import copy
 import tomllib
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -19,7 +18,7 @@ from suspension_cli.design import reader
 from suspension_cli.design.measured import Mode
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.errors import Fault, InputError, faults_of, shown
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.models import fidelity
 
@@ -95,13 +94,9 @@ class Experiment:
         """Standard deviations, Hz, (k,)."""
         return np.array([item.uncertainty for item in self.mode])
 
-    @contextlib.contextmanager
-    def faults(self) -> Iterator[None]:
+    def faults(self) -> contextlib.AbstractContextManager[None]:
         """Tell faults of the design as those of its file."""
-        try:
-            yield
-        except InputError as error:
-            raise error if error.file else error.in_file(self.file) from None
+        return faults_of(self.file)
 
     def document(self, x: Array) -> dict[str, Any]:
         """The parsed design with these numbers."""

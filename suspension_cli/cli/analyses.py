@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,15 +28,11 @@ class Read:
     text: str
     file: str
 
-    @contextlib.contextmanager
-    def faults(self) -> Iterator[None]:
+    def faults(self) -> contextlib.AbstractContextManager[None]:
         """Tell faults found while solving as faults of this file."""
-        from suspension_cli.errors import InputError
+        from suspension_cli.errors import faults_of
 
-        try:
-            yield
-        except InputError as error:
-            raise error if error.file else error.in_file(self.file) from None
+        return faults_of(self.file)
 
 
 def prepared(ctx: click.Context, file: str, overrides: tuple[str, ...], extra: tuple[str, ...] = ()) -> tuple[Read, dict[str, Any]]:

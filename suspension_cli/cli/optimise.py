@@ -11,7 +11,7 @@ import click
 from suspension_cli.cli import options
 
 if TYPE_CHECKING:
-    from suspension_cli.analysis.optimum import Optimum
+    from suspension_cli.analysis.optimise.optimum import Optimum
     from suspension_cli.design.goals import Goals
 
 STARTS, SEED = 6, 1
@@ -35,7 +35,7 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     """
     from pathlib import Path
 
-    from suspension_cli.analysis import optimise
+    from suspension_cli.analysis.optimise import run
     from suspension_cli.cli import analyses
     from suspension_cli.cli.progress import Bar
     from suspension_cli.design import goals as wishes
@@ -50,7 +50,7 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     given = wishes.read(goals)
     with Bar(enabled=not voice.quiet) as bar:
         try:
-            found = optimise.solve(source.text, given, level=setting["fidelity"], starts=setting["starts"], seed=setting["seed"], report=bar)
+            found = run.solve(source.text, given, level=setting["fidelity"], starts=setting["starts"], seed=setting["seed"], report=bar)
         except InputError as error:
             ours = error.faults[0].key.split(".")[0] in ("goal", "free", "equal")
             raise error.in_file(goals if ours else source.file) from None
@@ -73,7 +73,7 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     unstable = [label for label, after in zip(found.modes.label, found.modes.after, strict=True) if math.isnan(after)]
     if unstable:
         voice.warn(f"the design found is unstable: {', '.join(unstable)}; no goal forbids it but a band of these modes")
-    if found.rounds >= optimise.ROUNDS:
+    if found.rounds >= run.ROUNDS:
         voice.warn(f"after {found.rounds} corrections search and check may still differ: limits are told as checked, but a better design may be near")
     if as_json:
         import json

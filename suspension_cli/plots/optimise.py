@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from suspension_cli.analysis.optimum import Optimum
+from suspension_cli.analysis.optimise.optimum import Optimum
 from suspension_cli.plots.style import INK, NOTE, PALE, PALETTE, house, new_figure, place, plain
 
 BEFORE, AFTER, MISSED = PALETTE[4], PALETTE[0], PALETTE[1]

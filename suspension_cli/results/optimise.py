@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from suspension_cli import __version__
-from suspension_cli.analysis.optimum import Every, Limits, Numbers, Optimum, Quantities, Starts
+from suspension_cli.analysis.optimise.optimum import Every, Limits, Numbers, Optimum, Quantities, Starts
 from suspension_cli.errors import printable
 from suspension_cli.results import Provenance, dataset, scale, write, write_bytes
 

@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import auto, loads, modes, response, statics, wire_modes
+from suspension_cli.analysis import auto, modes, response, statics, wire_modes
 from suspension_cli.analysis.asked import Asked, Frequencies, Transfer
-from suspension_cli.analysis.families import Families
-from suspension_cli.analysis.loads import Part
 from suspension_cli.analysis.modes import Modes
-from suspension_cli.analysis.quantities import OfDepth, OfMode, OfPart, OfResponse, Quantity
-from suspension_cli.analysis.valued import with_imperfections
+from suspension_cli.analysis.optimise import loads
+from suspension_cli.analysis.optimise.families import Families
+from suspension_cli.analysis.optimise.loads import Part
+from suspension_cli.analysis.optimise.quantities import OfDepth, OfMode, OfPart, OfResponse, Quantity
+from suspension_cli.analysis.optimise.valued import with_imperfections
 from suspension_cli.design import materials, reader
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.expand import expand

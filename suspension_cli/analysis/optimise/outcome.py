@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from suspension_cli.analysis.achieved import Achieved
-from suspension_cli.analysis.constrained import Held, Point, Search, margin
-from suspension_cli.analysis.freed import Freed
-from suspension_cli.analysis.optimum import Every, Limits, Numbers, Optimum, Quantities, Starts
-from suspension_cli.analysis.quantities import Limit, OfMode, Quantity, Wanted
+from suspension_cli.analysis.optimise.achieved import Achieved
+from suspension_cli.analysis.optimise.constrained import Held, Point, Search, margin
+from suspension_cli.analysis.optimise.freed import Freed
+from suspension_cli.analysis.optimise.optimum import Every, Limits, Numbers, Optimum, Quantities, Starts
+from suspension_cli.analysis.optimise.quantities import Limit, OfMode, Quantity, Wanted
 from suspension_cli.design.scene import Array
 
 EQUAL = 1e-6

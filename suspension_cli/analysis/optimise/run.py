@@ -13,16 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import achieved, families, modes, signals
-from suspension_cli.analysis.achieved import Achieved
-from suspension_cli.analysis.constrained import KEPT, Point, Search, margin
-from suspension_cli.analysis.families import Families
-from suspension_cli.analysis.freed import Freed
+from suspension_cli.analysis import modes, signals
 from suspension_cli.analysis.modes import Modes
-from suspension_cli.analysis.optimum import Optimum, Starts
-from suspension_cli.analysis.outcome import EQUAL, told
-from suspension_cli.analysis.quantities import wanted
-from suspension_cli.analysis.valued import Values, with_imperfections
+from suspension_cli.analysis.optimise import achieved, families
+from suspension_cli.analysis.optimise.achieved import Achieved
+from suspension_cli.analysis.optimise.constrained import KEPT, Point, Search, margin
+from suspension_cli.analysis.optimise.families import Families
+from suspension_cli.analysis.optimise.freed import Freed
+from suspension_cli.analysis.optimise.optimum import Optimum, Starts
+from suspension_cli.analysis.optimise.outcome import EQUAL, told
+from suspension_cli.analysis.optimise.quantities import wanted
+from suspension_cli.analysis.optimise.valued import Values, with_imperfections
 from suspension_cli.design import checks
 from suspension_cli.design.expand import nominal
 from suspension_cli.design.goals import Goals

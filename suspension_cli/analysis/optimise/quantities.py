@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from suspension_cli.analysis import loads, scalars
-from suspension_cli.analysis.families import Families
-from suspension_cli.analysis.loads import Part
+from suspension_cli.analysis import scalars
 from suspension_cli.analysis.modes import Modes
+from suspension_cli.analysis.optimise import loads
+from suspension_cli.analysis.optimise.families import Families
+from suspension_cli.analysis.optimise.loads import Part
 from suspension_cli.analysis.scalars import Ratio
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.faults import suggestion

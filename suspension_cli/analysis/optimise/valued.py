@@ -19,14 +19,15 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from suspension_cli.analysis import builds, derivatives, families, loads, modes, spectrum, variants
+from suspension_cli.analysis import builds, derivatives, modes, spectrum, variants
 from suspension_cli.analysis.builds import Builds
 from suspension_cli.analysis.derivatives import Differentiable, Linear, Moved
-from suspension_cli.analysis.families import Families
-from suspension_cli.analysis.freed import Freed
 from suspension_cli.analysis.modes import DEGENERATE, Modes
+from suspension_cli.analysis.optimise import families, loads
+from suspension_cli.analysis.optimise.families import Families
+from suspension_cli.analysis.optimise.freed import Freed
+from suspension_cli.analysis.optimise.quantities import OfDepth, OfMode, OfPart, OfResponse, Wanted
 from suspension_cli.analysis.parameters import STEP
-from suspension_cli.analysis.quantities import OfDepth, OfMode, OfPart, OfResponse, Wanted
 from suspension_cli.analysis.sensitivity import squares
 from suspension_cli.analysis.slope import Slope
 from suspension_cli.analysis.sweep import picked, ratio_of

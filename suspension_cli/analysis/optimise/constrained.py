@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis.freed import Freed
-from suspension_cli.analysis.quantities import Limit, Wanted
-from suspension_cli.analysis.valued import Valued, Values
+from suspension_cli.analysis.optimise.freed import Freed
+from suspension_cli.analysis.optimise.quantities import Limit, Wanted
+from suspension_cli.analysis.optimise.valued import Valued, Values
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.scene import Array
 from suspension_cli.errors import InputError
