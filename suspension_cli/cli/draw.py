@@ -16,16 +16,14 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], out: str, quie
     """Draw each DESIGN to scale, side on and face on, with its dimensions: DIR/NAME-draw.png."""
     from suspension_cli.design.expand import nominal
     from suspension_cli.design.reader import read
-    from suspension_cli.errors import InputError
+    from suspension_cli.errors import faults_of
     from suspension_cli.plots import draw
     from suspension_cli.plots.style import save
     from suspension_cli.results import writing_to
 
     for source in [read(file, overrides) for file in designs]:
-        try:
+        with faults_of(source.file):
             scene = nominal(source.design)
-        except InputError as error:
-            raise error.in_file(source.file) from None
         path = options.folder(out) / f"{source.design.design.name}-draw.png"
         with writing_to(path):
             save(draw.draw(source.design, scene), path)

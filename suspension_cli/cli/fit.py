@@ -46,19 +46,16 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     from suspension_cli.cli.progress import Bar
     from suspension_cli.design import measured as measurements
     from suspension_cli.design import reader
-    from suspension_cli.errors import InputError
+    from suspension_cli.errors import faults_of
     from suspension_cli.models import fidelity
     from suspension_cli.results import fit as results
 
     voice = options.Voice(quiet, verbose)
     given = measurements.read(files[-1])
     sources, setting, choice = _designs(ctx, files, given, overrides, voice)
-    try:
-        with Bar(enabled=not quiet) as bar:
-            how: dict[str, Any] = {"level": choice.level, "starts": setting["starts"], "seed": setting["seed"], "tell": bar}
-            found = fit.solve([source.text for source in sources], given, [source.file for source in sources], **how)
-    except InputError as error:
-        raise error if error.file else error.in_file(files[-1]) from None
+    with faults_of(files[-1]), Bar(enabled=not quiet) as bar:
+        how: dict[str, Any] = {"level": choice.level, "starts": setting["starts"], "seed": setting["seed"], "tell": bar}
+        found = fit.solve([source.text for source in sources], given, [source.file for source in sources], **how)
     joint = given.experiment is not None
     name, folder = Path(files[-1]).stem if joint else found.experiment[0], options.folder(out)
     path = folder / f"{name}-fit.h5"

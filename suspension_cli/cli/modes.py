@@ -96,11 +96,11 @@ def _solve(source: Source, setting: dict[str, Any]) -> tuple[Choice, Modes]:
 
     from suspension_cli.analysis import auto, modes, wire_modes
     from suspension_cli.analysis.asked import Frequencies
-    from suspension_cli.errors import InputError
+    from suspension_cli.errors import faults_of
     from suspension_cli.models import fidelity as ladder
 
     highest, level = setting["max_frequency"], setting["fidelity"]
-    try:
+    with faults_of(source.file):
         if highest is None and level == "auto":
             decision = auto.decide(source.design, lambda _: Frequencies(), setting["tolerance"])
             found = modes.solve(decision.model)
@@ -114,8 +114,6 @@ def _solve(source: Source, setting: dict[str, Any]) -> tuple[Choice, Modes]:
             return decision.choice, found if highest is None else found.up_to(highest)
         highest = HIGHEST if highest is None else highest
         return ladder.Choice("violin", f"wires with their mass, all modes up to {highest:g} Hz", 0.0), wire_modes.solve(decision.model, highest)
-    except InputError as error:
-        raise error.in_file(source.file) from None
 
 
 def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool, voice: options.Voice) -> None:
