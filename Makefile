@@ -10,10 +10,10 @@ DOCS_READY := $(VENV)/docs-ready
 # What `make all` makes; a new result is one more word here and a section in results/README.md.
 RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability auto tradeoff optimise
 
-.PHONY: help all $(RESULTS) test lint docs reference tutorial bench golden clean
+.PHONY: help all $(RESULTS) test test-kernels test-oldest test-pythons lint docs reference tutorial bench golden clean
 
 help:            ## show the targets
-	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 12
+	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 14
 
 $(READY): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: install it, or make PYTHON=/path/to/python"; exit 2; }
@@ -72,6 +72,19 @@ inference: $(READY) ## what the paper does not print of Tables I and II
 
 test: $(READY)   ## run the tests
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
+
+test-kernels: $(READY) ## run the tests under every kernel of OpenBLAS that this processor has, with one and two threads
+	$(BIN)/python tools/kernels.py
+
+test-oldest:     ## run the tests with the oldest versions of all libraries that pyproject.toml admits, in build/oldest
+	@mkdir -p build
+	$(PYTHON) tools/oldest.py > build/oldest.txt
+	PIP_CONSTRAINT=build/oldest.txt $(MAKE) test VENV=build/oldest
+
+test-pythons:    ## run the tests on Python 3.12 and 3.13, where these are to be had
+	@for version in 3.12 3.13; do \
+		if python$$version -c '' 2>/dev/null; then $(MAKE) test VENV=build/python$$version PYTHON=python$$version || exit 1; \
+		else echo "python$$version: not on this machine"; fi; done
 
 lint: $(READY)   ## style, types, layering
 	$(BIN)/ruff check .
