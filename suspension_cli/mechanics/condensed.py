@@ -279,8 +279,9 @@ def _parts(stiffness: Any, mass: Any, tree: elimination.Tree) -> Any:
 def _without_tips(model: LinearModel, full: Any, block: Index, light: Any) -> tuple[reduction.Reduced, Any, Any]:
     """The stiffness of what is kept, how the tips follow, and which motions of everything cost nothing."""
     both = np.concatenate([np.arange(6), block])
-    real, free = completed(full.real, model, block)
-    imag, alike = completed(full.imag, model, block)
+    low = model.low
+    real, free = completed(full.real, model, block, None if low is None else low.real)
+    imag, alike = completed(full.imag, model, block, None if low is None else low.imag)
     whole, follows = reduction.reduced(full[np.ix_(block, both)], (real + 1j * imag)[:, both], light)
     return whole, follows, free & alike
 
