@@ -14,6 +14,7 @@ import numpy as np
 from suspension_cli.analysis import graded, quality
 from suspension_cli.conventions import WIRE_WORDS, WORDS
 from suspension_cli.design.scene import Array, Index
+from suspension_cli.mechanics import reduction
 from suspension_cli.mechanics.model import LinearModel
 
 DAMPING_BAND = (0.5, 5.0)
@@ -210,6 +211,11 @@ def condensed(model: LinearModel, block: Index) -> tuple[Index, Any, Any, Any]:
     light = model.massless[block]
     a, b = block[~light], block[light]
     mass = model.mass[..., a[:, None], a]
+    if not model.batch:
+        low = np.zeros_like(model.stiffness) if model.low is None else np.real(model.low)
+        rows = np.ix_(block, np.concatenate([np.arange(6), block]))
+        whole, follows = reduction.reduced(model.stiffness[rows], low[rows], light)
+        return a, mass, reduction.rounded(whole)[0][:, 6:], -follows[:, 6:]
     stiffness = model.stiffness[..., a[:, None], a]
     if not len(b):
         return a, mass, stiffness, np.zeros((*model.batch, 0, len(a)))

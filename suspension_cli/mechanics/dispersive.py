@@ -221,15 +221,23 @@ def soft(model: LinearModel) -> Any:
     return model.prepared["soft"]
 
 
-def sizes(diagonal: Any, across: Any) -> Any:
-    """Scales (f, c + t) of coordinates in which a matrix has elements of about 1, from its diagonal (f, c + t) and what joins tensions to the others.
+def sizes(diagonal: Any, across: Any, first: int | None = None) -> Any:
+    """Scales (f, c + t) of coordinates in which a matrix has elements of at most about 1.
 
-    `across` is the size (f, t, c) of that; a coordinate without stiffness has scale 1.
+    Parameters
+    ----------
+    diagonal : (f, c + t) array
+        A coordinate without stiffness has scale 1.
+    across : (f, t, c) array
+        Sizes of what joins the tensions to the other coordinates.
+    first : int, optional
+        How many of these the scales of the tensions are taken from: the others may have next to no stiffness but by them.
     """
     count = across.shape[-1]
     result = np.sqrt(np.abs(diagonal))
     result = np.where(result == 0, 1.0, result)
     if across.shape[1]:
-        pull = (across / result[:, None, :count]).max(-1, initial=0.0)
+        pull = (across[..., :first] / result[:, None, :count][..., :first]).max(-1, initial=0.0)
         result[:, count:] = np.maximum(np.sqrt(np.abs(diagonal[:, count:])), pull)
+        result[:, :count] = np.maximum(result[:, :count], (across / result[:, count:, None]).max(1))
     return result

@@ -92,4 +92,3 @@ def distinct(forms: Array) -> tuple[Array, Any]:
         else:
             members[same].append(n)
     return np.array(rows).reshape(-1, forms.shape[1]), members
-

@@ -1,0 +1,114 @@
+"""Blades far softer than their wires: nothing of a blade may drown in a nearly rigid wire, on any model, up to 1e10 times its stiffness."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+from golden import ROOT
+from stiff import Assembly, Column
+
+from suspension_cli.analysis import modes, response, signals, thermal, wire_modes
+from suspension_cli.conventions import DOFS
+from suspension_cli.design import reader
+from suspension_cli.design.expand import expand
+from suspension_cli.models import fidelity
+
+REQUIRED = 1e-9
+RATIOS = (1e2, 1e6, 1e10)
+SOFT = 394.0
+"""N/m of a blade of its upper stage."""
+
+
+def geo(ratio, stages=3):
+    """The triple pendulum of GEO 600 (or its upper stages) on wires in the two upper stages that are so many times stiffer than their blades."""
+    raw = tomllib.loads((ROOT / "configs" / "geo-silica-triple.toml").read_text())
+    raw["stage"] = raw["stage"][:stages]
+    for stage in raw["stage"][:2]:
+        stage["wires"]["k"] = float(ratio) * SOFT
+    return reader.convert(raw)
+
+
+def column(ratio, loss=(1e-3, 2e-4)):
+    """Two masses on vertical wires under blades; as a design, and as springs and rods."""
+    blade, wires = 400.0, {"count": 4, "l": 0.4, "s": 0.03, "t1": 0.1, "t2": 0.1, "d": 0.001, "material": "wire", "radius": 2e-4, "k": ratio * 400.0}
+    plate = {"count": 4, "stiffness": blade, "loss_angle": loss[0]}
+    masses = (8.0, 5.0)
+    raw = {
+        "design": {"name": "column"},
+        "constants": {"temperature": 290.0},
+        "materials": {"wire": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0, "loss_angle": loss[1]}},
+        "stage": [
+            {"name": name, "body": {"mass": mass, "inertia": [0.05, 0.04, 0.06]}, "wires": dict(wires), "blades": dict(plate)}
+            for name, mass in zip(("upper", "test"), masses, strict=True)
+        ],
+    }
+    weight = 4 * 7800.0 * np.pi * 2e-4**2 * 0.4
+    parts = {"mass": masses, "blade": (4 * blade,) * 2, "wire": (4 * ratio * blade,) * 2}
+    return reader.convert(raw), parts, (weight, weight)
+
+
+def responses(model, frequency, inputs, outputs):
+    known = signals.bodies(model)
+    drives, seen = [signals.drive(name, known) for name in inputs], [signals.motion(name, known) for name in outputs]
+    return response.solve(model, np.asarray(frequency, dtype=float), drives, seen).value
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_string_against_its_definition(ratio):
+    """Responses of every body to every motion of the support, and all modes."""
+    design = geo(ratio)
+    model, assembly = fidelity.linear_model(design, "string"), Assembly(expand(design))
+    frequency = [0.05, 1.0, 7.0]
+    found = responses(model, frequency, [f"support.{dof}" for dof in DOFS], [f"{body}.{dof}" for body in model.body for dof in DOFS])
+    for n, one in enumerate(frequency):
+        exact = assembly.responses(one)
+        joined = np.abs(exact) > 1e-12 * np.abs(exact).max()  # what a symmetry forbids is rounding of the last digits of points
+        assert np.abs(found[n] - exact)[~joined].max() < 1e-12 * np.abs(exact).max()
+        assert (np.abs(found[n] - exact)[joined] <= REQUIRED * np.abs(exact)[joined]).all()
+    found = modes.solve(model).omega_squared
+    assert np.abs(found / assembly.omega_squared() - 1).max() < REQUIRED
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_column_of_rods(level, ratio):
+    """Vertical motion: blades and rods in series, with losses; response, thermal noise and modes."""
+    design, parts, weight = column(ratio)
+    model = fidelity.linear_model(design, level)
+    exact = Column(**parts, blade_loss=1e-3, wire_loss=2e-4, **({"wire_mass": weight} if level == "violin" else {}))
+    frequency = np.array([0.01, 1.0, 2.5, 40.0])
+    found = responses(model, frequency, ["support.z"], ["test.z"])[:, 0, 0]
+    assert np.abs(found / [exact.response(f) for f in frequency] - 1).max() < REQUIRED
+    signal, row = thermal.observed(model, "test.z")
+    noise = thermal.solve(model, frequency, row, signal, 290.0).density.sum(0)
+    assert np.abs(noise / [exact.density(f, 290.0) for f in frequency] - 1).max() < REQUIRED
+    found = modes.solve(model) if level == "beam" else wire_modes.solve(model, 20.0)
+    vertical = found.of("z")
+    assert len(vertical) >= 2
+    assert max(abs(f / exact.frequency_near(f) - 1) for f in vertical[:2]) < REQUIRED
+
+
+def assert_linear(values):
+    """Values at ratios of 1e8, 1e9 and 1e10 that go to a limit as 1/k lie on a straight line."""
+    expected = values[1] + (values[1] - values[0]) / 10
+    assert (np.abs(values[2] - expected) <= REQUIRED * np.abs(values[2])).all()
+
+
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_rigid_wires_are_a_limit(level):
+    """Every response of leaning wires that bend, of which no closed form is at hand."""
+    models = [fidelity.linear_model(geo(ratio), level) for ratio in (1e8, 1e9, 1e10)]
+    outputs = [f"{body}.{dof}" for body in models[0].body for dof in DOFS]
+    assert_linear([responses(model, [0.05, 1.0, 7.0], [f"support.{dof}" for dof in DOFS], outputs) for model in models])
+
+
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_modes_of_rigid_wires_are_a_limit(level):
+    """Frequencies and Q."""
+    models = [fidelity.linear_model(geo(ratio, stages=2), level) for ratio in (1e8, 1e9, 1e10)]
+    found = [modes.solve(model).up_to(1.6) if level == "beam" else wire_modes.solve(model, 1.6) for model in models]
+    assert len(found[0].q) >= 5
+    assert_linear([one.frequency for one in found])
+    assert_linear([one.q for one in found])
