@@ -210,10 +210,10 @@ def _tensions(number: int, term: WireTerm) -> Tensions:
 
 
 def soft(model: LinearModel) -> Any:
-    """The stiffness (N, N) of a model without the stretching of its wires, complex if lossy."""
+    """The stiffness (N, N) of a model without the stretching of wires that are among its terms, complex if lossy."""
     if "soft" not in model.prepared:
         full = model.stiffness if model.lossy is None else model.lossy
-        if model.stretched is not None:
+        if model.stretched is not None and any(isinstance(term, WireTerm) for term in model.terms):
             low = np.zeros_like(model.stiffness) if model.low is None else model.low.real
             rest = model.stretched.added(Twofold(model.stiffness, low), -model.stretched.stiffness)
             full = rest.value if model.lossy is None else rest.value + 1j * full.imag
