@@ -21,12 +21,13 @@ SOFT = 394.0
 """N/m of a blade of its upper stage."""
 
 
-def geo(ratio, stages=3):
+def geo(ratio, stages=3, tip_mass=0.0):
     """The triple pendulum of GEO 600 (or its upper stages) on wires in the two upper stages that are so many times stiffer than their blades."""
     raw = tomllib.loads((ROOT / "configs" / "geo-silica-triple.toml").read_text())
     raw["stage"] = raw["stage"][:stages]
     for stage in raw["stage"][:2]:
         stage["wires"]["k"] = float(ratio) * SOFT
+        stage["blades"]["tip_mass"] = tip_mass
     return reader.convert(raw)
 
 
@@ -55,10 +56,11 @@ def responses(model, frequency, inputs, outputs):
     return response.solve(model, np.asarray(frequency, dtype=float), drives, seen).value
 
 
+@pytest.mark.parametrize("tip_mass", [0.0, 0.02])
 @pytest.mark.parametrize("ratio", RATIOS)
-def test_string_against_its_definition(ratio):
+def test_string_against_its_definition(ratio, tip_mass):
     """Responses of every body to every motion of the support, and all modes."""
-    design = geo(ratio)
+    design = geo(ratio, tip_mass=tip_mass)
     model, assembly = fidelity.linear_model(design, "string"), Assembly(expand(design))
     frequency = [0.05, 1.0, 7.0]
     found = responses(model, frequency, [f"support.{dof}" for dof in DOFS], [f"{body}.{dof}" for body in model.body for dof in DOFS])

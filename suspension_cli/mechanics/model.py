@@ -12,8 +12,8 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.scene import Index
 
 if TYPE_CHECKING:
-    from suspension_cli.mechanics.stretching import Stretching
     from suspension_cli.mechanics.dispersion import Term
+    from suspension_cli.mechanics.stretching import Stretching
 
 
 @dataclass(frozen=True)

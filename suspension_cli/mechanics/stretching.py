@@ -16,11 +16,11 @@ the stiffness of a blade that is 1e10 times softer keeps six digits of the blade
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.design.scene import Array, Scene
+from suspension_cli.design.scene import Array, Index, Scene
 from suspension_cli.mechanics import string
 from suspension_cli.mechanics.blocks import Symmetry
 from suspension_cli.mechanics.equilibrium import Equilibrium
@@ -28,6 +28,9 @@ from suspension_cli.mechanics.invariance import completed_forms
 from suspension_cli.mechanics.pose import Layout, rigid_motion
 from suspension_cli.mechanics.tangent import tangent
 from suspension_cli.mechanics.twofold import Twofold
+
+if TYPE_CHECKING:
+    from suspension_cli.mechanics.model import LinearModel
 
 ALIKE = 1e-13
 """Difference of two forms, over their largest element, that is rounding."""
@@ -76,6 +79,26 @@ def apart(scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symme
     low = completed_forms(form, rigid_motion(numbering.size, scene.bodies.position + balanced.pose.shift), wires.lower)
     soft = tangent(replace(scene, wires=slack), numbering, balanced.pose)[1]
     return adapted.apply(soft), Stretching(form @ adapted.basis, low @ adapted.basis, wires.stiffness, adapted.allowed)
+
+
+def held(model: LinearModel, block: Index, tips: Any) -> Array | None:
+    """The support's and a block's coordinates (rows) from others in which some `tips` (c,) of blades are counted from where their wires would hold them.
+
+    Relative to its blade a tip that hangs on a stiff wire moves as the body below does, and the wire's stiffness stands in all elements between them;
+    counted from there it stands in that of the tip alone.  None if no wire hangs on these tips, or it is not known how wires stretch.
+    """
+    if model.stretched is None or not tips.any():
+        return None
+    both, of = np.concatenate([np.arange(6), block]), model.stretched
+    form, at = of.form[:, both], 6 + np.flatnonzero(tips)
+    allowed = of.allowed[np.ix_(block[tips], both)]
+    pull = np.where(allowed, (form[:, at].T * of.stiffness) @ form, 0.0)
+    if not pull.any():
+        return None
+    result = np.eye(len(both))
+    result[at] = -np.linalg.lstsq(pull[:, at], pull, rcond=None)[0]
+    result[np.ix_(at, at)] = np.eye(len(at))
+    return result
 
 
 def distinct(forms: Array) -> tuple[Array, Any]:
