@@ -56,7 +56,10 @@ def compare(model: LinearModel, frequency: Any, inputs: list[Any], outputs: list
 
 
 def completed(matrix: Any, model: LinearModel, low: Any = None) -> list[list[Any]]:
-    """A matrix (and what the model knows to be missing from its doubles) in 50 digits whose rows feel nothing when everything moves together, where they should: K_r,own = -sum of K_r,m R_m."""
+    """A matrix in 50 digits whose rows feel nothing when everything moves together, where they should: K_r,own = -sum of K_r,m R_m.
+
+    With what the model knows to be missing from its doubles.
+    """
     result = [[MP.mpf(float(value)) if value else MP.zero for value in row] for row in matrix]
     if low is not None:
         result = [[value + MP.mpf(float(part)) if part else value for value, part in zip(*rows, strict=True)] for rows in zip(result, low, strict=True)]

@@ -189,3 +189,22 @@ class Column:
                 lambda f: MP.re(MP.det(still.dynamic(2 * MP.pi * f)[0])), (MP.mpf(guess) * (1 - MP.mpf("1e-7")), MP.mpf(guess)), tol=1e-60, verify=False
             )
         )
+
+
+def column(ratio: float, *, massive: bool, lossy: bool = True) -> tuple[dict[str, Any], Column]:
+    """Two masses on vertical wires `ratio` times stiffer than the blades that they hang from: as a parsed design, and as springs and rods."""
+    blade, radius, length, density, masses = 412.37, 2e-4, 0.4, 7800.0, (8.0, 5.0)
+    losses = (1e-3, 2e-4) if lossy else (0.0, 0.0)
+    wires = {"count": 4, "l": length, "s": 0.03, "t1": 0.1, "t2": 0.1, "d": 0.001, "material": "wire", "radius": radius, "k": float(ratio) * blade}
+    plate = {"count": 4, "stiffness": blade, "loss_angle": losses[0]}
+    raw = {
+        "design": {"name": "column"},
+        "constants": {"temperature": 290.0},
+        "materials": {"wire": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": density, "loss_angle": losses[1]}},
+        "stage": [
+            {"name": name, "body": {"mass": mass, "inertia": [0.05, 0.04, 0.06]}, "wires": dict(wires), "blades": dict(plate)}
+            for name, mass in zip(("upper", "test"), masses, strict=True)
+        ],
+    }
+    weight = 4 * density * np.pi * radius**2 * length if massive else 0.0
+    return raw, Column(masses, (4 * blade,) * 2, (4 * float(ratio) * blade,) * 2, *losses, (weight,) * 2)

@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 from golden import ROOT
-from stiff import Assembly, Column
+from stiff import Assembly, column
 
 from suspension_cli.analysis import modes, response, signals, thermal, wire_modes
 from suspension_cli.conventions import DOFS
@@ -29,25 +29,6 @@ def geo(ratio, stages=3, tip_mass=0.0):
         stage["wires"]["k"] = float(ratio) * SOFT
         stage["blades"]["tip_mass"] = tip_mass
     return reader.convert(raw)
-
-
-def column(ratio, loss=(1e-3, 2e-4)):
-    """Two masses on vertical wires under blades; as a design, and as springs and rods."""
-    blade, wires = 400.0, {"count": 4, "l": 0.4, "s": 0.03, "t1": 0.1, "t2": 0.1, "d": 0.001, "material": "wire", "radius": 2e-4, "k": ratio * 400.0}
-    plate = {"count": 4, "stiffness": blade, "loss_angle": loss[0]}
-    masses = (8.0, 5.0)
-    raw = {
-        "design": {"name": "column"},
-        "constants": {"temperature": 290.0},
-        "materials": {"wire": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0, "loss_angle": loss[1]}},
-        "stage": [
-            {"name": name, "body": {"mass": mass, "inertia": [0.05, 0.04, 0.06]}, "wires": dict(wires), "blades": dict(plate)}
-            for name, mass in zip(("upper", "test"), masses, strict=True)
-        ],
-    }
-    weight = 4 * 7800.0 * np.pi * 2e-4**2 * 0.4
-    parts = {"mass": masses, "blade": (4 * blade,) * 2, "wire": (4 * ratio * blade,) * 2}
-    return reader.convert(raw), parts, (weight, weight)
 
 
 def responses(model, frequency, inputs, outputs):
@@ -77,9 +58,8 @@ def test_string_against_its_definition(ratio, tip_mass):
 @pytest.mark.parametrize("level", ["beam", "violin"])
 def test_column_of_rods(level, ratio):
     """Vertical motion: blades and rods in series, with losses; response, thermal noise and modes."""
-    design, parts, weight = column(ratio)
-    model = fidelity.linear_model(design, level)
-    exact = Column(**parts, blade_loss=1e-3, wire_loss=2e-4, **({"wire_mass": weight} if level == "violin" else {}))
+    raw, exact = column(ratio, massive=level == "violin")
+    model = fidelity.linear_model(reader.convert(raw), level)
     frequency = np.array([0.01, 1.0, 2.5, 40.0])
     found = responses(model, frequency, ["support.z"], ["test.z"])[:, 0, 0]
     assert np.abs(found / [exact.response(f) for f in frequency] - 1).max() < REQUIRED

@@ -72,7 +72,7 @@ class Block:
         Against the support's coordinates and the block's own.
     stiffness : (c, 6 + c) array
         Complex if lossy.
-    stiffness_low, damping_low : (c, 6 + c) arrays
+    stiffness_low, mass_low, damping_low : (c, 6 + c) arrays
         What rounding took from the elements of these (`invariance`).
     drop, recover : (m,) int array, (c, m) array
         The massless coordinates, and how a force on them acts on those that are kept: -K_ab K_bb^-1.
@@ -97,6 +97,7 @@ class Block:
     damping: Any
     stiffness: Any
     stiffness_low: Any
+    mass_low: Any
     damping_low: Any
     drop: Index
     recover: Any
@@ -234,14 +235,14 @@ def _block(model: LinearModel, block: Index) -> Block:
     damping_low, undamped = completed(model.damping, model, keep)
     own = np.concatenate([np.arange(6), 6 + np.flatnonzero(~light)[order]])
 
-    def kept(matrix: Any) -> Any:
-        rows = matrix[np.ix_(keep, np.concatenate([np.arange(6), keep]))]
-        return rows if held is None else held[np.ix_(own[6:], own[6:])].T @ rows @ held[np.ix_(own, own)]
-
-    damping_low = kept(_placed(damping_low, keep, model.size))
-    matrices = stiffness, kept(model.mass), kept(model.damping)
+    both = np.concatenate([np.arange(6), keep])
+    mass, damping, damping_low = model.mass[np.ix_(keep, both)], model.damping[np.ix_(keep, both)], damping_low[:, both]
+    mass_low = np.zeros_like(mass)
+    if held is not None:
+        (mass, mass_low), (damping, damping_low) = (reduction.turned(*parts, held[np.ix_(own, own)]) for parts in ((mass, mass_low), (damping, damping_low)))
+    matrices = stiffness, mass, damping
     settled = reduction.settled(whole, np.zeros((len(keep), 6)) if model.rigid is None else model.rigid[keep], free)
-    left, settled = _left(matrices, damping_low, settled, free & undamped)
+    left, settled = _left(matrices, (mass_low, damping_low), settled, free & undamped)
     coupled = np.logical_or.reduce([matrix[:, 6:] != 0 for matrix in matrices])
     tree = elimination.tree([_owner(model.coordinate[n]) for n in keep], coupled) or elimination.Tree((np.arange(len(keep)),), (-1,))
 
@@ -254,6 +255,7 @@ def _block(model: LinearModel, block: Index) -> Block:
         damping=matrices[2],
         stiffness=stiffness,
         stiffness_low=low,
+        mass_low=mass_low,
         damping_low=damping_low,
         drop=drop,
         recover=-follows[:, columns[6:]].T,
@@ -283,13 +285,6 @@ def _parts(stiffness: Any, mass: Any, tree: elimination.Tree) -> Any:
     return np.unique(np.concatenate(found))
 
 
-def _placed(rows: Any, where: Index, size: int) -> Any:
-    """Some rows (r, N) in a matrix (N, N) of zeros."""
-    result = np.zeros((size, size))
-    result[where] = rows
-    return result
-
-
 def _without_tips(model: LinearModel, full: Any, block: Index, light: Any, held: Any) -> tuple[reduction.Reduced, Any, Any]:
     """The stiffness of what is kept, how the tips follow, and which motions of everything cost nothing."""
     both = np.concatenate([np.arange(6), block])
@@ -303,14 +298,14 @@ def _without_tips(model: LinearModel, full: Any, block: Index, light: Any, held:
     return whole, follows, free & alike
 
 
-def _left(matrices: tuple[Any, Any, Any], damping_low: Any, settled: Any, undamped: Any) -> tuple[tuple[Any, Any, Any], Any]:
+def _left(matrices: tuple[Any, Any, Any], low: tuple[Any, Any], settled: Any, undamped: Any) -> tuple[tuple[Any, Any, Any], Any]:
     """What still acts on coordinates counted from where they would settle (K, M and C towards the support), and where that is."""
     stiffness, mass, damping = matrices
     rests = np.isfinite(settled).all(0)
     settled = np.where(rests, settled, 0.0)
-    resisted = reduction.left_over(damping, damping_low, settled)
+    resisted = reduction.left_over(damping, low[1], settled)
     resisted[:, undamped] = 0.0
-    return (np.where(rests, 0.0, stiffness[:, :6]), reduction.left_over(mass, 0.0 * mass, settled), resisted), settled
+    return (np.where(rests, 0.0, stiffness[:, :6]), reduction.left_over(mass, low[0], settled), resisted), settled
 
 
 def _owner(coordinate: str) -> str:

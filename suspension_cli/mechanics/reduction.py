@@ -31,10 +31,10 @@ class Reduced:
 
 
 def turned(full: Any, low: Any, basis: Array) -> tuple[Any, Any]:
-    """Some rows (n, 6 + n) of the stiffness, and what rounding took from them, in other coordinates: from these the old ones follow as basis (6 + n, 6 + n)."""
+    """Some rows (n, 6 + n) of a matrix, and what rounding took from them, in other coordinates: from these the old ones follow as basis (6 + n, 6 + n)."""
     own, whole = Twofold.of(basis[6:, 6:].T), Twofold.of(basis)
     real, imag = (own @ Twofold(*parts) @ whole for parts in ((full.real, low.real), (full.imag, low.imag)))
-    return (real.high + 1j * imag.high, real.low + 1j * imag.low) if np.iscomplexobj(full) else (real.high, real.low + 0j)
+    return (real.high + 1j * imag.high, real.low + 1j * imag.low) if np.iscomplexobj(full) else (real.high, real.low)
 
 
 def _embedded(real: Twofold, imag: Twofold) -> Twofold:

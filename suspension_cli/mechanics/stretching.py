@@ -29,6 +29,8 @@ from suspension_cli.mechanics.pose import Layout, rigid_motion
 from suspension_cli.mechanics.tangent import tangent
 from suspension_cli.mechanics.twofold import Twofold
 
+SOFT = 1e-5
+"""Stiffness of a blade over that of its wires, from which on elimination in doubles leaves digits enough to refine (it loses the square of the ratio)."""
 if TYPE_CHECKING:
     from suspension_cli.mechanics.model import LinearModel
 
@@ -85,7 +87,7 @@ def held(model: LinearModel, block: Index, tips: Any) -> Array | None:
     """The support's and a block's coordinates (rows) from others in which some `tips` (c,) of blades are counted from where their wires would hold them.
 
     Relative to its blade a tip that hangs on a stiff wire moves as the body below does, and the wire's stiffness stands in all elements between them;
-    counted from there it stands in that of the tip alone.  None if no wire hangs on these tips, or it is not known how wires stretch.
+    counted from there it stands in that of the tip alone.  None if no wire so stiff hangs on these tips, or it is not known how wires stretch.
     """
     if model.stretched is None or not tips.any():
         return None
@@ -93,7 +95,8 @@ def held(model: LinearModel, block: Index, tips: Any) -> Array | None:
     form, at = of.form[:, both], 6 + np.flatnonzero(tips)
     allowed = of.allowed[np.ix_(block[tips], both)]
     pull = np.where(allowed, (form[:, at].T * of.stiffness) @ form, 0.0)
-    if not pull.any():
+    own, wire = np.diag(model.stiffness)[block[tips]], pull[np.arange(len(at)), at]
+    if (own - wire >= SOFT * wire).all():
         return None
     result = np.eye(len(both))
     result[at] = -np.linalg.lstsq(pull[:, at], pull, rcond=None)[0]
