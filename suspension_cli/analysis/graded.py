@@ -60,7 +60,8 @@ def solve(mass: Array, stiffness: Array, low: Array | None = None) -> tuple[Any,
             projected = Twofold.of(across[0]) @ (Twofold(stiffness[0], low) @ Twofold.of(own[0]))
             less_stiffness = projected.high[None]
             less_low = projected.low + (less_stiffness - np.swapaxes(less_stiffness, -1, -2))[0] / 2
-        found, within = solve(*((matrix + np.swapaxes(matrix, -1, -2)) / 2 for matrix in (less_mass, less_stiffness)), less_low)
+        less_mass, less_stiffness = ((matrix + np.swapaxes(matrix, -1, -2)) / 2 for matrix in (less_mass, less_stiffness))
+        found, within = solve(less_mass, less_stiffness, less_low)
         values[np.ix_(here, kind)] = found
         shapes[here[:, None], :, np.flatnonzero(kind)] = np.swapaxes(own @ within, -1, -2)
     return values, shapes
