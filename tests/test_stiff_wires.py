@@ -21,11 +21,13 @@ SOFT = 394.0
 """N/m of a blade of its upper stage."""
 
 
-def geo(ratio, stages=3, tip_mass=0.0):
+def geo(ratio, stages=3, tip_mass=0.0, *, fibres=False):
     """The triple pendulum of GEO 600 (or its upper stages) on wires in the two upper stages that are so many times stiffer than their blades."""
     raw = tomllib.loads((ROOT / "configs" / "geo-silica-triple.toml").read_text())
     raw["stage"] = raw["stage"][:stages]
-    for stage in raw["stage"][:2]:
+    if fibres:  # of several sections; on blades, and rigid too
+        raw["stage"][2]["blades"] = {"count": 4, "stiffness": SOFT}
+    for stage in raw["stage"][: 3 if fibres else 2]:
         stage["wires"]["k"] = float(ratio) * SOFT
         stage["blades"]["tip_mass"] = tip_mass
     return reader.convert(raw)
@@ -78,10 +80,11 @@ def assert_linear(values):
     assert (np.abs(values[2] - expected) <= REQUIRED * np.abs(values[2])).all()
 
 
+@pytest.mark.parametrize("fibres", [False, True], ids=["wires", "fibres"])
 @pytest.mark.parametrize("level", ["beam", "violin"])
-def test_rigid_wires_are_a_limit(level):
+def test_rigid_wires_are_a_limit(level, fibres):
     """Every response of leaning wires that bend, of which no closed form is at hand."""
-    models = [fidelity.linear_model(geo(ratio), level) for ratio in (1e8, 1e9, 1e10)]
+    models = [fidelity.linear_model(geo(ratio, fibres=fibres), level) for ratio in (1e8, 1e9, 1e10)]
     outputs = [f"{body}.{dof}" for body in models[0].body for dof in DOFS]
     assert_linear([responses(model, [0.05, 1.0, 7.0], [f"support.{dof}" for dof in DOFS], outputs) for model in models])
 
