@@ -5,9 +5,11 @@ for a rod).  Joining what stands above a node (A) to the section below it (B) an
 
     S = A_ll + B_uu,    node = -S^-1 (A_lu upper + B_ul lower),    whole = diag(A_uu, B_ll) - [A_ul; B_lu] S^-1 [A_lu, B_ul].
 
-Sections of rods are joined by what pulls their ends together and what else holds each end (`join_rods`), as in the sum of both the stiffness of a
-nearly rigid wire would drown its inertia.  S has as many negative eigenvalues as the held whole has resonances more, below this frequency, than its parts (Wittrick and Williams, Q. J. Mech.
+S has as many negative eigenvalues as the held whole has resonances more, below this frequency, than its parts (Wittrick and Williams, Q. J. Mech.
 Appl. Math. 24, 263 (1971)).
+
+Sections of rods are joined by what pulls their ends together and what else holds each end (`join_rods`), as in the sum of both the stiffness of a
+nearly rigid wire would drown its inertia.
 """
 
 from __future__ import annotations
