@@ -55,9 +55,14 @@ def compare(model: LinearModel, frequency: Any, inputs: list[Any], outputs: list
     return Compared(*(np.array([part[k] for part in parts]) for k in range(3)))
 
 
-def completed(matrix: Any, model: LinearModel) -> list[list[Any]]:
-    """A matrix in 50 digits whose rows feel nothing when everything moves together, where they should: K_r,own = -sum of K_r,m R_m."""
+def completed(matrix: Any, model: LinearModel, low: Any = None) -> list[list[Any]]:
+    """A matrix in 50 digits whose rows feel nothing when everything moves together, where they should: K_r,own = -sum of K_r,m R_m.
+
+    With what the model knows to be missing from its doubles.
+    """
     result = [[MP.mpf(float(value)) if value else MP.zero for value in row] for row in matrix]
+    if low is not None:
+        result = [[value + MP.mpf(float(part)) if part else value for value, part in zip(*rows, strict=True)] for rows in zip(result, low, strict=True)]
     motion = model.rigid
     follows: set[tuple[int, int]] = set()
     for r in range(6, model.size):
@@ -83,7 +88,9 @@ def _matrices(model: LinearModel) -> Any:
     if id(model) not in _KEPT:
         full = model.stiffness if model.lossy is None else model.lossy
         mass = [[MP.mpf(float(value)) if value else MP.zero for value in row] for row in model.mass]
-        _KEPT[id(model)] = (model, completed(full.real, model), completed(full.imag, model), completed(model.damping, model), mass)
+        low = (None, None) if model.low is None else (model.low.real, model.low.imag)
+        stiffness, loss = (completed(matrix, model, part) for matrix, part in zip((full.real, full.imag), low, strict=True))
+        _KEPT[id(model)] = (model, stiffness, loss, completed(model.damping, model), mass)
     return _KEPT[id(model)][1:]
 
 

@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable
 
-from stability import beams, couplings, frequency, geometry, masses, modal
+from stability import beams, blades, couplings, frequency, geometry, masses, modal
 from stability.draw import draw
 from stability.references import ROOT
 from stability.row import BROKEN, SHIPPED, Row
@@ -26,6 +26,7 @@ ROWS: dict[str, Callable[[], Row]] = {
     "equal-modes": modal.equal_modes,
     "rigid-wires": modal.rigid_wires,
     "rigid-chain": modal.graded_chain,
+    "soft-blades": blades.row,
     "soft-pitch": geometry.soft_pitch,
     "narrow": geometry.narrow,
     "slack": geometry.nearly_slack,

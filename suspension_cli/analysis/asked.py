@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from suspension_cli.analysis import modes, response
+from suspension_cli.analysis import modes, quality, response
 from suspension_cli.analysis.estimates import BENDING, MASS, Estimates
 from suspension_cli.analysis.modes import Modes
 from suspension_cli.analysis.scalars import Mode, Ratio, Scalar
 from suspension_cli.analysis.signals import Signal
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.scene import Array
-from suspension_cli.mechanics import dispersive
 from suspension_cli.mechanics.model import LinearModel
 
 SAMPLES = 12
@@ -187,11 +186,10 @@ def _loaded(found: Modes, model: LinearModel) -> Any:
     omega = np.sqrt(found.omega_squared[good])
     shapes = np.linalg.solve(model.basis, np.pad(found.shape[good], ((0, 0), (6, 0))).T)
     change = np.zeros(len(omega))
-    for block in dispersive.blocks(model):
-        there = block.at(omega, lossy=False)
-        own = shapes[block.keep]
-        static = block.constant[:, 6:, None] - omega**2 * block.mass[:, 6:, None]
-        change += np.einsum("im,ijm,jm->m", own, there.matrix[:, 6:] - static.real, own)
+    for strand, ends in quality.ends_of(model, shapes.T):
+        there = replace(strand, lossy=False).at(omega)
+        for part, moved in ends.items():
+            change += np.einsum("iwm,ijm,jwm->m", moved, there.stiffness(part) - strand.resting(part), moved)
     result = np.zeros(len(found.omega_squared))
     result[good] = np.abs(change / (2 * omega**2))
     return result

@@ -15,6 +15,7 @@ import numpy as np
 from suspension_cli.analysis import modes
 from suspension_cli.analysis.asked import Asked
 from suspension_cli.analysis.estimates import BENDING, MASS, REFINEMENTS, SERIES, estimates
+from suspension_cli.analysis.modes import Modes
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import distributed
@@ -45,6 +46,8 @@ class Refinement:
     taken : bool
     what : str
         What of all that is asked for changes so much; "" where it was not sampled.
+    words : str
+        What is to be said in the place of the estimate; "" if the number says it.
     """
 
     name: str
@@ -53,6 +56,12 @@ class Refinement:
     change: float | None
     taken: bool
     what: str = ""
+    words: str = ""
+
+    @property
+    def size(self) -> str:
+        """The estimate for people."""
+        return self.words or f"{self.estimate:.1g}"
 
     @property
     def estimate(self) -> float:
@@ -100,11 +109,12 @@ def decide(design: Design, make: Callable[[LinearModel], Asked], tolerance: floa
     """
     base = fidelity.choose(design)
     build = _Builder(design)
-    asked, expected, stages = _expected(design, build(base.level), make)
+    asked, expected, stages, found = _expected(design, build(base.level), make)
     refinements = _series(design, base.level, asked, build, _room([], tolerance))
     for name in (BENDING, MASS):
         left = _only(name, stages, expected[name])
         refinements.append(_weigh(left, asked, build, tolerance, _room(refinements, tolerance)) if _reaches(top, name) else _sampled(left, asked, build))
+    refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
     level = next((REFINEMENTS[item.name] for item in reversed(refinements) if item.taken), base.level)
     reason = _reason(base, level, refinements, f"; tolerance {tolerance:g}")
     return Decision(Choice(level, reason, _error(refinements, level)), build(level), tuple(refinements))
@@ -124,18 +134,19 @@ def left_out(design: Design, choice: Choice, make: Callable[[LinearModel], Asked
     build = _Builder(design)
     if choice.level == "violin":
         return Decision(replace(choice, error=0.0), build(choice.level), ())
-    asked, expected, stages = _expected(design, build(choice.level), make)
+    asked, expected, stages, found = _expected(design, build(choice.level), make)
     refinements = [replace(item, taken=False) for item in _series(design, choice.level, asked, build, 0.0)]
     refinements += [_sampled(_only(name, stages, expected[name]), asked, build) for name in (BENDING, MASS) if not _reaches(choice.level, name)]
+    refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
     reason = _reason(choice, choice.level, refinements, "")
     return Decision(replace(choice, reason=reason, error=_error(refinements, choice.level)), build(choice.level), tuple(refinements))
 
 
-def _expected(design: Design, model: LinearModel, make: Callable[[LinearModel], Asked]) -> tuple[Asked, dict[str, Array], tuple[str, ...]]:
-    """What is asked for, what the refinements of each stage's wires would change of it, and these stages."""
+def _expected(design: Design, model: LinearModel, make: Callable[[LinearModel], Asked]) -> tuple[Asked, dict[str, Array], tuple[str, ...], Modes]:
+    """What is asked for, what the refinements of each stage's wires would change of it, these stages, and the model's modes."""
     asked, found = make(model), modes.solve(replace(model, terms=()))
     of = estimates(design, found)
-    return asked, asked.estimated(found, of), of.stage
+    return asked, asked.estimated(found, of), of.stage, found
 
 
 def _series(design: Design, level: str, asked: Asked, build: Callable[[str], LinearModel], room: float) -> list[Refinement]:
@@ -209,12 +220,32 @@ class _Builder:
         return self._known[level]
 
 
+def _words(item: Refinement, found: Modes, build: Callable[[str], LinearModel]) -> str:
+    """Why no number tells what a refinement changes, given the modes of the simplest model; "" if one does."""
+    if item.name == BENDING and item.taken and not found.stable and modes.solve(replace(build("beam"), terms=())).stable:
+        return unheld(found, unstable=True)
+    if not np.isinf(item.estimate):
+        return ""
+    if item.name == MASS:
+        return "near or above their violin modes"
+    return unheld(found, unstable=item.change is not None) or "what was 0 is not"
+
+
+def unheld(found: Modes, *, unstable: bool) -> str:
+    """In words, which mode straight wires leave `unstable`, or else free to turn, that wires which bend hold; "" if there is none."""
+    sign = -1 if unstable else 0
+    names = [label for label, value in zip(found.label, found.omega_squared, strict=True) if np.sign(value) == sign]
+    if not names:
+        return ""
+    return f"straight wires tip over in {names[0]}, bending holds it" if unstable else f"straight wires leave {names[0]} free, bending holds it"
+
+
 def _reason(base: Choice, level: str, refinements: list[Refinement], limit: str) -> str:
     """One line: what was left out, and why."""
     left = _left(refinements, level)
     unknown = [item.name for item in left if np.isnan(item.indicator)]
-    small = [f"{item.name} ({item.estimate:.1g})" for item in left if not np.isnan(item.indicator)]
-    taken = [f"{item.name} ({item.estimate:.1g}, {item.stage})" for item in refinements if item.taken]
+    small = [f"{item.name} ({item.size})" for item in left if not np.isnan(item.indicator)]
+    taken = [f"{item.name} ({item.size}{'' if item.words else f', {item.stage}'})" for item in refinements if item.taken]
     parts = [base.reason] if level == base.level else [f"for {', '.join(taken)}"]
     if small:
         parts.append(f"left out: {', '.join(small)}{limit}")

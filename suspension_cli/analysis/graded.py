@@ -4,7 +4,8 @@ A symmetric eigenvalue solver leaves rounding errors of the largest omega^2 in a
 than across, 1e-4 of a pendulum mode is gone.  Its vectors, though, are off the space of the soft modes only by a rounding error
 d, and Rayleigh quotients feel that in second order (d^2 times the stiffness ratio).  So K and M are projected on the soft modes,
 whose own scale is small, and solved again by themselves; and so on until all that is left is of one size (Parlett, The Symmetric
-Eigenvalue Problem, chapter 11).  What K itself has rounded away stays lost: see `rounding`.
+Eigenvalue Problem, chapter 11).  Where it is known what rounding has taken from K, it is projected in twofold arithmetic, and leaning wires or blades
+with tip masses keep their soft part however stiff they are; else that stays lost: see `rounding`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from suspension_cli.design.scene import Array
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.twofold import Twofold
 
 APART = 1e-3
 """Modes below this share of the largest omega^2 are solved again by themselves: they keep all but three digits at worst."""
@@ -27,7 +29,7 @@ TURNING = 1e3
 EPS = np.finfo(float).eps
 
 
-def solve(mass: Array, stiffness: Array) -> tuple[Any, Any]:
+def solve(mass: Array, stiffness: Array, low: Array | None = None) -> tuple[Any, Any]:
     """Eigenvalues (..., m), ascending, and shapes (..., c, m) of unit modal mass.
 
     Parameters
@@ -36,9 +38,11 @@ def solve(mass: Array, stiffness: Array) -> tuple[Any, Any]:
         kg, kg m^2; positive definite.
     stiffness : (..., c, c) array
         N/m, N m/rad; symmetric.
+    low : (c, c) array, optional
+        What rounding has taken from the elements of one stiffness (c, c).
     """
     if stiffness.ndim == 2:
-        values, shapes = solve(mass[None], stiffness[None])
+        values, shapes = solve(mass[None], stiffness[None], low)
         return values[0], shapes[0]
     inverse = np.linalg.inv(np.linalg.cholesky(mass))
     dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
@@ -51,7 +55,13 @@ def solve(mass: Array, stiffness: Array) -> tuple[Any, Any]:
         own = shapes[here][:, :, kind]
         across = np.swapaxes(own, -1, -2)
         less_mass, less_stiffness = (across @ matrix[here] @ own for matrix in (mass, stiffness))
-        found, within = solve(*((matrix + np.swapaxes(matrix, -1, -2)) / 2 for matrix in (less_mass, less_stiffness)))
+        less_low = None
+        if low is not None:
+            projected = Twofold.of(across[0]) @ (Twofold(stiffness[0], low) @ Twofold.of(own[0]))
+            less_stiffness = projected.high[None]
+            less_low = projected.low + (less_stiffness - np.swapaxes(less_stiffness, -1, -2))[0] / 2
+        less_mass, less_stiffness = ((matrix + np.swapaxes(matrix, -1, -2)) / 2 for matrix in (less_mass, less_stiffness))
+        found, within = solve(less_mass, less_stiffness, less_low)
         values[np.ix_(here, kind)] = found
         shapes[here[:, None], :, np.flatnonzero(kind)] = np.swapaxes(own @ within, -1, -2)
     return values, shapes
@@ -83,19 +93,19 @@ def quickly(mass: Array, stiffness: Array, tension: Array) -> tuple[Any, Any]:
     wide = size.min(-1) < WIDE * size.max(-1)
     if wide.any():
         found, shapes = solve(mass[wide], stiffness[wide])
-        values[wide] = rigid(found, stiffness[wide], shapes, tension[wide])
+        values[wide] = rigid(found, rounding(stiffness[wide], np.swapaxes(shapes, -1, -2)), tension[wide])
         vectors[wide] = np.swapaxes(root[wide], -1, -2) @ shapes
     return values, vectors
 
 
-def rigid(values: Array, stiffness: Array, shapes: Array, tension: Any) -> Any:
-    """Eigenvalues (..., m) of shapes (..., c, m) with those of rigid modes exactly 0.
+def rigid(values: Array, error: Array, tension: Any) -> Any:
+    """Eigenvalues (..., m) with those of rigid modes exactly 0.
 
-    A mode is rigid if its omega^2 is a rounding error of what it is a sum of: of the elements of K, or, where these have cancelled already,
-    of what tension (...) gives a rotation (never more than the largest).
+    A mode is rigid if its omega^2 is a rounding error of what it is a sum of: of the elements of K, whose last digits make an `error` (..., m), or,
+    where these have cancelled already, of what tension (...) gives a rotation (never more than the largest).
     """
     size = np.abs(values)
-    made_of = np.maximum(rounding(stiffness, np.swapaxes(shapes, -1, -2)) / EPS, np.minimum(np.asarray(tension)[..., None], size.max(-1, keepdims=True)))
+    made_of = np.maximum(error / EPS, np.minimum(np.asarray(tension)[..., None], size.max(-1, keepdims=True)))
     return np.where(size < RIGID * made_of, 0.0, values)
 
 
@@ -103,6 +113,23 @@ def rounding(stiffness: Array, shapes: Array) -> Array:
     """What errors in the last digit of every element of K do to omega^2 at most: eps |v|^T |K| |v| for shapes v (..., m, N) of unit modal mass, (rad/s)^2."""
     size = np.abs(shapes)
     return EPS * ((size @ np.abs(stiffness)) * size).sum(-1)
+
+
+def known(model: LinearModel) -> bool:
+    """Whether a model says what rounding has taken from its stiffness."""
+    return model.low is not None and not model.batch
+
+
+def kept(model: LinearModel, shapes: Array) -> Any:
+    """What errors in the last digits of all but the wires' stretching, and of how wires stretch with the coordinates, do to omega^2 at most.
+
+    For shapes (m, N) of unit modal mass in the model's own coordinates, (m,).
+    """
+    stretched, low = model.stretched, np.real(model.low)
+    assert stretched is not None
+    soft = stretched.added(Twofold(model.stiffness, low), -stretched.stiffness).value
+    pull = np.abs(shapes @ stretched.form.T) * stretched.stiffness
+    return rounding(soft, shapes) + 2 * EPS * (pull * (np.abs(shapes) @ np.abs(stretched.form).T)).sum(-1)
 
 
 def hanging(model: LinearModel) -> Any:
@@ -125,5 +152,5 @@ def lost(model: LinearModel, omega_squared: Array, shape: Array) -> Any:
         Of unit modal mass, in the named coordinates, as `modes.Modes` has them.
     """
     adapted = np.pad(shape, ((0, 0), (6, 0))) @ model.basis  # the basis is orthogonal
-    size = rounding(model.stiffness, adapted)
+    size = kept(model, adapted) if known(model) else rounding(model.stiffness, adapted)
     return np.where(omega_squared != 0, size / (2 * np.abs(np.where(omega_squared == 0, 1.0, omega_squared))), np.inf)

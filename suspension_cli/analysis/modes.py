@@ -14,6 +14,7 @@ import numpy as np
 from suspension_cli.analysis import graded, quality
 from suspension_cli.conventions import WIRE_WORDS, WORDS
 from suspension_cli.design.scene import Array, Index
+from suspension_cli.mechanics import reduction
 from suspension_cli.mechanics.model import LinearModel
 
 DAMPING_BAND = (0.5, 5.0)
@@ -210,6 +211,9 @@ def condensed(model: LinearModel, block: Index) -> tuple[Index, Any, Any, Any]:
     light = model.massless[block]
     a, b = block[~light], block[light]
     mass = model.mass[..., a[:, None], a]
+    if not model.batch:
+        (stiffness, _), recover = _reduced(model, block)
+        return a, mass, stiffness, recover
     stiffness = model.stiffness[..., a[:, None], a]
     if not len(b):
         return a, mass, stiffness, np.zeros((*model.batch, 0, len(a)))
@@ -219,18 +223,31 @@ def condensed(model: LinearModel, block: Index) -> tuple[Index, Any, Any, Any]:
     return a, mass, (stiffness + np.swapaxes(stiffness, -1, -2)) / 2, recover
 
 
+def _reduced(model: LinearModel, block: Index) -> tuple[tuple[Any, Any], Any]:
+    """The stiffness of a block of one model without its massless coordinates, what rounding takes from it, and what these coordinates do."""
+    low = np.real(model.low) if graded.known(model) else np.zeros_like(model.stiffness)
+    rows = np.ix_(block, np.concatenate([np.arange(6), block]))
+    whole, follows = reduction.reduced(model.stiffness[rows], low[rows], model.massless[block])
+    high, rest = reduction.rounded(whole)
+    return (high[:, 6:], rest[:, 6:]), -follows[:, 6:]
+
+
 def _solve_block(model: LinearModel, block: Index, tension: float) -> tuple[Array, Array]:
     """omega^2 (m,) and shapes (c, m) of one block, over all of the block's coordinates."""
-    kept, mass, stiffness, recover = condensed(model, block)
-    if not len(kept):
+    light = model.massless[block]
+    if light.all():
         return np.zeros(0), np.zeros((len(block), 0))
-    values, own = graded.solve(mass, stiffness)
-    values = graded.rigid(values, stiffness, own, tension)
+    kept = block[~light]
+    mass = model.mass[np.ix_(kept, kept)]
+    (stiffness, low), recover = _reduced(model, block)
+    values, own = graded.solve(mass, stiffness, low)
+    every = np.zeros((len(values), model.size))
+    every[:, kept], every[:, block[light]] = own.T, (recover @ own).T
+    values = graded.rigid(values, graded.kept(model, every) if graded.known(model) else graded.rounding(stiffness, own.T), tension)
     if (np.diff(values) <= DEGENERATE * np.abs(values[1:])).any():
         root = np.linalg.cholesky(mass)
         own = np.linalg.solve(root.T, localised(values, root.T @ own))
     shapes = np.zeros((len(block), len(values)))
-    light = model.massless[block]
     shapes[~light] = own
     shapes[light] = recover @ own
     return values, shapes

@@ -19,6 +19,7 @@ from suspension_cli.design.scene import Array
 from suspension_cli.mechanics.dispersion import LossTerm, WireTerm
 from suspension_cli.mechanics.fibre import PARTS, Strand
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.twofold import Twofold
 
 NOTHING = 1e-30
 """What a shape that is wrong by roundings dissipates in parts that do not take part in it, over its energy."""
@@ -56,7 +57,9 @@ def dissipated(model: LinearModel, omega: Array, shapes: Array, wires: Sequence[
             elastic += value if term.elastic else 0.0
     lost += omega * np.einsum("mi,ij,mj->m", shapes, model.damping, shapes)
     if model.lossy is not None:
-        lost += np.einsum("mi,ij,mj->m", shapes, model.lossy.imag, shapes)
+        low = np.zeros_like(model.stiffness) if model.low is None else np.imag(model.low)
+        moved = Twofold.of(shapes.T)
+        lost += (moved * (Twofold(model.lossy.imag, low) @ moved)).summed().value
     return lost, elastic
 
 

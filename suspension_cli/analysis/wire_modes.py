@@ -2,7 +2,8 @@
 
 `mechanics.count` finds all frequencies.  For the shapes every wire is cut at a point of no symmetry, whose motion becomes six more coordinates: then
 a violin mode that moves no body has a shape too, and no function is near its pole at a mode.  At a mode the stiffness of this larger
-system is singular; what it takes to nothing is the shape, and from that come kinetic energies, Q and dilution.
+system is singular; what it takes to nothing is the shape, and from that come kinetic energies, Q and dilution.  The tensions of the pieces are
+coordinates of that system too (`mechanics.stretching`).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from suspension_cli.analysis.modes import Modes
 from suspension_cli.design.fibres import Fibre
 from suspension_cli.design.scene import Array
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.mechanics import count, joined
+from suspension_cli.mechanics import count, dispersive, joined
 from suspension_cli.mechanics.dispersion import WireTerm
 from suspension_cli.mechanics.fibre import PARTS, WIDTH, Strand
 from suspension_cli.mechanics.model import LinearModel
@@ -146,19 +147,52 @@ def _halved(fibre: Fibre) -> tuple[Fibre, Fibre]:
 
 
 def _stiffness(model: LinearModel, wires: list[CutWires], size: int, omega: Array) -> Any:
-    """Real dynamic stiffness (m, A, A) of the larger system."""
-    constant = model.stiffness.copy()
+    """Real dynamic stiffness (m, A + t, A + t) of the larger system and of the tensions of all pieces."""
+    constant = np.real(dispersive.soft(model)).copy()
     for term in model.terms:
         if isinstance(term, WireTerm):
-            static = np.array([term.strand.static[part][i, j] for part, i, j in term.functions])
+            static = np.array([0.0 if part == "stretch" else term.strand.static[part][i, j] for part, i, j in term.functions])
             constant -= np.tensordot(static, term.matrices, 1)
-    result = np.zeros((len(omega), size, size))
+    pulled = [_tensions(cut, strand, ends, omega) for cut in wires for strand, ends in zip(cut.pieces, cut.piece_ends("stretch"), strict=True)]
+    whole = size + sum(len(across) for across, _, _ in pulled)
+    result = np.zeros((len(omega), whole, whole))
     result[:, : model.size, : model.size] = constant - omega[:, None, None] ** 2 * model.mass
     for cut in wires:
         for part in PARTS:
             for strand, ends in zip(cut.pieces, cut.piece_ends(part), strict=True):
-                result += _assembled(ends, _on_ends(strand, part, omega))
+                if part != "stretch":
+                    result[:, :size, :size] += _assembled(ends, _on_ends(strand, part, omega))
+    start = size
+    for across, diagonal, rest in pulled:
+        rows = np.arange(start, start + len(across))
+        result[:, rows, :size] = np.moveaxis(across, -1, 0)
+        result[:, :size, rows] = np.moveaxis(across, -1, 0).swapaxes(1, 2)
+        result[:, rows, rows] = diagonal[:, None]
+        result[:, :size, :size] += rest
+        start += len(across)
     return result
+
+
+def _tensions(cut: CutWires, strand: Strand, ends: Any, omega: Any) -> tuple[Any, Any, Any]:
+    """Tensions of one piece of every wire as coordinates (see `mechanics.dispersive.Tensions`).
+
+    Returns
+    -------
+    across : (w, A, m) array
+        Towards the other coordinates.
+    diagonal : (m,) array
+        Towards themselves.
+    rest : (m, A, A) array
+        What is left of the stretching, on the even motion of the ends.
+    """
+    stiffness = replace(strand, lossy=False).at(omega).stiffness("stretch")
+    even, odd = np.linalg.inv(joined.ENDS[1]) @ np.moveaxis(ends, 1, 0).reshape(2, -1)
+    even, odd = even.reshape(len(ends), -1), odd.reshape(len(ends), -1)
+    mixed = stiffness[0, 1] / stiffness[1, 1]
+    scale = float(cut.whole.tension) / sum(section.length for section in strand.fibre.sections)
+    across = scale * (odd[..., None] + even[..., None] * mixed)
+    beside = stiffness[0, 0] - mixed * stiffness[0, 1]
+    return across, -(scale**2) / stiffness[1, 1], beside[:, None, None] * (even.T @ even)
 
 
 def _on_ends(strand: Strand, part: str, omega: Any) -> Any:
@@ -183,11 +217,12 @@ def _shapes(model: LinearModel, wires: list[CutWires], size: int, omega: Array) 
             stop += 1
         below, matrix, above = _stiffness(model, wires, size, omega[start:stop].mean() * ASIDE)[:, 6:, 6:]
         # a coordinate that resonates by itself has no stiffness at its mode, so sizes are taken beside it
-        scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above))))
+        beside = np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above)))
+        scale = 1 / dispersive.sizes(beside[None], np.abs(matrix[None, size - 6 :, : size - 6]), model.size - 6)[0]
         values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
         nearest = np.argsort(np.abs(values))[: stop - start]
-        vectors = static_modes.localised(np.zeros(stop - start), vectors[:, nearest])
-        result[start:stop, 6:] = (vectors * scale[:, None]).T
+        vectors = static_modes.localised(np.zeros(stop - start), vectors[: size - 6, nearest])
+        result[start:stop, 6:] = (vectors * scale[: size - 6, None]).T
         start = stop
     return result
 

@@ -12,6 +12,7 @@ from suspension_cli.cli import analyses, options, rung
 if TYPE_CHECKING:
     from suspension_cli.analysis.auto import Decision
     from suspension_cli.analysis.estimates import Estimates
+    from suspension_cli.analysis.modes import Modes
     from suspension_cli.models.fidelity import Choice
 
 
@@ -31,17 +32,17 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], as_json
     """
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
-        found, decisions, noise = _weighed(source, setting)
+        found, simplest, decisions, noise = _weighed(source, setting)
     name = source.design.design.name
     if as_json:
         import json
 
         click.echo(json.dumps(document(name, setting["tolerance"], found, decisions, noise)))
     else:
-        click.echo(text(source.design.design.title or name, setting["tolerance"], found, decisions, noise))
+        click.echo(text(source.design.design.title or name, setting["tolerance"], found, simplest, decisions, noise))
 
 
-def _weighed(source: analyses.Read, setting: dict[str, Any]) -> tuple[Estimates, dict[str, Decision], tuple[str, Choice] | None]:
+def _weighed(source: analyses.Read, setting: dict[str, Any]) -> tuple[Estimates, Modes, dict[str, Decision], tuple[str, Choice] | None]:
     import numpy as np
 
     from suspension_cli.analysis import auto, modes, signals
@@ -67,8 +68,8 @@ def _weighed(source: analyses.Read, setting: dict[str, Any]) -> tuple[Estimates,
     noise = None
     if not unsuited(design, massive=True):
         noise = (f"thermal noise of {output}, {span}", wire_mass.choose(design, "auto", float(frequency.max()), tolerance))
-    simplest = fidelity.linear_model(design, fidelity.choose(design).level)
-    return estimates(design, modes.solve(simplest)), decisions, noise
+    simplest = modes.solve(fidelity.linear_model(design, fidelity.choose(design).level))
+    return estimates(design, simplest), simplest, decisions, noise
 
 
 def document(name: str, tolerance: float, found: Estimates, decisions: dict[str, Decision], noise: tuple[str, Choice] | None) -> dict[str, Any]:
@@ -80,7 +81,13 @@ def document(name: str, tolerance: float, found: Estimates, decisions: dict[str,
             "estimated_error": rung.estimate(decision.choice),
             "reason": decision.choice.reason,
             "refinements": [
-                {"name": item.name, "indicator": _finite(item.indicator), "stage": item.stage, "change": item.change, "taken": item.taken}
+                {
+                    "name": item.name,
+                    "indicator": _finite(item.indicator),
+                    "stage": item.stage,
+                    "change": None if item.change is None else _finite(item.change),
+                    "taken": item.taken,
+                }
                 for item in decision.refinements
             ],
         }
@@ -101,7 +108,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def text(title: str, tolerance: float, found: Estimates, decisions: dict[str, Decision], noise: tuple[str, Choice] | None) -> str:
+def text(title: str, tolerance: float, found: Estimates, simplest: Modes, decisions: dict[str, Decision], noise: tuple[str, Choice] | None) -> str:
     """The same for people: a table of indicators a stage, then the choices."""
     columns = _largest(found)
     width = max([len(stage) for stage in found.stage] + [6])
@@ -114,6 +121,8 @@ def text(title: str, tolerance: float, found: Estimates, decisions: dict[str, De
     for n, stage in enumerate(found.stage):
         cells = [f"{_shown(float(values[n])):>{len(name)}}" for name, values in columns.items()]
         lines.append(f"  {stage:{width}}  " + "  ".join(cells) + f"  {_hertz(float(found.violin[n])):>17}")
+    if any(math.isinf(float(value)) for values in columns.values() for value in values):
+        lines.append(f"  without bound: {_why(simplest)}")
     lines += ["", f"Rungs that auto takes, for a tolerance of {tolerance:g}:"]
     for quantity, decision in decisions.items():
         lines.append(f"  {quantity}\n    {decision.choice.level}: {decision.choice.reason}")
@@ -130,7 +139,14 @@ def _largest(found: Estimates) -> dict[str, Any]:
 
 
 def _shown(value: float) -> str:
-    return "unknown" if math.isnan(value) else f"{value:.1e}"
+    return "unknown" if math.isnan(value) else "without bound" if math.isinf(value) else f"{value:.1e}"
+
+
+def _why(simplest: Modes) -> str:
+    """Why an indicator is infinite."""
+    from suspension_cli.analysis import auto
+
+    return auto.unheld(simplest, unstable=False) or "a mode lies near or above the first violin mode of these wires"
 
 
 def _hertz(value: float) -> str:

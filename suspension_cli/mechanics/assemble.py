@@ -5,16 +5,19 @@ Every matrix is summed from closed-form contributions of the elements and is exa
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from suspension_cli.design.scene import Scene
-from suspension_cli.mechanics import blade, spring, string
-from suspension_cli.mechanics.blocks import symmetry, unsplit
+from suspension_cli.mechanics import blade, spring, stretching, string
+from suspension_cli.mechanics.blocks import Symmetry, symmetry, unsplit
 from suspension_cli.mechanics.equilibrium import Equilibrium, solve
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.mechanics.pose import Layout, Pose, layout, point_jacobian, rigid_motion
+from suspension_cli.mechanics.stretching import Stretching
+from suspension_cli.mechanics.twofold import Twofold
 
 
 def linear_model(scene: Scene, balanced: Equilibrium | None = None, *, split: bool = True) -> LinearModel:
@@ -49,9 +52,11 @@ def linear_model(scene: Scene, balanced: Equilibrium | None = None, *, split: bo
     weightless = scene.blades.tip_mass == 0
     for number in np.flatnonzero(weightless.all(tuple(range(weightless.ndim - 1)))):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
+    stiffness, low, stretched = _stiffness(scene, numbering, balanced, adapted)
     lossy = None
     if scene.wires.loss.any() or scene.blades.loss.any() or scene.springs.loss.any():
-        lossy = balanced.stiffness + 1j * loss_matrix(scene, numbering, pose)
+        lossy, lossy_low = _loss(scene, numbering, pose, adapted, stretched)
+        lossy, low = stiffness + 1j * lossy, None if low is None else low + 1j * lossy_low
     damping = damping_matrix(scene, numbering, pose) if scene.springs.damping.any() else np.zeros((numbering.size,) * 2)
     return LinearModel(
         body=scene.bodies.name,
@@ -59,14 +64,35 @@ def linear_model(scene: Scene, balanced: Equilibrium | None = None, *, split: bo
         basis=adapted.basis,
         massless=adapted.carried(tips),
         mass=adapted.apply(mass_matrix(scene, numbering, pose)),
-        stiffness=adapted.apply(balanced.stiffness),
+        stiffness=stiffness,
         damping=adapted.apply(damping),
-        lossy=None if lossy is None else adapted.apply(lossy),
+        lossy=lossy,
+        low=low,
+        stretched=stretched,
         orientation=None if balanced.iterations == 0 else pose.rotation,
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
         rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
     )
+
+
+def _stiffness(scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry) -> tuple[Any, Any, Stretching | None]:
+    """The stiffness, what rounding takes from it, and its part from the stretching of wires; of a batch of scenes (or complex steps) the stiffness alone."""
+    if scene.batch or np.issubdtype(scene.kind, np.complexfloating) or not scene.wires.label:
+        return adapted.apply(balanced.stiffness), None, None
+    soft, stretched = stretching.apart(scene, numbering, balanced, adapted)
+    whole = stretched.added(Twofold.of(soft), stretched.stiffness)
+    return whole.high, whole.low, stretched
+
+
+def _loss(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, stretched: Stretching | None) -> tuple[Any, Any]:
+    """The imaginary part of the stiffness, and what rounding takes from it."""
+    if stretched is None:
+        return adapted.apply(loss_matrix(scene, numbering, pose)), None
+    other = replace(scene, wires=replace(scene.wires, loss=np.zeros_like(scene.wires.loss)))
+    rest = Twofold.of(adapted.apply(loss_matrix(other, numbering, pose)))
+    whole = stretched.added(rest, stretched.stiffness * scene.wires.loss)
+    return whole.high, whole.low
 
 
 def mass_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:

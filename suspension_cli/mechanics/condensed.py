@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design.scene import Array, Index
-from suspension_cli.mechanics import elimination, packed, reduction
+from suspension_cli.mechanics import elimination, packed, reduction, stretching
 from suspension_cli.mechanics.invariance import completed
 from suspension_cli.mechanics.model import LinearModel
 
@@ -67,12 +67,12 @@ class Block:
     Attributes
     ----------
     keep : (c,) int array
-        Coordinates.
+        Coordinates; that of a tip that stays (it has mass) is counted from where its wires would hold it (`stretching.held`).
     mass, damping : (c, 6 + c) arrays
         Against the support's coordinates and the block's own.
     stiffness : (c, 6 + c) array
         Complex if lossy.
-    stiffness_low, damping_low : (c, 6 + c) arrays
+    stiffness_low, mass_low, damping_low : (c, 6 + c) arrays
         What rounding took from the elements of these (`invariance`).
     drop, recover : (m,) int array, (c, m) array
         The massless coordinates, and how a force on them acts on those that are kept: -K_ab K_bb^-1.
@@ -97,6 +97,7 @@ class Block:
     damping: Any
     stiffness: Any
     stiffness_low: Any
+    mass_low: Any
     damping_low: Any
     drop: Index
     recover: Any
@@ -225,16 +226,23 @@ def _block(model: LinearModel, block: Index) -> Block:
     full = model.stiffness if model.lossy is None else model.lossy
     if not np.iscomplexobj(full) or not full[block].imag.any():
         full = full.real
-    whole, follows, free = _without_tips(model, full, block, light)
+    held = stretching.held(model, block, ~light & (block >= 6 * (len(model.body) + 1)) & tips)
+    whole, follows, free = _without_tips(model, full, block, light, held)
     order = np.argsort([_rank(model, _owner(model.coordinate[n])) for n in keep], kind="stable")
     keep, columns = keep[order], np.concatenate([np.arange(6), 6 + order])
-    both = np.concatenate([np.arange(6), keep])
     whole = reduction.Reduced(*(part[order[:, None], columns] for part in (whole.real, whole.imag)))
     stiffness, low = reduction.rounded(whole)
     damping_low, undamped = completed(model.damping, model, keep)
-    matrices = stiffness, model.mass[np.ix_(keep, both)], model.damping[np.ix_(keep, both)]
+    own = np.concatenate([np.arange(6), 6 + np.flatnonzero(~light)[order]])
+
+    both = np.concatenate([np.arange(6), keep])
+    mass, damping, damping_low = model.mass[np.ix_(keep, both)], model.damping[np.ix_(keep, both)], damping_low[:, both]
+    mass_low = np.zeros_like(mass)
+    if held is not None:
+        (mass, mass_low), (damping, damping_low) = (reduction.turned(*parts, held[np.ix_(own, own)]) for parts in ((mass, mass_low), (damping, damping_low)))
+    matrices = stiffness, mass, damping
     settled = reduction.settled(whole, np.zeros((len(keep), 6)) if model.rigid is None else model.rigid[keep], free)
-    left, settled = _left(matrices, damping_low[:, both], settled, free & undamped)
+    left, settled = _left(matrices, (mass_low, damping_low), settled, free & undamped)
     coupled = np.logical_or.reduce([matrix[:, 6:] != 0 for matrix in matrices])
     tree = elimination.tree([_owner(model.coordinate[n]) for n in keep], coupled) or elimination.Tree((np.arange(len(keep)),), (-1,))
 
@@ -247,7 +255,8 @@ def _block(model: LinearModel, block: Index) -> Block:
         damping=matrices[2],
         stiffness=stiffness,
         stiffness_low=low,
-        damping_low=damping_low[:, both],
+        mass_low=mass_low,
+        damping_low=damping_low,
         drop=drop,
         recover=-follows[:, columns[6:]].T,
         yielding=np.linalg.inv(full[np.ix_(drop, drop)]),
@@ -276,23 +285,27 @@ def _parts(stiffness: Any, mass: Any, tree: elimination.Tree) -> Any:
     return np.unique(np.concatenate(found))
 
 
-def _without_tips(model: LinearModel, full: Any, block: Index, light: Any) -> tuple[reduction.Reduced, Any, Any]:
+def _without_tips(model: LinearModel, full: Any, block: Index, light: Any, held: Any) -> tuple[reduction.Reduced, Any, Any]:
     """The stiffness of what is kept, how the tips follow, and which motions of everything cost nothing."""
     both = np.concatenate([np.arange(6), block])
-    real, free = completed(full.real, model, block)
-    imag, alike = completed(full.imag, model, block)
-    whole, follows = reduction.reduced(full[np.ix_(block, both)], (real + 1j * imag)[:, both], light)
+    low = model.low
+    real, free = completed(full.real, model, block, None if low is None else low.real)
+    imag, alike = completed(full.imag, model, block, None if low is None else low.imag)
+    high, rest = full[np.ix_(block, both)], (real + 1j * imag)[:, both]
+    if held is not None:
+        high, rest = reduction.turned(high, rest, held)
+    whole, follows = reduction.reduced(high, rest, light)
     return whole, follows, free & alike
 
 
-def _left(matrices: tuple[Any, Any, Any], damping_low: Any, settled: Any, undamped: Any) -> tuple[tuple[Any, Any, Any], Any]:
+def _left(matrices: tuple[Any, Any, Any], low: tuple[Any, Any], settled: Any, undamped: Any) -> tuple[tuple[Any, Any, Any], Any]:
     """What still acts on coordinates counted from where they would settle (K, M and C towards the support), and where that is."""
     stiffness, mass, damping = matrices
     rests = np.isfinite(settled).all(0)
     settled = np.where(rests, settled, 0.0)
-    resisted = reduction.left_over(damping, damping_low, settled)
+    resisted = reduction.left_over(damping, low[1], settled)
     resisted[:, undamped] = 0.0
-    return (np.where(rests, 0.0, stiffness[:, :6]), reduction.left_over(mass, 0.0 * mass, settled), resisted), settled
+    return (np.where(rests, 0.0, stiffness[:, :6]), reduction.left_over(mass, low[0], settled), resisted), settled
 
 
 def _owner(coordinate: str) -> str:

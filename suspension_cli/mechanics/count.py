@@ -42,9 +42,10 @@ def _below(model: LinearModel, omega: Array) -> Any:
             total += len(term.forms["twist"]) * term.strand.resonances_below(omega)
     for block in dispersive.blocks(model):
         matrix = np.moveaxis(block.at(omega, lossy=False).matrix[:, 6:], -1, 0)
-        size = np.sqrt(np.abs(np.diagonal(matrix, axis1=-2, axis2=-1)))  # signs of eigenvalues survive scaling (Sylvester)
-        size = np.where(size == 0, 1.0, size)
-        total += (np.linalg.eigvalsh(matrix / (size[:, :, None] * size[:, None, :])) < 0).sum(-1)
+        count = len(block.keep)
+        size = dispersive.sizes(np.diagonal(matrix, axis1=-2, axis2=-1), np.abs(matrix[:, count:, :count]))
+        total += (np.linalg.eigvalsh(matrix / (size[:, :, None] * size[:, None, :])) < 0).sum(-1)  # signs survive scaling (Sylvester)
+        total -= (np.diagonal(matrix[:, count:, count:], axis1=-2, axis2=-1) < 0).sum(-1)
     return total
 
 

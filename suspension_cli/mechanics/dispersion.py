@@ -5,6 +5,8 @@ Each term adds to the stiffness of a model a few functions of frequency times co
     Z(omega) = K + i omega C - omega^2 M + sum over terms and n of f_n(omega) A_n,
 
 where K holds the static, lossless stiffness of everything: f_n(0) without loss is 0.  All wires that are alike share their functions.
+The odd motion of the ends of a wire is not among these functions: a stiff wire would drown what is soft.  Its tension is a coordinate instead
+(`mechanics.stretching`), and what is left of the stretching acts on the even motion.
 A term also tells what it dissipates in a motion x, x^H Im(f A) x, split by its causes: sums of squares, in which nothing cancels.
 """
 
@@ -82,8 +84,8 @@ class WireTerm:
         result = []
         for part in parts:
             every = [(i, j) for i in range(WIDTH[part]) for j in range(i, WIDTH[part])]
-            bend, rod = (PLACE, ((0, 0), (1, 1))) if simple else (every, every)
-            result += [(part, i, j) for i, j in (bend if part.startswith("bend") else rod)]
+            places = {"stretch": ((0, 0),), "twist": ((0, 0), (1, 1)) if simple else every}
+            result += [(part, i, j) for i, j in places.get(part, PLACE if simple else every)]
         return tuple(result)
 
     @cached_property
@@ -147,7 +149,19 @@ class EvaluatedWires:
         """Some of the f_n: (w, f)."""
         static = self.term.strand.static
         wanted = [self.term.functions[n] for n in which]
-        return np.stack([self.moving.stiffness(part)[i, j] - static[part][i, j] for part, i, j in wanted])
+        return np.stack([self.beside if part == "stretch" else self.moving.stiffness(part)[i, j] - static[part][i, j] for part, i, j in wanted])
+
+    @property
+    def beside(self) -> Any:
+        """Stiffness (f,) of the even motion where the tension is a coordinate: F_ss - F_sa^2 / F_aa."""
+        even, mixed, odd = self.stretching
+        return even - mixed**2 / odd
+
+    @property
+    def stretching(self) -> tuple[Any, Any, Any]:
+        """F_ss, F_sa, F_aa (f,) of stretching."""
+        whole = self.moving.stiffness("stretch")
+        return whole[0, 0], whole[0, 1], whole[1, 1]
 
     def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
         """x^H Im(f A) x (f,), split into bending at the upper and lower end, stretching, torsion and gas."""

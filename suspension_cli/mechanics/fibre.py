@@ -94,8 +94,7 @@ class Moving:
         """Stiffness (c, c, f) of one part."""
         part = self._twin(part)
         if part not in self._known:
-            whole, nodes, _ = self._joined(part)
-            self._known[part] = joined.even_odd(whole) if nodes else whole
+            self._known[part] = self._joined(part)[0]
         return self._known[part]
 
     def resonances_below(self, parts: tuple[str, ...]) -> Any:
@@ -164,11 +163,17 @@ class Moving:
         return {}
 
     def _joined(self, part: str) -> tuple[Any, list[Any], Any]:
-        """What `joined.join` gives for one part; the stiffness of a single section is on its even and odd motion."""
+        """What joining the sections gives for one part; the stiffness is on even and odd motion."""
         key = f"joined {part}"
         if key not in self._known:
             sections = self._sections(part)
-            self._known[key] = joined.join([joined.ends(section) for section in sections]) if len(sections) > 1 else (sections[0], [], 0)
+            if len(sections) == 1:
+                self._known[key] = sections[0], [], 0
+            elif WIDTH[part] == 2:
+                self._known[key] = joined.join_rods(sections)
+            else:
+                whole, nodes, negative = joined.join([joined.ends(section) for section in sections])
+                self._known[key] = joined.even_odd(whole), nodes, negative
         return self._known[key]
 
     def _sections(self, part: str) -> list[Any]:

@@ -28,7 +28,7 @@ ROUNDING = 1e-10
 """Share of the sum of its terms up to which the sum above counts as 0: more is no rounding error but a term (local control, dampers drawn elsewhere)."""
 
 
-def completed(matrix: Any, model: LinearModel, rows: Index) -> tuple[Any, Any]:
+def completed(matrix: Any, model: LinearModel, rows: Index, known: Any = None) -> tuple[Any, Any]:
     """What rounding took from some rows of a matrix, and for which motions of everything they feel nothing.
 
     Parameters
@@ -37,6 +37,8 @@ def completed(matrix: Any, model: LinearModel, rows: Index) -> tuple[Any, Any]:
         Stiffness or damping, real.
     model : LinearModel
     rows : (r,) int array
+    known : (N, N) array, optional
+        What is known to be missing from the rounded elements; only those towards a row's own body follow from the others.
 
     Returns
     -------
@@ -45,8 +47,8 @@ def completed(matrix: Any, model: LinearModel, rows: Index) -> tuple[Any, Any]:
     free : (6,) bool array
         Whether moving everything along each coordinate of the support costs nothing in any of these rows.
     """
-    found, free = Twofold.of(matrix[rows]), np.zeros(6, dtype=bool)
-    low = found.low
+    free = np.zeros(6, dtype=bool)
+    low = np.zeros((len(rows), len(matrix))) if known is None else known[rows]
     if model.rigid is None:
         return low, free
     own = np.array([_own(model, model.coordinate[row]) for row in rows], dtype=np.intp)
@@ -61,9 +63,20 @@ def completed(matrix: Any, model: LinearModel, rows: Index) -> tuple[Any, Any]:
         here = matrix[rows, column]
         difference = (rest - Twofold.of(here)).value
         held[place, column] = np.abs(difference) <= ROUNDING * np.abs(terms.high).sum(1)
-        low[place, column] = np.where(held[place, column], difference, 0.0)
+        low[place, column] = np.where(held[place, column], difference, low[place, column])
         free[dof] = held[place, column].all()
     return _both_ways(low, held, rows), free
+
+
+def completed_forms(form: Any, rigid: Any, body: Index) -> Any:
+    """What rounding took from the elements towards one body each of forms (w, N) that feel nothing when everything moves together: (w, N)."""
+    low, place = np.zeros_like(form), np.arange(len(form))
+    for dof in TOGETHER:
+        column = 6 * body + dof
+        others = np.arange(form.shape[1]) != column[:, None]
+        terms = Twofold(np.where(others, form, 0.0), np.where(others, low, 0.0)) * Twofold.of(np.broadcast_to(rigid[:, dof], form.shape))
+        low[place, column] = (-terms.total() - Twofold.of(form[place, column])).value
+    return low
 
 
 def _both_ways(low: Any, held: Any, rows: Index) -> Any:

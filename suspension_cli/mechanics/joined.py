@@ -7,6 +7,9 @@ for a rod).  Joining what stands above a node (A) to the section below it (B) an
 
 S has as many negative eigenvalues as the held whole has resonances more, below this frequency, than its parts (Wittrick and Williams, Q. J. Mech.
 Appl. Math. 24, 263 (1971)).
+
+Sections of rods are joined by what pulls their ends together and what else holds each end (`join_rods`), as in the sum of both the stiffness of a
+nearly rigid wire would drown its inertia.
 """
 
 from __future__ import annotations
@@ -62,6 +65,39 @@ def join(parts: list[Any]) -> tuple[Any, list[Any], Any]:
         whole = (new + np.swapaxes(new, 0, 1)) / 2
         nodes.append(move)
     return whole, nodes, negative
+
+
+def join_rods(parts: list[Any]) -> tuple[Any, list[Any], Any]:
+    """Join sections of a rod.
+
+    A section is a spring c between its ends, and r_1 and r_2 from each of them to the ground (its inertia).  A node between two of them, A above B, with
+    S = c_A + c_B + r_A2 + r_B1 gives
+
+        c = c_A c_B / S,    r_1 = r_A1 + c_A (r_A2 + r_B1) / S,    r_2 = r_B2 + c_B (r_A2 + r_B1) / S.
+
+    Parameters
+    ----------
+    parts : list of (2, 2, f) arrays
+        Stiffness of each section on the even and odd motion of its ends, diagonal.
+
+    Returns
+    -------
+    whole : (2, 2, f) array
+        The same of all together.
+    nodes, negative
+        As for `join`.
+    """
+    even, odd = parts[0][0, 0], parts[0][1, 1]
+    spring, upper, lower = (odd - even) / 4, even / 2, even / 2
+    nodes, negative = [], np.zeros(np.shape(even), dtype=int)
+    for part in parts[1:]:
+        below, end = (part[1, 1] - part[0, 0]) / 4, part[0, 0] / 2
+        own, held = spring + below + lower + end, lower + end
+        nodes.append(np.stack([spring / own, below / own])[None])
+        if not np.iscomplexobj(own):
+            negative = negative + (own < 0)
+        upper, lower, spring = upper + spring * held / own, end + below * held / own, spring * below / own
+    return np.array([[upper + lower, lower - upper], [lower - upper, upper + lower + 4 * spring]]), nodes, negative
 
 
 def sections_moved(nodes: list[Any], motion: Any) -> list[Any]:

@@ -13,6 +13,7 @@ from suspension_cli.design.scene import Index
 
 if TYPE_CHECKING:
     from suspension_cli.mechanics.dispersion import Term
+    from suspension_cli.mechanics.stretching import Stretching
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,10 @@ class LinearModel:
         SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling.
     lossy : (..., N, N) complex array or None
         The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
+    low : (N, N) array or None
+        What rounding to doubles takes from the elements of the lossy stiffness, or of the stiffness if nothing is lossy; None if that is not known.
+    stretched : Stretching or None
+        How much of the stiffness is the stretching of wires; None if that is not known.
     orientation : (..., n + 1, 3, 3) array or None
         Rotation of each body (support first) from its nominal orientation; None if none is turned.
     residual : float
@@ -58,6 +63,8 @@ class LinearModel:
     stiffness: Any
     damping: Any
     lossy: Any = None
+    low: Any = None
+    stretched: Stretching | None = None
     orientation: Any = None
     residual: float = 0.0
     wire: tuple[str, ...] = ()

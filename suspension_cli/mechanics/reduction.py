@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from suspension_cli.design.scene import Array
 from suspension_cli.mechanics import twofold
 from suspension_cli.mechanics.twofold import Twofold
 
@@ -27,6 +28,13 @@ class Reduced:
         """Some columns as real matrices: (c, q), or (2 c, 2 q) if lossy."""
         real, imag = self.real[:, columns], self.imag[:, columns]
         return _embedded(real, imag) if self.lossy else real
+
+
+def turned(full: Any, low: Any, basis: Array) -> tuple[Any, Any]:
+    """Some rows (n, 6 + n) of a matrix, and what rounding took from them, in other coordinates: from these the old ones follow as basis (6 + n, 6 + n)."""
+    own, whole = Twofold.of(basis[6:, 6:].T), Twofold.of(basis)
+    real, imag = (own @ Twofold(*parts) @ whole for parts in ((full.real, low.real), (full.imag, low.imag)))
+    return (real.high + 1j * imag.high, real.low + 1j * imag.low) if np.iscomplexobj(full) else (real.high, real.low)
 
 
 def _embedded(real: Twofold, imag: Twofold) -> Twofold:

@@ -73,7 +73,7 @@ def _equations(block: Block) -> Equations:
     split = bool(block.damping.any()) or np.iscomplexobj(block.stiffness)
     parts = [
         (_rows(block.stiffness.real, block.stiffness.imag, split=split), _rows(block.stiffness_low.real, block.stiffness_low.imag, split=split)),
-        (_rows(-block.mass, nothing, split=split), _rows(nothing, nothing, split=split)),
+        (_rows(-block.mass, nothing, split=split), _rows(-block.mass_low, nothing, split=split)),
         (_rows(nothing, block.damping, split=split), _rows(nothing, block.damping_low, split=split)),
     ]
     used = [np.arange(parts[0][0].shape[1]), *(np.flatnonzero(high.any(0)) for high, _ in parts[1:])]

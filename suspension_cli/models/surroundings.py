@@ -87,6 +87,8 @@ def with_frame(model: LinearModel, design: Design) -> LinearModel:
         stiffness=widened(model.stiffness, own["stiffness"]),
         damping=widened(model.damping, own["damping"]),
         lossy=lossy,
+        low=None if model.low is None else spread.T @ model.low @ spread,
+        stretched=None if model.stretched is None else model.stretched.spread(spread),
         terms=tuple(term.spread(spread) for term in model.terms),
         rigid=None if model.rigid is None else np.concatenate([model.rigid, np.zeros((*model.rigid.shape[:-2], count, 6))], axis=-2),
     )

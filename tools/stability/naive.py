@@ -10,6 +10,7 @@ from scipy import linalg
 
 from suspension_cli.analysis.signals import Signal, row
 from suspension_cli.analysis.statespace import StateSpace
+from suspension_cli.mechanics import elimination
 from suspension_cli.mechanics.model import LinearModel
 
 
@@ -53,6 +54,22 @@ def dense(model: LinearModel, frequency: Any, into: Signal, out: Signal) -> Any:
     dynamic = stiffness[:, 6:] - square[:, None, None] * mass
     push = -stiffness[:, :6] @ row(into, model)[:6]
     return np.linalg.solve(dynamic, np.broadcast_to(push[:, None], (len(square), len(push), 1)))[..., 0] @ row(out, model)[keep]
+
+
+def upward(model: LinearModel, frequency: Any, into: Signal, out: Signal) -> Any:
+    """The same from the last body up, tips of blades with the body that hangs on them, in closed form where these are two coordinates."""
+    square = (2 * np.pi * np.asarray(frequency)) ** 2
+    push, seen = -model.stiffness[:, :6] @ row(into, model)[:6], row(out, model)
+    total = np.zeros(len(square))
+    for block in model.blocks:
+        owner = [model.coordinate[n].split(".")[0] for n in block]
+        order = np.argsort([model.body.index(name) for name in owner], kind="stable")
+        own, rows = block[order], np.ix_(block[order], block[order])
+        dynamic = model.stiffness[rows][..., None] - square * model.mass[rows][..., None]
+        tree = elimination.tree([owner[n] for n in order], dynamic.any(-1))
+        right = np.broadcast_to(push[own, None, None], (len(own), 1, len(square)))
+        total += seen[own] @ elimination.solve(dynamic, right, tree)[:, 0]
+    return total
 
 
 def cascade(model: LinearModel, frequency: Any, body_dof: str) -> Any:

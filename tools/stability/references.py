@@ -17,6 +17,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 import exact  # noqa: E402
 import precise  # noqa: E402
+import stiff  # noqa: E402
 
 from suspension_cli.design import reader  # noqa: E402
 from suspension_cli.design.schema import Design  # noqa: E402
@@ -30,6 +31,7 @@ SHAPE = {"l": 0.28, "s": 0.005, "t1": 0.0965, "t2": 0.0965, "d": 0.001, "k": 1.2
 """Its wires: m and N/m."""
 
 compare = exact.compare
+column = stiff.column
 
 
 def document(mass: float = MASS, inertia: Sequence[float] = INERTIA, **shape: float) -> dict[str, Any]:

@@ -85,16 +85,16 @@ def response(model: LinearModel, omega: Array, drive: Array, row: Array) -> Any:
             now = block.at(omega[n : n + 1])
             whole = converted(now.matrix[..., 0]) if block.terms else dynamic(block.constant, block.mass, block.damping, w)
             right = [[-sum((a * mp.mpf(float(s)) for a, s in zip(line[:6], drive[:6], strict=True) if s), mp.zero)] for line in whole]
-            moved = eliminate([line[6:] for line in whole], right)
+            moved = eliminate([line[6:] for line in whole], right)[: len(block.keep)]
             result[n] += complex(sum((mp.mpf(float(c)) * x[0] for c, x in zip(row[block.keep], moved, strict=True) if c), mp.zero))
     return result + row[:6] @ drive[:6]
 
 
 def pushed(matrix: Any, force: Array) -> Any:
-    """Motion (c,) of a block of dynamic stiffness (c, c) under a force (c,)."""
+    """Motion (c,) of a block under a force (c,): the first coordinates of a dynamic stiffness (c + t, c + t)."""
     mp = context()
-    moved = eliminate(converted(matrix), [[mp.mpf(float(f))] for f in force])
-    return np.array([complex(x[0]) for x in moved])
+    moved = eliminate(converted(matrix), [[mp.mpf(float(f))] for f in np.append(force, np.zeros(len(matrix) - len(force)))])
+    return np.array([complex(x[0]) for x in moved[: len(force)]])
 
 
 def omega_squared(model: LinearModel) -> Array:
