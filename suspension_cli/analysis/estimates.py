@@ -5,7 +5,7 @@ By Rayleigh's principle a small addition of energy to a mode v of unit modal mas
     d omega / omega = (v^T dK v / omega^2 - v^T dM v) / 2.
 
 Bending.  A clamped wire under tension T pushes back like a hinge of stiffness sqrt(T EI) at the distance u = sqrt(EI / T) from its clamp (Gonzalez and
-Saulson, J. Acoust. Soc. Am. 96, 207 (1994)), which the angle turns between the clamp and the line from end to end; a twist takes G J / l.  Where a design
+Saulson, J. Acoust. Soc. Am. 96, 207 (1994)), which the angle turns between the clamp and the line from end to end; a twist takes (G J + T I_p / A) / l.  Where a design
 tells the points at which wires seem to bend, what is left of it is smaller by u / l (and, in a ribbon's stiff plane, by how much stiffer that is).
 With bending comes loss: a share phi of what is stored in stretching and twisting, phi / 2 of what is stored in hinges, as these go with sqrt(EI).
 

@@ -71,7 +71,7 @@ class Section:
     stretching : float
         E A, N.
     twisting : float
-        G J, N m^2.
+        G J, N m^2; the tension adds T I_p/A to it, see `polar_area`.
     mass, polar : float
         Mass and polar moment of inertia a length, kg/m and kg m.
     depth : tuple of float
@@ -90,6 +90,12 @@ class Section:
     depth: tuple[float, float]
     round: bool
     losses: Losses
+
+    @property
+    def polar_area(self) -> float:
+        """Polar second moment of area over area, I_p/A in m^2: d^2/8 of a round wire, (w^2 + t^2)/12 of a ribbon."""
+        first, second = self.depth
+        return first**2 / 8 if self.round else (first**2 + second**2) / 12
 
 
 @dataclass(frozen=True)
