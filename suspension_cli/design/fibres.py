@@ -78,6 +78,8 @@ class Section:
         Size across the wire in the two planes (diameter; thickness and width), m.
     round : bool
     losses : Losses
+    torsion_factor : float
+        On GJ + T I_p/A, of a wire whose torsion is given.
     """
 
     length: float
@@ -90,6 +92,7 @@ class Section:
     depth: tuple[float, float]
     round: bool
     losses: Losses
+    torsion_factor: float = 1.0
 
     @property
     def polar_area(self) -> float:

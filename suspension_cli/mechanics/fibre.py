@@ -215,7 +215,8 @@ class Moving:
         else:
             value, angle = section.twisting, lambda: loss.twisting_angle(section, self.omega)
             added = tension * section.polar_area
-        return (value * (1 + 1j * angle()) if self.strand.lossy else value) + added
+        elastic = value * (1 + 1j * angle()) if self.strand.lossy else value
+        return (elastic + added) * section.torsion_factor if part == "twist" else elastic
 
     def _inertia(self, section: Section, part: str) -> Any:
         """Mass (kg/m) or polar moment of inertia (kg m) per length, with the drag of the gas."""
@@ -238,13 +239,26 @@ def kinds(fibres: tuple[Fibre, ...], *numbers: Any) -> list[list[int]]:
     return list(found.values())
 
 
-def fitted(fibre: Fibre, length: Any, k: Any) -> Fibre:
-    """A fibre as long as it is in equilibrium (m), and as stiff against stretching as the scene's wire (N/m); arrays (f,) for many builds at once."""
+def fitted(fibre: Fibre, length: Any, k: Any, tension: Any, torsion: Any) -> Fibre:
+    """A fibre as long as it is in equilibrium, and as stiff against stretching and, if that is given, against twisting as the scene's wire.
+
+    Parameters
+    ----------
+    fibre : Fibre
+    length, k, tension, torsion : float or (f,) array
+        m, N/m, N and N m/rad (0: not given); arrays for many builds at once.
+    """
     stretch = length / sum(section.length for section in fibre.sections)
     compliance = sum(section.length * stretch / section.stretching for section in fibre.sections)
-    if np.ndim(stretch) == 0 and abs(stretch - 1) < ALIKE and abs(compliance * k - 1) < ALIKE:
+    twisted = np.any(torsion)
+    if np.ndim(stretch) == 0 and abs(stretch - 1) < ALIKE and abs(compliance * k - 1) < ALIKE and not twisted:
         return fibre
-    return replace(fibre, sections=tuple(replace(s, length=s.length * stretch, stretching=s.stretching * compliance * k) for s in fibre.sections))
+    factor = 1.0
+    if twisted:
+        compliant = sum(section.length * stretch / (section.twisting + tension * section.polar_area) for section in fibre.sections)
+        factor = np.where(torsion > 0, torsion * compliant, 1.0)
+    changed = (replace(s, length=s.length * stretch, stretching=s.stretching * compliance * k, torsion_factor=factor) for s in fibre.sections)
+    return replace(fibre, sections=tuple(changed))
 
 
 def _filled(size: int, place: Any, elements: Any) -> Any:
