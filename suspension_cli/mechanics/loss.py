@@ -9,14 +9,14 @@ of the strain e that the deformation makes (Gretarsson and Harry, Rev. Sci. Inst
 named `..._ratio` work it out for each deformation.
 
 **Thermoelastic.**  A fibre of the wire that is stretched cools, by the heat that expansion takes; heat flows across the wire
-from the compressed to the stretched side and back (Zener, Phys. Rev. 53, 90 (1938)).  With the temperature theta of a wire that bends with the
-curvature kappa in y, insulated all round, and the diffusivity D = conductivity/(rho C),
+from the compressed to the stretched side and back (Zener, Phys. Rev. 53, 90 (1938)).  With theta the change of temperature
+across a wire that bends in y (scaled to be y itself where no heat flows), its surface insulated, and the diffusivity D = conductivity/(rho C),
 
     i w theta = D (theta_xx + theta_yy) + i w y,    E (1 + Delta g),  g = (integral of y theta)/(integral of y^2),    Delta = E T a^2/(rho C),
 
 so the loss angle is Delta Im g.  With h half the depth in y (the radius, half a thickness) and x = h sqrt(i w/D) the solution is, of both shapes,
 
-    g = 1 - 2 (n + 1) I_(n+1)(x) / (x^2 (I_(n+1)(x) + I_n(x)/x)),      n = 1 (round), n = 1/2 (ribbon or blade),
+    g = w/(w + 2 (n + 1)),    w = x^2 + x I_(n+2)(x)/I_(n+1)(x),      n = 1 (round), n = 1/2 (ribbon or blade),
 
 that is 1 - 4 J2(z)/(z^2 J1'(z)) with z = i x of a round wire, and 1 + (12/z^2)(1 - (2/z) tan(z/2)) with z = 2 i x of a ribbon (Lifshitz and
 Roukes, Phys. Rev. B 61, 5600 (2000)).  It is a sum of relaxations w tau/(1 + w^2 tau^2), of which the slowest, with tau = R^2/(1.8412^2 D) or
@@ -154,16 +154,17 @@ def heat_flow(phase: Any, order: float) -> Any:
 
 
 def _moment(square: Any, order: float) -> Any:
-    """g, or g - 1 beyond `MIDDLE`, for x^2: x^2 (1 + A)/(x^2 + B), or -2 (n + 1)/(x^2 + B).
+    """g = w/(w + c), or g - 1 = -c/(w + c) beyond `MIDDLE`, for x^2: c = 2 (n + 1), w = x^2 + x I_(n+2)/I_(n+1).
 
-    A = I_(n+2)/(x I_(n+1)) and B = x I_n/I_(n+1) are even in x; 1 + A is what the recurrence I_n = I_(n+2) + 2 (n + 1) I_(n+1)/x leaves.
+    From I_n = I_(n+2) + c I_(n+1)/x.
     """
     x = np.sqrt(square)
     size = np.abs(x)
     near = np.where((size < LEAST) | (size > MOST), np.where(size < LEAST, LEAST, MOST), x)
-    first, second, third = (special.ive(order + n, near) for n in range(3))  # all times exp(-Re x): nothing overflows
-    b = np.where(size > MOST, x + order + 0.5, near * first / second)
-    return np.where(size < MIDDLE, square * (1 + third / (near * second)), -2 * (order + 1)) / (square + b)
+    ratio = special.ive(order + 2, near) / special.ive(order + 1, near)  # both times exp(-Re x): nothing overflows
+    ratio = np.where(size > MOST, 1 - (order + 1.5) / np.where(size > MOST, x, 1.0), ratio)
+    c, w = 2 * (order + 1), square + np.where(size < LEAST, square / LEAST, x) * ratio
+    return np.where(size < MIDDLE, w, -c) / (w + c)
 
 
 def _bulk(losses: Losses, omega: Any) -> Any:
