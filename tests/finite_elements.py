@@ -75,6 +75,12 @@ def joined(elements, shared):
     return result[0], result[1]
 
 
+def twisting(section, tension):
+    """GJ, and T I_p/A of a round section or of a ribbon."""
+    a, b = section.depth
+    return section.twisting + tension * (a**2 / 8 if section.round else (a**2 + b**2) / 12)
+
+
 def chain(sections, tension, counts):
     """A wire of `counts` elements in each section, cut for each of its parts."""
 
@@ -88,7 +94,7 @@ def chain(sections, tension, counts):
     return Chain(
         bending=(plane(0), plane(1)),
         stretching=cut(strained_element, 1, lambda s: s.stretching, lambda s: s.mass, lambda s: 0.0),
-        twisting=cut(strained_element, 1, lambda s: s.twisting, lambda s: s.polar, lambda s: 0.0),
+        twisting=cut(strained_element, 1, lambda s: twisting(s, tension), lambda s: s.polar, lambda s: 0.0),
     )
 
 

@@ -122,7 +122,7 @@ def test_limp_wires_without_mass_are_strings(seed):
     raw = scenes.fibred(scenes.raw_of(*(scenes.bladed_stage(rng, name, count, 2, tip_mass=True) for name, count in (("upper", 2), ("test", 4)))))
     scene = steel(raw)
     limp = [
-        replace(f, sections=tuple(replace(s, rigidity=(t * l**2 / 1e14,) * 2, twisting=1e-9) for s in f.sections))
+        replace(f, sections=tuple(replace(s, rigidity=(t * l**2 / 1e14,) * 2, twisting=1e-9, depth=(1e-9, 1e-9)) for s in f.sections))
         for f, t, l in zip(scene.fibres.wire, scene.wires.tension, scene.wires.length, strict=True)
     ]
     limp = massless(replace(scene, fibres=replace(scene.fibres, wire=tuple(limp))))
@@ -168,7 +168,7 @@ def exactly_below(scene, frequency):
                 product = value * even[i].T @ even[j]
                 z = z + (product if i == j else product + product.T)
             count += beam.resonances_below(one.rigidity[plane], tension, one.mass, half, omega)[0]
-        for row, stiffness, mass in ((4, one.stretching, one.mass), (5, one.twisting, one.polar)):
+        for row, stiffness, mass in ((4, one.stretching, one.mass), (5, finite_elements.twisting(one, tension), one.polar)):
             for value, motion in zip(
                 rod.stiffness(stiffness, mass, half, omega)[:, 0], (upper[[row]] + lower[[row]], lower[[row]] - upper[[row]]), strict=True
             ):

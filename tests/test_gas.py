@@ -120,6 +120,6 @@ def test_wires_against_long_bodies():
     """A long thin cylinder or plate, by its length."""
     long = 1e6
     pole = np.diag(drag.body_damping(Body(shape="cylinder", axis="z", radius=2e-4, length=long, mass=1.0), AIR)) / long
-    np.testing.assert_allclose(drag.wire_drag(section((4e-4, 4e-4), True), AIR), pole[:3], rtol=1e-8)
+    np.testing.assert_allclose(drag.wire_drag(section((4e-4, 4e-4), True), AIR), pole[[0, 1, 2, 5]], rtol=1e-8)
     plate = np.diag(drag.body_damping(Body(shape="box", size=(1e-4, 1e-3, long), mass=1.0), AIR)) / long
-    np.testing.assert_allclose(drag.wire_drag(section((1e-4, 1e-3), False), AIR), plate[:3], rtol=1e-8)
+    np.testing.assert_allclose(drag.wire_drag(section((1e-4, 1e-3), False), AIR), plate[[0, 1, 2, 5]], rtol=1e-8)

@@ -5,8 +5,9 @@ By Rayleigh's principle a small addition of energy to a mode v of unit modal mas
     d omega / omega = (v^T dK v / omega^2 - v^T dM v) / 2.
 
 Bending.  A clamped wire under tension T pushes back like a hinge of stiffness sqrt(T EI) at the distance u = sqrt(EI / T) from its clamp (Gonzalez and
-Saulson, J. Acoust. Soc. Am. 96, 207 (1994)), which the angle turns between the clamp and the line from end to end; a twist takes G J / l.  Where a design
-tells the points at which wires seem to bend, what is left of it is smaller by u / l (and, in a ribbon's stiff plane, by how much stiffer that is).
+Saulson, J. Acoust. Soc. Am. 96, 207 (1994)), which the angle turns between the clamp and the line from end to end; a twist takes
+(G J + T I_p / A) / l, unless the design gives the torsion, which is there already.  Where a design tells the points at which wires seem to bend, what
+is left of it is smaller by u / l (and, in a ribbon's stiff plane, by how much stiffer that is).
 With bending comes loss: a share phi of what is stored in stretching and twisting, phi / 2 of what is stored in hinges, as these go with sqrt(EI).
 
 Mass.  A wire whose ends move by a and b moves between them as a straight line: m (a^2 + a.b + b^2) / 6 of kinetic energy (any text on finite
@@ -119,8 +120,11 @@ class _Moved:
         stretched = (chord * self.along).sum(-1) * wires.length
         twisted = ((self.turn[1] - self.turn[0]) * self.along).sum(-1)
         angle = np.array([_angles(fibre, float(wires.tension[w])) for w, fibre in enumerate(made)]).T
-        torsion = twisted**2 * np.array([1 / sum(section.length / section.twisting for section in fibre.sections) for fibre in made])
-        stored, lost = torsion, angle[2] * torsion + np.abs(angle[1] - wires.loss) * wires.stiffness * stretched**2
+        torsion, sheared = np.array([_torsion(fibre, float(wires.tension[w])) for w, fibre in enumerate(made)]).reshape(-1, 2).T
+        given = wires.torsion > 0
+        stored = np.where(given, 0.0, torsion) * twisted**2
+        twist_lost = np.where(given, np.abs(angle[2] * sheared - wires.loss) * wires.torsion, angle[2] * sheared * torsion)
+        lost = twist_lost * twisted**2 + np.abs(angle[1] - wires.loss) * wires.stiffness * stretched**2
         for end, turn in enumerate(self.turn):
             slope = np.cross(turn, self.along) - chord
             bent = (slope**2).sum(-1) - (slope * self.along).sum(-1) ** 2
@@ -143,6 +147,13 @@ def _hinge(fibre: Fibre, end: int, tension: float, length: float) -> tuple[float
     if not fibre.effective:
         return stiff, stiff
     return stiff, stiff - soft + section.rigidity[0] / length
+
+
+def _torsion(fibre: Fibre, tension: float) -> tuple[float, float]:
+    """Torsional stiffness of a wire, N m/rad, and the share of its energy that is in shear."""
+    whole = [(section, section.twisting + max(tension, 0.0) * section.polar_area) for section in fibre.sections]
+    compliance = sum(section.length / stiff for section, stiff in whole)
+    return 1 / compliance, sum(section.length * section.twisting / stiff**2 for section, stiff in whole) / compliance
 
 
 def _angles(fibre: Fibre, tension: float) -> tuple[float, float, float]:

@@ -182,8 +182,8 @@ def _common(scene: Scene, design: Design) -> tuple[Any, ...]:
     """What scenes of one batch have in common."""
     static = [getattr(group, name) for group in (scene.bodies, scene.wires, scene.blades, scene.springs) for name in stack.STATIC if hasattr(group, name)]
     kinds = [np.array(item).tobytes() if isinstance(item, np.ndarray) else item for item in static]
-    light, damped = (scene.blades.tip_mass == 0).tobytes(), bool(scene.springs.damping.any())
-    return (scene.gravity, *kinds, light, damped, _around(design))
+    light, damped, twisted = (scene.blades.tip_mass == 0).tobytes(), bool(scene.springs.damping.any()), (scene.wires.torsion > 0).tobytes()
+    return (scene.gravity, *kinds, light, damped, twisted, _around(design))
 
 
 def _made_of(design: Design) -> tuple[Any, ...]:

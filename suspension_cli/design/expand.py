@@ -58,9 +58,8 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
             length = np.sqrt((span**2).sum())
             k = wire_stiffness(design, wire, length)
             given = wire.tension if wire.natural_length is None else k * (length - wire.natural_length)
-            part.wires.append(
-                WirePart(f"{stage.name}.{number}", upper, lower, span, k, wire_loss(design, wire, length), wire.blade, given, wire.natural_length is not None)
-            )
+            loss, natural = wire_loss(design, wire, length), wire.natural_length is not None
+            part.wires.append(WirePart(f"{stage.name}.{number}", upper, lower, span, k, wire.torsion or 0.0, loss, wire.blade, given, natural))
         for blade in stage.blade:
             ends = np.mean([wire.upper_point for wire in part.wires if wire.blade == blade.name], axis=0)
             tip = np.array(blade.at) if blade.at is not None else ends
@@ -75,7 +74,7 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
         lower = np.array([along * shape.s_lower, across * shape.t2, shape.d])
         span = np.array([along * (shape.s_lower - shape.s_upper), across * (shape.t2 - shape.t1), -shape.height])
         name = _blade_of(stage.blades, number, across)
-        part.wires.append(WirePart(f"{stage.name}.{number}", upper, lower, span, k, loss, name, None, natural=False))
+        part.wires.append(WirePart(f"{stage.name}.{number}", upper, lower, span, k, stage.wires.torsion or 0.0, loss, name, None, natural=False))
     if stage.blades is not None:
         for name, tip in _set_tips(stage.blades, shape):
             part.blades[name] = _blade(design, stage.blades, f"{stage.name}.blade{name}", tip, mass, stage.blades.count)

@@ -71,13 +71,15 @@ class Section:
     stretching : float
         E A, N.
     twisting : float
-        G J, N m^2.
+        G J, N m^2; the tension adds T I_p/A to it, see `polar_area`.
     mass, polar : float
         Mass and polar moment of inertia a length, kg/m and kg m.
     depth : tuple of float
         Size across the wire in the two planes (diameter; thickness and width), m.
     round : bool
     losses : Losses
+    torsion_factor : float
+        On GJ + T I_p/A, of a wire whose torsion is given.
     """
 
     length: float
@@ -90,6 +92,13 @@ class Section:
     depth: tuple[float, float]
     round: bool
     losses: Losses
+    torsion_factor: float = 1.0
+
+    @property
+    def polar_area(self) -> float:
+        """Polar second moment of area over area, I_p/A in m^2: d^2/8 of a round wire, (w^2 + t^2)/12 of a ribbon."""
+        first, second = self.depth
+        return first**2 / 8 if self.round else (first**2 + second**2) / 12
 
 
 @dataclass(frozen=True)

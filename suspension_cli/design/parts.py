@@ -15,13 +15,14 @@ from suspension_cli.design.schema import Design, Spring, Stage
 
 @dataclass(frozen=True)
 class WirePart:
-    """One wire: points in m, k in N/m, loss angle in rad."""
+    """One wire: points in m, k in N/m, torsion in N m/rad (0 if not given), loss angle in rad."""
 
     label: str
     upper_point: Array
     lower_point: Array
     span: Array
     stiffness: float
+    torsion: float
     loss: float
     blade: str | None
     given: float | None
@@ -102,6 +103,7 @@ def _wires(parts: list[StagePart]) -> Wires:
         length=np.sqrt((span**2).sum(-1)),
         tension=np.concatenate([part.tension for part in parts]),
         stiffness=np.array([wire.stiffness for _, _, wire in rows]),
+        torsion=np.array([wire.torsion for _, _, wire in rows]),
         loss=np.array([wire.loss for _, _, wire in rows]),
     )
 

@@ -28,6 +28,7 @@ Density = Annotated[float, Meta(ge=1e-3, le=1e6, description="density in kg/m^3"
 Modulus = Annotated[float, Meta(ge=1.0, le=1e15, description="Young's modulus in Pa")]
 Poisson = Annotated[float, Meta(gt=-1, lt=0.5, description="Poisson's ratio, for the twisting of wires; 0.3 if not given")]
 Stiffness = Annotated[float, Meta(ge=1e-12, le=1e20, description="stiffness in N/m")]
+Torsion = Annotated[float, Meta(ge=1e-18, le=1e15, description="torsional stiffness in N m/rad")]
 Coefficient = Annotated[float, Meta(ge=-1e20, le=1e20, description="element of a stiffness or damping matrix, SI")]
 Load = Annotated[float, Meta(ge=-1e12, le=1e12, description="force in N or torque in N m")]
 Tension = Annotated[float, Meta(ge=1e-12, le=1e12, description="tension in N")]

@@ -46,7 +46,7 @@ class Bodies:
 
 @dataclass(frozen=True)
 class Wires:
-    """Straight elastic wires, each pulling with ``tension + stiffness (L - length)`` at length L.
+    """Straight elastic wires, each pulling with ``tension + stiffness (L - length)`` at length L; and against being twisted, where the design says so.
 
     Attributes
     ----------
@@ -66,8 +66,10 @@ class Wires:
         At that length, N.
     stiffness : (..., w) array
         N/m.
+    torsion : (..., w) array
+        Torsional stiffness that the design gives, N m/rad; 0 if it gives none.
     loss : (w,) array
-        Loss angle of the stretching, rad.
+        Loss angle of the stretching, and of a torsion that is given, rad.
     """
 
     label: tuple[str, ...]
@@ -80,6 +82,7 @@ class Wires:
     length: Array
     tension: Array
     stiffness: Array
+    torsion: Array
     loss: Array
 
 
@@ -147,21 +150,21 @@ class Springs:
 
 @dataclass(frozen=True)
 class Flex:
-    """What wires add that bend and twist, at rest.
+    """What wires add that bend and twist, or that only twist, at rest.
 
     Attributes
     ----------
     upper, lower : (..., w, 2, 3) arrays
         Unit vectors of each wire's principal planes, in the frames of the two bodies.
-    bend : (..., w, 2, 3) array
-        S_uu, S_ul, S_ll in each plane: moments at the ends over the slopes there, N m/rad.
+    bend : (..., w, 2, 3) array or None
+        S_uu, S_ul, S_ll in each plane: moments at the ends over the slopes there, N m/rad; None for strings.
     twist : (..., w) array
         Torque over twist, N m/rad.
     """
 
     upper: Array
     lower: Array
-    bend: Array
+    bend: Array | None
     twist: Array
 
 
@@ -199,7 +202,7 @@ class Scene:
         """Shape of the batch axes."""
         inner = (
             (self.bodies, {"mass": 1, "inertia": 3, "position": 2}),
-            (self.wires, {"upper_point": 2, "lower_point": 2, "span": 2, "length": 1, "tension": 1, "stiffness": 1}),
+            (self.wires, {"upper_point": 2, "lower_point": 2, "span": 2, "length": 1, "tension": 1, "stiffness": 1, "torsion": 1}),
             (self.blades, {"tip": 2, "stiffness": 2, "load": 2, "tip_mass": 1}),
             (self.springs, {"upper_point": 2, "lower_point": 2, "stiffness": 3, "damping": 3, "preload": 2}),
         )

@@ -138,7 +138,7 @@ class Body(Table, frozen=True):
 
 
 class Spring(Table, frozen=True):
-    """A linear spring between this body and the one it hangs from: a flexure, a cable, torsion of a wire."""
+    """A linear spring between this body and the one it hangs from: a flexure, a cable."""
 
     stiffness: Annotated[Matrix6, Meta(description="x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad")]
     at: Annotated[Vector, Meta(description="the point, from this body's COM, m")] = (0.0, 0.0, 0.0)

@@ -48,6 +48,7 @@ def picked(scene: Scene, which: Any) -> Scene:
         "span": 2,
         "length": 1,
         "tension": 1,
+        "torsion": 1,
         "tip": 2,
         "load": 2,
         "tip_mass": 1,

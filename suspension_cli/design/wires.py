@@ -21,6 +21,7 @@ from suspension_cli.design.quantities import (
     Stiffness,
     Table,
     Tension,
+    Torsion,
     Vector,
 )
 
@@ -102,6 +103,16 @@ class WireSet(Table, frozen=True):
         Annotated[Stiffness, Meta(description="spring constant of one wire, N/m, instead of material and cross-section; beside them it overrides E A / l")]
         | None
     ) = None
+    torsion: (
+        Annotated[
+            Torsion,
+            Meta(
+                description="torsional stiffness of one wire about its own line, N m/rad; if not given, none on the models up to string, and that of its "
+                "cross-section, material and tension, (G J + T I_p / A) / l, on beam and violin"
+            ),
+        ]
+        | None
+    ) = None
     clamp: Clamped = "wire"
     temperature: Temperature | None = None
 
@@ -116,6 +127,16 @@ class Wire(Table, frozen=True):
     section: Section | None = None
     sections: Sections | None = None
     k: Annotated[Stiffness, Meta(description="spring constant, N/m, as in [stage.wires]; default E A over the nominal span")] | None = None
+    torsion: (
+        Annotated[
+            Torsion,
+            Meta(
+                description="torsional stiffness of the wire about its own line, N m/rad; if not given, none on the models up to string, and that of its "
+                "cross-section, material and tension, (G J + T I_p / A) / l, on beam and violin"
+            ),
+        ]
+        | None
+    ) = None
     natural_length: Annotated[Length, Meta(description="unstretched length, m; the pose is then solved for")] | None = None
     tension: Annotated[Tension, Meta(description="tension in the nominal pose, N, instead of a natural length")] | None = None
     blade: Annotated[Name, Meta(description=f"name of a [[stage.blade]] that carries the upper end: {NAMES}")] | None = None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design.scene import Scene
-from suspension_cli.mechanics import blade, spring, stretching, string
+from suspension_cli.mechanics import blade, flexure, spring, stretching, string
 from suspension_cli.mechanics.blocks import Symmetry, symmetry, unsplit
 from suspension_cli.mechanics.equilibrium import Equilibrium, solve
 from suspension_cli.mechanics.model import LinearModel
@@ -89,7 +89,7 @@ def _loss(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, stretc
     """The imaginary part of the stiffness, and what rounding takes from it."""
     if stretched is None:
         return adapted.apply(loss_matrix(scene, numbering, pose)), None
-    other = replace(scene, wires=replace(scene.wires, loss=np.zeros_like(scene.wires.loss)))
+    other = replace(scene, wires=replace(scene.wires, stiffness=np.zeros_like(scene.wires.stiffness)))  # all but stretching
     rest = Twofold.of(adapted.apply(loss_matrix(other, numbering, pose)))
     whole = stretched.added(rest, stretched.stiffness * scene.wires.loss)
     return whole.high, whole.low
@@ -124,13 +124,14 @@ def damping_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
 def loss_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
     """Imaginary part (..., N, N) of the stiffness: each elastic constant times its loss angle.
 
-    Tension times geometry is not lossy: only the stretching of wires, the bending of blades and springs are.
+    Tension times geometry is not lossy: only the stretching of wires, their torsion where it is given, the bending of blades and springs are.
     """
     result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
     if scene.wires.loss.any():
         now = string.state(scene, pose)
         along = (string.span_jacobian(scene, numbering, pose, now) * now.direction[..., None, :, :]).sum(-1)
         result = result + (along * (scene.wires.stiffness * scene.wires.loss)[..., None, :]) @ np.swapaxes(along, -1, -2)
+        _add_twist_loss(scene, pose, result)
     if scene.blades.loss.any():
         rows = numbering.blade[scene.blades.axes]
         result[..., rows, rows] += (scene.blades.stiffness * scene.blades.loss[:, None])[..., scene.blades.axes]
@@ -140,3 +141,15 @@ def loss_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
         matrix = scene.springs.stiffness[..., number, :, :] * scene.springs.loss[number]
         result = result + np.swapaxes(jacobian, -1, -2) @ matrix @ jacobian
     return (result + np.swapaxes(result, -1, -2)) / 2
+
+
+def _add_twist_loss(scene: Scene, pose: Pose, result: Any) -> None:
+    """Add what wires dissipate that resist twisting."""
+    wires, flex = scene.wires, flexure.resisting(scene)
+    if flex is None:
+        return
+    turn = flexure.twist_forms(scene, pose, flex)
+    lost = (flex.twist * wires.loss)[..., None, None] * turn[..., :, None] * turn[..., None, :]
+    for n in np.flatnonzero(wires.loss).tolist():
+        rows = np.concatenate([6 * body[n] + np.arange(3, 6) for body in (wires.upper, wires.lower)])
+        result[..., rows[:, None], rows] += lost[..., n, :, :]

@@ -50,8 +50,8 @@ class AssortedWire:
     ----------
     fibre : Fibre
         As drawn.
-    length, tension, stiffness : (p,) arrays
-        In equilibrium: m, N; against stretching, N/m.
+    length, tension, stiffness, torsion : (p,) arrays
+        In equilibrium: m, N; against stretching, N/m; against twisting, N m/rad, where it is given (else 0).
     massive : bool
         Whether its mass counts (`violin`).
     surrounded : Gas or None
@@ -65,6 +65,7 @@ class AssortedWire:
     length: Any
     tension: Any
     stiffness: Any
+    torsion: Any
     massive: bool
     surrounded: Gas | None
     rows: Index
@@ -72,8 +73,9 @@ class AssortedWire:
 
     def add(self, dynamic: Any, omega: Any, which: Index) -> None:
         """Add it to dynamic stiffnesses (q, N, N) of builds, in place."""
-        fibre = fitted(self.fibre, self.length[which], self.stiffness[which])
-        strand = Strand(fibre, self.tension[which], self.massive, lossy=True, surrounded=self.surrounded)
+        tension = self.tension[which]
+        fibre = fitted(self.fibre, self.length[which], self.stiffness[which], tension, self.torsion[which])
+        strand = Strand(fibre, tension, self.massive, lossy=True, surrounded=self.surrounded)
         moving = strand.at(omega)
         ends = np.zeros((len(which), ENDS, ENDS), dtype=complex)
         start = 0
@@ -142,11 +144,12 @@ def _wires(scene: Scene, numbering: Layout, found: Equilibrium, *, massive: bool
     assert fibres is not None
     every = wire_forms(scene, numbering, found.pose)
     forms = np.concatenate([every[part] for part in PARTS], axis=-1)
-    length, stiffness = string.state(scene, found.pose).length, np.broadcast_to(wires.stiffness, found.tension.shape)
+    length = string.state(scene, found.pose).length
+    stiffness, torsion = (np.broadcast_to(values, found.tension.shape) for values in (wires.stiffness, wires.torsion))
     for n, fibre in enumerate(fibres.wire):
         bodies = [6 * body + np.arange(6) for body in (wires.upper[n], wires.lower[n])]
         tip = numbering.blade[wires.blade[n]] if wires.blade[n] >= 0 else np.zeros(0, dtype=np.intp)
         rows = np.concatenate([*bodies, tip[tip < numbering.size]])
         own = (..., n)
-        result.append(AssortedWire(fibre, length[own], found.tension[own], stiffness[own], massive, fibres.gas, rows, forms[:, rows, n]))
+        result.append(AssortedWire(fibre, length[own], found.tension[own], stiffness[own], torsion[own], massive, fibres.gas, rows, forms[:, rows, n]))
     return result

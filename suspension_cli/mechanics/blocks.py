@@ -141,7 +141,7 @@ def _kin(scene: Scene) -> _Kin:
     plates = plates & _equal(blades.tip_mass[..., None], blades.tip_mass[..., None])
     # wires that hang from no blade match each other; others match if their blades do
     strands = _same(wires.upper, wires.lower, wires.loss) & ((wires.blade[:, None] < 0) == (wires.blade[None, :] < 0))
-    strands = strands & _equal(wires.stiffness[..., None], wires.stiffness[..., None])
+    strands = strands & _equal(wires.stiffness[..., None], wires.stiffness[..., None]) & _equal(wires.torsion[..., None], wires.torsion[..., None])
     strands = strands & _close(wires.tension[..., None], wires.tension[..., None]) & _close(wires.length[..., None], wires.length[..., None])
     if scene.fibres is not None:
         place = {label: n for n, label in enumerate(blades.label)}

@@ -119,9 +119,9 @@ def _integrals(found: Waves) -> tuple[Any, ...]:
     long, turn = np.tanh(2 * ar * h) / (2 * ar), h * np.sinc(2 * ai * h / np.pi) * sech
     i11, i33 = (long + turn) / norm, (long - turn) / norm
     i13 = ((1 - sech) / (2 * ar) - 1j * ai * h**2 * np.sinc(ai * h / np.pi) ** 2 * sech) / norm
-    wave, swell = h * np.sinc(2 * br * h / np.pi), h * _sinhc(2 * bi * h)
-    i22, i44 = (swell + wave) / 2, h * _gap(2 * br * h, 2 * bi * h) / 2
-    i24 = (br * h**2 * np.sinc(br * h / np.pi) ** 2 - 1j * bi * h**2 * _sinhc(bi * h) ** 2) / 2
+    wave, swell = h * np.sinc(2 * br * h / np.pi), h * sinhc(2 * bi * h)
+    i22, i44 = (swell + wave) / 2, h * gap(2 * br * h, 2 * bi * h) / 2
+    i24 = (br * h**2 * np.sinc(br * h / np.pi) ** 2 - 1j * bi * h**2 * sinhc(bi * h) ** 2) / 2
     t, short = alpha * found.tanh, 1 / _cosh(alpha * h)
     s, c, over = across * np.conj(found.sin), np.conj(found.cos), found.alpha2 + np.conj(found.beta2)
     i12, i14 = (alpha * t * c + across * s) / over, (alpha * t * s - across * (c - short)) / over
@@ -147,10 +147,10 @@ def _bend(found: Waves, factors: tuple[Any, Any, Any, Any], at: Any) -> tuple[An
     return even, k3 * (np.sinh(alpha * x) * over) + k4 * np.sin(beta * x)
 
 
-def _gap(x: Any, y: Any) -> Any:
+def gap(x: Any, y: Any) -> Any:
     """sinh(y)/y - sin(x)/x, also where both are all but 1."""
     p, n = y * y, -x * x
-    result = _sinhc(y) - np.sinc(x / np.pi)
+    result = sinhc(y) - np.sinc(x / np.pi)
     near = p - n < 0.5
     if np.any(near):
         p, n = p[near], n[near]
@@ -166,7 +166,8 @@ def _one_more(z: Any) -> Any:
     return total
 
 
-def _sinhc(z: Any) -> Any:
+def sinhc(z: Any) -> Any:
+    """sinh(z)/z."""
     safe = np.where(z == 0, 1.0, z)
     return np.where(z == 0, 1.0, np.sinh(safe) / safe)
 

@@ -83,8 +83,9 @@ def _wire_terms(scene: Scene, numbering: Layout, balanced: Equilibrium, adapted:
         first = left[0]
         alike = [n for n in left if _alike(scene, balanced.tension, length, first, n)]
         left = [n for n in left if n not in alike]
-        fibre = fitted(scene.fibres.wire[first], float(length[alike].mean()), float(scene.wires.stiffness[first]))
-        strand = Strand(fibre, float(balanced.tension[alike].mean()), massive, lossy=True, surrounded=scene.fibres.gas)
+        tension, k, torsion = (float(v) for v in (balanced.tension[alike].mean(), scene.wires.stiffness[first], scene.wires.torsion[first]))
+        fibre = fitted(scene.fibres.wire[first], float(length[alike].mean()), k, tension, torsion)
+        strand = Strand(fibre, tension, massive, lossy=True, surrounded=scene.fibres.gas)
         stage = scene.bodies.name[scene.wires.lower[first] - 1]
         some = {part: np.transpose(rows[:, alike], (1, 2, 0)) @ adapted.basis for part, rows in forms.items()}
         terms.append(WireTerm(stage, strand, some, adapted.allowed))
@@ -96,7 +97,7 @@ def _alike(scene: Scene, tension: Any, length: Any, one: int, other: int) -> boo
     assert scene.fibres is not None
     wires, (a, b) = scene.wires, (scene.fibres.wire[n] for n in (one, other))
     same = wires.lower[one] == wires.lower[other] and a.sections == b.sections and a.temperature == b.temperature
-    return bool(same and all(abs(v[one] - v[other]) <= ALIKE * abs(v[one]) for v in (tension, length, wires.stiffness)))
+    return bool(same and all(abs(v[one] - v[other]) <= ALIKE * abs(v[one]) for v in (tension, length, wires.stiffness, wires.torsion)))
 
 
 def wire_forms(scene: Scene, numbering: Layout, pose: Pose) -> dict[str, Any]:

@@ -2,6 +2,10 @@
 
 The motion of a wire's two ends falls into four parts that do not couple (`PARTS`): bending in its two principal planes
 (W_s, T_s, W_a, T_a each, see `mechanics.beam`), stretching (U_s, U_a) and twisting (the same two, rad).
+
+A wire under tension T resists twisting with GJ + T I_p/A (Buckley, Phil. Mag. 28, 778 (1914)), I_p the polar second moment of its area A: turned
+by theta' per length, a filament at the distance r from the axis leans by r theta', and its share sigma dA of the tension pulls back with the
+torque sigma r^2 theta' dA about the axis.  The second part is the tension's, which has no loss.
 """
 
 from __future__ import annotations
@@ -133,7 +137,7 @@ class Moving:
             for half, value in enumerate(curvature.squared(waves, motion)):
                 end = int(top + (0.25 + 0.5 * half) * section.length >= length / 2)
                 result[("bending-upper", "bending-lower")[end]] += self._lost(section, part, end, rigidity) * value
-            if self.strand.surrounded is not None and self.strand.massive:
+            if self._dragged:
                 result["gas"] = result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * curvature.displaced(waves, motion)
             top += section.length
         return result
@@ -148,11 +152,19 @@ class Moving:
 
     def _strained(self, part: str, sections: tuple[Section, ...], each: list[Any]) -> dict[str, Any]:
         name = "stretching" if part == "stretch" else "torsion"
-        total = 0.0
+        result = {name: 0.0}
         for section, motion in zip(sections, each, strict=True):
             rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
-            total = total + np.imag(rigidity) * rod.strained(rigidity, mass, section.length / 2, self.omega, motion)
-        return {name: total}
+            strained, moved = rod.squared(rigidity, mass, section.length / 2, self.omega, motion)
+            result[name] += np.imag(rigidity) * strained
+            if self._dragged:
+                result["gas"] = result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * moved
+        return result
+
+    @property
+    def _dragged(self) -> bool:
+        """Whether a gas drags at the wire."""
+        return self.strand.surrounded is not None and self.strand.massive
 
     def _twin(self, part: str) -> str:
         """Both planes of a round wire bend alike."""
@@ -197,9 +209,9 @@ class Moving:
         return result
 
     def _rigidity(self, section: Section, part: str) -> Any:
-        """EI, EA or GJ, times 1 + i phi."""
+        """EI, EA or GJ, times 1 + i phi; of twisting with what the tension adds, without loss."""
         tension, (upper, lower) = self.strand.tension, self.strand.fibre.temperature
-        temperature = (upper + lower) / 2
+        temperature, added = (upper + lower) / 2, 0.0
         if part.startswith("bend"):
             plane = int(part[-1]) - 1
             value, angle = section.rigidity[plane], lambda: loss.bending_angle(section, plane, self.omega, tension, temperature)
@@ -207,20 +219,20 @@ class Moving:
             value, angle = section.stretching, lambda: loss.stretching_angle(section, self.omega)
         else:
             value, angle = section.twisting, lambda: loss.twisting_angle(section, self.omega)
-        return value * (1 + 1j * angle()) if self.strand.lossy else value
+            added = tension * section.polar_area
+        elastic = value * (1 + 1j * angle()) if self.strand.lossy else value
+        return (elastic + added) * section.torsion_factor if part == "twist" else elastic
 
     def _inertia(self, section: Section, part: str) -> Any:
-        """Mass (kg/m) or polar moment of inertia (kg m) a length, with the drag of the gas on what moves across itself."""
+        """Mass (kg/m) or polar moment of inertia (kg m) per length, with the drag of the gas."""
         if not self.strand.massive:
             return 0.0
-        if part == "twist":
-            return section.polar
-        around = self.strand.surrounded
-        if around is None or not self.strand.lossy or part == "stretch":
-            return section.mass
-        drag = gas.wire_drag(section, around)[int(part[-1]) - 1]
+        inertia, around = section.polar if part == "twist" else section.mass, self.strand.surrounded
+        if around is None or not self.strand.lossy:
+            return inertia
+        drag = gas.wire_drag(section, around)[PARTS.index(part)]
         with np.errstate(divide="ignore"):
-            return section.mass - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
+            return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
 
 
 def kinds(fibres: tuple[Fibre, ...], *numbers: Any) -> list[list[int]]:
@@ -232,13 +244,26 @@ def kinds(fibres: tuple[Fibre, ...], *numbers: Any) -> list[list[int]]:
     return list(found.values())
 
 
-def fitted(fibre: Fibre, length: Any, k: Any) -> Fibre:
-    """A fibre as long as it is in equilibrium (m), and as stiff against stretching as the scene's wire (N/m); arrays (f,) for many builds at once."""
+def fitted(fibre: Fibre, length: Any, k: Any, tension: Any, torsion: Any) -> Fibre:
+    """A fibre as long as it is in equilibrium, and as stiff against stretching and, if that is given, against twisting as the scene's wire.
+
+    Parameters
+    ----------
+    fibre : Fibre
+    length, k, tension, torsion : float or (f,) array
+        m, N/m, N and N m/rad (0: not given); arrays for many builds at once.
+    """
     stretch = length / sum(section.length for section in fibre.sections)
     compliance = sum(section.length * stretch / section.stretching for section in fibre.sections)
-    if np.ndim(stretch) == 0 and abs(stretch - 1) < ALIKE and abs(compliance * k - 1) < ALIKE:
+    twisted = np.any(torsion)
+    if np.ndim(stretch) == 0 and abs(stretch - 1) < ALIKE and abs(compliance * k - 1) < ALIKE and not twisted:
         return fibre
-    return replace(fibre, sections=tuple(replace(s, length=s.length * stretch, stretching=s.stretching * compliance * k) for s in fibre.sections))
+    factor = 1.0
+    if twisted:
+        compliant = sum(section.length * stretch / (section.twisting + tension * section.polar_area) for section in fibre.sections)
+        factor = np.where(torsion > 0, torsion * compliant, 1.0)
+    changed = (replace(s, length=s.length * stretch, stretching=s.stretching * compliance * k, torsion_factor=factor) for s in fibre.sections)
+    return replace(fibre, sections=tuple(changed))
 
 
 def _filled(size: int, place: Any, elements: Any) -> Any:

@@ -14,6 +14,9 @@ vanish at rest; then only products of first derivatives count, else the second d
 
 with r the span, L its length, P = 1 - e e, n_+ = P n, and of dn and d2(n) what a rotation does to a vector (see `mechanics.geometric`).
 S is taken at the tension in equilibrium: how it changes with a slight stretching counts only in third order.
+
+A string bends without resistance, but a design may say how much it resists being twisted (`torsion`): then it adds kappa phi^2 / 2 alone, with planes
+across the line that it hangs along in the nominal pose.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.design.scene import Flex, Scene
+from suspension_cli.design.scene import Flex, Scene, Wires
 from suspension_cli.mechanics import string
 from suspension_cli.mechanics.fibre import Strand, fitted, kinds
 from suspension_cli.mechanics.geometric import add_arms
@@ -39,10 +42,12 @@ def flexible(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
     tension, length = wires.tension if tension is None else tension, wires.length if length is None else length
     taut, long, k = (np.broadcast_to(v, shape) for v in (tension, length, wires.stiffness))
     bend, twist = np.empty((*shape, 2, 3)), np.empty(shape)
-    for alike in kinds(scene.fibres.wire, taut, long, k):
+    given = np.broadcast_to(wires.torsion, shape)
+    for alike in kinds(scene.fibres.wire, taut, long, k, given):
         own = (..., alike[0])
-        hung = fitted(scene.fibres.wire[alike[0]], np.ravel(long[own]), np.ravel(k[own]))
-        strand = Strand(hung, np.ravel(taut[own]), massive=False, lossy=False)
+        pull = np.ravel(taut[own])
+        hung = fitted(scene.fibres.wire[alike[0]], np.ravel(long[own]), np.ravel(k[own]), pull, np.ravel(given[own]))
+        strand = Strand(hung, pull, massive=False, lossy=False)
         for plane, part in enumerate(("bend-1", "bend-2")):
             bend[..., alike, plane, :] = _turning(strand.resting(part)).reshape(*scene.batch, 1, 3)
         twist[..., alike] = (strand.resting("twist")[1, 1] / 4).reshape(*scene.batch, 1)
@@ -50,6 +55,17 @@ def flexible(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
     clamps = np.array([fibre.clamp for fibre in scene.fibres.wire]).reshape(-1, 2, 3)
     upper, lower = (_planes(planes, clamps[:, end]) for end in (0, 1))
     return replace(scene, flex=Flex(upper, lower, bend, twist))
+
+
+def resisting(scene: Scene) -> Flex | None:
+    """What the wires of a scene add to taut strings: where they bend and twist, or where a design gives strings a torsion; None if nothing."""
+    wires = scene.wires
+    if scene.flex is not None or not wires.torsion.any():
+        return scene.flex
+    along = wires.span / wires.length[..., None]
+    across = np.where(np.abs(along[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+    planes = _planes(across, along)
+    return Flex(planes, planes, None, wires.torsion)
 
 
 def _turning(stiffness: Any) -> Any:
@@ -65,10 +81,9 @@ def _planes(plane: Any, clamp: Any) -> Any:
     return np.stack([first, cross(clamp, first)], axis=-2)
 
 
-def _vectors(scene: Scene, pose: Pose) -> tuple[Any, Any]:
+def _vectors(scene: Scene, pose: Pose, flex: Flex) -> tuple[Any, Any]:
     """The planes' unit vectors (..., w, 2, 3) at both ends in global axes."""
-    flex, wires = scene.flex, scene.wires
-    assert flex is not None
+    wires = scene.wires
     upper, lower = ((pose.rotation[..., body, None, :, :] @ n[..., None])[..., 0] for body, n in ((wires.upper, flex.upper), (wires.lower, flex.lower)))
     return upper, lower
 
@@ -82,11 +97,15 @@ def _slopes(direction: Any, upper: Any, lower: Any) -> tuple[Any, Any, Any]:
 
 def energy(scene: Scene, pose: Pose) -> Any:
     """Energy of bending and twisting of all wires, J, shape ``batch``."""
-    flex = scene.flex
-    assert flex is not None
-    a, b, twist = _slopes(string.state(scene, pose).direction, *_vectors(scene, pose))
+    flex = resisting(scene)
+    if flex is None:
+        return np.zeros(scene.batch)
+    a, b, twist = _slopes(string.state(scene, pose).direction, *_vectors(scene, pose, flex))
+    twisted = (flex.twist * twist**2).sum(-1) / 2
+    if flex.bend is None:
+        return twisted
     bent = flex.bend[..., 0] * a**2 + 2 * flex.bend[..., 1] * a * b + flex.bend[..., 2] * b**2
-    return bent.sum((-2, -1)) / 2 + (flex.twist * twist**2).sum(-1) / 2
+    return bent.sum((-2, -1)) / 2 + twisted
 
 
 def add(scene: Scene, numbering: Layout, pose: Pose, gradient: Any, hessian: Any, outer: Any, on_tips: Any) -> None:
@@ -94,10 +113,15 @@ def add(scene: Scene, numbering: Layout, pose: Pose, gradient: Any, hessian: Any
 
     First against r and the rotations of the upper and the lower body (9 a wire), then against the coordinates that these follow from.
     """
-    wires, now = scene.wires, string.state(scene, pose)
-    upper, lower = _vectors(scene, pose)
-    first, second = _bent(scene, now, (upper, lower), outer)
-    _twisted(scene, (upper, lower), first, second, outer)
+    wires, now, flex = scene.wires, string.state(scene, pose), resisting(scene)
+    if flex is None:
+        return
+    planes = _vectors(scene, pose, flex)
+    first = np.zeros((*now.direction.shape[:-1], 9), dtype=scene.kind)
+    second = np.zeros((*now.direction.shape[:-1], 9, 9), dtype=scene.kind)
+    if flex.bend is not None:
+        _bent(wires, flex.bend, now, planes, first, second, outer)
+    _twisted(wires, flex.twist, planes, first, second, outer)
     pull = first[..., :3]
     add_arms(outer, wires.lower, pull, now.lower_arm)
     add_arms(outer, wires.upper, -pull, now.upper_arm)
@@ -123,16 +147,12 @@ def add(scene: Scene, numbering: Layout, pose: Pose, gradient: Any, hessian: Any
         hessian[..., bodies[:, None], rows] += np.swapaxes(block[..., :12], -1, -2)
 
 
-def _bent(scene: Scene, now: string.State, ends: tuple[Any, Any], outer: Any) -> tuple[Any, Any]:
-    """Gradient (..., w, 9) and Hessian (..., w, 9, 9) of bending; what the planes' vectors hold as arms goes to `outer`."""
-    flex, wires = scene.flex, scene.wires
-    assert flex is not None
+def _bent(wires: Wires, bend: Any, now: string.State, ends: tuple[Any, Any], first: Any, second: Any, outer: Any) -> None:
+    """Add gradient (..., w, 9) and Hessian (..., w, 9, 9) of bending, in place; what the planes' vectors hold as arms goes to `outer`."""
     e, over = now.direction, 1 / now.length
     a, b, _ = _slopes(e, *ends)
-    moments = (flex.bend[..., 0] * a + flex.bend[..., 1] * b, flex.bend[..., 1] * a + flex.bend[..., 2] * b)
+    moments = (bend[..., 0] * a + bend[..., 1] * b, bend[..., 1] * a + bend[..., 2] * b)
     across = np.eye(3) - e[..., :, None] * e[..., None, :]  # P
-    first = np.zeros((*e.shape[:-1], 9), dtype=e.dtype)
-    second = np.zeros((*e.shape[:-1], 9, 9), dtype=e.dtype)
     rows = np.zeros((*e.shape[:-1], 2, 2, 9), dtype=e.dtype)  # end, plane: derivatives of the slopes
     for side, (n, body, turn) in enumerate(zip(ends, (wires.upper, wires.lower), (slice(3, 6), slice(6, 9)), strict=True)):
         for plane in (0, 1):
@@ -148,24 +168,30 @@ def _bent(scene: Scene, now: string.State, ends: tuple[Any, Any], outer: Any) ->
             second[..., turn, :3] += np.swapaxes(mixed, -1, -2)
             first += moment[..., None] * rows[..., side, plane, :]
             add_arms(outer, body, -moment[..., None] * e, normal)
-    form = np.stack([flex.bend[..., :2], flex.bend[..., 1:]], axis=-3)  # end, plane, end
+    form = np.stack([bend[..., :2], bend[..., 1:]], axis=-3)  # end, plane, end
     held = (form[..., None] * np.swapaxes(rows, -3, -2)[..., None, :, :, :]).sum(-2)
     flat_rows = rows.reshape(*e.shape[:-1], 4, 9)
     second += np.swapaxes(flat_rows, -1, -2) @ held.reshape(*e.shape[:-1], 4, 9)
-    return first, second
 
 
-def _twisted(scene: Scene, ends: tuple[Any, Any], first: Any, second: Any, outer: Any) -> None:
-    """The same of twisting, in place: d(phi) = t . (n_1' x m_2 - n_2' x m_1) / 2 for a rotation t of the lower body less that of the upper one."""
-    flex, wires = scene.flex, scene.wires
-    assert flex is not None
+def twist_forms(scene: Scene, pose: Pose, flex: Flex) -> Any:
+    """How the twist of each wire goes with the rotations of its upper and its lower body, (..., w, 6)."""
+    return _twist_forms(*_vectors(scene, pose, flex))
+
+
+def _twist_forms(upper: Any, lower: Any) -> Any:
+    """d(phi) = t . (n_1' x m_2 - n_2' x m_1) / 2 for a rotation t of the lower body less that of the upper one."""
+    row = (cross(lower[..., 0, :], upper[..., 1, :]) - cross(lower[..., 1, :], upper[..., 0, :])) / 2
+    return np.concatenate([-row, row], axis=-1)
+
+
+def _twisted(wires: Wires, stiffness: Any, ends: tuple[Any, Any], first: Any, second: Any, outer: Any) -> None:
+    """The same of twisting."""
     upper, lower = ends
     _, _, twist = _slopes(upper[..., 0, :], upper, lower)
-    torque = flex.twist * twist
-    row = (cross(lower[..., 0, :], upper[..., 1, :]) - cross(lower[..., 1, :], upper[..., 0, :])) / 2
-    turn = np.concatenate([-row, row], axis=-1)
+    torque, turn = stiffness * twist, _twist_forms(upper, lower)
     first[..., 3:] += torque[..., None] * turn
-    second[..., 3:, 3:] += flex.twist[..., None, None] * turn[..., :, None] * turn[..., None, :]
+    second[..., 3:, 3:] += stiffness[..., None, None] * turn[..., :, None] * turn[..., None, :]
     mixed = upper[..., 0, :, None] * lower[..., 1, None, :] - upper[..., 1, :, None] * lower[..., 0, None, :]
     mixed = torque[..., None, None] * (twist[..., None, None] * np.eye(3) + mixed / 2)  # lower, upper
     second[..., 6:, 3:6] += mixed

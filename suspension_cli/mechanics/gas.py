@@ -32,17 +32,19 @@ def surface_drag(gas: Gas) -> tuple[float, float]:
     return (2 + math.pi / 2) * along, along
 
 
-def wire_drag(section: Section, gas: Gas) -> tuple[float, float, float]:
-    """Drag a length of a wire, N s/m^2, that moves across itself in its first and in its second plane, and along itself.
+def wire_drag(section: Section, gas: Gas) -> tuple[float, float, float, float]:
+    """Drag per length of a wire that moves across itself in its first and in its second plane and along itself, N s/m^2, and turns about itself, N s.
 
     Round: half of the surface's pi d counts as normal, half as tangential.  Ribbon: two faces and two edges.
     """
     normal, along = surface_drag(gas)
     if section.round:
-        across = math.pi / 2 * section.depth[0] * (normal + along)
-        return across, across, math.pi * section.depth[0] * along
+        d = section.depth[0]
+        across = math.pi / 2 * d * (normal + along)
+        return across, across, math.pi * d * along, math.pi / 4 * d**3 * along
     t, w = section.depth
-    return 2 * (w * normal + t * along), 2 * (t * normal + w * along), 2 * (w + t) * along
+    turning = normal * (w**3 + t**3) / 6 + along * w * t * (w + t) / 2
+    return 2 * (w * normal + t * along), 2 * (t * normal + w * along), 2 * (w + t) * along, turning
 
 
 def body_damping(body: Body, gas: Gas) -> Array | None:

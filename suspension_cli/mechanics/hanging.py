@@ -95,7 +95,7 @@ def _hinges(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
     """How far (..., 2) from its upper and its lower clamp a wire seems to bend, m, in its first plane, if it is that much longer than drawn."""
     upper = lower = np.zeros(length.size)
     for _ in range(HINGES):
-        longer = fitted(fibre, length.ravel() + upper + lower, k.ravel())
+        longer = fitted(fibre, length.ravel() + upper + lower, k.ravel(), tension.ravel(), 0.0)
         ends = joined.ends(Strand(longer, tension.ravel(), massive=False, lossy=False).resting("bend-1"))  # w_1, w'_1, w_2, w'_2
         upper, lower = np.abs(ends[1, 2] / ends[0, 2]), np.abs(ends[3, 0] / ends[2, 0])
     return np.stack([upper, lower], axis=-1).reshape(*length.shape, 2)

@@ -9,17 +9,26 @@ of the strain e that the deformation makes (Gretarsson and Harry, Rev. Sci. Inst
 named `..._ratio` work it out for each deformation.
 
 **Thermoelastic.**  A fibre of the wire that is stretched cools, by the heat that expansion takes; heat flows across the wire
-from the compressed to the stretched side and back, a relaxation (Zener, Phys. Rev. 53, 90 (1938)):
+from the compressed to the stretched side and back (Zener, Phys. Rev. 53, 90 (1938)).  With theta the change of temperature
+across a wire that bends in y (scaled to be y itself where no heat flows), its surface insulated, and the diffusivity D = conductivity/(rho C),
 
-    phi = Delta w tau/(1 + w^2 tau^2),    Delta = E T a^2/(rho C).
+    i w theta = D (theta_xx + theta_yy) + i w y,    E (1 + Delta g),  g = (integral of y theta)/(integral of y^2),    Delta = E T a^2/(rho C),
+
+so the loss angle is Delta Im g.  With h half the depth in y (the radius, half a thickness) and x = h sqrt(i w/D) the solution is, of both shapes,
+
+    g = w/(w + 2 (n + 1)),    w = x^2 + x I_(n+2)(x)/I_(n+1)(x),      n = 1 (round), n = 1/2 (ribbon or blade),
+
+that is 1 - 4 J2(z)/(z^2 J1'(z)) with z = i x of a round wire, and 1 + (12/z^2)(1 - (2/z) tan(z/2)) with z = 2 i x of a ribbon (Lifshitz and
+Roukes, Phys. Rev. B 61, 5600 (2000)).  It is a sum of relaxations w tau/(1 + w^2 tau^2), of which the slowest, with tau = R^2/(1.8412^2 D) or
+t^2/(pi^2 D), has all but 1 % of the loss at low frequencies; far above its peak the sum is 18 or 22 % above it.
 
 The coefficient a is that of the strain against temperature at constant stress s.  With the strain
 s/E(T) + alpha T it is a = alpha - s E'/E^2 = alpha - u beta, u = s/E the static strain and beta = E'/E: a material that
 stiffens with temperature has a tension at which the loss vanishes (Cagnoli and Willems, Phys. Rev. B 65, 174111 (2002)).
-The slowest way that the temperature difference across the wire decays takes nearly all (98.5 % in a ribbon); taking all of
-it, as here and in that literature, is within 2 % up to the peak.  Stretching and twisting drive no heat across a wire.
+Stretching and twisting drive no heat across a wire.
 
-All angles are finite at zero frequency.  `omega` is in rad/s, not negative, of any shape.
+All angles are finite at zero frequency.  `omega` is in rad/s, not negative, of any shape; or complex (a damped mode's):
+the angles are continued analytically, but for those of a table, which are taken at the real part.
 """
 
 from __future__ import annotations
@@ -28,12 +37,15 @@ import math
 from typing import Any
 
 import numpy as np
+from scipy import special
 
 from suspension_cli.design.fibres import BladeLoss, Losses, Section
 from suspension_cli.design.sections import rectangle_torsion
 
-FIRST_ROOT = 1.8411837813406593
-"""First zero of J1': the slowest decay of a temperature ~ cos(azimuth) in a cylinder with an insulated surface is J1(1.84 r/R)."""
+LEAST, MOST = 1e-8, 1e6
+"""Of |x|: below and above, the ratios of Bessel functions are their limits to the last digit."""
+MIDDLE = 2.0
+"""Of |x|: below, g is computed without cancellation; above, g - 1 is."""
 
 
 def bending_angle(section: Section, plane: int, omega: Any, tension: Any, temperature: Any) -> Any:
@@ -59,7 +71,7 @@ def bending_angle(section: Section, plane: int, omega: Any, tension: Any, temper
     losses = section.losses
     strain = np.asarray(tension) / (losses.youngs_modulus * section.area)
     angle = _bulk(losses, omega) * (1 + losses.surface_depth * bending_ratio(section, plane))
-    return angle + _thermoelastic(losses, relaxation_time(losses, section.depth[plane], section.round), omega, strain, temperature)
+    return angle + _thermoelastic(losses, section.depth[plane], section.round, omega, strain, temperature)
 
 
 def stretching_angle(section: Section, omega: Any, tension: Any = 0.0, temperature: Any = 0.0) -> Any:
@@ -89,7 +101,7 @@ def blade_angle(blade: BladeLoss, omega: Any) -> Any:
         return blade.angle + 0.0 * np.asarray(omega)
     ratio = 6 / thickness if thickness > 0 else 0.0
     angle = _bulk(losses, omega) * (1 + losses.surface_depth * ratio)
-    return angle + _thermoelastic(losses, relaxation_time(losses, thickness, False), omega, 0.0, blade.temperature)
+    return angle + _thermoelastic(losses, thickness, False, omega, 0.0, blade.temperature)
 
 
 def bending_ratio(section: Section, plane: int) -> float:
@@ -126,34 +138,49 @@ def twisting_ratio(section: Section) -> float:
     return (short + (8 * constant - w * short) / t) / constant
 
 
-def relaxation_time(losses: Losses, depth: float, is_round: bool) -> float:
-    """Time in which a difference of temperature across a wire or blade decays, s; 0 if its conductivity is not known.
+def heat_flow(phase: Any, order: float) -> Any:
+    """Thermoelastic loss angle over the relaxation strength Delta: Im g.
 
-    The slowest solution of heat conduction (diffusivity kappa/(rho C)) with an insulated surface that is odd across the
-    wire: J1(q r/R) cos(azimuth) with J1'(q) = 0 gives rho C R^2/(kappa q^2) = rho C d^2/(4 q^2 kappa) = 0.0737 rho C d^2/kappa,
-    sin(pi y/t) gives rho C t^2/(pi^2 kappa).
+    Parameters
+    ----------
+    phase : array
+        w h^2/D, with h half the depth of the section and D its diffusivity; real, or complex for the analytic continuation.
+    order : float
+        1 of a round wire, 1/2 of a ribbon or blade.
     """
-    if not losses.conductivity > 0:
-        return 0.0
-    wave_number = 2 * FIRST_ROOT if is_round else math.pi
-    return losses.density * losses.heat_capacity * (depth / wave_number) ** 2 / losses.conductivity
+    if np.iscomplexobj(phase):  # Im g = (g(i p) - g(-i p))/2i for real p, and so for all
+        return (_moment(1j * phase, order) - _moment(-1j * phase, order)) / 2j
+    return _moment(1j * phase, order).imag
+
+
+def _moment(square: Any, order: float) -> Any:
+    """g = w/(w + c), or g - 1 = -c/(w + c) beyond `MIDDLE`, for x^2: c = 2 (n + 1), w = x^2 + x I_(n+2)/I_(n+1).
+
+    From I_n = I_(n+2) + c I_(n+1)/x.
+    """
+    x = np.sqrt(square)
+    size = np.abs(x)
+    near = np.where((size < LEAST) | (size > MOST), np.where(size < LEAST, LEAST, MOST), x)
+    ratio = special.ive(order + 2, near) / special.ive(order + 1, near)  # both times exp(-Re x): nothing overflows
+    ratio = np.where(size > MOST, 1 - (order + 1.5) / np.where(size > MOST, x, 1.0), ratio)
+    c, w = 2 * (order + 1), square + np.where(size < LEAST, square / LEAST, x) * ratio
+    return np.where(size < MIDDLE, w, -c) / (w + c)
 
 
 def _bulk(losses: Losses, omega: Any) -> Any:
     """Loss angle of the bulk: constant, or a table joined by straight lines in log f and log angle and constant outside."""
-    omega = np.asarray(omega, dtype=float)
     if losses.table is None:
-        return losses.angle + 0.0 * omega
+        return losses.angle + 0.0 * np.asarray(omega)
     frequency, angle = losses.table
-    inside = np.clip(omega / (2 * math.pi), frequency[0], frequency[-1])
+    inside = np.clip(np.real(omega) / (2 * math.pi), frequency[0], frequency[-1])
     return np.exp(np.interp(np.log(inside), np.log(frequency), np.log(angle)))
 
 
-def _thermoelastic(losses: Losses, time: float, omega: Any, strain: Any, temperature: Any) -> Any:
-    """Zener's relaxation; nothing where the heat capacity or the time is 0."""
-    if not (losses.heat_capacity > 0 and time > 0):
+def _thermoelastic(losses: Losses, depth: float, is_round: bool, omega: Any, strain: Any, temperature: Any) -> Any:
+    """Loss angle by the flow of heat across a wire or blade; nothing where the heat capacity, the conductivity or the depth is not known."""
+    if not (losses.heat_capacity > 0 and losses.conductivity > 0 and depth > 0):
         return 0.0 * (np.asarray(omega) + strain + temperature)
     coefficient = losses.expansion - strain * losses.modulus_slope
-    strength = losses.youngs_modulus * temperature * coefficient**2 / (losses.density * losses.heat_capacity)
-    x = np.asarray(omega) * time
-    return strength * x / (1 + x * x)
+    capacity = losses.density * losses.heat_capacity
+    strength = losses.youngs_modulus * temperature * coefficient**2 / capacity
+    return strength * heat_flow(np.asarray(omega) * (capacity * (depth / 2) ** 2 / losses.conductivity), 1.0 if is_round else 0.5)

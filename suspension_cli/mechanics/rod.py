@@ -1,6 +1,6 @@
 """The exact dynamic stiffness of a rod that is stretched or twisted, and of a string without bending stiffness.
 
-    S u'' + mu omega^2 u = 0:    S = EA for stretching (u in m), GJ for twisting (rad), T for a string pulled across (m),
+    S u'' + mu omega^2 u = 0:    S = EA for stretching (u in m), GJ + T I_p/A for twisting (rad), T for a string pulled across (m),
 
 with the even motion of the ends U_s = (u_1 + u_2)/2 and the odd one U_a = (u_2 - u_1)/2, kappa^2 = mu omega^2 / S and h = L/2:
 
@@ -12,6 +12,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+
+from suspension_cli.mechanics import curvature
 
 
 def stiffness(rigidity: Any, mass: Any, half: float, omega: Any) -> Any:
@@ -35,16 +37,21 @@ def stiffness(rigidity: Any, mass: Any, half: float, omega: Any) -> Any:
     return np.stack([-2 * rigidity * square * half * through, 2 * rigidity / half / through])
 
 
-def strained(rigidity: Any, mass: Any, half: float, omega: Any, ends: Any) -> Any:
-    """Integral (r, f) of |u'|^2 along the rod, for U_s and U_a (2, r, f) of r motions."""
+def squared(rigidity: Any, mass: Any, half: float, omega: Any, ends: Any) -> tuple[Any, Any]:
+    """Integrals (r, f) of |u'|^2 and of |u|^2 along the rod, for U_s and U_a (2, r, f) of r motions.
+
+    u = U_s cos(kappa x)/cos(kappa h) + U_a sin(kappa x)/sin(kappa h), with x from the middle; the products of even and odd parts integrate to 0.
+    """
     square = mass * omega**2 / rigidity + 0 * omega
-    kappa = np.sqrt(square + 0j)
-    re, im = kappa.real * half, kappa.imag * half
-    swell, wave = np.where(im == 0, 1.0, np.sinh(2 * im) / np.where(im == 0, 1.0, 2 * im)), np.sinc(2 * re / np.pi)
-    cos2, sinc2 = np.abs(np.cos(kappa * half)) ** 2, np.abs(_sinc(kappa * half)) ** 2
-    even = np.abs(kappa) ** 2 * half * (swell - wave) / cos2
-    odd = (swell + wave) / (half * sinc2)
-    return np.abs(ends[0]) ** 2 * even + np.abs(ends[1]) ** 2 * odd
+    angle = np.sqrt(square + 0j) * half
+    size2 = np.abs(angle) ** 2
+    still = size2 == 0
+    # 1/h times the integrals of |cos(kappa x)|^2 and |sin(kappa x)|^2, and of the latter over |kappa h|^2
+    cosine = curvature.sinhc(2 * angle.imag) + np.sinc(2 * angle.real / np.pi)
+    sine = curvature.gap(2 * angle.real, 2 * angle.imag)
+    slow_sine = np.where(still, 2 / 3, sine / np.where(still, 1.0, size2))
+    even, odd = np.abs(ends[0]) ** 2 / np.abs(np.cos(angle)) ** 2, np.abs(ends[1]) ** 2 / np.abs(_sinc(angle)) ** 2
+    return (even * size2 * sine + odd * cosine) / half, (even * cosine + odd * slow_sine) * half
 
 
 def resonances_below(rigidity: float, mass: float, half: float, omega: Any) -> Any:

@@ -14,7 +14,7 @@ from suspension_cli.mechanics.pose import Layout, Pose
 def free_to_spin(scene: Scene) -> list[tuple[int, int]]:
     """Stages that hang by a single point (one wire, or wires that meet in every scene of a batch): body and a wire that holds that point.
 
-    Such a stage and all below it turn about the vertical through the point at no cost, in any pose; wires that resist twisting let none.
+    Such a stage and all below it turn about the vertical through the point at no cost, in any pose, unless a wire resists twisting.
     """
     if scene.flex is not None:
         return []
@@ -22,7 +22,7 @@ def free_to_spin(scene: Scene) -> list[tuple[int, int]]:
     for body in range(1, len(scene.bodies.name) + 1):
         mine = np.flatnonzero(wires.lower == body)
         meet = any((points[..., mine, :] == points[..., mine[:1], :]).all() for points in (wires.upper_point, wires.lower_point)) if len(mine) else False
-        if meet and not (scene.springs.lower == body).any():
+        if meet and not (scene.springs.lower == body).any() and not wires.torsion[..., mine].any():
             found.append((body, int(mine[0])))
     return found
 

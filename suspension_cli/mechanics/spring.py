@@ -1,4 +1,4 @@
-"""Linear springs between two bodies: flexures, cables, the torsion of a wire.
+"""Linear springs between two bodies: flexures, cables.
 
 A spring joins a point of the lower body to the point of the upper body where it is in the nominal pose.  Its strain
 s = (delta, phi) is taken in the frame of the upper body, so it does not depend on the frame that one looks from:

@@ -19,8 +19,7 @@ def energy(scene: Scene, pose: Pose) -> Any:
     lift = (weight * pose.shift[..., 1:, 2]).sum(-1)
     turned = blade.tip_arms(scene, pose) - scene.blades.tip
     tips = (scene.gravity * scene.blades.tip_mass * (pose.shift[..., scene.blades.body, 2] + turned[..., 2])).sum(-1)
-    bent = 0.0 if scene.flex is None else flexure.energy(scene, pose)
-    return string.energy(scene, pose) + bent + blade.energy(scene, pose) + spring.energy(scene, pose) + lift + tips
+    return string.energy(scene, pose) + flexure.energy(scene, pose) + blade.energy(scene, pose) + spring.energy(scene, pose) + lift + tips
 
 
 def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any]:
@@ -47,7 +46,6 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any]:
     gradient[..., 8 : 6 * bodies : 6] += scene.gravity * scene.bodies.mass
     if scene.wires.label:
         _add_wires(scene, numbering, pose, gradient, hessian, outer, on_tips)
-    if scene.flex is not None and scene.wires.label:
         flexure.add(scene, numbering, pose, gradient, hessian, outer, on_tips)
     if scene.blades.label:
         _add_blades(scene, numbering, pose, gradient, hessian, outer, on_tips)

@@ -122,6 +122,8 @@ def unsuited(design: Design) -> str:
         return "its wires are angled in x"
     if stage.blades is not None:
         return "it has blades"
+    if stage.wires.torsion is not None:
+        return "its wires resist twisting"
     if stage.spring:
         return "it has springs"
     if any(body_inertia(stage.body)[i][j] for i in range(3) for j in range(3) if i != j):

@@ -5,6 +5,7 @@ Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), sections 3a and 4.  A wire fr
 
     k (u . D)^2 / 2 + (T / l) (|D|^2 - (u . D)^2) / 2 + T u . (second-order displacement of b less that of a).
 
+A wire whose torsion is given adds torsion (u . t)^2 / 2 for a rotation t of the lower body less that of the upper one.
 Summed over the wires of a symmetric set, terms odd in x or y cancel, and the chain falls into four blocks that do not
 couple: longitudinal-pitch, transverse-roll, vertical, yaw.  Blades are the paper's approximation: in series with the
 stretching of the wires, along the wires.  That is exact under vertical wires only (`string` has the tips as coordinates).
@@ -49,10 +50,12 @@ class Stage:
         m; the paper's symbols, see `design.schema.WireSet`.
     k : float
         Of one wire, N/m.
+    torsion : float
+        Of one wire, N m/rad; 0 if not given.
     blades : int
         0, or the number of blades that carry the wires.
     blade_stiffness : float
-        Of one blade, N/m.  This and k may be complex, k (1 + i phi).
+        Of one blade, N/m.  This, k and torsion may be complex, k (1 + i phi).
     """
 
     mass: Any
@@ -66,6 +69,7 @@ class Stage:
     d: Any = 0.0
     d_upper: Any = 0.0
     k: Any = 1e4
+    torsion: Any = 0.0
     blades: int = 0
     blade_stiffness: Any = field(default=1e3)
 
@@ -145,6 +149,11 @@ def _stage_blocks(p: Stage, load: Any) -> dict[str, list[list[Any]]]:
     yaw = _sum((apart, along), (swing, sweep), (swing, swerve))
     yaw[0][0] = yaw[0][0] + lift * (ux * s1 + uy * t1)
     yaw[1][1] = yaw[1][1] - lift * (ux * s2 + uy * t2)
+    for block, turning, part in ((x_pitch, (1, 3), uy), (y_roll, (1, 3), ux), (yaw, (0, 1), c)):
+        twist = p.count * p.torsion * part**2
+        for i in turning:
+            for j in turning:
+                block[i][j] = block[i][j] + (twist if i == j else -twist)
     return {"longitudinal-pitch": x_pitch, "transverse-roll": y_roll, "vertical": z, "yaw": yaw}
 
 
@@ -241,6 +250,7 @@ def chain(design: Design, *, lossy: bool = False) -> Chain:
         shape, inertia, mass = set_geometry(stage.wires), body_inertia(stage.body), body_mass(stage.body)
         blades = stage.blades
         k = wire_stiffness(design, stage.wires, shape.length)
+        elastic = 1 + 1j * wire_loss(design, stage.wires, shape.length) if lossy else 1.0
         per_blade = 1.0 if blades is None else blade_stiffness(design, blades, mass, blades.count)
         stages.append(
             Stage(
@@ -254,7 +264,8 @@ def chain(design: Design, *, lossy: bool = False) -> Chain:
                 s_lower=shape.s_lower,
                 d=shape.d,
                 d_upper=shape.d_upper,
-                k=k * (1 + 1j * wire_loss(design, stage.wires, shape.length)) if lossy else k,
+                k=k * elastic,
+                torsion=(stage.wires.torsion or 0.0) * elastic,
                 blades=0 if blades is None else blades.count,
                 blade_stiffness=per_blade * (1 + 1j * blade_loss(design, blades)) if lossy and blades is not None else per_blade,
             )

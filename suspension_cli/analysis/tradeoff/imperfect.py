@@ -160,8 +160,8 @@ def unbalanced(subject: Subject) -> str:
     """Why the equilibrium is not compared; empty if it is."""
     if no_wire(subject):
         return no_wire(subject)
-    if subject.scene.springs.label:
-        return "springs are not written down in 50 digits"
+    if subject.scene.springs.label or subject.scene.wires.torsion.any():
+        return "springs and the torsion of wires are not written down in 50 digits"
     if unhung(subject):
         return unhung(subject)
     return "" if balance.settled(spoilt(subject)) is not None else "its equilibrium is not unique to 50 digits (a body is free to turn)"
