@@ -13,10 +13,19 @@ if TYPE_CHECKING:
     from suspension_cli.mechanics.model import LinearModel
 
 
+def implausible(design: Design, voice: Voice) -> None:
+    """Warn of numbers with which answers mean nothing; `pendsus check` lists the others too."""
+    from suspension_cli.analysis import plausible
+
+    for doubt in plausible.serious(design):
+        voice.warn(f"{design.design.name}: {doubt.line}")
+
+
 def warn(design: Design, model: LinearModel, found: Modes, voice: Voice) -> None:
-    """Say what about a design is near a limit."""
+    """Say what about a design is hard to believe or near a limit."""
     from suspension_cli.analysis import limits
 
+    implausible(design, voice)
     for line in told(limits.of(design, model, found)):
         voice.warn(f"{design.design.name}: {line}")
 
