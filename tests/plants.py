@@ -43,7 +43,11 @@ CONFIGS = Path(__file__).parent.parent / "configs"
 def _parsed(kind: str) -> dict[str, Any]:
     if kind == "quadruple":
         return tomllib.loads((CONFIGS / "quadruple.toml").read_text())
-    return tomllib.loads(FIVE if kind == "five" else template(kind, kind))
+    if kind == "five":
+        return tomllib.loads(FIVE)
+    result = tomllib.loads(template(kind, kind))
+    del result["materials"]  # all that makes a template lossy in models of strings
+    return result
 
 
 def raw(kind: str, *, loss: bool = False, damping: bool = False, tips: bool = False) -> dict[str, Any]:

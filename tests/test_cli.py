@@ -77,7 +77,7 @@ def test_nothing_to_do():
 def test_json_of_modes(base, tmp_path):
     file = written(tmp_path, RAW[base])
     answer = modes_json(file, "--out", tmp_path / "out")
-    assert list(answer) == ["command", "design", "fidelity", "stable", "modes", "estimated_error"]
+    assert list(answer) == ["command", "design", "fidelity", "stable", "modes", "estimated_error", "without_loss"]
     assert (answer["command"], answer["design"], answer["stable"]) == ("modes", base, True)
     assert answer["fidelity"] in ("force", "string", "beam", "violin")
     for mode in answer["modes"]:

@@ -57,6 +57,7 @@ def test_one_motion_is_flat(file, out):
         "displacement_asd",
         "contributions",
         "estimated_error",
+        "without_loss",
     ]
     assert (answer["command"], answer["design"], answer["fidelity"]) == ("thermal", "triple", "beam")
     assert (answer["output"], answer["unit"], answer["tilt_rad"]) == ("test.x@0,0,0.001", "m/sqrt(Hz)", 0.0)
@@ -70,7 +71,7 @@ def test_one_motion_is_flat(file, out):
 
 def test_several_are_a_list(file, out):
     answer = asked(file, out, "--output", "test.x", "--output", "test.pitch", "--output", "upper.z", *GRID)
-    assert list(answer) == ["command", "design", "fidelity", "frequency_hz", "noises", "estimated_error"]
+    assert list(answer) == ["command", "design", "fidelity", "frequency_hz", "noises", "estimated_error", "without_loss"]
     assert [(one["output"], one["unit"]) for one in answer["noises"]] == [
         ("test.x", "m/sqrt(Hz)"),
         ("test.pitch", "rad/sqrt(Hz)"),

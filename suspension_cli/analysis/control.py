@@ -58,18 +58,30 @@ def plant(design: Design, model: LinearModel) -> Plant:
     known, positions = signals.bodies(model), com_positions(design)
     sensors, actuators, sensed, pushed = [], [], [], []
     for loop in design.control.loop:
-        key = f"control.loop.{loop.name}"
-        sensor = signals.parse(loop.sensor, f"{key}.sensor", known)
-        actuator = signals.parse(loop.actuator, f"{key}.actuator", known)
-        if sensor.acts or sensor.body not in model.body:
-            raise InputError([Fault(f"{key}.sensor", "is no motion of a stage", "write for example upper.x", shown(loop.sensor))])
-        if not actuator.acts:
-            raise InputError([Fault(f"{key}.actuator", "is no force or torque", "write for example upper.force_x", shown(loop.actuator))])
+        sensor, actuator = sensor_of(loop, model.body, known), actuator_of(loop, known)
         sensors.append(sensor)
         actuators.append(actuator)
         sensed.append(_relative(sensor, model, positions, loop.reference))
         pushed.append(_relative(actuator, model, positions, loop.reference))
     return Plant(model, tuple(design.control.loop), sensors, actuators, np.array(sensed), np.array(pushed))
+
+
+def sensor_of(loop: Loop, stages: tuple[str, ...], known: tuple[str, ...]) -> Signal:
+    """The motion that a loop senses; `InputError` if it is none of a stage."""
+    key = f"control.loop.{loop.name}.sensor"
+    sensor = signals.parse(loop.sensor, key, known)
+    if sensor.acts or sensor.body not in stages:
+        raise InputError([Fault(key, "is no motion of a stage", "write for example upper.x", shown(loop.sensor))])
+    return sensor
+
+
+def actuator_of(loop: Loop, known: tuple[str, ...]) -> Signal:
+    """The force with which a loop acts; `InputError` if it is none."""
+    key = f"control.loop.{loop.name}.actuator"
+    actuator = signals.parse(loop.actuator, key, known)
+    if not actuator.acts:
+        raise InputError([Fault(key, "is no force or torque", "write for example upper.force_x", shown(loop.actuator))])
+    return actuator
 
 
 def _relative(signal: Signal, model: LinearModel, positions: dict[str, Any], reference: str) -> Array:

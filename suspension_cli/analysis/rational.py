@@ -38,7 +38,8 @@ def rational(model: LinearModel) -> LinearModel:
     own = np.linalg.solve(model.basis, np.pad(found.shape, ((0, 0), (6, 0))).T)
     member = model.member[:, None] == found.block
     pull = model.mass @ np.where(member, own, 0.0)
-    lost = np.where(np.isfinite(found.q), np.maximum(found.omega_squared, 0.0) / found.q, 0.0)
+    lossy = np.isfinite(found.q) & (found.omega_squared > 0)  # a mode that grows has no Q
+    lost = np.where(lossy, found.omega_squared / np.where(lossy, found.q, 1.0), 0.0)
     loss = (pull * lost) @ pull.T
     return replace(model, terms=(), lossy=model.stiffness + 1j * _carried(loss, model.rigid) if lost.any() else None)
 

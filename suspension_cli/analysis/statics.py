@@ -1,4 +1,4 @@
-"""What a suspension carries where it hangs: tensions, stretch, stress, and how far imperfections moved it."""
+"""What a suspension carries where it hangs: tensions, stretch, sag, stress, its height, and how far imperfections moved it."""
 
 from __future__ import annotations
 
@@ -6,20 +6,74 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from suspension_cli.design import materials
 from suspension_cli.design.expand import expand
-from suspension_cli.design.schema import Design
-from suspension_cli.design.sections import thinnest
+from suspension_cli.design.scene import Scene
+from suspension_cli.design.schema import Body, Design, Stage
+from suspension_cli.design.sections import area
+from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
+from suspension_cli.mechanics.equilibrium import Equilibrium
 from suspension_cli.mechanics.equilibrium import solve as balance
 
 
 @dataclass(frozen=True)
 class WireLoad:
-    """One wire: tension in N, stretch in m, stress in Pa (None where only k is known)."""
+    """One wire.
+
+    Attributes
+    ----------
+    label : str
+    tension : float
+        N.
+    stretch : float
+        From its natural length, m.
+    length : float
+        Loaded, m.
+    stress : float or None
+        Where it is thinnest, Pa; None where only k is known.
+    strength : float or None
+        Of the material that comes nearest to it, Pa; None where no strength is known.
+    share : float or None
+        Of its strength that the stress reaches, where that is largest.
+    material : str
+        That material; "" where none is named.
+    """
 
     label: str
     tension: float
     stretch: float
+    length: float
     stress: float | None
+    strength: float | None
+    share: float | None
+    material: str
+
+
+@dataclass(frozen=True)
+class BladeLoad:
+    """One blade.
+
+    Attributes
+    ----------
+    label : str
+    load : float
+        Vertical force at its tip, N.
+    sag : float
+        How far that bends it, m.
+    stress : float or None
+        Largest, at its base, Pa; None where its geometry is not known.
+    strength, share : float or None
+        As of wires.
+    material : str
+    """
+
+    label: str
+    load: float
+    sag: float
+    stress: float | None
+    strength: float | None
+    share: float | None
+    material: str
 
 
 @dataclass(frozen=True)
@@ -32,12 +86,29 @@ class BodyPose:
 
 
 @dataclass(frozen=True)
+class Lowest:
+    """The lowest point of a stage: its height z from the suspension point, m, and what is there ("body", "wires" or "centre of mass")."""
+
+    name: str
+    z: float
+    point: str
+
+
+@dataclass(frozen=True)
 class Carried:
-    """The static answer for one design; `residual` is a share of the weight."""
+    """The static answer for one design; `residual` is a share of the weight, `top` the z of the highest point of the suspension in m."""
 
     wires: tuple[WireLoad, ...]
+    blades: tuple[BladeLoad, ...]
     bodies: tuple[BodyPose, ...]
+    lowest: tuple[Lowest, ...]
+    top: float
     residual: float
+
+    @property
+    def height(self) -> float:
+        """From the highest to the lowest point, m."""
+        return self.top - min(stage.z for stage in self.lowest)
 
 
 def solve(design: Design) -> Carried:
@@ -51,15 +122,88 @@ def solve(design: Design) -> Carried:
     scene = expand(design)
     balanced = balance(scene)
     balanced.demand(scene)
-    sections = [w and thinnest(w) for stage in design.stage for w in (stage.wire or [stage.wires] * (stage.wires.count if stage.wires else 0))]
-    wires = tuple(
-        WireLoad(label, float(tension), float(tension / k), float(tension / section) if section else None)
-        for label, tension, k, section in zip(scene.wires.label, balanced.tension, scene.wires.stiffness, sections, strict=True)
-    )
+    tables = [table for stage in design.stage for table in wire_tables(stage)]
+    rows = zip(tables, scene.wires.label, balanced.tension.tolist(), scene.wires.stiffness.tolist(), scene.wires.length.tolist(), strict=True)
     bodies = tuple(
         BodyPose(name, _vector(balanced.pose.shift[n]), _vector(_axis_angle(balanced.pose.rotation[n]))) for n, name in enumerate(scene.bodies.name, 1)
     )
-    return Carried(wires, bodies, float(balanced.residual))
+    ends = _ends(scene, balanced)
+    return Carried(
+        wires=tuple(_wire(design, table, label, tension, tension / k, length) for table, label, tension, k, length in rows),
+        blades=tuple(_blade(design, *blade) for blade in _blade_rows(design, scene, balanced)),
+        bodies=bodies,
+        lowest=tuple(_lowest(stage.body, n, scene, balanced, ends[n]) for n, stage in enumerate(design.stage, 1)),
+        top=max((max(heights, default=-np.inf) for heights in ends), default=0.0) if scene.wires.label else 0.0,
+        residual=float(balanced.residual),
+    )
+
+
+def wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
+    """The table of each wire of a stage."""
+    return [stage.wires] * stage.wires.count if stage.wires is not None else stage.wire
+
+
+def _wire(design: Design, table: WireSet | Wire, label: str, tension: float, stretch: float, length: float) -> WireLoad:
+    pieces = [(piece, piece.material or table.material) for piece in table.sections] if table.sections is not None else [(table, table.material)]
+    found: list[tuple[float, float | None, str]] = []
+    for piece, name in pieces:
+        if piece.radius is None and piece.section is None:
+            continue
+        thinnest = min(piece.radius) if isinstance(piece.radius, list) else piece.radius
+        found.append((tension / area(thinnest, piece.section), _strength(design, name), name or ""))
+    known = [(stress / strength, strength, name) for stress, strength, name in found if strength is not None]
+    share, strength, material = max(known, default=(None, None, max(found)[2] if found else table.material or ""))
+    return WireLoad(label, tension, stretch, length, max((one[0] for one in found), default=None), strength, share, material)
+
+
+def _strength(design: Design, name: str | None) -> float | None:
+    return None if name is None else materials.resolve(design, name).tensile_strength
+
+
+def _blade_rows(design: Design, scene: Scene, balanced: Equilibrium) -> list[tuple[BladeSet | Blade, str, float, float]]:
+    """Table, label, vertical force on the tip (N) and vertical stiffness (N/m) of every blade."""
+    tables = [table for stage in design.stage for table in ([stage.blades] * stage.blades.count if stage.blades is not None else stage.blade)]
+    k = scene.blades.stiffness[:, 2]
+    load = scene.blades.load[:, 2] - k * balanced.pose.deflection[:, 2]
+    return list(zip(tables, scene.blades.label, load.tolist(), k.tolist(), strict=True))
+
+
+def _blade(design: Design, table: BladeSet | Blade, label: str, load: float, stiffness: float) -> BladeLoad:
+    """A blade of length L, base width b and thickness h bends under F with at most 6 F L/(b h^2), at its base (any text on beams)."""
+    shape = table.geometry
+    if shape is None:
+        return BladeLoad(label, load, load / stiffness, None, None, None, table.material or "")
+    stress, strength = 6 * load * shape.length / (shape.base_width * shape.thickness**2), _strength(design, shape.material)
+    return BladeLoad(label, load, load / stiffness, stress, strength, None if strength is None else stress / strength, shape.material)
+
+
+def _ends(scene: Scene, balanced: Equilibrium) -> list[list[float]]:
+    """Heights z (m) of the ends of wires on each body, the support first."""
+    heights: list[list[float]] = [[] for _ in range(len(scene.bodies.name) + 1)]
+    z, rotation = scene.bodies.position[:, 2] + balanced.pose.shift[:, 2], balanced.pose.rotation
+    for body, points in ((scene.wires.upper, scene.wires.upper_point), (scene.wires.lower, scene.wires.lower_point)):
+        for n, point in zip(body.tolist(), points, strict=True):
+            heights[n].append(float(z[n] + rotation[n, 2] @ point))
+    return heights
+
+
+def _lowest(body: Body, n: int, scene: Scene, balanced: Equilibrium, ends: list[float]) -> Lowest:
+    """The lowest point of a body and of the wires' ends on it."""
+    z = float(scene.bodies.position[n, 2] + balanced.pose.shift[n, 2])
+    points = [(z, "centre of mass"), *((end, "wires") for end in ends)]
+    if body.shape is not None:
+        points = [(z - _half_height(body, balanced.pose.rotation[n, 2]), "body"), *points]
+    lowest = min(points, key=lambda point: point[0])
+    return Lowest(scene.bodies.name[n - 1], *lowest)
+
+
+def _half_height(body: Body, up: np.ndarray) -> float:
+    """Half the extent of a shape along a direction `up` (a unit vector in its own axes), m."""
+    if body.shape == "box":
+        return float(np.abs(up) @ np.array(body.size) / 2)
+    assert body.radius is not None and body.length is not None
+    along = abs(float(up["xyz".index(body.axis or "x")]))
+    return body.length / 2 * along + body.radius * float(np.sqrt(max(1 - along**2, 0.0)))
 
 
 def _axis_angle(rotation: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import options
+from suspension_cli.cli import limits, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.fit import Fit
@@ -71,7 +71,9 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
         if bound:
             voice.warn(f"{label} ends at its bound")
     for name, fitted in zip(found.experiment, found.design, strict=True):
-        states = modes.solve(fidelity.linear_model(reader.parse(fitted), choice.level))
+        design = reader.parse(fitted)
+        limits.implausible(design, voice)
+        states = modes.solve(fidelity.linear_model(design, choice.level))
         if not states.stable:
             voice.warn(f"{name} as fitted is unstable on {choice.level}: {states.label[0]} grows at {states.growth_rate[0]:.4g} 1/s")
     if setting["plot"] or (setting["plot"] is None and not as_json):

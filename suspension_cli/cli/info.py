@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import analyses, options, rung
+from suspension_cli.cli import analyses, limits, options, rung
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.auto import Decision
@@ -33,6 +33,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], as_json
     source, setting = analyses.prepared(ctx, design, overrides)
     with source.faults():
         found, simplest, decisions, noise = _weighed(source, setting)
+    limits.implausible(source.design, options.Voice(quiet=False, verbose=False))
     name = source.design.design.name
     if as_json:
         import json

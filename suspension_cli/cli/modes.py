@@ -11,6 +11,7 @@ from suspension_cli.cli import analyses, limits, options, rung
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.modes import Modes
+    from suspension_cli.design.lossless import Lossless
     from suspension_cli.design.reader import Source
     from suspension_cli.models.fidelity import Choice
 
@@ -35,6 +36,8 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
     With --max-frequency (or --fidelity violin, then up to 1 kHz) the wires have mass: violin modes are listed with the others, none missed.
     On beam and violin every mode has its Q and its dilution factor.
     """
+    import numpy as np
+
     voice = options.Voice(quiet, verbose)
     sources = _read_all(designs, overrides)
     settings = [options.with_analysis_table(ctx, source.design.analysis.get("modes", {}), source.file) for source in sources]
@@ -44,12 +47,15 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
     for number, (source, setting, (choice, modes)) in enumerate(zip(sources, settings, solved, strict=True)):
         _write(source, choice, modes, folder, not as_json if setting["plot"] is None else setting["plot"], voice)
         if as_json:
-            documents.append(document(source.design.design.name, choice, modes))
+            documents.append(document(source.design.design.name, choice, modes, _lossless(source, choice)))
             voice.say(f"{source.design.design.name}: {choice.level}: {choice.reason}")
         else:
             click.echo(("\n" if number else "") + table(source, choice, modes))
         _warn_of_series(source, choice, modes, voice)
         limits.warn_on(source.design, choice.level, modes, voice)
+        if np.isfinite(modes.q).any():
+            for line in limits.lossless(_lossless(source, choice), choice.level):
+                voice.warn(f"{source.design.design.name}: {line}")
         for label, rate in zip(modes.label, modes.growth_rate, strict=True):
             if rate > 0:
                 voice.warn(f"{source.design.design.name} is unstable: {label} grows at {rate:.4g} 1/s")
@@ -57,6 +63,12 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
         import json
 
         click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
+
+
+def _lossless(source: Source, choice: Choice) -> list[Lossless]:
+    from suspension_cli.design.lossless import without_loss
+
+    return without_loss(source.design, choice.level)
 
 
 def _warn_of_series(source: Source, choice: Choice, modes: Modes, voice: options.Voice) -> None:
@@ -135,7 +147,7 @@ def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool
             analyses.draw(figure, name, voice)
 
 
-def document(name: str, choice: Choice, modes: Modes) -> dict[str, Any]:
+def document(name: str, choice: Choice, modes: Modes, lossless: list[Lossless]) -> dict[str, Any]:
     """The JSON document of one design."""
     import numpy as np
 
@@ -154,7 +166,8 @@ def document(name: str, choice: Choice, modes: Modes) -> dict[str, Any]:
             row["growth_rate_per_s"] = float(modes.growth_rate[n])
         share = {"label": labels[n], "share": float(modes.shares[n].max()), "top_mass_share": float(modes.top_share[n]), "verdict": verdicts[n]}
         rows.append(row | share)
-    return {"command": "modes", "design": name, "fidelity": choice.level, "stable": modes.stable, "modes": rows} | {"estimated_error": rung.estimate(choice)}
+    head = {"command": "modes", "design": name, "fidelity": choice.level, "stable": modes.stable, "modes": rows}
+    return head | {"estimated_error": rung.estimate(choice), "without_loss": [part.part for part in lossless]}
 
 
 def table(source: Source, choice: Choice, modes: Modes) -> str:

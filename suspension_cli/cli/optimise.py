@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from suspension_cli.cli import limits as warnings
 from suspension_cli.cli import options
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     from suspension_cli.cli import analyses
     from suspension_cli.cli.progress import Bar
     from suspension_cli.design import goals as wishes
+    from suspension_cli.design import reader
     from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.models.fidelity import Choice
     from suspension_cli.results import optimise as files
@@ -65,6 +67,7 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
         from suspension_cli.plots import optimise as picture
 
         analyses.draw(picture.draw(found, source.design.design.title or name), path.with_suffix(".png"), voice)
+    warnings.implausible(reader.read(made).design, voice)
     for what in found.unknown:
         voice.warn(f"not known, so not met: {what}")
     for name, value in zip(found.quantities.name, found.quantities.after, strict=True):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import options
+from suspension_cli.cli import limits, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.axes import Axis
@@ -48,6 +48,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         job = ParameterSweep(source.text, over, choice.level, asked, setting["allow_unstable"])
         job.check()
     voice.detail(f"{source.design.design.name}: {choice.level}: {choice.reason}")
+    limits.implausible(source.design, voice)
     if setting["fidelity"] == "auto":
         rung.tell(source, decision, voice, ("beam", "violin"))
     path = options.folder(out) / f"{source.design.design.name}-sweep.h5"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import analyses, options, rung
+from suspension_cli.cli import analyses, limits, options, rung
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.thermal import Thermal
@@ -37,6 +37,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     The beam of a long arm is not level where it meets the mirrors, so it sees a little of their vertical motion: --arm.
     Writes DIR/NAME-thermal.h5 and .png.
     """
+    from suspension_cli.design.lossless import without_loss
     from suspension_cli.results import thermal as files
 
     voice = options.Voice(quiet, verbose)
@@ -44,6 +45,9 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     with source.faults():
         choice, noises = _solved(source, setting, voice)
     name = source.design.design.name
+    lossless = without_loss(source.design, choice.level)
+    for line in limits.lossless(lossless, choice.level):
+        voice.warn(f"{name}: {line}")
     path = options.folder(out) / f"{name}-thermal.h5"
     files.save(path, noises, analyses.provenance(source, choice, sys.argv))
     voice.say(f"wrote {path}")
@@ -54,7 +58,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     if as_json:
         import json
 
-        click.echo(json.dumps(document(name, choice, noises)))
+        click.echo(json.dumps(document(name, choice, noises, [part.part for part in lossless])))
     else:
         click.echo(summary(choice, noises))
 
@@ -103,8 +107,8 @@ def _demand_loss(noise: Thermal) -> None:
         raise InputError([Fault("--output", "nothing that moves with it dissipates, so it has no thermal noise", remedy, shown(noise.output))])
 
 
-def document(name: str, choice: Choice, noises: list[Thermal]) -> dict[str, Any]:
-    """The JSON document: the noise of one motion flat, that of several in a list."""
+def document(name: str, choice: Choice, noises: list[Thermal], lossless: list[str]) -> dict[str, Any]:
+    """The JSON document: the noise of one motion flat, that of several in a list; `lossless` names the parts without loss."""
     each = [
         {
             "output": noise.output,
@@ -116,7 +120,7 @@ def document(name: str, choice: Choice, noises: list[Thermal]) -> dict[str, Any]
         for noise in noises
     ]
     head = {"command": "thermal", "design": name, "fidelity": choice.level, "frequency_hz": noises[0].frequency.tolist()}
-    return head | (each[0] if len(each) == 1 else {"noises": each}) | {"estimated_error": rung.estimate(choice)}
+    return head | (each[0] if len(each) == 1 else {"noises": each}) | {"estimated_error": rung.estimate(choice), "without_loss": lossless}
 
 
 def summary(choice: Choice, noises: list[Thermal]) -> str:

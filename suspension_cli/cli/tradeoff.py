@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import options
+from suspension_cli.cli import limits, options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.tradeoff.result import Entry, Panel, Tradeoff
@@ -54,6 +54,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         found = run.measured(
             source.design, setting["quantities"], setting["repeat"], lambda done, count: bar(done, count, done / max(time.monotonic() - began, 1e-9))
         )
+    limits.implausible(source.design, voice)
     path = options.folder(out) / f"{name}-tradeoff.h5"
     files.save(path, found, analyses.provenance(source, Choice("all", "every rung that holds is compared"), sys.argv))
     voice.say(f"wrote {path}")

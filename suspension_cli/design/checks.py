@@ -120,7 +120,8 @@ def _wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault]:
     shape = set_geometry(wires)
     if shape.height_squared <= 1e-12 * wires.l**2:
         span = math.hypot(shape.t2 - shape.t1, shape.s_lower - shape.s_upper)
-        yield Fault(f"{path}.l", f"the wire is not longer than its horizontal span of {span:g} m", "give a longer wire or a smaller span", shown(wires.l))
+        remedy = "give a longer wire or a smaller span" + (" (did you mean mm?)" if span > 1.0 and wires.l > 5e-4 * span else "")
+        yield Fault(f"{path}.l", f"the wire is not longer than its horizontal span of {span:g} m", remedy, shown(wires.l))
         return
     yield from hanging.along(wires, (shape.s_lower - shape.s_upper, shape.t2 - shape.t1, -shape.height), path)
 
