@@ -55,6 +55,8 @@ class Modes:
         Share of each of these in the mode's kinetic energy; with `energy` and `tip_energy` it sums to 1.
     order : (m,) int array
         Of a mode of wires, the number of half waves along them; 0 of others.
+    decay_rate : (m,) array
+        1/s, of the amplitude; 0 for a mode that is rigid, unstable or feels no loss.
     """
 
     body: tuple[str, ...]
@@ -69,11 +71,17 @@ class Modes:
     wire: tuple[str, ...]
     wire_energy: Array
     order: Index
+    decay_rate: Array
 
     @property
     def frequency(self) -> Array:
-        """Hz; 0 for a rigid mode, NaN for an unstable one."""
-        return np.sqrt(np.where(self.omega_squared < 0, np.nan, self.omega_squared)) / (2 * np.pi)
+        """Hz; 0 for a rigid mode, NaN for an unstable or an overdamped one."""
+        return np.sqrt(np.where((self.omega_squared < 0) | self.overdamped, np.nan, self.omega_squared)) / (2 * np.pi)
+
+    @property
+    def overdamped(self) -> Any:
+        """Which modes (m,) decay without oscillating."""
+        return (self.omega_squared == 0) & (self.decay_rate > 0)
 
     @property
     def growth_rate(self) -> Array:
@@ -118,8 +126,8 @@ class Modes:
         low, high = DAMPING_BAND
         words = []
         for omega2, frequency, share in zip(self.omega_squared, self.frequency, self.top_share, strict=True):
-            if omega2 <= 0:
-                words.append("rigid" if omega2 == 0 else "unstable")
+            if omega2 < 0 or not frequency > 0:
+                words.append("unstable" if omega2 < 0 else "rigid" if frequency == 0 else "overdamped")
             elif not low <= frequency <= high:
                 words.append(f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz")
             else:
@@ -143,7 +151,7 @@ class Modes:
     def up_to(self, highest: float) -> Modes:
         """The modes up to a frequency (Hz), and those that do not oscillate."""
         kept = self.omega_squared <= (2 * np.pi * highest) ** 2
-        parts = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order")
+        parts = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order", "decay_rate")
         return replace(self, **{name: getattr(self, name)[kept] for name in parts})
 
     def of(self, dof: str, body: str | None = None) -> list[float]:
@@ -191,9 +199,10 @@ def solve(model: LinearModel) -> Modes:
     shapes = shapes[order]
     q, dilution = _quality(model, shapes, values[order])
     energy, tips = energies(model, shapes)
-    shapes = _signed(shapes @ model.basis.T, np.concatenate([energy, tips], axis=1))[:, 6:]
+    shapes = signed(shapes @ model.basis.T, np.concatenate([energy, tips], axis=1))[:, 6:]
     parts = energy.reshape(len(shapes), -1, 6), tips, numbers[order], q, dilution
-    return Modes(model.body, model.coordinate[6:], values[order], shapes, *parts, (), np.zeros((len(shapes), 0)), np.zeros(len(shapes), dtype=np.intp))
+    still = (), np.zeros((len(shapes), 0)), np.zeros(len(shapes), dtype=np.intp)
+    return Modes(model.body, model.coordinate[6:], values[order], shapes, *parts, *still, decay(values[order], q))
 
 
 def condensed(model: LinearModel, block: Index) -> tuple[Index, Any, Any, Any]:
@@ -276,6 +285,11 @@ def energies(model: LinearModel, shapes: Array) -> tuple[Array, Array]:
     return result / total, own / total
 
 
+def decay(squared: Array, q: Array) -> Array:
+    """Decay rates omega / 2 Q (m,) of the amplitudes of weakly damped modes, 1/s."""
+    return np.where(squared > 0, np.sqrt(np.maximum(squared, 0.0)) / (2 * np.where(q > 0, q, np.inf)), 0.0)
+
+
 def _quality(model: LinearModel, shapes: Array, values: Array) -> tuple[Array, Array]:
     """Q = omega^2 / (v K'' v + omega v C v) and dilution for shapes v of unit modal mass."""
     omega = np.sqrt(np.maximum(values, 0.0))
@@ -283,7 +297,7 @@ def _quality(model: LinearModel, shapes: Array, values: Array) -> tuple[Array, A
     return quality.ratio(omega**2, lost), quality.ratio(omega**2, elastic) if model.terms else np.full(len(omega), np.nan)
 
 
-def _signed(shapes: Array, shares: Array) -> Array:
+def signed(shapes: Array, shares: Array) -> Array:
     """Shapes with the sign in which the leading coordinate is positive."""
     lead = shapes[np.arange(len(shapes)), 6 + shares.argmax(1)]
     return shapes * np.where(lead < 0, -1.0, 1.0)[:, None]

@@ -102,6 +102,7 @@ def solve(model: LinearModel, highest: float) -> Modes:
         wire=names,
         wire_energy=wire / total[:, None],
         order=np.zeros(len(omega), dtype=np.intp),
+        decay_rate=lost / (2 * omega * total),
     )
     found = replace(found, order=_orders(found, kinds))
     return _with_unstable(found, still)
@@ -272,5 +273,5 @@ def _with_unstable(found: Modes, still: Modes) -> Modes:
     def both(name: str) -> Any:
         return np.concatenate([getattr(still, name)[:n], getattr(found, name)])
 
-    merged = {name: both(name) for name in ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "order")}
+    merged = {name: both(name) for name in ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "order", "decay_rate")}
     return replace(found, **merged, wire_energy=np.concatenate([np.zeros((n, k)), found.wire_energy]))

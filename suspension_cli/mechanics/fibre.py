@@ -197,11 +197,11 @@ class Moving:
         temperature = (upper + lower) / 2
         if part.startswith("bend"):
             plane = int(part[-1]) - 1
-            value, angle = section.rigidity[plane], lambda: loss.bending_angle(section, plane, self.omega, tension, temperature)
+            value, angle = section.rigidity[plane], lambda: loss.bending_angle(section, plane, np.real(self.omega), tension, temperature)
         elif part == "stretch":
-            value, angle = section.stretching, lambda: loss.stretching_angle(section, self.omega)
+            value, angle = section.stretching, lambda: loss.stretching_angle(section, np.real(self.omega))
         else:
-            value, angle = section.twisting, lambda: loss.twisting_angle(section, self.omega)
+            value, angle = section.twisting, lambda: loss.twisting_angle(section, np.real(self.omega))
         return value * (1 + 1j * angle()) if self.strand.lossy else value
 
     def _inertia(self, section: Section, part: str) -> Any:
