@@ -40,12 +40,24 @@ LIGHT = 0.02
 """Share of omega^2 up to which losses change a mode's equation for the mode to be followed from the undamped one."""
 COUPLED = 0.05
 """Coupling of two modes by losses, over the difference of their equations, above which they are solved together."""
+ROUNDING = 1e-10
+"""What couples two modes, over what damps them, that is a rounding error: it would mix modes of one frequency."""
+TOGETHER = 1e-6
+"""Difference of the equations of two modes, over their losses, below which they are solved together."""
+NEGLIGIBLE = 1e-18
+"""What another mode adds to the losses of one, over these, that is left out."""
+MEMORY = 2_000_000
+"""Elements of losses that are worked on at once."""
 STEPS = 30
 """Of any iteration."""
 CONVERGED = 4 * np.finfo(float).eps
 """Relative change at which an iteration ends."""
+NOISE = 1e-9
+"""Relative change below which an iteration that no longer improves has ended."""
 STRAYED = 0.5
 """Relative distance from its start at which a pole is not taken for the one that was looked for."""
+ALIKE = 1e-12
+"""Relative difference of omega^2 that may be a rounding error."""
 UNFELT = 1e-24
 """Share of the largest damping below which a rigid mode feels none of it."""
 REAL = 1e-13
@@ -62,14 +74,17 @@ class Basis:
         k_j and m_j: omega_j^2 and 1 of a mode, 1 (or -1) and 0 of a massless direction.
     viscous : (n, n) array
         X^T C X, 1/s.
+    place : (n,) int array
+        Which of the coordinates of `elastic` these are.
     elastic : callable
-        X^T L(omega) X (m, n, n), complex, of omega (m,) above 0, rad/s.
+        X^T L(omega) X (m, n, n), complex, of omega (m,) above 0, rad/s, and of places (n,).
     """
 
     stiffness: Array
     inertia: Array
     viscous: Array
-    elastic: Callable[[Array], Any]
+    place: Index
+    elastic: Callable[[Array, Index], Any]
 
     def losses(self, s: Any) -> Any:
         """G (m, n, n) at s (m,): no loss angle where s is real."""
@@ -77,13 +92,13 @@ class Basis:
         result = s[:, None, None] * self.viscous
         oscillates = s.imag > 0
         if oscillates.any():
-            result[oscillates] = result[oscillates] + self.elastic(s.imag[oscillates])
-        return result
+            result[oscillates] = result[oscillates] + self.elastic(s.imag[oscillates], self.place)
+        size = np.sqrt(np.abs(np.diagonal(result, axis1=1, axis2=2)))
+        return np.where(np.abs(result) > ROUNDING * size[:, :, None] * size[:, None, :], result, 0.0)
 
     def within(self, some: Index) -> Basis:
         """The same for some of the coordinates, where the others feel no loss."""
-        square = np.ix_(some, some)
-        return Basis(self.stiffness[some], self.inertia[some], self.viscous[square], lambda omega: self.elastic(omega)[:, some[:, None], some])
+        return Basis(self.stiffness[some], self.inertia[some], self.viscous[np.ix_(some, some)], self.place[some], self.elastic)
 
 
 @dataclass(frozen=True)
@@ -107,8 +122,20 @@ def poles(basis: Basis) -> Poles:
 
     Of a rigid mode 0 is a pole; a mode that grows counts with its growth alone, not with the decaying motion at (about) the opposite pole.
     """
-    start = np.where(basis.inertia > 0, 1j * np.sqrt(np.maximum(basis.stiffness, 0.0)), 0.0)
-    groups, light = _groups(basis, basis.losses(start))
+    n = len(basis.stiffness)
+    values, motions = [np.zeros(0, dtype=complex)], [np.zeros((0, n), dtype=complex)]
+    for own in _components(basis):
+        found = _poles(basis.within(own))
+        motion = np.zeros((len(found.value), n), dtype=complex)
+        motion[:, own] = found.motion
+        values.append(found.value)
+        motions.append(motion)
+    return Poles(np.concatenate(values), np.concatenate(motions))
+
+
+def _poles(basis: Basis) -> Poles:
+    """Poles of modes that losses join."""
+    groups, light = _groups(basis)
     values, motions = _followed(basis, [group for group in groups if light[group].all()])
     if light[basis.inertia > 0].all() and not basis.viscous[basis.inertia == 0].any():
         return Poles(values, motions)
@@ -116,28 +143,45 @@ def poles(basis: Basis) -> Poles:
     return Poles(np.concatenate([values, strong]), np.concatenate([motions, moving]))
 
 
-def _groups(basis: Basis, losses: Any) -> tuple[list[Index], Any]:
-    """Modes that losses (n, n, n), each row at its own mode, couple strongly, and which are light (n,)."""
+def _components(basis: Basis) -> list[Index]:
+    """Coordinates that losses join, directly or through others."""
+    omega = np.sqrt(np.abs(basis.stiffness[basis.inertia > 0]))
+    probes = 1j * np.unique(np.quantile(omega[omega > 0], [0.0, 0.5, 1.0])) if (omega > 0).any() else np.array([1j])
+    return _joined((basis.losses(probes) != 0).any(0))
+
+
+def _joined(linked: Any) -> list[Index]:
+    """Groups of numbers that pairs (n, n) link."""
+    from scipy.sparse.csgraph import connected_components
+
+    count, member = connected_components(linked, directed=False)
+    return [np.flatnonzero(member == number) for number in range(count)]
+
+
+def _chunks(basis: Basis, count: int) -> list[slice]:
+    """Poles in parts whose losses fit into memory together."""
+    most = max(1, MEMORY // len(basis.stiffness) ** 2)
+    return [slice(start, start + most) for start in range(0, count, most)]
+
+
+def _groups(basis: Basis) -> tuple[list[Index], Any]:
+    """Modes that losses couple strongly, and which modes are light (n,)."""
     massive = np.flatnonzero(basis.inertia > 0)
-    own = np.arange(len(basis.stiffness))
-    here = basis.stiffness + losses[:, own, own] - np.outer(basis.stiffness, basis.inertia)  # (j, k): equation k at mode j
-    coupling, apart = np.abs(losses[own, own]), np.abs(here - np.diag(here)[:, None])
-    linked = coupling > COUPLED * apart
+    n = len(basis.stiffness)
+    start = np.where(basis.inertia > 0, 1j * np.sqrt(np.maximum(basis.stiffness, 0.0)), 0.0)
+    rows, own = np.zeros((n, n), dtype=complex), np.zeros((n, n), dtype=complex)  # G_jk and G_kk at mode j
+    for part in _chunks(basis, n):
+        losses = basis.losses(start[part])
+        rows[part] = losses[np.arange(len(losses)), np.arange(n)[part]]
+        own[part] = np.diagonal(losses, axis1=1, axis2=2)
+    here = basis.stiffness + own - np.outer(basis.stiffness, basis.inertia)  # equation k at mode j
+    coupling, size, apart = np.abs(rows), np.abs(np.diag(rows)), np.abs(here - np.diag(here)[:, None])
+    linked = (coupling > COUPLED * apart) | (apart < TOGETHER * np.add.outer(size, size))
     linked[:, basis.inertia == 0] = linked[basis.inertia == 0] = False
-    linked |= linked.T
-    groups: list[Index] = []
-    left = massive.tolist()
-    while left:
-        group, front = {left[0]}, [left[0]]
-        while front:
-            near = set(np.flatnonzero(linked[front.pop()]).tolist()) - group
-            group |= near
-            front += near
-        groups.append(np.array(sorted(group)))
-        left = [n for n in left if n not in group]
-    light = np.zeros(len(own), dtype=bool)
+    groups = [group for group in _joined(linked) if np.isin(group, massive).all()]
+    light = np.zeros(n, dtype=bool)
     for group in groups:
-        others = np.setdiff1d(own, group)
+        others = np.setdiff1d(np.arange(n), group)
         for j in group:
             left_over = coupling[j, others] ** 2 / np.maximum(np.abs(here[j, others]), np.finfo(float).tiny)
             spread = np.abs(basis.stiffness[group] - basis.stiffness[j]).max()
@@ -145,39 +189,50 @@ def _groups(basis: Basis, losses: Any) -> tuple[list[Index], Any]:
     return groups, light
 
 
-def _effective(basis: Basis, group: Index, s: complex, losses: Any) -> tuple[Any, Any]:
-    """G_SS - G_SR (k_R + s^2 m_R + G_RR)^-1 G_RS of some modes, with G (n, n) at s, and how the others move with them (r, g)."""
-    others = np.setdiff1d(np.arange(len(basis.stiffness)), group)
-    own, across = losses[np.ix_(group, group)], losses[np.ix_(others, group)]
-    rest = np.diag(basis.stiffness[others] + s**2 * basis.inertia[others]) + losses[np.ix_(others, others)]
-    follow = -np.linalg.solve(rest, across)
-    return own + losses[np.ix_(group, others)] @ follow, follow
+def _effective(basis: Basis, group: Index, s: complex, losses: Any, least: float = 0.0) -> tuple[Any, Any, Index]:
+    """G_SS - G_SR (k_R + s^2 m_R + G_RR)^-1 G_RS of some modes, with G (n, n) at s; how the others move with them (r, g), and which these are (r,).
+
+    Those whose part in it is below `least` are left out.
+    """
+    own, column = losses[np.ix_(group, group)], losses[:, group]
+    diagonal = basis.stiffness + s**2 * basis.inertia + np.diagonal(losses)
+    part = (np.abs(column) ** 2).max(1) > least * np.abs(diagonal) * np.abs(own).max()
+    part[group] = False
+    others = np.flatnonzero(part)
+    rest = losses[np.ix_(others, others)].copy()
+    np.fill_diagonal(rest, diagonal[others])
+    follow = -np.linalg.solve(rest, column[others])
+    return own + losses[np.ix_(group, others)] @ follow, follow, others
 
 
 def _followed(basis: Basis, groups: list[Index]) -> tuple[Any, Any]:
     """Poles and motions of groups of light modes, from the undamped ones; all pole by pole, but with their losses evaluated together."""
     group = [own for own in groups for _ in own]
+    member = np.array([k for own in groups for k in range(len(own))], dtype=np.intp)
     middle = np.array([basis.stiffness[own].mean() for own in group])
     shift, change = np.zeros(len(group), dtype=complex), np.full(len(group), np.inf)
     motions = np.zeros((len(group), len(basis.stiffness)), dtype=complex)
     running = np.arange(len(group))
     for step in range(STEPS):
+        going = []
+        for part in _chunks(basis, len(running)):
+            s = 1j * np.sqrt(middle[running[part]] + shift[running[part]])
+            for n, at, losses in zip(running[part], s, basis.losses(s), strict=True):
+                own = group[n]
+                matrix, follow, others = _effective(basis, own, at, losses, NEGLIGIBLE)
+                small = np.abs(matrix) < ROUNDING * np.abs(matrix).max()
+                every, vectors = np.linalg.eig(np.diag(basis.stiffness[own] - middle[n]) + np.where(small, 0.0, matrix))
+                # several may have one eigenvalue: each goes on from its own shape
+                which = member[n] if step == 0 else int(np.abs(motions[n, own].conj() @ vectors).argmax())
+                moved, last = abs(every[which] - shift[n]), change[n]
+                shift[n], change[n] = every[which], moved
+                motions[n] = 0.0
+                motions[n, own], motions[n, others] = vectors[:, which], follow @ vectors[:, which]
+                if step == 0 or CONVERGED * abs(shift[n]) < moved < last:
+                    going.append(n)
+        running = np.array(going, dtype=np.intp)
         if not len(running):
             break
-        s = 1j * np.sqrt(middle[running] + shift[running])
-        going = []
-        for n, at, losses in zip(running, s, basis.losses(s), strict=True):
-            own = group[n]
-            matrix, follow = _effective(basis, own, at, losses)
-            every, vectors = np.linalg.eig(np.diag(basis.stiffness[own] - middle[n]) + matrix)
-            which = n - next(k for k in range(n + 1) if group[k] is own) if step == 0 else int(np.abs(every - shift[n]).argmin())
-            moved, last = abs(every[which] - shift[n]), change[n]
-            shift[n], change[n] = every[which], moved
-            motions[n, own] = vectors[:, which]
-            motions[n, np.setdiff1d(np.arange(motions.shape[1]), own)] = follow @ vectors[:, which]
-            if step == 0 or CONVERGED * abs(shift[n]) < moved < last:
-                going.append(n)
-        running = np.array(going, dtype=np.intp)
     return 1j * np.sqrt(middle + shift), motions
 
 
@@ -193,7 +248,7 @@ def _strong(basis: Basis, light: Any) -> tuple[Any, Any]:
     starts, motions = starts[kept], motions[kept]
     oscillates = np.flatnonzero(starts.imag > 0)
     if len(oscillates):
-        lossy, moving = _quadratic(basis, basis.elastic(starts[oscillates].imag).mean(0))
+        lossy, moving = _quadratic(basis, basis.elastic(starts[oscillates].imag, basis.place).mean(0))
         if len(light):
             other = np.ones(len(lossy), dtype=bool)
             other[linear_sum_assignment(np.abs(lossy - light[:, None]))[1]] = False
@@ -245,14 +300,16 @@ def _refined(basis: Basis, start: complex, motion: Any) -> tuple[complex, Any]:
         return start, motion
 
     def equation(s: complex) -> tuple[complex, Any]:
-        matrix, follow = _effective(basis, lead, s, basis.losses(np.array([s]))[0])
+        matrix, follow, others = _effective(basis, lead, s, basis.losses(np.array([s]))[0])
+        moving = np.zeros(len(motion), dtype=complex)
+        moving[lead], moving[others] = 1.0, follow[:, 0]
         value = basis.stiffness[lead[0]] + s**2 + matrix[0, 0]
-        return (value.real if s.imag == 0 else value), follow
+        return (value.real if s.imag == 0 else value), moving
 
     before, now = start * (1 + 1e-6), start
     residual = equation(before)[0]
     for _ in range(STEPS):
-        value, follow = equation(now)
+        value, _ = equation(now)
         if value in (0, residual):
             break
         step = -value * (now - before) / (value - residual)
@@ -261,11 +318,45 @@ def _refined(basis: Basis, start: complex, motion: Any) -> tuple[complex, Any]:
             return start, motion
         if abs(step) <= CONVERGED * abs(now):
             break
-    _, follow = equation(now)
-    result = np.zeros(len(motion), dtype=complex)
-    result[lead] = 1.0
-    result[np.setdiff1d(np.arange(len(motion)), lead)] = follow[:, 0]
-    return now, result
+    return now, equation(now)[1]
+
+
+def refined(dynamic: Callable[[Any, bool], Any], start: complex, motion: Any) -> complex:
+    """A pole of any system near a start, by the secant method in 1 / (b^T Z(s)^-1 b), which is 0 at poles.
+
+    Parameters
+    ----------
+    dynamic : callable
+        Z (m, A, A) at s (m,), with or without loss angles; the support's six coordinates first.
+    start : complex
+        rad/s; real for a motion that does not oscillate.
+    motion : (A,) array or None
+        About the pole's motion, which says what b excites; None for all coordinates alike.
+    """
+    oscillates = start.imag > 0
+    size = np.abs(np.diagonal(dynamic(np.array([start * 1.03 + 0j]), oscillates)[0, 6:, 6:]))
+    scale = 1 / np.sqrt(np.where(size > 0, size, 1.0))
+    push = np.ones(len(scale)) if motion is None else motion[6:] / scale
+
+    def inverse(s: complex) -> complex:
+        matrix = dynamic(np.array([s + 0j]), oscillates)[0, 6:, 6:] * scale[:, None] * scale
+        result = 1 / (push @ np.linalg.solve(matrix, push))
+        return result if oscillates else result.real
+
+    before, now = start * (1 + 1e-6), start
+    residual, last = inverse(before), np.inf
+    for _ in range(STEPS):
+        value = inverse(now)
+        if value in (0, residual):
+            break
+        step = -value * (now - before) / (value - residual)
+        before, residual, now = now, value, now + step
+        if abs(now - start) > STRAYED * abs(start) or (now.imag > 0) != oscillates:
+            return start
+        if abs(step) <= CONVERGED * abs(now) or (abs(step) < NOISE * abs(now) and abs(step) >= last):
+            break
+        last = abs(step)
+    return now
 
 
 def solve(model: LinearModel, found: Modes) -> Modes:
@@ -315,14 +406,18 @@ def _basis(model: LinearModel, group: Index, squared: Array, shapes: Array) -> t
     matrices = [moves @ term.matrices[:, group[:, None], group] @ moves.T for term in elastic]
     constant = np.zeros((len(moves),) * 2) if model.lossy is None else 1j * (moves @ model.lossy[square].imag @ moves.T)
 
-    def losses(omega: Array) -> Any:
-        result = np.broadcast_to(constant, (len(omega), *constant.shape)).astype(complex)
+    def losses(omega: Array, place: Index) -> Any:
+        own = constant[np.ix_(place, place)]
+        result = np.broadcast_to(own, (len(omega), *own.shape)).astype(complex)
         for term, each in zip(elastic, matrices, strict=True):
-            result += np.tensordot(term.at(omega).functions(np.arange(len(each))).T, each, 1)
+            some = each[:, place[:, None], place]
+            which = np.flatnonzero(some.any((1, 2)))
+            if len(which):
+                result += np.tensordot(term.at(omega).functions(which).T, some[which], 1)
         return result
 
     damping = moves @ dampers(model)[square] @ moves.T
-    return Basis(np.concatenate([squared, np.sign(own)]), np.repeat([1.0, 0.0], [len(shapes), len(light)]), damping, losses), moves
+    return Basis(np.concatenate([squared, np.sign(own)]), np.repeat([1.0, 0.0], [len(shapes), len(light)]), damping, np.arange(len(moves)), losses), moves
 
 
 def dampers(model: LinearModel) -> Array:
@@ -397,9 +492,14 @@ def energies(model: LinearModel, motion: Any) -> tuple[Array, Array]:
 
 
 def merged(found: Modes, kept: Any, new: dict[str, Any]) -> Modes:
-    """Some of the modes found and new ones, in order: by omega^2, then by the decay of overdamped ones."""
+    """Some of the modes found and new ones, in order: by omega^2, then by the decay of overdamped ones, those of one frequency as they stand."""
     both = {name: np.concatenate([getattr(found, name)[kept], values]) for name, values in new.items()}
-    order = np.lexsort((both["decay_rate"], both["omega_squared"]))
+    squared = both["omega_squared"]
+    order = np.lexsort((np.where(squared == 0, both["decay_rate"], 0.0), squared))
+    apart = np.diff(squared[order], prepend=-np.inf) > ALIKE * np.abs(squared[order])
+    group = np.empty(len(order), dtype=np.intp)
+    group[order] = np.cumsum(apart | (squared[order] == 0))
+    order = np.argsort(group, kind="stable")
     return replace(found, **{name: values[order] for name, values in both.items()})
 
 

@@ -16,6 +16,8 @@ from suspension_cli.conventions import WIRE_WORDS, WORDS
 from suspension_cli.design.scene import Array, Index
 from suspension_cli.mechanics.model import LinearModel
 
+PER_MODE = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order", "decay_rate")
+"""What `Modes` has of every mode."""
 DAMPING_BAND = (0.5, 5.0)
 """Hz; every mode that is to be damped from the top mass lies here (Husman et al. 2000, sections 1 and 5a)."""
 COUPLED = 0.01
@@ -36,7 +38,7 @@ class Modes:
     coordinate : tuple of str
         The N - 6 coordinates of `shape`.
     omega_squared : (m,) array
-        (rad/s)^2; negative for an unstable mode, exactly 0 for a rigid one.
+        (rad/s)^2, of a damped mode |s|^2; negative for an unstable mode, exactly 0 for a rigid or an overdamped one.
     shape : (m, N - 6) array
         Unit modal mass; the largest body coordinate (by kinetic energy) is positive.
     energy : (m, n, 6) array
@@ -46,7 +48,7 @@ class Modes:
     block : (m,) int array
         Modes of different blocks do not couple.
     q : (m,) array
-        Quality factor from the design's loss angles and dampers, to first order; infinite where none acts.
+        Quality factor from the design's loss angles and dampers; infinite where none acts.  To first order from `solve`, exact from `analysis.damped`.
     dilution : (m,) array
         Total energy over that in lossy elements (`beam`, `violin`; else NaN).
     wire : tuple of str
@@ -138,11 +140,11 @@ class Modes:
     def groups(self) -> list[list[int]]:
         """Modes in order, those of the wires of one stage that lie together (one family, one order) as one group."""
         result: list[list[int]] = []
-        home = self.home
+        home, frequency = self.home, self.frequency
         for n, order in enumerate(self.order):
             before = result[-1][-1] if result else -1
             kin = before >= 0 and order and order == self.order[before] and home[n][0] == home[before][0] and home[n][1][:5] == home[before][1][:5]
-            if kin and self.frequency[n] - self.frequency[before] < NEAR * self.frequency[n]:
+            if kin and frequency[n] - frequency[before] < NEAR * frequency[n]:
                 result[-1].append(n)
             else:
                 result.append([n])
@@ -150,9 +152,15 @@ class Modes:
 
     def up_to(self, highest: float) -> Modes:
         """The modes up to a frequency (Hz), and those that do not oscillate."""
-        kept = self.omega_squared <= (2 * np.pi * highest) ** 2
-        parts = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order", "decay_rate")
-        return replace(self, **{name: getattr(self, name)[kept] for name in parts})
+        return self.some(self.omega_squared <= (2 * np.pi * highest) ** 2)
+
+    def some(self, chosen: Any) -> Modes:
+        """Some of the modes, by place."""
+        return replace(self, **{name: getattr(self, name)[chosen] for name in PER_MODE})
+
+    def followed_by(self, *others: Modes) -> Modes:
+        """These modes and others of the same design after them."""
+        return replace(self, **{name: np.concatenate([getattr(each, name) for each in (self, *others)]) for name in PER_MODE})
 
     def of(self, dof: str, body: str | None = None) -> list[float]:
         """Frequencies (Hz) of the stable modes that live in a degree of freedom (of one body)."""
