@@ -400,8 +400,8 @@ def _basis(model: LinearModel, group: Index, squared: Array, shapes: Array) -> t
     own, directions = np.linalg.eigh(model.stiffness[np.ix_(light, light)])
     added = np.zeros((len(light), len(group)))
     added[:, model.massless[group]] = (directions / np.sqrt(np.abs(own))).T
-    moves = np.concatenate([shapes, added])
     square = np.ix_(group, group)
+    moves = np.concatenate([_apart(squared, shapes, model.stiffness[square]), added])
     elastic = [term for term in model.terms if not isinstance(term, LossTerm) or term.elastic]
     matrices = [moves @ term.matrices[:, group[:, None], group] @ moves.T for term in elastic]
     constant = np.zeros((len(moves),) * 2) if model.lossy is None else 1j * (moves @ model.lossy[square].imag @ moves.T)
@@ -418,6 +418,16 @@ def _basis(model: LinearModel, group: Index, squared: Array, shapes: Array) -> t
 
     damping = moves @ dampers(model)[square] @ moves.T
     return Basis(np.concatenate([squared, np.sign(own)]), np.repeat([1.0, 0.0], [len(shapes), len(light)]), damping, np.arange(len(moves)), losses), moves
+
+
+def _apart(squared: Array, shapes: Array, stiffness: Array) -> Array:
+    """Shapes (m, c) of modes that all but agree in omega^2 as those that do not couple: `modes.solve` gives such as move few coordinates."""
+    result = shapes.copy()
+    for group in np.split(np.arange(len(squared)), np.flatnonzero(np.diff(squared) > undamped.DEGENERATE * np.abs(squared[1:])) + 1):
+        if len(group) > 1 and squared[group[-1]] - squared[group[0]] > ALIKE * abs(squared[group[-1]]):
+            _, turn = np.linalg.eigh(shapes[group] @ stiffness @ shapes[group].T)
+            result[group] = turn.T @ shapes[group]
+    return result
 
 
 def dampers(model: LinearModel) -> Array:
