@@ -17,8 +17,8 @@ that losses couple strongly (one alone, or several that lie together) and the ot
 a Q of 1e12 keeps all its digits.  Where damping is strong the poles come from the eigenvalues of the quadratic problem (Tisseur and Meerbergen, SIAM Review
 43, 235 (2001)) and are refined in the same equation, with S the mode that moves most.
 
-A pole that oscillates has a frequency |s| / 2 pi and Q = Im s / (-2 Re s), pi times the oscillations in which its amplitude falls to 1/e: what a ring-down shows.
-With m x'' + k (1 + i phi) x = 0 that is Q = 1 / (2 tan(atan(phi) / 2)), 10.025 for phi = 0.1.
+A pole that oscillates has a frequency |s| / 2 pi and Q = Im s / (-2 Re s), pi times the oscillations in which its amplitude falls to 1/e, as a ring-down
+shows.  With m x'' + k (1 + i phi) x = 0 that is Q = 1 / (2 tan(atan(phi) / 2)), 10.025 for phi = 0.1.
 """
 
 from __future__ import annotations

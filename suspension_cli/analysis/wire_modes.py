@@ -184,7 +184,7 @@ def _halved(fibre: Fibre) -> tuple[Fibre, Fibre]:
 
 
 def _stiffness(model: LinearModel, wires: list[CutWires], size: int, omega: Any, *, lossy: bool = False) -> Any:
-    """Dynamic stiffness (m, A, A) of the larger system at omega (m,): real without losses; with dampers, and with loss angles if `lossy`, where it is complex."""
+    """Dynamic stiffness (m, A, A) of the larger system at omega (m,); where that is complex, with dampers, and with loss angles if `lossy`."""
     constant = model.stiffness.copy()
     for term in model.terms:
         if isinstance(term, WireTerm):

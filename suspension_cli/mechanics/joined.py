@@ -69,7 +69,7 @@ def join(parts: list[Any]) -> tuple[Any, list[Any], Any]:
 
 
 def _off_resonance(own: Any, size: Any) -> Any:
-    """A node's stiffness (p, p, f), a sum of parts of some size (p, p, f); where it is singular to the last bit, half a rounding beside: a resonance of the node, just passed or just ahead."""
+    """A node's stiffness (p, p, f), a sum of parts of some size (p, p, f); at a resonance of the node, to the last bit, beside it by half a rounding."""
     singular = np.linalg.det(np.moveaxis(own, -1, 0)) == 0
     return own + singular * np.finfo(float).eps * size.max((0, 1)) * np.eye(len(own))[..., None]
 

@@ -97,7 +97,7 @@ def draw(modes: Modes, design: Design, scene: Scene) -> Figure:
     Returns
     -------
     Figure
-        A panel a mode, for the first `MOST` (those of wires alone are left to `plots.wires`): the suspension at rest (grey) and displaced (coloured by the degree
+        A panel a mode, for the lowest `MOST` (those of wires alone are in `plots.wires`): the suspension at rest (grey) and displaced (coloured by the degree
         of freedom that holds most of the kinetic energy, the stronger the more of it a body holds), in the view that shows most of the motion.
     """
     with style.house():
