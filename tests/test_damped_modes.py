@@ -294,3 +294,13 @@ def test_sections_whose_node_resonates_to_the_last_bit():
     assert np.isfinite(whole).all()
     assert np.isfinite(nodes[0]).all()
     assert negative.tolist() in ([0], [1])
+
+
+def test_two_free_rotations_and_a_damper_between():
+    """Poles 0 (three times) and -c (1/I_1 + 1/I_2): two rigid modes, and one that decays."""
+    wires = {"count": 1, "l": 0.7, "k": 1e5, "d": 0.01}
+    stages = [{"name": name, "body": {"mass": 3.0, "inertia": [0.1, 0.1, inertia]}, "wires": wires} for name, inertia in (("one", 0.2), ("two", 0.05))]
+    stages[1]["damping"] = {"yaw": 0.02, "against": "one"}
+    _, found = solved({"design": {"name": "spins"}, "stage": stages})
+    assert ((found.omega_squared == 0) & ~found.overdamped).sum() == 2
+    assert found.decay_rate[found.overdamped] == pytest.approx([0.02 * (5 + 20)], rel=1e-12)

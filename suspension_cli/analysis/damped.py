@@ -60,6 +60,8 @@ ALIKE = 1e-12
 """Relative difference of omega^2 that may be a rounding error."""
 UNFELT = 1e-24
 """Share of the largest damping below which a rigid mode feels none of it."""
+RESISTED = 1e-12
+"""Share of the largest damping of rigid modes below which a combination of them feels none."""
 REAL = 1e-13
 """Imaginary part of a pole of the real problem, over its size, that is a rounding error."""
 
@@ -241,11 +243,13 @@ def _strong(basis: Basis, light: Any) -> tuple[Any, Any]:
     from scipy.optimize import linear_sum_assignment
 
     starts, motions = _quadratic(basis, np.zeros(basis.viscous.shape))
-    kept = np.ones(len(starts), dtype=bool)
-    oscillates = np.flatnonzero(starts.imag > 0)
+    kept = ~_at_rest(basis, starts)
+    oscillates = np.flatnonzero(kept & (starts.imag > 0))
     kept[oscillates[linear_sum_assignment(np.abs(starts[oscillates] - light[:, None]))[1]]] = False
-    kept &= ~_unlisted(starts, int((basis.stiffness[basis.inertia > 0] == 0).sum()))
     starts, motions = starts[kept], motions[kept]
+    kept = ~_twins(starts)
+    rigid = np.eye(len(basis.stiffness), dtype=complex)[(basis.inertia > 0) & (basis.stiffness == 0)]
+    starts, motions = np.concatenate([starts[kept], np.zeros(len(rigid))]), np.concatenate([motions[kept], rigid])
     oscillates = np.flatnonzero(starts.imag > 0)
     if len(oscillates):
         lossy, moving = _quadratic(basis, basis.elastic(starts[oscillates].imag, basis.place).mean(0))
@@ -280,16 +284,29 @@ def _quadratic(basis: Basis, loss: Any) -> tuple[Any, Any]:
     return values[kept], motions[kept].astype(complex)
 
 
-def _unlisted(values: Any, rigid: int) -> Any:
-    """Which real poles (p,) are not listed: those at 0 but for one of each rigid mode, and the decaying twin of each that grows."""
+def _at_rest(basis: Basis, values: Any) -> Any:
+    """Which poles (p,) are 0 but for rounding: two for each rigid mode, but for those that a damper makes decay."""
+    rigid = np.flatnonzero((basis.inertia > 0) & (basis.stiffness == 0))
+    out = np.zeros(len(values), dtype=bool)
+    if len(rigid):
+        damping = basis.viscous[np.ix_(rigid, rigid)]
+        left = 2 * len(rigid) - int(np.linalg.matrix_rank(damping, tol=RESISTED * np.abs(damping).max(), hermitian=True))
+        for n in np.argsort(np.abs(values), kind="stable"):
+            if left <= 0:
+                break
+            out[n] = True
+            left -= 1 + int(values[n].imag > 0)
+    return out
+
+
+def _twins(values: Any) -> Any:
+    """Which real poles (p,) are the decaying twins of growing ones."""
     out = np.zeros(len(values), dtype=bool)
     real = values.imag == 0
-    still = np.argsort(np.where(real, np.abs(values), np.inf), kind="stable")[:rigid]
-    values[still] = 0.0
     for growing in np.flatnonzero(real & (values.real > 0)):
-        twins = np.flatnonzero(real & (values.real < 0) & ~out)
-        if len(twins):
-            out[twins[np.abs(values[twins] + values[growing]).argmin()]] = True
+        decaying = np.flatnonzero(real & (values.real < 0) & ~out)
+        if len(decaying):
+            out[decaying[np.abs(values[decaying] + values[growing]).argmin()]] = True
     return out
 
 
@@ -436,11 +453,11 @@ def dampers(model: LinearModel) -> Array:
 
 
 def _felt(basis: Basis) -> Any:
-    """Which coordinates (n,) of a basis losses act on; massless ones always."""
+    """Which coordinates (n,) of a basis losses act on: on rigid modes dampers alone; massless ones always count."""
     size = np.sqrt(np.abs(basis.stiffness))
-    at = np.where(size > 0, size, 1.0)
-    losses = np.abs(np.diagonal(basis.losses(1j * at), axis1=1, axis2=2).diagonal())
-    return (basis.inertia == 0) | np.where(basis.stiffness != 0, losses > quality.NOTHING * size**2, losses > UNFELT * losses.max(initial=0.0))
+    losses = np.abs(np.diagonal(basis.losses(1j * np.where(size > 0, size, 1.0)), axis1=1, axis2=2).diagonal())
+    resisted = np.abs(basis.viscous.diagonal())
+    return (basis.inertia == 0) | np.where(size > 0, losses > quality.NOTHING * size**2, resisted > UNFELT * resisted.max(initial=0.0))
 
 
 def _sharpened(model: LinearModel, value: Any, motion: Any) -> tuple[Any, Any, Array]:
