@@ -7,6 +7,7 @@ system is singular; what it takes to nothing is the shape, and from that come ki
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -84,7 +85,7 @@ def solve(model: LinearModel, highest: float, *, damping: bool = False, progress
     damping : bool
         Whether modes are those with all losses (`analysis.damped`), or those without, with a Q of first order.
     progress : callable
-        Called with (steps done, steps in all, steps per second).
+        Called with (steps done, steps in all, steps per second), first while frequencies are bisected, then while shapes are solved for.
 
     Returns
     -------
@@ -96,7 +97,7 @@ def solve(model: LinearModel, highest: float, *, damping: bool = False, progress
     if not len(omega):
         raise none_below(highest)
     wires, size = _cut(model)
-    shapes = _shapes(model, wires, size, omega)
+    shapes = _shapes(model, wires, size, omega, progress)
     total, body, kinds = _kinetic(model, wires, omega, shapes)
     wire, names = _by_name(kinds, total)
     shapes = shapes / np.sqrt(total)[:, None]
@@ -213,10 +214,10 @@ def _assembled(ends: Any, stiffness: Any) -> Any:
     return np.swapaxes(ends.reshape(count, width), 0, 1) @ rows.reshape(len(rows), count, width)
 
 
-def _shapes(model: LinearModel, wires: list[CutWires], size: int, omega: Array) -> Array:
+def _shapes(model: LinearModel, wires: list[CutWires], size: int, omega: Array, progress: Progress) -> Array:
     """Shapes (m, A): what the larger system's stiffness takes to nothing, the support at rest."""
     result = np.zeros((len(omega), size))
-    start = 0
+    start, began = 0, time.monotonic()
     while start < len(omega):
         stop = start + 1
         while stop < len(omega) and omega[stop] - omega[stop - 1] <= DEGENERATE * omega[stop]:
@@ -229,6 +230,7 @@ def _shapes(model: LinearModel, wires: list[CutWires], size: int, omega: Array) 
         vectors = static_modes.localised(np.zeros(stop - start), vectors[:, nearest])
         result[start:stop, 6:] = (vectors * scale[:, None]).T
         start = stop
+        progress(start, len(omega), start / max(time.monotonic() - began, 1e-9))
     return result
 
 

@@ -79,12 +79,12 @@ def frequencies(model: LinearModel, highest: float, lowest: float, progress: Pro
     above = np.searchsorted(counts, number)
     low, high = grid[above - 1], grid[above]
     halvings = np.ceil(np.log2(np.maximum((high - low) / np.spacing(high), 1.0))) + 1
-    began, done, expected = time.monotonic(), 0, int(halvings.sum())
+    began, done, expected, share = time.monotonic(), 0.0, int(halvings.sum()), 1.0
 
     def step(number: int) -> None:
         nonlocal done
-        done = min(done + number, expected)
-        progress(done, expected, done / max(time.monotonic() - began, 1e-9))
+        done = min(done + number * share, expected)
+        progress(int(done), expected, done / max(time.monotonic() - began, 1e-9))
 
     while True:
         middle = (low + high) / 2
@@ -92,6 +92,7 @@ def frequencies(model: LinearModel, highest: float, lowest: float, progress: Pro
         if not open_.any():
             return high
         unique, where = np.unique(middle[open_], return_inverse=True)
+        share = len(where) / len(unique)
         passed = modes_below(model, unique, step)[where] >= number[open_]
         high[open_] = np.where(passed, middle[open_], high[open_])
         low[open_] = np.where(passed, low[open_], middle[open_])
