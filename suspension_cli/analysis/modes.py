@@ -17,6 +17,8 @@ from suspension_cli.design.scene import Array, Index
 from suspension_cli.mechanics import reduction
 from suspension_cli.mechanics.model import LinearModel
 
+PER_MODE = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order", "decay_rate")
+"""What `Modes` has of every mode."""
 DAMPING_BAND = (0.5, 5.0)
 """Hz; every mode that is to be damped from the top mass lies here (Husman et al. 2000, sections 1 and 5a)."""
 COUPLED = 0.01
@@ -37,7 +39,7 @@ class Modes:
     coordinate : tuple of str
         The N - 6 coordinates of `shape`.
     omega_squared : (m,) array
-        (rad/s)^2; negative for an unstable mode, exactly 0 for a rigid one.
+        (rad/s)^2, of a damped mode |s|^2; negative for an unstable mode, exactly 0 for a rigid or an overdamped one.
     shape : (m, N - 6) array
         Unit modal mass; the largest body coordinate (by kinetic energy) is positive.
     energy : (m, n, 6) array
@@ -47,7 +49,7 @@ class Modes:
     block : (m,) int array
         Modes of different blocks do not couple.
     q : (m,) array
-        Quality factor from the design's loss angles and dampers, to first order; infinite where none acts.
+        Quality factor from the design's loss angles and dampers; infinite where none acts.  To first order from `solve`, exact from `analysis.damped`.
     dilution : (m,) array
         Total energy over that in lossy elements (`beam`, `violin`; else NaN).
     wire : tuple of str
@@ -56,6 +58,8 @@ class Modes:
         Share of each of these in the mode's kinetic energy; with `energy` and `tip_energy` it sums to 1.
     order : (m,) int array
         Of a mode of wires, the number of half waves along them; 0 of others.
+    decay_rate : (m,) array
+        1/s, of the amplitude; 0 for a mode that is rigid, unstable or feels no loss.
     """
 
     body: tuple[str, ...]
@@ -70,11 +74,17 @@ class Modes:
     wire: tuple[str, ...]
     wire_energy: Array
     order: Index
+    decay_rate: Array
 
     @property
     def frequency(self) -> Array:
-        """Hz; 0 for a rigid mode, NaN for an unstable one."""
-        return np.sqrt(np.where(self.omega_squared < 0, np.nan, self.omega_squared)) / (2 * np.pi)
+        """Hz; 0 for a rigid mode, NaN for an unstable or an overdamped one."""
+        return np.sqrt(np.where((self.omega_squared < 0) | self.overdamped, np.nan, self.omega_squared)) / (2 * np.pi)
+
+    @property
+    def overdamped(self) -> Any:
+        """Which modes (m,) decay without oscillating."""
+        return (self.omega_squared == 0) & (self.decay_rate > 0)
 
     @property
     def growth_rate(self) -> Array:
@@ -119,8 +129,8 @@ class Modes:
         low, high = DAMPING_BAND
         words = []
         for omega2, frequency, share in zip(self.omega_squared, self.frequency, self.top_share, strict=True):
-            if omega2 <= 0:
-                words.append("rigid" if omega2 == 0 else "unstable")
+            if omega2 < 0 or not frequency > 0:
+                words.append("unstable" if omega2 < 0 else "rigid" if frequency == 0 else "overdamped")
             elif not low <= frequency <= high:
                 words.append(f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz")
             else:
@@ -131,11 +141,11 @@ class Modes:
     def groups(self) -> list[list[int]]:
         """Modes in order, those of the wires of one stage that lie together (one family, one order) as one group."""
         result: list[list[int]] = []
-        home = self.home
+        home, frequency = self.home, self.frequency
         for n, order in enumerate(self.order):
             before = result[-1][-1] if result else -1
             kin = before >= 0 and order and order == self.order[before] and home[n][0] == home[before][0] and home[n][1][:5] == home[before][1][:5]
-            if kin and self.frequency[n] - self.frequency[before] < NEAR * self.frequency[n]:
+            if kin and frequency[n] - frequency[before] < NEAR * frequency[n]:
                 result[-1].append(n)
             else:
                 result.append([n])
@@ -143,9 +153,15 @@ class Modes:
 
     def up_to(self, highest: float) -> Modes:
         """The modes up to a frequency (Hz), and those that do not oscillate."""
-        kept = self.omega_squared <= (2 * np.pi * highest) ** 2
-        parts = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order")
-        return replace(self, **{name: getattr(self, name)[kept] for name in parts})
+        return self.some(self.omega_squared <= (2 * np.pi * highest) ** 2)
+
+    def some(self, chosen: Any) -> Modes:
+        """Some of the modes, by place."""
+        return replace(self, **{name: getattr(self, name)[chosen] for name in PER_MODE})
+
+    def followed_by(self, *others: Modes) -> Modes:
+        """These modes and others of the same design after them."""
+        return replace(self, **{name: np.concatenate([getattr(each, name) for each in (self, *others)]) for name in PER_MODE})
 
     def of(self, dof: str, body: str | None = None) -> list[float]:
         """Frequencies (Hz) of the stable modes that live in a degree of freedom (of one body)."""
@@ -192,9 +208,10 @@ def solve(model: LinearModel) -> Modes:
     shapes = shapes[order]
     q, dilution = _quality(model, shapes, values[order])
     energy, tips = energies(model, shapes)
-    shapes = _signed(shapes @ model.basis.T, np.concatenate([energy, tips], axis=1))[:, 6:]
+    shapes = signed(shapes @ model.basis.T, np.concatenate([energy, tips], axis=1))[:, 6:]
     parts = energy.reshape(len(shapes), -1, 6), tips, numbers[order], q, dilution
-    return Modes(model.body, model.coordinate[6:], values[order], shapes, *parts, (), np.zeros((len(shapes), 0)), np.zeros(len(shapes), dtype=np.intp))
+    still = (), np.zeros((len(shapes), 0)), np.zeros(len(shapes), dtype=np.intp)
+    return Modes(model.body, model.coordinate[6:], values[order], shapes, *parts, *still, decay(values[order], q))
 
 
 def condensed(model: LinearModel, block: Index) -> tuple[Index, Any, Any, Any]:
@@ -293,6 +310,11 @@ def energies(model: LinearModel, shapes: Array) -> tuple[Array, Array]:
     return result / total, own / total
 
 
+def decay(squared: Array, q: Array) -> Array:
+    """Decay rates omega / 2 Q (m,) of the amplitudes of weakly damped modes, 1/s."""
+    return np.where(squared > 0, np.sqrt(np.maximum(squared, 0.0)) / (2 * np.where(q > 0, q, np.inf)), 0.0)
+
+
 def _quality(model: LinearModel, shapes: Array, values: Array) -> tuple[Array, Array]:
     """Q = omega^2 / (v K'' v + omega v C v) and dilution for shapes v of unit modal mass."""
     omega = np.sqrt(np.maximum(values, 0.0))
@@ -300,7 +322,7 @@ def _quality(model: LinearModel, shapes: Array, values: Array) -> tuple[Array, A
     return quality.ratio(omega**2, lost), quality.ratio(omega**2, elastic) if model.terms else np.full(len(omega), np.nan)
 
 
-def _signed(shapes: Array, shares: Array) -> Array:
+def signed(shapes: Array, shares: Array) -> Array:
     """Shapes with the sign in which the leading coordinate is positive."""
     lead = shapes[np.arange(len(shapes)), 6 + shares.argmax(1)]
     return shapes * np.where(lead < 0, -1.0, 1.0)[:, None]

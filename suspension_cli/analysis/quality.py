@@ -2,8 +2,9 @@
 
     1/Q = x^H Im(Z(omega)) x / (omega^2 x^T G x),        G = -d Re(Z) / d(omega^2)  (M, where stiffness does not depend on frequency).
 
-Eigenvalues of the lossy system lose a Q of 1e9 in the rounding of its frequency; sums of squares keep all its digits.  The dilution factor is
-the total energy over that in what is lossy (bending, stretching, blades, ..., not the tension's): 1/Q = phi / dilution for a single loss angle phi.
+Eigenvalues of the lossy system lose a Q of 1e9 in the rounding of its frequency; sums of squares keep all its digits.
+`analysis.damped` goes beyond first order.  The dilution factor is the total energy over that in what is lossy
+(bending, stretching, blades, ..., not the tension's): 1/Q = phi / dilution for a single loss angle phi.
 """
 
 from __future__ import annotations

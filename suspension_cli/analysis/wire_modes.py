@@ -8,19 +8,22 @@ coordinates of that system too (`mechanics.stretching`).
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from suspension_cli.analysis import damped, quality
 from suspension_cli.analysis import modes as static_modes
-from suspension_cli.analysis import quality
 from suspension_cli.analysis.modes import Modes
 from suspension_cli.design.fibres import Fibre
 from suspension_cli.design.scene import Array
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import count, dispersive, joined
-from suspension_cli.mechanics.dispersion import WireTerm
+from suspension_cli.mechanics.count import Progress, silent
+from suspension_cli.mechanics.dispersion import LossTerm, WireTerm
 from suspension_cli.mechanics.fibre import PARTS, WIDTH, Strand
 from suspension_cli.mechanics.model import LinearModel
 
@@ -28,6 +31,12 @@ CUT = (3 - 5**0.5) / 2
 """Where wires are cut: the golden section is far from all nodes of low order."""
 SLOWEST = 1e-4
 """Share of the lowest static frequency below which no mode is looked for."""
+LOSSY = 1e-4
+"""Decay rate over frequency above which modes are refined in the system with losses itself: below, its rounding errors are larger than what it adds."""
+TOGETHER = 512
+"""Modes at most whose losses are solved together."""
+NEIGHBOURS = 100.0
+"""Difference of the omega^2 of two modes, over what both lose, up to which losses that couple them count."""
 DEGENERATE = 1e-10
 """Relative difference of frequencies below which modes are one degenerate group."""
 ASIDE = np.array([0.97, 1.0, 1.03])
@@ -35,6 +44,10 @@ ASIDE = np.array([0.97, 1.0, 1.03])
 STEP = 1e-20
 """Of the complex step that differentiates stiffnesses by frequency."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
+
+
+Dynamic = Callable[[Any, bool], Any]
+"""Dynamic stiffness (m, A, A) at s (m,), with or without loss angles."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +74,7 @@ class CutWires:
         return self.ends[part][:, : 2 * p], self.ends[part][:, p:]
 
 
-def solve(model: LinearModel, highest: float) -> Modes:
+def solve(model: LinearModel, highest: float, *, damping: bool = False, progress: Progress = silent) -> Modes:
     """All modes up to a frequency.
 
     Parameters
@@ -70,6 +83,10 @@ def solve(model: LinearModel, highest: float) -> Modes:
         On `violin`.
     highest : float
         Hz.
+    damping : bool
+        Whether modes are those with all losses (`analysis.damped`), or those without, with a Q of first order.
+    progress : callable
+        Called with (steps done, steps in all, steps per second), first while frequencies are bisected, then while shapes are solved for.
 
     Returns
     -------
@@ -77,35 +94,57 @@ def solve(model: LinearModel, highest: float) -> Modes:
         Unstable modes (for which the mass of wires does not count) first.
     """
     still = static_modes.solve(replace(model, terms=()))
-    lowest = SLOWEST * float(np.sqrt(np.abs(still.omega_squared[still.omega_squared != 0]).min(initial=(2 * np.pi) ** 2)))
-    omega = count.frequencies(model, 2 * np.pi * highest, lowest)
+    omega = count.frequencies(model, 2 * np.pi * highest, _lowest(still), progress)
     if not len(omega):
-        raise InputError([Fault("--max-frequency", "lies below the lowest mode", "raise it", f"{highest!r}")])
+        raise none_below(highest)
     wires, size = _cut(model)
-    shapes = _shapes(model, wires, size, omega)
+    shapes = _shapes(model, wires, size, omega, progress)
     total, body, kinds = _kinetic(model, wires, omega, shapes)
     wire, names = _by_name(kinds, total)
+    shapes = shapes / np.sqrt(total)[:, None]
     moved = [(strand, motion) for cut in wires for strand, motion in zip(cut.pieces, _motion(cut, shapes), strict=True)]
     lost, elastic = quality.dissipated(model, omega, shapes[:, : model.size], moved)
     energy, tips = body[:, : 6 * len(model.body)], body[:, 6 * len(model.body) :]
-    share = (energy / total[:, None]).reshape(len(omega), -1, 6), tips / total[:, None]
-    shape = (shapes[:, : model.size] @ model.basis.T / np.sqrt(total)[:, None])[:, 6:]
     found = Modes(
         body=model.body,
         coordinate=model.coordinate[6:],
         omega_squared=omega**2,
-        shape=_signed(shape),
-        energy=share[0],
-        tip_energy=share[1],
+        shape=_signed((shapes[:, : model.size] @ model.basis.T)[:, 6:]),
+        energy=(energy / total[:, None]).reshape(len(omega), -1, 6),
+        tip_energy=tips / total[:, None],
         block=_block(model, shapes),
-        q=quality.ratio(omega**2 * total, lost),
-        dilution=quality.ratio(omega**2 * total, elastic),
+        q=quality.ratio(omega**2, lost),
+        dilution=quality.ratio(omega**2, elastic),
         wire=names,
         wire_energy=wire / total[:, None],
         order=np.zeros(len(omega), dtype=np.intp),
+        decay_rate=lost / (2 * omega),
     )
     found = replace(found, order=_orders(found, kinds))
-    return _with_unstable(found, still)
+    if not damping or not np.isfinite(found.q).any():
+        return _with_others(found, still)
+
+    def dynamic(s: Any, lossy: bool) -> Any:
+        return _stiffness(model, wires, size, -1j * s, lossy=lossy)
+
+    return _with_others(_damped(found, model, moved, shapes, lost, dynamic), _refined(_still(model, still), dynamic))
+
+
+def number(model: LinearModel, highest: float) -> int:
+    """How many modes lie up to a frequency (Hz), of which no other is computed; those that do not oscillate left out."""
+    lowest = _lowest(static_modes.solve(replace(model, terms=())))
+    low, high = count.modes_below(model, np.array([lowest, max(2 * np.pi * highest, lowest)]))
+    return int(high - low)
+
+
+def none_below(highest: float) -> InputError:
+    """The fault of a range without modes."""
+    return InputError([Fault("--max-frequency", "lies below the lowest mode", "raise it", f"{highest!r}")])
+
+
+def _lowest(still: Modes) -> float:
+    """Below what no mode is looked for, rad/s."""
+    return SLOWEST * float(np.sqrt(np.abs(still.omega_squared[still.omega_squared != 0]).min(initial=(2 * np.pi) ** 2)))
 
 
 def _cut(model: LinearModel) -> tuple[list[CutWires], int]:
@@ -146,22 +185,32 @@ def _halved(fibre: Fibre) -> tuple[Fibre, Fibre]:
     return replace(fibre, sections=tuple(upper)), replace(fibre, sections=tuple(lower))
 
 
-def _stiffness(model: LinearModel, wires: list[CutWires], size: int, omega: Array) -> Any:
-    """Real dynamic stiffness (m, A + t, A + t) of the larger system and of the tensions of all pieces."""
+def _stiffness(model: LinearModel, wires: list[CutWires], size: int, omega: Any, *, lossy: bool = False) -> Any:
+    """Dynamic stiffness (m, A + t, A + t) of the larger system and of the tensions of all pieces at omega (m,).
+
+    Where omega is complex, with dampers, and with loss angles if `lossy`.
+    """
     constant = np.real(dispersive.soft(model)).copy()
     for term in model.terms:
         if isinstance(term, WireTerm):
             static = np.array([0.0 if part == "stretch" else term.strand.static[part][i, j] for part, i, j in term.functions])
             constant -= np.tensordot(static, term.matrices, 1)
-    pulled = [_tensions(cut, strand, ends, omega) for cut in wires for strand, ends in zip(cut.pieces, cut.piece_ends("stretch"), strict=True)]
+    pulled = [_tensions(cut, strand, ends, omega, lossy=lossy) for cut in wires for strand, ends in zip(cut.pieces, cut.piece_ends("stretch"), strict=True)]
     whole = size + sum(len(across) for across, _, _ in pulled)
-    result = np.zeros((len(omega), whole, whole))
-    result[:, : model.size, : model.size] = constant - omega[:, None, None] ** 2 * model.mass
+    result = np.zeros((len(omega), whole, whole), dtype=omega.dtype)
+    own = result[:, : model.size, : model.size]
+    own += constant - omega[:, None, None] ** 2 * model.mass
+    if np.iscomplexobj(omega):
+        own += 1j * omega[:, None, None] * damped.dampers(model)
+        for term in model.terms:
+            if isinstance(term, LossTerm) and term.elastic and lossy:
+                own += 1j * term.angle(omega.real)[:, None, None] * term.matrix
     for cut in wires:
         for part in PARTS:
             for strand, ends in zip(cut.pieces, cut.piece_ends(part), strict=True):
                 if part != "stretch":
-                    result[:, :size, :size] += _assembled(ends, _on_ends(strand, part, omega))
+                    piece = replace(strand, lossy=lossy).at(omega).stiffness(part)
+                    result[:, :size, :size] += _assembled(ends, joined.ends(piece))
     start = size
     for across, diagonal, rest in pulled:
         rows = np.arange(start, start + len(across))
@@ -173,7 +222,7 @@ def _stiffness(model: LinearModel, wires: list[CutWires], size: int, omega: Arra
     return result
 
 
-def _tensions(cut: CutWires, strand: Strand, ends: Any, omega: Any) -> tuple[Any, Any, Any]:
+def _tensions(cut: CutWires, strand: Strand, ends: Any, omega: Any, *, lossy: bool) -> tuple[Any, Any, Any]:
     """Tensions of one piece of every wire as coordinates (see `mechanics.dispersive.Tensions`).
 
     Returns
@@ -185,7 +234,7 @@ def _tensions(cut: CutWires, strand: Strand, ends: Any, omega: Any) -> tuple[Any
     rest : (m, A, A) array
         What is left of the stretching, on the even motion of the ends.
     """
-    stiffness = replace(strand, lossy=False).at(omega).stiffness("stretch")
+    stiffness = replace(strand, lossy=lossy).at(omega).stiffness("stretch")
     even, odd = np.linalg.inv(joined.ENDS[1]) @ np.moveaxis(ends, 1, 0).reshape(2, -1)
     even, odd = even.reshape(len(ends), -1), odd.reshape(len(ends), -1)
     mixed = stiffness[0, 1] / stiffness[1, 1]
@@ -195,11 +244,6 @@ def _tensions(cut: CutWires, strand: Strand, ends: Any, omega: Any) -> tuple[Any
     return across, -(scale**2) / stiffness[1, 1], beside[:, None, None] * (even.T @ even)
 
 
-def _on_ends(strand: Strand, part: str, omega: Any) -> Any:
-    """Stiffness (2p, 2p, m) of a piece between its ends, without loss."""
-    return joined.ends(replace(strand, lossy=False).at(omega).stiffness(part))
-
-
 def _assembled(ends: Any, stiffness: Any) -> Any:
     """Sum over wires of E^T F E: (m, A, A)."""
     rows = np.einsum("abm,wbA->mwaA", stiffness, ends)
@@ -207,10 +251,10 @@ def _assembled(ends: Any, stiffness: Any) -> Any:
     return np.swapaxes(ends.reshape(count, width), 0, 1) @ rows.reshape(len(rows), count, width)
 
 
-def _shapes(model: LinearModel, wires: list[CutWires], size: int, omega: Array) -> Array:
+def _shapes(model: LinearModel, wires: list[CutWires], size: int, omega: Array, progress: Progress) -> Array:
     """Shapes (m, A): what the larger system's stiffness takes to nothing, the support at rest."""
     result = np.zeros((len(omega), size))
-    start = 0
+    start, began = 0, time.monotonic()
     while start < len(omega):
         stop = start + 1
         while stop < len(omega) and omega[stop] - omega[stop - 1] <= DEGENERATE * omega[stop]:
@@ -224,6 +268,7 @@ def _shapes(model: LinearModel, wires: list[CutWires], size: int, omega: Array) 
         vectors = static_modes.localised(np.zeros(stop - start), vectors[: size - 6, nearest])
         result[start:stop, 6:] = (vectors * scale[: size - 6, None]).T
         start = stop
+        progress(start, len(omega), start / max(time.monotonic() - began, 1e-9))
     return result
 
 
@@ -297,8 +342,108 @@ def _signed(shape: Array) -> Array:
     return shape * np.where(lead < 0, -1.0, 1.0)[:, None]
 
 
-def _with_unstable(found: Modes, still: Modes) -> Modes:
-    """Modes that do not oscillate in front: those of the model at rest."""
+def _still(model: LinearModel, undamped: Modes) -> Modes:
+    """Modes where wires have no mass and no loss, with dampers of any strength."""
+    if not damped.dampers(model).any():
+        return undamped
+    return damped.solve(replace(model, terms=tuple(term for term in model.terms if isinstance(term, LossTerm))), undamped)
+
+
+def _refined(still: Modes, dynamic: Dynamic) -> Modes:
+    """Modes without the mass of wires, the decay of the overdamped ones as it is with it."""
+    decay = still.decay_rate.copy()
+    for n in np.flatnonzero(still.overdamped):
+        decay[n] = -damped.refined(dynamic, -decay[n] + 0j, None).real
+    return replace(still, decay_rate=decay)
+
+
+def _basis(model: LinearModel, moved: list[tuple[Strand, dict[str, Any]]], omega: Array, shapes: Array, lost: Array) -> damped.Basis:
+    """The system in the basis of its modes (m, A) of unit modal mass, which lose `lost` (m,), (rad/s)^2.
+
+    What loss angles couple counts for modes that lie together; of others it would shift omega^2 by its square over the difference of theirs.
+    """
+    own = shapes[:, : model.size]
+    viscous = own @ damped.dampers(model) @ own.T
+    loss = np.diag(np.maximum(lost - omega * viscous.diagonal(), 0.0))
+    first, second = np.nonzero(np.triu(np.abs(np.subtract.outer(omega**2, omega**2)) < NEIGHBOURS * np.add.outer(lost, lost), 1))
+    if len(first):
+        both = [(strand, {part: ends[..., first] + ends[..., second] for part, ends in parts.items()}) for strand, parts in moved]
+        at = np.sqrt(omega[first] * omega[second])
+        motion = own[first] + own[second]
+        whole = quality.dissipated(model, at, motion, both)[0] - at * np.einsum("mi,ij,mj->m", motion, damped.dampers(model), motion)
+        loss[first, second] = loss[second, first] = (whole - loss[first, first] - loss[second, second]) / 2
+
+    def losses(at: Array, place: Any) -> Any:
+        return np.broadcast_to(1j * loss[np.ix_(place, place)], (len(at), len(place), len(place)))
+
+    return damped.Basis(omega**2, np.ones(len(omega)), viscous, np.arange(len(omega)), losses)
+
+
+def _windows(omega: Array) -> list[slice]:
+    """Consecutive modes (m,) that are solved together: all, or where there are very many, parts with wide gaps between."""
+    result, start = [], 0
+    while len(omega) - start > TOGETHER:
+        last = np.arange(start + TOGETHER // 2, start + TOGETHER)
+        stop = int(last[(omega[last] / omega[last - 1]).argmax()])
+        result.append(slice(start, stop))
+        start = stop
+    return [*result, slice(start, len(omega))]
+
+
+def _damped(found: Modes, model: LinearModel, moved: list[tuple[Strand, dict[str, Any]]], shapes: Array, lost: Array, dynamic: Dynamic) -> Modes:
+    """Modes with all losses, from those without; without the overdamped ones."""
+    parts = [
+        _damped_within(
+            found.some(own),
+            model,
+            _basis(model, [(strand, {part: ends[..., own] for part, ends in each.items()}) for strand, each in moved], omega[own], shapes[own], lost[own]),
+            shapes[own],
+            dynamic,
+        )
+        for omega in [np.sqrt(found.omega_squared)]
+        for own in _windows(omega)
+    ]
+    return parts[0].followed_by(*parts[1:])
+
+
+def _damped_within(found: Modes, model: LinearModel, basis: damped.Basis, shapes: Array, dynamic: Dynamic) -> Modes:
+    """Some of the modes with all losses.
+
+    Where losses are so large that it shows, poles that these modes give are refined in the system itself, which has all modes.
+    """
+    felt = np.flatnonzero(np.isfinite(found.q))
+    plain = np.ones(len(found.q), dtype=bool)
+    plain[felt] = False
+    if not len(felt):
+        return found
+    here = damped.poles(basis.within(felt))
+    oscillates = here.value.imag > 0
+    value, share = here.value[oscillates], np.zeros((int(oscillates.sum()), len(found.q)), dtype=complex)
+    share[:, felt] = here.motion[oscillates]
+    share /= np.sqrt((np.abs(share) ** 2).sum(1))[:, None]
+    for n in np.flatnonzero(np.abs(value.real) > LOSSY * np.abs(value)):
+        value[n] = damped.refined(dynamic, value[n], share[n] @ shapes)
+    weight, lead = np.abs(share) ** 2, np.abs(share).argmax(1)
+    energy, tips = damped.energies(model, share @ shapes[:, : model.size])
+    wires = weight @ found.wire_energy
+    bodily = np.maximum(1 - wires.sum(1), 0.0)[:, None]
+    new = {
+        "omega_squared": np.abs(value) ** 2,
+        "shape": _signed((damped.instant(share @ shapes)[:, : model.size] @ model.basis.T)[:, 6:]),
+        "energy": (bodily * energy).reshape(len(value), -1, 6),
+        "tip_energy": bodily * tips,
+        "block": found.block[lead],
+        "q": damped.quality_factor(value),
+        "dilution": 1 / (weight @ (1 / found.dilution)),
+        "wire_energy": wires,
+        "order": found.order[lead],
+        "decay_rate": -value.real,
+    }
+    return damped.merged(found, plain, new)
+
+
+def _with_others(found: Modes, still: Modes) -> Modes:
+    """Modes that do not oscillate in front: those of wires without mass."""
     n = int((still.omega_squared <= 0).sum())
     if not n:
         return found
@@ -307,5 +452,5 @@ def _with_unstable(found: Modes, still: Modes) -> Modes:
     def both(name: str) -> Any:
         return np.concatenate([getattr(still, name)[:n], getattr(found, name)])
 
-    merged = {name: both(name) for name in ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "order")}
+    merged = {name: both(name) for name in ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "order", "decay_rate")}
     return replace(found, **merged, wire_energy=np.concatenate([np.zeros((n, k)), found.wire_energy]))

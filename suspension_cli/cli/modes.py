@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import analyses, limits, options, rung
+from suspension_cli.cli import analyses, limits, options, progress, rung
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.modes import Modes
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 HIGHEST = 1000.0
 """Hz; up to where modes are listed on the violin rung."""
+MOST = 1000
+"""Modes of wires with mass above which a run is refused unless it is asked for with --all."""
+MANY = 100
+"""Modes whose number is printed before they are looked for."""
 
 
 @click.command("modes")
@@ -24,6 +28,7 @@ HIGHEST = 1000.0
 @click.option(
     "--max-frequency", type=options.Finite(1e-6, 1e6), metavar="HZ", help="List all modes up to here; with auto and violin those of the wires' own mass too."
 )
+@click.option("--all", "every", is_flag=True, help=f"Solve for all modes of wires with mass, be they more than {MOST}.")
 @options.tolerance
 @options.analysis
 @click.pass_context
@@ -31,7 +36,7 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
     """Frequencies and shapes of the normal modes.
 
     Prints a table (or JSON), writes DIR/NAME-modes.h5 and .png for each DESIGN.  An unstable equilibrium is told with
-    its growth rates; a rigid mode (a body free to spin on one wire) has frequency 0.
+    its growth rates; a rigid mode (a body free to spin on one wire) has frequency 0; an overdamped mode has a decay rate and no frequency.
 
     With --max-frequency (or --fidelity violin, then up to 1 kHz) the wires have mass: violin modes are listed with the others, none missed.
     On beam and violin every mode has its Q and its dilution factor.
@@ -41,18 +46,18 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
     voice = options.Voice(quiet, verbose)
     sources = _read_all(designs, overrides)
     settings = [options.with_analysis_table(ctx, source.design.analysis.get("modes", {}), source.file) for source in sources]
-    solved = [_solve(source, setting) for source, setting in zip(sources, settings, strict=True)]
+    solved = [_solve(source, setting, voice) for source, setting in zip(sources, settings, strict=True)]
     folder = options.folder(out)
     documents = []
-    for number, (source, setting, (choice, modes)) in enumerate(zip(sources, settings, solved, strict=True)):
+    for number, (source, setting, (choice, undamped, modes)) in enumerate(zip(sources, settings, solved, strict=True)):
         _write(source, choice, modes, folder, not as_json if setting["plot"] is None else setting["plot"], voice)
         if as_json:
             documents.append(document(source.design.design.name, choice, modes, _lossless(source, choice)))
             voice.say(f"{source.design.design.name}: {choice.level}: {choice.reason}")
         else:
             click.echo(("\n" if number else "") + table(source, choice, modes))
-        _warn_of_series(source, choice, modes, voice)
-        limits.warn_on(source.design, choice.level, modes, voice)
+        _warn_of_series(source, choice, undamped, voice)
+        limits.warn_on(source.design, choice.level, undamped, voice)
         if np.isfinite(modes.q).any():
             for line in limits.lossless(_lossless(source, choice), choice.level):
                 voice.warn(f"{source.design.design.name}: {line}")
@@ -103,10 +108,11 @@ def _read_all(files: tuple[str, ...], overrides: tuple[str, ...]) -> list[Source
     return sources
 
 
-def _solve(source: Source, setting: dict[str, Any]) -> tuple[Choice, Modes]:
+def _solve(source: Source, setting: dict[str, Any], voice: options.Voice) -> tuple[Choice, Modes, Modes]:
+    """What was chosen, the modes without damping (with the mass of wires: those with it), and the modes with all losses."""
     import numpy as np
 
-    from suspension_cli.analysis import auto, modes, wire_modes
+    from suspension_cli.analysis import auto, damped, modes, wire_modes
     from suspension_cli.analysis.asked import Frequencies
     from suspension_cli.errors import faults_of
     from suspension_cli.models import fidelity as ladder
@@ -115,17 +121,41 @@ def _solve(source: Source, setting: dict[str, Any]) -> tuple[Choice, Modes]:
     with faults_of(source.file):
         if highest is None and level == "auto":
             decision = auto.decide(source.design, lambda _: Frequencies(), setting["tolerance"])
-            found = modes.solve(decision.model)
-            if decision.choice.level != "violin":
-                return decision.choice, found
+        else:
+            decision = auto.left_out(source.design, ladder.choose(source.design, "violin" if level == "auto" else level), lambda _: Frequencies())
+        model, choice = decision.model, decision.choice
+        if choice.level != "violin":
+            found = modes.solve(model)
+            listed = damped.solve(model, found)
+            if highest is None:
+                return choice, found, listed
+            listed = listed.up_to(highest)
+            if not len(listed.q):
+                raise wire_modes.none_below(highest)
+            return choice, found, listed
+        if level == "auto" and highest is None:
             # the mass of wires lowers all frequencies: those of the bodies lie below the highest one without it
-            return decision.choice, wire_modes.solve(decision.model, float(np.nanmax(found.frequency)))
-        decision = auto.left_out(source.design, ladder.choose(source.design, "violin" if level == "auto" else level), lambda _: Frequencies())
-        if decision.choice.level != "violin":
-            found = modes.solve(decision.model)
-            return decision.choice, found if highest is None else found.up_to(highest)
-        highest = HIGHEST if highest is None else highest
-        return ladder.Choice("violin", f"wires with their mass, all modes up to {highest:g} Hz", 0.0), wire_modes.solve(decision.model, highest)
+            still = modes.solve(model)
+            top = float(np.nanmax(still.frequency))
+            cause = f"the highest mode of the bodies without them ({still.label[int(np.nanargmax(still.frequency))]})"
+        else:
+            top, cause = HIGHEST if highest is None else highest, "--max-frequency" if highest is not None else "where none is given"
+            choice = ladder.Choice("violin", f"wires with their mass, all modes up to {top:g} Hz", 0.0)
+        _admit(source, wire_modes.number(model, top), top, cause, setting["every"], voice)
+        with progress.Bar(enabled=not voice.quiet) as bar:
+            found = wire_modes.solve(model, top, damping=True, progress=bar)
+        return choice, found, found
+
+
+def _admit(source: Source, number: int, top: float, cause: str, every: bool, voice: options.Voice) -> None:
+    """Say how many modes there are, where they are many, and refuse more than `MOST` that nobody asked for."""
+    from suspension_cli.errors import Fault, InputError
+
+    if number > MOST and not every:
+        problem = f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}), and more than {MOST:,} take long"
+        raise InputError([Fault("", problem, "check the design's numbers, give a lower --max-frequency, or --all to have them all")])
+    if number > MANY:
+        voice.say(f"{source.design.design.name}: {number:,} modes up to {top:.4g} Hz")
 
 
 def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool, voice: options.Voice) -> None:
@@ -152,19 +182,21 @@ def document(name: str, choice: Choice, modes: Modes, lossless: list[Lossless]) 
     import numpy as np
 
     rows, labels, verdicts = [], modes.label, modes.verdict
+    frequency, growth, top, shares = modes.frequency, modes.growth_rate, modes.top_share, modes.shares
     for n, (body, dof) in enumerate(modes.home):
-        unstable = modes.growth_rate[n] > 0
         row: dict[str, Any] = {
-            "frequency_hz": None if unstable else float(modes.frequency[n]),
+            "frequency_hz": float(frequency[n]) if np.isfinite(frequency[n]) else None,
             "dof": dof,
             "stage": body,
             "q": float(modes.q[n]) if np.isfinite(modes.q[n]) else None,
         }
         if np.isfinite(modes.dilution[n]):
             row["dilution"] = float(modes.dilution[n])
-        if unstable:
-            row["growth_rate_per_s"] = float(modes.growth_rate[n])
-        share = {"label": labels[n], "share": float(modes.shares[n].max()), "top_mass_share": float(modes.top_share[n]), "verdict": verdicts[n]}
+        if growth[n] > 0:
+            row["growth_rate_per_s"] = float(growth[n])
+        if modes.overdamped[n]:
+            row["decay_rate_per_s"] = float(modes.decay_rate[n])
+        share = {"label": labels[n], "share": float(shares[n].max()), "top_mass_share": float(top[n]), "verdict": verdicts[n]}
         rows.append(row | share)
     head = {"command": "modes", "design": name, "fidelity": choice.level, "stable": modes.stable, "modes": rows}
     return head | {"estimated_error": rung.estimate(choice), "without_loss": [part.part for part in lossless]}
@@ -182,30 +214,27 @@ def table(source: Source, choice: Choice, modes: Modes) -> str:
     diluted = bool(np.isfinite(modes.dilution).any())
     columns = ("        Q  " if lossy else "") + ("dilution  " if diluted else "")
     lines.append(f"  #    frequency  {columns}{'from the top mass':24}  mode, by share of kinetic energy")
-    verdict = modes.verdict
+    verdict, labels, home, every, top_share, frequency = modes.verdict, modes.label, modes.home, modes.shares, modes.top_share, modes.frequency
     for group in modes.groups:
-        n, shares = group[0], modes.shares[group[0]]
+        n, shares = group[0], every[group[0]]
         leading = [i for i in np.argsort(-shares.round(9), kind="stable")[:3] if shares[i] > 0.02]
         where = ", ".join(f"{described(modes.place[i])} {100 * shares[i]:.0f} %" for i in leading)
-        quality = _number(modes.q[n], 9) if lossy else ""
+        quality = _number(modes.q[n] if modes.q[n] > 0 else np.inf, 9) if lossy else ""
         quality += _number(modes.dilution[n], 8) if diluted else ""
         if modes.order[n]:
             last = group[-1]
-            spread = "" if len(group) == 1 else f", {len(group)} modes to {modes.frequency[last]:#.6g} Hz"
-            lines.append(f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{'':24}  {_family(modes, group)}{spread}")
+            spread = "" if len(group) == 1 else f", {len(group)} modes to {frequency[last]:#.6g} Hz"
+            lines.append(f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{'':24}  {_family([labels[k] for k in group], *home[n], modes.order[n])}{spread}")
             continue
-        top = f"{100 * modes.top_share[n]:.1f} %, {verdict[n]}"
-        lines.append(f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{top:24}  {where}")
+        top = f"{100 * top_share[n]:.1f} %, {verdict[n]}"
+        decays = f", decays at {modes.decay_rate[n]:#.4g} 1/s" if modes.overdamped[n] else ""
+        lines.append(f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{top:24}  {where}{decays}")
     return "\n".join(lines)
 
 
-def _family(modes: Modes, group: list[int]) -> str:
-    """What modes of wires that lie together have in common."""
-    labels = [modes.label[n] for n in group]
-    if len(set(labels)) == 1:
-        return labels[0]
-    body, dof = modes.home[group[0]]
-    return f"{body} {'violin' if dof.startswith('violin') else dof} {modes.order[group[0]]}"
+def _family(labels: list[str], body: str, dof: str, order: int) -> str:
+    """What modes of wires that lie together have in common: all of one label, or those of a body of one order."""
+    return labels[0] if len(set(labels)) == 1 else f"{body} {'violin' if dof.startswith('violin') else dof} {order}"
 
 
 def _number(value: float, width: int) -> str:
@@ -216,5 +245,5 @@ def _frequency(modes: Modes, n: int) -> str:
     if modes.growth_rate[n] > 0:
         return "unstable"
     if modes.omega_squared[n] == 0:
-        return "rigid"
+        return "overdamped" if modes.overdamped[n] else "rigid"
     return f"{modes.frequency[n]:#.5g} Hz"

@@ -11,6 +11,8 @@ bisection finds each mode, near-degenerate pairs and modes that move no body inc
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,12 +28,21 @@ CHUNK = 256
 """Frequencies worked on at once."""
 
 
-def modes_below(model: LinearModel, omega: Array) -> Any:
-    """J (f,) at frequencies (f,), rad/s above 0."""
+Progress = Callable[[int, int, float], None]
+"""Called with (steps done, steps in all, steps per second)."""
+
+
+def silent(_done: int, _all: int, _rate: float) -> None:
+    """No progress is shown."""
+
+
+def modes_below(model: LinearModel, omega: Array, step: Callable[[int], None] = lambda _: None) -> Any:
+    """J (f,) at frequencies (f,), rad/s above 0; `step` is called with the number of frequencies done since its last call."""
     total = np.zeros(len(omega), dtype=int)
     for start in range(0, len(omega), CHUNK):
         now = slice(start, start + CHUNK)
         total[now] = _below(model, omega[now])
+        step(len(omega[now]))
     return total
 
 
@@ -49,7 +60,7 @@ def _below(model: LinearModel, omega: Array) -> Any:
     return total
 
 
-def frequencies(model: LinearModel, highest: float, lowest: float) -> Array:
+def frequencies(model: LinearModel, highest: float, lowest: float, progress: Progress = silent) -> Array:
     """All modes between two frequencies, ascending, each as often as it is degenerate: (m,) in rad/s.
 
     Bisected until no number lies between.
@@ -60,18 +71,29 @@ def frequencies(model: LinearModel, highest: float, lowest: float) -> Array:
         On `violin`.
     highest, lowest : float
         rad/s, above 0.
+    progress : callable
+        Called with (steps done, steps in all, steps per second).
     """
     grid = np.geomspace(lowest, highest, GRID)
     counts = np.maximum.accumulate(modes_below(model, grid))
     number = np.arange(counts[0] + 1, counts[-1] + 1)
     above = np.searchsorted(counts, number)
     low, high = grid[above - 1], grid[above]
+    halvings = np.ceil(np.log2(np.maximum((high - low) / np.spacing(high), 1.0))) + 1
+    began, done, expected, share = time.monotonic(), 0.0, int(halvings.sum()), 1.0
+
+    def step(number: int) -> None:
+        nonlocal done
+        done = min(done + number * share, expected)
+        progress(int(done), expected, done / max(time.monotonic() - began, 1e-9))
+
     while True:
         middle = (low + high) / 2
         open_ = (middle > low) & (middle < high)
         if not open_.any():
             return high
         unique, where = np.unique(middle[open_], return_inverse=True)
-        passed = modes_below(model, unique)[where] >= number[open_]
+        share = len(where) / len(unique)
+        passed = modes_below(model, unique, step)[where] >= number[open_]
         high[open_] = np.where(passed, middle[open_], high[open_])
         low[open_] = np.where(passed, low[open_], middle[open_])

@@ -211,7 +211,8 @@ class LossTerm:
 
     def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedLoss:
         """The loss at frequencies (f,)."""
-        return EvaluatedLoss(self, self.angle(omega) if lossy else np.zeros(np.shape(omega)), lossy)
+        angle = self.angle(np.real(omega) if self.elastic else omega)  # a loss angle is that at the frequency of the oscillation
+        return EvaluatedLoss(self, angle if lossy else np.zeros(np.shape(omega)), lossy)
 
     def within(self, columns: Any) -> LossTerm:
         """The same for some of the coordinates."""

@@ -214,11 +214,11 @@ class Moving:
         temperature, added = (upper + lower) / 2, 0.0
         if part.startswith("bend"):
             plane = int(part[-1]) - 1
-            value, angle = section.rigidity[plane], lambda: loss.bending_angle(section, plane, self.omega, tension, temperature)
+            value, angle = section.rigidity[plane], lambda: loss.bending_angle(section, plane, np.real(self.omega), tension, temperature)
         elif part == "stretch":
-            value, angle = section.stretching, lambda: loss.stretching_angle(section, self.omega)
+            value, angle = section.stretching, lambda: loss.stretching_angle(section, np.real(self.omega))
         else:
-            value, angle = section.twisting, lambda: loss.twisting_angle(section, self.omega)
+            value, angle = section.twisting, lambda: loss.twisting_angle(section, np.real(self.omega))
             added = tension * section.polar_area
         elastic = value * (1 + 1j * angle()) if self.strand.lossy else value
         return (elastic + added) * section.torsion_factor if part == "twist" else elastic

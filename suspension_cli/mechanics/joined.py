@@ -56,7 +56,11 @@ def join(parts: list[Any]) -> tuple[Any, list[Any], Any]:
     for part in parts[1:]:
         own = whole[p:, p:] + part[:p, :p]
         pull = np.concatenate([whole[p:, :p], part[:p, p:]], axis=1)
-        move = -np.moveaxis(np.linalg.solve(np.moveaxis(own, -1, 0), np.moveaxis(pull, -1, 0)), 0, -1)
+        try:
+            move = _following(own, pull)
+        except np.linalg.LinAlgError:
+            own = _off_resonance(own, np.abs(whole[p:, p:]) + np.abs(part[:p, :p]))
+            move = _following(own, pull)
         if not np.iscomplexobj(own):
             negative = negative + (np.linalg.eigvalsh(np.moveaxis(own, -1, 0)) < 0).sum(-1)
         new = np.einsum("kif,kjf->ijf", pull, move)
@@ -93,11 +97,23 @@ def join_rods(parts: list[Any]) -> tuple[Any, list[Any], Any]:
     for part in parts[1:]:
         below, end = (part[1, 1] - part[0, 0]) / 4, part[0, 0] / 2
         own, held = spring + below + lower + end, lower + end
+        own = np.where(own == 0, np.finfo(float).eps * (np.abs(spring) + np.abs(below) + np.abs(lower) + np.abs(end)), own)  # beside a resonance of the node
         nodes.append(np.stack([spring / own, below / own])[None])
         if not np.iscomplexobj(own):
             negative = negative + (own < 0)
         upper, lower, spring = upper + spring * held / own, end + below * held / own, spring * below / own
     return np.array([[upper + lower, lower - upper], [lower - upper, upper + lower + 4 * spring]]), nodes, negative
+
+
+def _off_resonance(own: Any, size: Any) -> Any:
+    """A node's stiffness (p, p, f), a sum of parts of some size (p, p, f); at a resonance of the node, to the last bit, beside it by half a rounding."""
+    singular = np.linalg.det(np.moveaxis(own, -1, 0)) == 0
+    return own + singular * np.finfo(float).eps * size.max((0, 1)) * np.eye(len(own))[..., None]
+
+
+def _following(own: Any, pull: Any) -> Any:
+    """Motion (p, 2p, f) of a node of stiffness (p, p, f) that is pulled on by (p, 2p, f)."""
+    return -np.moveaxis(np.linalg.solve(np.moveaxis(own, -1, 0), np.moveaxis(pull, -1, 0)), 0, -1)
 
 
 def sections_moved(nodes: list[Any], motion: Any) -> list[Any]:

@@ -38,6 +38,8 @@ TOP = 1.06
 """Height of the figure's heading, in."""
 THICK = 0.028
 """Of the support, as a share of the suspension's size."""
+MOST = 120
+"""Modes drawn; of more, the lowest."""
 SHOWN = 3
 """Number of energy shares shown."""
 
@@ -95,18 +97,19 @@ def draw(modes: Modes, design: Design, scene: Scene) -> Figure:
     Returns
     -------
     Figure
-        A panel a mode (those of wires alone are left to `plots.wires`): the suspension at rest (grey) and displaced (coloured by the degree
+        A panel a mode, for the lowest `MOST` (those of wires alone are in `plots.wires`): the suspension at rest (grey) and displaced (coloured by the degree
         of freedom that holds most of the kinetic energy, the stronger the more of it a body holds), in the view that shows most of the motion.
     """
     with style.house():
         rest = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), THICK * size(scene))
-        panels = [_panel(modes, number, rest) for number in np.flatnonzero(modes.order == 0).tolist()]
+        bodily = np.flatnonzero(modes.order == 0).tolist()
+        panels = [_panel(modes, number, rest) for number in bodily[:MOST]]
         frame = _frame(panels)
         tall = float(np.clip((WIDTH - 0.1) * frame.height / frame.width, LOWEST, TALLEST))
         pitch = HEAD + tall + FOOT + BARS + GAP
         across = _columns(len(panels), WIDTH + GAP, pitch)
         figure = style.new_figure(max(across * (WIDTH + GAP) + GAP, LEAST), TOP + -(-len(panels) // across) * pitch)
-        _heading(figure, design)
+        _heading(figure, design, f"The lowest {len(panels)} of {len(bodily)} modes. " if len(panels) < len(bodily) else "")
         canvas = sheet(figure)
         for n, panel in enumerate(panels):
             left = GAP + (n % across) * (WIDTH + GAP)
@@ -133,6 +136,8 @@ def view_of(modes: Modes, number: int, above: View) -> View:
 def heading_of(modes: Modes, number: int) -> str:
     """A mode's number and frequency, as its panel's title says it."""
     frequency = float(modes.frequency[number])
+    if modes.overdamped[number]:
+        return f"{number + 1}  overdamped, decays at {style.significant(float(modes.decay_rate[number]))} 1/s"
     if np.isnan(frequency):
         return f"{number + 1}  unstable, grows at {style.significant(float(modes.growth_rate[number]))} 1/s"
     return f"{number + 1}  " + ("rigid" if frequency == 0 else f"{style.significant(frequency)} Hz")
@@ -186,7 +191,7 @@ def _columns(count: int, width: float, tall: float) -> int:
     return min(range(1, count + 1), key=badness)
 
 
-def _heading(figure: Figure, design: Design) -> None:
+def _heading(figure: Figure, design: Design, shown: str) -> None:
     style.title(figure, design.design.title, design.design.name)
     across, _ = figure.get_size_inches()
     swatches = [Patch(facecolor=style.tint(DOF_COLOUR[dof], 0.6), edgecolor=DOF_COLOUR[dof], label=WORDS[dof]) for dof in DOFS]
@@ -202,14 +207,14 @@ def _heading(figure: Figure, design: Design) -> None:
         handletextpad=0.5,
         borderpad=0.2,
     )
-    key = "Colour: where most kinetic energy is; the stronger, the more of it a body holds. Bars: shares of kinetic energy. Motions exaggerated."
+    key = f"{shown}Colour: where most kinetic energy is; the stronger, the more of it a body holds. Bars: shares of kinetic energy. Motions exaggerated."
     style.write(figure, 0.2, 0.78, key, 7.5, NOTE)
 
 
 def _title(canvas: Canvas, left: float, top: float, modes: Modes, number: int) -> None:
-    stable = bool(modes.omega_squared[number] >= 0)
-    colour = INK if stable else style.PALETTE[1]
-    canvas.text(left, top - 0.02, heading_of(modes, number), va="top", fontsize=9 if stable else 7, fontweight="bold", color=colour)
+    colour = INK if modes.omega_squared[number] >= 0 else style.PALETTE[1]
+    long = bool(np.isnan(modes.frequency[number]))
+    canvas.text(left, top - 0.02, heading_of(modes, number), va="top", fontsize=6.5 if long else 9, fontweight="bold", color=colour)
     canvas.text(left, top - 0.20, caption_of(modes, number), va="top", fontsize=7.5)
 
 

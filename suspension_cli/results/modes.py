@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from suspension_cli.analysis.modes import Modes
+from suspension_cli.analysis.modes import Modes, decay
 from suspension_cli.conventions import DOFS
 from suspension_cli.results import Provenance, dataset, scale, write
 
@@ -31,6 +31,7 @@ def save(path: Path, modes: Modes, origin: Provenance) -> None:
         dataset(group, "tip_energy", modes.tip_energy, "1", mode, scale(group, "tip", list(modes.coordinate[6 * len(modes.body) :]), "name"))
         dataset(group, "block", modes.block, "1", mode)
         dataset(group, "q", modes.q, "1", mode)
+        dataset(group, "decay_rate", modes.decay_rate, "1/s", mode)
         dataset(group, "top_share", modes.top_share, "1", mode)
         dataset(group, "verdict", modes.verdict, "name", mode)
         dataset(group, "dilution", modes.dilution, "1", mode)
@@ -46,17 +47,19 @@ def load(file: h5py.File) -> Modes:
     """The modes that a results file holds."""
     group: Any = file["modes"]
     count = len(group["q"])
+    squared, q = group["omega_squared"][:], group["q"][:]
     return Modes(
         body=tuple(group["body"].asstr()[:]),
         coordinate=tuple(group["coordinate"].asstr()[:]),
-        omega_squared=group["omega_squared"][:],
+        omega_squared=squared,
         shape=group["shape"][:],
         energy=group["energy"][:],
         tip_energy=group["tip_energy"][:],
         block=group["block"][:],
-        q=group["q"][:],
+        q=q,
         dilution=group["dilution"][:] if "dilution" in group else np.full(count, np.nan),
         wire=tuple(group["wire"].asstr()[:]) if "wire" in group else (),
         wire_energy=group["wire_energy"][:] if "wire_energy" in group else np.zeros((count, 0)),
         order=group["order"][:] if "order" in group else np.zeros(count, dtype=np.intp),
+        decay_rate=group["decay_rate"][:] if "decay_rate" in group else decay(squared, q),
     )

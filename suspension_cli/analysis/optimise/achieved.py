@@ -7,7 +7,7 @@ asked for.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -94,9 +94,7 @@ def of(text: str, quantities: tuple[Quantity, ...], families: Families, level: s
 
 def _of_bodies(found: Modes) -> Modes:
     """The modes that are none of wires alone."""
-    kept = found.order == 0
-    parts = ("omega_squared", "shape", "energy", "tip_energy", "block", "q", "dilution", "wire_energy", "order")
-    return replace(found, **{name: getattr(found, name)[kept] for name in parts})
+    return found.some(found.order == 0)
 
 
 def _ranked(places: Any, rank: int) -> int:
