@@ -38,6 +38,8 @@ from suspension_cli.mechanics.model import LinearModel
 
 LIGHT = 0.02
 """Share of omega^2 up to which losses change a mode's equation for the mode to be followed from the undamped one."""
+WIDE = 0.3
+"""Difference of omega^2 of modes that are followed together, over it."""
 COUPLED = 0.05
 """Coupling of two modes by losses, over the difference of their equations, above which they are solved together."""
 ROUNDING = 1e-10
@@ -187,7 +189,7 @@ def _groups(basis: Basis) -> tuple[list[Index], Any]:
         for j in group:
             left_over = coupling[j, others] ** 2 / np.maximum(np.abs(here[j, others]), np.finfo(float).tiny)
             spread = np.abs(basis.stiffness[group] - basis.stiffness[j]).max()
-            light[j] = coupling[j, group].sum() + left_over.sum() + spread < LIGHT * basis.stiffness[j]
+            light[j] = coupling[j, group].sum() + left_over.sum() < LIGHT * basis.stiffness[j] and spread < WIDE * basis.stiffness[j]
     return groups, light
 
 
@@ -372,7 +374,7 @@ def refined(dynamic: Callable[[Any, bool], Any], start: complex, motion: Any) ->
         before, residual, now = now, value, now + step
         if abs(now - start) > STRAYED * abs(start) or (now.imag > 0) != oscillates:
             return start
-        if abs(step) <= CONVERGED * abs(now) or (abs(step) < NOISE * abs(now) and abs(step) >= last):
+        if abs(step) <= CONVERGED * abs(now) or (abs(step) < NOISE * abs(now) and 2 * abs(step) >= last):
             break
         last = abs(step)
     return now
