@@ -424,7 +424,7 @@ def _basis(model: LinearModel, group: Index, squared: Array, shapes: Array) -> t
     square = np.ix_(group, group)
     moves = np.concatenate([_apart(squared, shapes, model.stiffness[square]), added])
     elastic = [term for term in model.terms if not isinstance(term, LossTerm) or term.elastic]
-    matrices = [moves @ term.matrices[:, group[:, None], group] @ moves.T for term in elastic]
+    matrices = [moves @ term.all_matrices[:, group[:, None], group] @ moves.T for term in elastic]
     constant = np.zeros((len(moves),) * 2) if model.lossy is None else 1j * (moves @ model.lossy[square].imag @ moves.T)
 
     def losses(omega: Array, place: Index) -> Any:
@@ -434,7 +434,7 @@ def _basis(model: LinearModel, group: Index, squared: Array, shapes: Array) -> t
             some = each[:, place[:, None], place]
             which = np.flatnonzero(some.any((1, 2)))
             if len(which):
-                result += np.tensordot(term.at(omega).functions(which).T, some[which], 1)
+                result += np.tensordot(term.at(omega).all_functions()[which].T, some[which], 1)
         return result
 
     damping = moves @ dampers(model)[square] @ moves.T

@@ -31,6 +31,11 @@ class Term(Protocol):
         """A_n: (n, N, N), real and symmetric."""
         ...
 
+    @property
+    def all_matrices(self) -> Any:
+        """A_n with that of the odd motion of stretching, which `matrices` leaves to the tensions, last."""
+        ...
+
     def at(self, omega: Any, *, lossy: bool = True) -> Evaluated:
         """The term at frequencies (f,), rad/s; complex to differentiate by them."""
         ...
@@ -49,6 +54,10 @@ class Evaluated(Protocol):
 
     def functions(self, which: Any) -> Any:
         """Some of the f_n: (w, f), complex where lossy."""
+        ...
+
+    def all_functions(self) -> Any:
+        """The f_n (n, f) of `Term.all_matrices`, for wires without mass."""
         ...
 
     def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
@@ -100,6 +109,12 @@ class WireTerm:
             result.append(np.where(self.allowed, total, 0.0))
         return np.array(result)
 
+    @cached_property
+    def all_matrices(self) -> Any:
+        """A_n with that of the odd motion of stretching last: (n + 1, N, N)."""
+        odd = self.forms["stretch"][:, 1]
+        return np.concatenate([self.matrices, np.where(self.allowed, odd.T @ odd, 0.0)[None]])
+
     def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedWires:
         """The wires at frequencies (f,)."""
         strand = self.strand if lossy else replace(self.strand, lossy=False)
@@ -150,6 +165,11 @@ class EvaluatedWires:
         static = self.term.strand.static
         wanted = [self.term.functions[n] for n in which]
         return np.stack([self.beside if part == "stretch" else self.moving.stiffness(part)[i, j] - static[part][i, j] for part, i, j in wanted])
+
+    def all_functions(self) -> Any:
+        """The f_n (n + 1, f) of all matrices, for wires without mass: only the odd motion of their ends stretches these."""
+        odd = self.stretching[2] - self.term.strand.static["stretch"][1, 1]
+        return np.concatenate([self.functions(range(len(self.term.functions))), odd[None]])
 
     @property
     def beside(self) -> Any:
@@ -209,6 +229,11 @@ class LossTerm:
         """A_n: (1, N, N)."""
         return self.matrix[None]
 
+    @property
+    def all_matrices(self) -> Any:
+        """A_n: (1, N, N)."""
+        return self.matrices
+
     def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedLoss:
         """The loss at frequencies (f,)."""
         angle = self.angle(np.real(omega) if self.elastic else omega)  # a loss angle is that at the frequency of the oscillation
@@ -234,6 +259,10 @@ class EvaluatedLoss:
     def functions(self, which: Any) -> Any:
         """Some of the f_n: (w, f)."""
         return (1j * self.angle if self.lossy else self.angle)[None][which]
+
+    def all_functions(self) -> Any:
+        """The f_n: (1, f)."""
+        return self.functions(slice(None))
 
     def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
         """x^H Im(f A) x (f,)."""
