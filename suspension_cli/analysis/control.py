@@ -23,6 +23,9 @@ from suspension_cli.errors import Fault, InputError, shown
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.rotations import cross_matrix
 
+BESIDE = (0.0, 1e-15, -1e-15, 3e-15, -3e-15, 1e-14, -1e-14)
+"""Relative steps aside, tried in turn, from a frequency at which there is no finite response."""
+
 
 @dataclass(frozen=True)
 class Plant:
@@ -151,9 +154,18 @@ def closed(plant: Plant, frequency: Array, inputs: list[Signal], outputs: list[S
 
 
 def loop_gains(plant: Plant, frequency: Array) -> Any:
-    """Gain (f, l) of each loop broken at its actuator, the others closed, at frequencies in Hz."""
-    g, _ = response.transfer(plant.model, 2 * np.pi * frequency, plant.pushed, [True] * len(plant.loops), plant.sensed)
-    return _loop_gains(_filters(plant, frequency), g)
+    """Gain (f, l) of each loop broken at its actuator, the others closed, at frequencies in Hz; beside a resonance without loss for one on it."""
+    result = np.full((len(frequency), len(plant.loops)), np.nan, dtype=complex)
+    left = np.arange(len(frequency))
+    with np.errstate(all="ignore"):
+        for beside in BESIDE:
+            at = frequency[left] * (1 + beside)
+            g, _ = response.transfer(plant.model, 2 * np.pi * at, plant.pushed, [True] * len(plant.loops), plant.sensed, finite=False)
+            result[left] = _loop_gains(_filters(plant, at), g)
+            left = left[~np.isfinite(result[left]).all(1)]
+            if not len(left):
+                break
+    return result
 
 
 def _filters(plant: Plant, frequency: Array) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -13,11 +14,8 @@ from suspension_cli.analysis.poles import Poles
 from suspension_cli.analysis.rational import rational
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import InputError
 from suspension_cli.mechanics.model import LinearModel
 
-BESIDE = 4 * np.finfo(float).eps
-"""Relative step aside from a frequency at which there is no response."""
 STILL = 1e-6
 """Share of the lowest frequency of a pole or zero at which everything stands still, to 1e-12."""
 REAL = 1e-3
@@ -96,7 +94,7 @@ def solve(design: Design, model: LinearModel, output: str, drive: str, frequency
         loop=tuple(loop.name for loop in plant.loops),
         open=bare,
         closed=closed,
-        margin=tuple(margins.margins(_gain(plant), corners, _static(plant, corners[0]))) if closed.stable else None,
+        margin=tuple(margins.margins(partial(control.loop_gains, plant), corners, _static(plant, corners[0]))) if closed.stable else None,
         output=output,
         drive=drive,
         time=time,
@@ -136,19 +134,7 @@ def features(plant: Plant) -> Array:
     return np.unique(np.concatenate([np.abs(every), *(np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0))]))
 
 
-def _gain(plant: Plant) -> margins.Gain:
-    """Loop gains at any frequencies in Hz."""
-
-    def gain(frequency: Array) -> Array:
-        try:
-            return control.loop_gains(plant, frequency)
-        except InputError:  # a resonance without loss, hit to the last bit
-            return control.loop_gains(plant, frequency * (1 + BESIDE))
-
-    return gain
-
-
 def _static(plant: Plant, lowest: float) -> Array:
     """Loop gains (l,) far below the lowest pole and zero, without losses, which do not act there; infinite where they are not real."""
-    found = _gain(replace(plant, model=replace(plant.model, terms=(), lossy=None)))(np.array([STILL * lowest]))[0]
+    found = control.loop_gains(replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest]))[0]
     return np.where(np.abs(found.imag) <= REAL * np.abs(found.real), found.real, np.inf)

@@ -29,6 +29,8 @@ BEYOND = 1e3
 """Frequencies reach so many times beyond the outermost that are given."""
 ITERATIONS = 60
 """Of regula falsi, at most; some 6 are enough."""
+ROUNDING = 4 * np.finfo(float).eps
+"""Level, or relative width of an interval, at which a crossing is found."""
 GOLDEN = (np.sqrt(5.0) - 1) / 2
 NARROWINGS = 45
 """Of golden section search: 0.618^45 is below the square root of a rounding."""
@@ -135,25 +137,32 @@ def _crossings(gain: Gain, frequency: Array, value: Any, measure: Callable[[Any]
     crossed = (np.sign(level[:-1]) * np.sign(level[1:]) < 0) & good[:-1] & good[1:] & (_change(value) < 2 * STEP)
     at, loop = np.nonzero(crossed)
     low, high = frequency[at], frequency[at + 1]
+    low_value, high_value = value[at, loop], value[at + 1, loop]
     at_low, at_high = level[at, loop], level[at + 1, loop]
-    best, found = low.copy(), value[at, loop]
-    smallest = np.abs(at_low)
     for _ in range(ITERATIONS if len(at) else 0):
         middle = low - at_low * (high - low) / (at_high - at_low)
         middle = np.where((middle > low) & (middle < high), middle, low + (high - low) / 2)
-        order = np.argsort(middle, kind="stable")
-        now = np.empty(len(at), dtype=complex)
-        now[order] = gain(middle[order])[np.arange(len(at)), loop[order]]
+        now = _one_each(gain, middle, loop)
         seen = measure(now)
-        better = np.abs(seen) < smallest
-        best, found, smallest = np.where(better, middle, best), np.where(better, now, found), np.where(better, np.abs(seen), smallest)
         same = np.sign(seen) == np.sign(at_low)  # Illinois: the end that stays counts half (Dowell and Jarratt, BIT 11, 168, 1971)
-        low, at_low, at_high = np.where(same, middle, low), np.where(same, seen, at_low / 2), np.where(same, at_high / 2, seen)
-        high = np.where(same, high, middle)
-        if (smallest < 4 * np.finfo(float).eps).all() or not better.any():
+        low, low_value, high_value = np.where(same, middle, low), np.where(same, now, low_value), np.where(same, high_value, now)
+        at_low, at_high, high = np.where(same, seen, at_low / 2), np.where(same, at_high / 2, seen), np.where(same, high, middle)
+        if ((np.abs(seen) < ROUNDING) | (high - low < ROUNDING * high)).all():
             break
+    # between the last two frequencies the circle of a resonance with a Q of 1e9 still turns by 1e-7
+    at_low, at_high = measure(low_value), measure(high_value)
+    weight = np.where(at_low == at_high, 0.0, at_low / np.where(at_low == at_high, 1.0, at_low - at_high))
+    found, where = low_value * (high_value / low_value) ** weight, low + weight * (high - low)
     every = range(value.shape[1])
-    return [best[loop == n] for n in every], [found[loop == n] for n in every]
+    return [where[loop == n] for n in every], [found[loop == n] for n in every]
+
+
+def _one_each(gain: Gain, frequency: Array, loop: Any) -> Any:
+    """Gain (c,) of one loop (c,) at each frequency (c,)."""
+    order = np.argsort(frequency, kind="stable")
+    result = np.empty(len(frequency), dtype=complex)
+    result[order] = gain(frequency[order])[np.arange(len(frequency)), loop[order]]
+    return result
 
 
 def _nearest(gain: Gain, frequency: Array, value: Any) -> Array:
@@ -167,10 +176,7 @@ def _nearest(gain: Gain, frequency: Array, value: Any) -> Array:
     low, high = frequency[at], frequency[at + 2]
 
     def measured(where: Array) -> Array:
-        order = np.argsort(where, kind="stable")
-        result = np.empty(len(where))
-        result[order] = np.abs(1 + gain(where[order])[np.arange(len(where)), loop[order]])
-        return result
+        return np.abs(1 + _one_each(gain, where, loop))
 
     if len(at):
         a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
