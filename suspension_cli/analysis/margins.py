@@ -3,7 +3,7 @@
 A pole reaches the imaginary axis at i omega when the loop is scaled by the real number kappa for which 1 + kappa L(i omega) = 0, so gain
 margins are -1/L where L is real and negative; phase margins are read where |L| is 1 (Astrom and Murray, Feedback Systems, 2nd ed.,
 section 10.3).  Around a resonance of quality factor Q the curve L(i omega) runs through a circle within a 1/Q-th of its frequency, so no
-grid that is fixed beforehand shows it.  The curve is bisected from given frequencies (poles, zeros, ...) on until neighbours differ by
+grid that is fixed beforehand shows it.  The curve is divided from given frequencies (poles, zeros, ...) on until neighbours differ by
 little, as numbers and as distances from -1; where it crosses the real axis or the unit circle, and where it passes closest to -1,
 the frequency is then found to rounding.
 """
@@ -23,17 +23,20 @@ Gain = Callable[[Array], Any]
 
 STEP = 0.5
 """Largest change of log L and log(1 + L) between neighbours."""
+QUARTERS = np.array([0.25, 0.5, 0.75])
 CLOSEST = 1e-14
-"""Relative distance of frequencies below which nothing is bisected: what is not resolved there is a pole or zero without loss."""
+"""Relative distance of frequencies below which nothing is divided: what is not resolved there is a pole or zero without loss."""
 BEYOND = 1e3
 """Frequencies reach so many times beyond the outermost that are given."""
 ITERATIONS = 60
 """Of regula falsi, at most; some 6 are enough."""
+FOUND = 1e-12
+"""Level at which a crossing is found."""
 ROUNDING = 4 * np.finfo(float).eps
-"""Level, or relative width of an interval, at which a crossing is found."""
+"""Relative distance of frequencies that are told apart."""
 GOLDEN = (np.sqrt(5.0) - 1) / 2
-NARROWINGS = 45
-"""Of golden section search: 0.618^45 is below the square root of a rounding."""
+NARROWINGS = 28
+"""Of golden section search: 0.618^28 is 1e-6, and the least value is wrong by the square of that."""
 
 
 @dataclass(frozen=True)
@@ -110,13 +113,12 @@ def resolved(gain: Gain, frequency: Array) -> tuple[Array, Any]:
         wide = np.flatnonzero((change > STEP) & (np.diff(known) > CLOSEST * known[1:]))
         if not len(wide):
             return known, value
-        middle = known[wide] * np.sqrt(known[wide + 1] / known[wide])
-        inside = (middle > known[wide]) & (middle < known[wide + 1])
-        wide, middle = wide[inside], middle[inside]
-        if not len(wide):
+        between = known[wide, None] * (known[wide + 1] / known[wide])[:, None] ** QUARTERS
+        new = np.setdiff1d(between, known)
+        if not len(new):
             return known, value
-        known = np.insert(known, wide + 1, middle)
-        value = np.insert(value, wide + 1, gain(middle), axis=0)
+        place = np.searchsorted(known, new)
+        known, value = np.insert(known, place, new), np.insert(value, place, gain(new), axis=0)
 
 
 def _size(value: Any) -> Any:
@@ -134,20 +136,26 @@ def _crossings(gain: Gain, frequency: Array, value: Any, measure: Callable[[Any]
     Intervals across which the curve jumps (a pole or zero without loss) are no crossings.
     """
     level, good = measure(value), counts(value)
-    crossed = (np.sign(level[:-1]) * np.sign(level[1:]) < 0) & good[:-1] & good[1:] & (_change(value) < 2 * STEP)
+    crossed = ((level[:-1] > 0) != (level[1:] > 0)) & good[:-1] & good[1:] & (_change(value) < 2 * STEP)
     at, loop = np.nonzero(crossed)
     low, high = frequency[at], frequency[at + 1]
     low_value, high_value = value[at, loop], value[at + 1, loop]
     at_low, at_high = level[at, loop], level[at + 1, loop]
+    before = np.zeros(len(at))
     for _ in range(ITERATIONS if len(at) else 0):
-        middle = low - at_low * (high - low) / (at_high - at_low)
-        middle = np.where((middle > low) & (middle < high), middle, low + (high - low) / 2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            middle = low - at_low * (high - low) / (at_high - at_low)
+        close = np.minimum(ROUNDING * high, (high - low) / 2)
+        middle = np.clip(np.where(np.isfinite(middle), middle, low), low + close, high - close)
         now = _one_each(gain, middle, loop)
         seen = measure(now)
-        same = np.sign(seen) == np.sign(at_low)  # Illinois: the end that stays counts half (Dowell and Jarratt, BIT 11, 168, 1971)
+        same = (seen > 0) == (at_low > 0)
         low, low_value, high_value = np.where(same, middle, low), np.where(same, now, low_value), np.where(same, high_value, now)
-        at_low, at_high, high = np.where(same, seen, at_low / 2), np.where(same, at_high / 2, seen), np.where(same, high, middle)
-        if ((np.abs(seen) < ROUNDING) | (high - low < ROUNDING * high)).all():
+        side = np.where(same, 1.0, -1.0)
+        stays = np.where(side == before, 0.5, 1.0)  # Illinois: an end that stays again counts half (Dowell and Jarratt, BIT 11, 168, 1971)
+        at_low, at_high, high = np.where(same, seen, stays * at_low), np.where(same, stays * at_high, seen), np.where(same, high, middle)
+        before = side
+        if ((np.abs(seen) < FOUND) | (high - low < 3 * ROUNDING * high)).all():
             break
     # between the last two frequencies the circle of a resonance with a Q of 1e9 still turns by 1e-7
     at_low, at_high = measure(low_value), measure(high_value)
@@ -167,12 +175,11 @@ def _one_each(gain: Gain, frequency: Array, loop: Any) -> Any:
 
 def _nearest(gain: Gain, frequency: Array, value: Any) -> Array:
     """Smallest |1 + L| (l,) of each loop, by golden section search around every low point of the curve."""
-    distance = np.abs(1 + value)
+    distance, change = np.abs(1 + value), _change(1 + value)
     smallest = distance.min(0)
-    edge = np.full((1, distance.shape[1]), np.inf)
-    around = np.concatenate([edge, distance, edge])
-    low_point = (distance <= around[:-2]) & (distance <= around[2:]) & (distance < np.exp(STEP) * smallest)
-    at, loop = np.nonzero(low_point[1:-1])
+    least = distance[1:-1] * np.exp(-np.maximum(change[:-1], change[1:]))  # what the curve may reach before it comes to its neighbours
+    low_point = (distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:]) & (least < smallest)
+    at, loop = np.nonzero(low_point)
     low, high = frequency[at], frequency[at + 2]
 
     def measured(where: Array) -> Array:
