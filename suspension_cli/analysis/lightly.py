@@ -33,11 +33,15 @@ SLOW = 1e-3
 NEWTON = 30
 """Steps of Newton's method at most; some 4 are enough."""
 CONVERGED = 1e-13
-"""Relative step that is the last one."""
+"""Relative step that is the last one; as is one of roundings, which is no smaller than that before."""
+UNCHANGED = 1e-10
+"""Relative change of a frequency up to which losses stay what they are."""
+RENEWALS = 20
+"""Of the losses, at most; two are enough."""
 STEPS = 4
 """Of inverse iteration; each brings the shape as much nearer as its own pole is nearer than others."""
 NEAR = 1e-9
-"""Change of a decay, over the frequency, up to which it may have been a rounding error."""
+"""Change of a pole, over the frequency, up to which it may have been a rounding error."""
 ASIDE = 1e-12
 """How far beside a pole, as a share of it, its shape is solved for, as on it there may be no solution."""
 
@@ -65,14 +69,17 @@ def refined(found: Poles, plant: Plant) -> Poles:
     for number in set(member.tolist()):
         here = np.flatnonzero(member == number)
         part = _Part.of(plant, groups[number])
-        roots = np.array([_root(complex(value), part) for value in values[here]])
-        own = np.abs(roots[:, None] - values[here]).argmin(1) == np.arange(len(here))  # else it went to another pole
-        for n, root in zip(here[own], roots[own], strict=True):
-            values[n] = root
-            if root.imag != 0 and abs(root.real) <= SLOW * abs(root):
-                better = _decaying(root, part)
-                if abs(better.real - root.real) <= NEAR * abs(root):  # else one shape stands for two poles at one frequency
-                    values[n] = better
+        starts = values[here]
+        lossy = part.dispersive(starts.imag)
+        found_here = [_root(complex(start), part, now) for start, now in zip(starts, lossy, strict=True)]
+        roots, lossy = np.array([root for root, _ in found_here]), np.array([now for _, now in found_here])
+        own = np.abs(roots[:, None] - starts).argmin(1) == np.arange(len(here))  # else it went to another pole
+        values[here[own]] = roots[own]
+        slow = np.flatnonzero(own & (roots.imag > 0) & (np.abs(roots.real) <= SLOW * np.abs(roots)))
+        if len(slow):
+            decay = _decays(roots[slow], part, np.array([_shape(root, part, now) for root, now in zip(roots[slow], lossy[slow], strict=True)]).T)
+            alone = np.abs(decay - roots[slow].real) <= NEAR * np.abs(roots[slow])  # else one shape stands for two poles at one frequency
+            values[here[slow[alone]]] = decay[alone] + 1j * roots[slow[alone]].imag
     order = np.argsort(np.abs(values), kind="stable")
     return Poles(values[order], tuple(found.state[n] for n in order))
 
@@ -134,18 +141,20 @@ class _Part:
             resisting,
         )
 
-    def dispersive(self, omega: float) -> Any:
-        """i K'' and all else that depends on frequency, (c, c)."""
-        result = 1j * self.lossy
-        for term in self.terms:
+    def dispersive(self, omega: Any) -> Any:
+        """i K'' and all else that depends on frequency, (p, c, c) at frequencies (p,); nothing at 0, where nothing oscillates."""
+        result = np.zeros((len(omega), *self.mass.shape), dtype=complex)
+        moving = omega > 0
+        result[moving] = 1j * self.lossy
+        for term in self.terms if moving.any() else ():
             matrices = term.matrices
-            result = result + np.einsum("n,nij->ij", term.at(np.array([omega])).functions(np.arange(len(matrices)))[:, 0], matrices)
+            result[moving] += np.einsum("nf,nij->fij", term.at(omega[moving]).functions(np.arange(len(matrices))), matrices)
         return result
 
-    def dissipated(self, x: Any, omega: float) -> float:
-        """x^H K'' x + omega x^H C x: what losses and dampers take from a motion (c,)."""
-        lost = (x.conj() @ self.lossy @ x).real + omega * (x.conj() @ self.damping @ x).real
-        return float(lost + sum(value[0] for term in self.terms for value in term.at(np.array([omega])).dissipated(x[:, None]).values()))
+    def dissipated(self, x: Any, omega: Any) -> Any:
+        """x^H K'' x + omega x^H C x (p,): what losses and dampers take from motions (c, p) at frequencies (p,)."""
+        lost = np.einsum("ip,ij,jp->p", x.conj(), self.lossy, x).real + omega * np.einsum("ip,ij,jp->p", x.conj(), self.damping, x).real
+        return lost + sum(value for term in self.terms for value in term.at(omega).dissipated(x).values())
 
 
 def _diagonal(blocks: list[Any]) -> Any:
@@ -158,38 +167,47 @@ def _diagonal(blocks: list[Any]) -> Any:
     return result
 
 
-def _root(s: complex, part: _Part) -> complex:
-    """A root of T(s) near a pole; the pole itself where Newton's method finds none."""
+def _root(start: complex, part: _Part, lossy: Any) -> tuple[complex, Any]:
+    """A root of T(s) near a pole, and the losses (c, c) there, given those at the pole; the pole itself where Newton's method finds none."""
+    s = start
+    for _ in range(RENEWALS):
+        last, s = s, _newton(s, part, lossy)
+        if not np.isfinite(s) or s.imag < 0 or (start.imag > 0) != (s.imag > 0):
+            return start, lossy
+        if abs(s.imag - last.imag) <= UNCHANGED * abs(s):
+            return s, lossy
+        lossy = part.dispersive(np.array([s.imag]))[0]
+    return start, lossy
+
+
+def _newton(s: complex, part: _Part, lossy: Any) -> complex:
+    """A root of T(s) with given losses (c, c); NaN where none is found."""
     a, b, c, d = part.filters
     size, count = len(part.mass), len(part.mass) + len(a)
     pushed, sensed = part.plant.pushed, part.plant.sensed
-    slope = np.eye(count, dtype=complex)
-    whole = np.zeros((count, count), dtype=complex)
+    slope, whole = np.eye(count, dtype=complex), np.zeros((count, count), dtype=complex)
     whole[:size, size:], whole[size:, :size] = pushed.T @ c, -b @ sensed
-    start, shape = s, np.random.default_rng(0).normal(size=count).astype(complex)
+    last, still, real = np.inf, part.stiffness + lossy + pushed.T @ d @ sensed, s.imag == 0
+    shape = np.random.default_rng(0).normal(size=count).astype(complex)
     for step in range(NEWTON):
-        lossy = part.dispersive(s.imag) if s.imag > 0 else 0.0
-        whole[:size, :size] = part.stiffness + lossy + s * part.resisting + s**2 * part.mass + pushed.T @ d @ sensed
+        whole[:size, :size] = still + s * part.resisting + s**2 * part.mass
         whole[size:, size:] = s * np.eye(len(a)) - a
         slope[:size, :size] = part.resisting + 2 * s * part.mass
         row, column = _equilibrated(whole)
         try:
-            found = column * np.linalg.solve(row[:, None] * whole * column, row * (slope @ shape))
+            scaled = np.linalg.solve(row[:, None] * whole * column, row * (slope @ shape))
         except np.linalg.LinAlgError:  # on the root, to the last bit
             return s
-        scaled = found / column
+        lead = int(np.abs(scaled).argmax())
+        found = column * scaled
         if step > 0:  # the first step but finds the shape
-            lead = int(np.abs(scaled).argmax())
             change = shape[lead] / found[lead]
-            if start.imag == 0:
-                change = complex(change.real)
-            s = s - change
-            if not np.isfinite(s) or s.imag < 0 or (start.imag > 0) != (s.imag > 0):
-                return start
-            if abs(change) <= CONVERGED * abs(s):
+            s = s - (complex(change.real) if real else change)
+            if abs(change) <= CONVERGED * abs(s) or last / 2 <= abs(change) <= NEAR * abs(s):
                 return s
-        shape = found / np.abs(scaled).max()
-    return s if abs(change) <= NEAR * abs(s) else start
+            last = abs(change)
+        shape = found / abs(scaled[lead])
+    return complex(np.nan)
 
 
 def _equilibrated(matrix: Any) -> tuple[Any, Any]:
@@ -207,24 +225,27 @@ def _largest(size: Any, axis: int) -> Any:
     return np.where(largest > 0, largest, 1.0)
 
 
-def _decaying(s: complex, part: _Part) -> complex:
-    """The same pole with the decay that its shape has."""
+def _shape(s: complex, part: _Part, lossy: Any) -> Any:
+    """Motion (c,) of the coordinates in a pole s."""
     pushed, sensed = part.plant.pushed, part.plant.sensed
-
-    def fed(at: complex) -> Any:
-        return np.array([control.filter_response(loop, np.asarray(at / (2j * np.pi))) for loop in part.plant.loops], dtype=complex)
-
-    lossy = part.dispersive(s.imag)
     root = np.sqrt(np.abs(np.diag(part.stiffness)) + abs(s) ** 2 * np.diag(part.mass))
+    near = s * (1 + ASIDE)
+    dynamic = part.stiffness + lossy + near * part.damping + near**2 * part.mass + (pushed.T * _fed(np.array([near]), part)[:, 0]) @ sensed
     shape = np.random.default_rng(0).normal(size=len(root)).astype(complex)
     for _ in range(STEPS):
-        near = s * (1 + ASIDE)
-        dynamic = part.stiffness + lossy + near * part.damping + near**2 * part.mass + (pushed.T * fed(near)) @ sensed
         shape = np.linalg.solve(dynamic / np.outer(root, root), shape)
         shape = shape / np.abs(shape).max()
-        x = shape / root
-        weight, gain = (x.conj() @ part.mass @ x).real, fed(s) * (pushed @ x.conj()) * (sensed @ x)
-        acting = part.dissipated(x, s.imag) + gain.sum().imag
-        sigma = -acting / (2 * s.imag * weight) if abs(acting) > NOTHING * s.imag**2 * weight else 0.0
-        s = complex(sigma, s.imag)
-    return s
+    return shape / root
+
+
+def _fed(s: Any, part: _Part) -> Any:
+    """H (l, p) of all loops at complex frequencies (p,)."""
+    return np.array([control.filter_response(loop, s / (2j * np.pi)) for loop in part.plant.loops], dtype=complex).reshape(-1, len(s))
+
+
+def _decays(s: Any, part: _Part, x: Any) -> Any:
+    """Real parts (p,) of poles (p,) from their shapes (c, p)."""
+    weight = np.einsum("ip,ij,jp->p", x.conj(), part.mass, x).real
+    gain = (_fed(s, part) * (part.plant.pushed @ x.conj()) * (part.plant.sensed @ x)).sum(0).imag
+    acting = part.dissipated(x, s.imag) + gain
+    return np.where(np.abs(acting) > NOTHING * s.imag**2 * weight, -acting / (2 * s.imag * weight), 0.0)
