@@ -131,7 +131,7 @@ def test_a_loop_that_drives_itself(tmp_path):
     assert result.exit_code == 0
     answer = strict_json(result.stdout)
     assert answer["stable"] is False
-    assert any(pole["real_per_s"] > 0 and pole["q"] < 0 for pole in answer["poles"])
+    assert any(pole["real_per_s"] > 0 and pole["growth_rate_per_s"] == pole["real_per_s"] and pole["q"] is None for pole in answer["poles"])
     assert "warning: the closed loop is unstable" in result.stderr
     assert "grows" in run("damp", file, "--no-plot", "--out", tmp_path / "out", "--frequency", "1,2").stdout
 

@@ -23,6 +23,9 @@ from suspension_cli.errors import Fault, InputError, shown
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.rotations import cross_matrix
 
+BESIDE = (0.0, 1e-15, -1e-15, 3e-15, -3e-15, 1e-14, -1e-14)
+"""Relative steps aside, tried in turn, from a frequency at which there is no finite response."""
+
 
 @dataclass(frozen=True)
 class Plant:
@@ -154,12 +157,32 @@ def closed(plant: Plant, frequency: Array, inputs: list[Signal], outputs: list[S
     acts = [*(s.acts for s in inputs), *([True] * count)]
     g, _ = response.transfer(model, 2 * np.pi * frequency, drives, acts, rows)
     i, o = len(inputs), len(outputs)
-    h = np.stack([filter_response(loop, frequency) for loop in plant.loops], axis=-1)  # (f, l)
+    h = _filters(plant, frequency)
     to_actuator = np.linalg.solve(np.eye(count) + h[:, :, None] * g[:, o:, i:], h[:, :, None] * np.eye(count))
     value = g[:, :o, :i] - g[:, :o, i:] @ to_actuator @ g[:, o:, :i]
     densities = np.array([loop.sensor_noise for loop in plant.loops])
     noise = np.abs(g[:, :o, i:] @ to_actuator) * densities
     return Closed(frequency, value, noise, _loop_gains(h, g[:, o:, i:]))
+
+
+def loop_gains(plant: Plant, frequency: Array) -> Any:
+    """Gain (f, l) of each loop broken at its actuator, the others closed, at frequencies in Hz; beside a resonance without loss for one on it."""
+    result = np.full((len(frequency), len(plant.loops)), np.nan, dtype=complex)
+    left = np.arange(len(frequency))
+    with np.errstate(all="ignore"):
+        for beside in BESIDE:
+            at = frequency[left] * (1 + beside)
+            g, _ = response.transfer(plant.model, 2 * np.pi * at, plant.pushed, [True] * len(plant.loops), plant.sensed, finite=False)
+            result[left] = _loop_gains(_filters(plant, at), g)
+            left = left[~np.isfinite(result[left]).all(1)]
+            if not len(left):
+                break
+    return result
+
+
+def _filters(plant: Plant, frequency: Array) -> Any:
+    """H (f, l) of all loops."""
+    return np.stack([filter_response(loop, frequency) for loop in plant.loops], axis=-1)
 
 
 def _loop_gains(h: Any, g: Any) -> Any:
@@ -183,8 +206,27 @@ def closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal]) -> st
     Without inputs it holds every block that is watched, driven or not (for all poles).
     """
     model = plant.model
-    rows = np.concatenate([np.array([signals.row(s, model) for s in outputs]).reshape(-1, model.size), plant.sensed])
-    drives = np.concatenate([np.array([signals.row(s, model) for s in inputs]).reshape(-1, model.size), plant.pushed])
+    drives, rows = (np.array([signals.row(s, model) for s in some]).reshape(-1, model.size) for some in (inputs, outputs))
+    return _closed_loop(plant, drives, inputs, rows, outputs)
+
+
+def broken(plant: Plant, n: int) -> statespace.StateSpace:
+    """State space from the actuator of loop n to its sensor, the other loops closed."""
+    keep = [k for k in range(len(plant.loops)) if k != n]
+    others = Plant(
+        plant.model,
+        tuple(plant.loops[k] for k in keep),
+        [plant.sensor[k] for k in keep],
+        [plant.actuator[k] for k in keep],
+        plant.sensed[keep],
+        plant.pushed[keep],
+    )
+    return _closed_loop(others, plant.pushed[[n]], [plant.actuator[n]], plant.sensed[[n]], [plant.sensor[n]])
+
+
+def _closed_loop(plant: Plant, drives: Array, inputs: list[Signal], rows: Array, outputs: list[Signal]) -> statespace.StateSpace:
+    """State space with the loops closed, from linear forms (i, N) that drive to linear forms (o, N) that are watched."""
+    rows, drives = np.concatenate([rows, plant.sensed]), np.concatenate([drives, plant.pushed])
     bare = statespace.assemble(_with_dampers(plant), drives, [*inputs, *plant.actuator], rows, [*outputs, *plant.sensor], undriven=not inputs)
     i, o = len(inputs), len(outputs)
     a, b, c, d = bare.a, bare.b, bare.c, bare.d

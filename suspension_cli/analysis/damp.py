@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from suspension_cli.analysis import control, lightly, poles, signals
-from suspension_cli.analysis.poles import Margins, Poles
+from suspension_cli.analysis import control, export, lightly, margins, poles, signals
+from suspension_cli.analysis.control import Plant
+from suspension_cli.analysis.margins import Margins
+from suspension_cli.analysis.poles import Poles
+from suspension_cli.analysis.rational import rational
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics.model import LinearModel
 
-LINEWIDTHS = np.concatenate([-np.geomspace(30, 0.03, 25), np.geomspace(0.03, 30, 25)])
-"""Offsets from each pole, in its half widths, at which loop gains are sampled; not 0, where without loss they are infinite."""
+STILL = 1e-6
+"""Share of the lowest frequency of a pole or zero at which everything stands still, to 1e-12."""
+REAL = 1e-3
+"""Imaginary over real part of a loop gain that goes to a real number towards 0 Hz."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +32,8 @@ class Damped:
         Names of the loops.
     open, closed : Poles
         Of the suspension (with its own losses), and with all loops closed.
-    margin : tuple of Margins
-        Of each loop, the others closed.
+    margin : tuple of Margins or None
+        Of each loop, the others closed; None if the closed loop is unstable.
     output, drive : str
         What is watched, and what gets the impulse.
     time, impulse, undamped : (t,) arrays
@@ -41,7 +47,7 @@ class Damped:
     loop: tuple[str, ...]
     open: Poles
     closed: Poles
-    margin: tuple[Margins, ...]
+    margin: tuple[Margins, ...] | None
     output: str
     drive: str
     time: Array
@@ -54,17 +60,20 @@ class Damped:
     @property
     def stable(self) -> bool:
         """Whether no closed-loop pole grows."""
-        return bool((self.closed.value.real <= self.closed.rounding * np.abs(self.closed.value)).all())
+        return self.closed.stable
 
 
 def solve(design: Design, model: LinearModel, output: str, drive: str, frequency: Array, duration: float, samples: int = 4001) -> Damped:
     """Close the loops of a design.
+
+    Poles, margins, loop gains and noise take losses as they are, impulse responses those of modes (`rational`).
 
     Parameters
     ----------
     design : Design
         With a `[control]` table.
     model : LinearModel
+        Without wires that have mass.
     output, drive : str
         Signals: a motion, and a force (or motion of the support) that gets a unit impulse.
     frequency : (f,) array
@@ -72,33 +81,35 @@ def solve(design: Design, model: LinearModel, output: str, drive: str, frequency
     duration : float
         Of the impulse response, s.
     """
-    plant = control.plant(design, model)
+    plant, constant = control.plant(design, model), control.plant(design, rational(model))
     known = signals.bodies(model)
     watched, driven = signals.motion(output, known), signals.drive(drive, known)
-    closed_system = control.closed_loop(plant, [driven], [watched])
-    everything = control.closed_loop(plant, [], _all_motions(model))
-    open_plant = control.Plant(model, (), [], [], np.zeros((0, model.size)), np.zeros((0, model.size)))
-    open_system = control.closed_loop(open_plant, [driven], [watched])
-    closed = lightly.refined(poles.poles(everything), plant)
-    bare = lightly.refined(poles.poles(control.closed_loop(open_plant, [], _all_motions(model))), open_plant)
-    fine = fine_grid(frequency, closed, bare)
+    every = _all_motions(model)
+    closed = lightly.refined(poles.poles(control.closed_loop(constant, [], every)), plant)
+    bare = lightly.refined(poles.poles(control.closed_loop(_open(constant), [], every)), _open(plant))
     answer = control.closed(plant, frequency, [driven], [watched])
-    gains = control.closed(plant, fine, [driven], [watched]).loop_gain
+    corners = features(constant)
     time = np.linspace(0.0, duration, samples)
     return Damped(
         loop=tuple(loop.name for loop in plant.loops),
         open=bare,
         closed=closed,
-        margin=tuple(poles.margins(fine, gains[:, n]) for n in range(gains.shape[1])),
+        margin=tuple(margins.margins(partial(control.loop_gains, plant), corners, _static(plant, corners[0]))) if closed.stable else None,
         output=output,
         drive=drive,
         time=time,
-        impulse=poles.impulse(closed_system, time)[:, 0, 0],
-        undamped=poles.impulse(open_system, time)[:, 0, 0],
+        impulse=poles.impulse(control.closed_loop(constant, [driven], [watched]), time)[:, 0, 0],
+        undamped=poles.impulse(control.closed_loop(_open(constant), [driven], [watched]), time)[:, 0, 0],
         frequency=frequency,
         noise=answer.noise[:, 0],
         gain=answer.loop_gain,
     )
+
+
+def _open(plant: Plant) -> Plant:
+    """The same without loops."""
+    nothing = np.zeros((0, plant.model.size))
+    return Plant(plant.model, (), [], [], nothing, nothing)
 
 
 def _all_motions(model: LinearModel) -> list[signals.Signal]:
@@ -107,11 +118,23 @@ def _all_motions(model: LinearModel) -> list[signals.Signal]:
     return [signals.motion(f"{body}.{dof}", known) for body in model.body for dof in signals.DOFS]
 
 
-def fine_grid(frequency: Array, *poles: Poles) -> Array:
-    """Frequencies that resolve every resonance, Hz."""
-    extra = [frequency]
-    for group in poles:
-        for centre, decay in zip(group.frequency, -group.value.real / (2 * np.pi), strict=True):
-            extra.append(centre + LINEWIDTHS * max(abs(decay), 1e-6 * centre))
-    every = np.unique(np.concatenate(extra))
-    return every[every > 0]
+def features(plant: Plant) -> Array:
+    """Frequencies (n,) in Hz at which loop gains may have poles and zeros, with the width of each beside it.
+
+    Of a plant with constant matrices: those of each loop's mechanics, the other loops closed, and those of its filter.
+    """
+    found = [np.zeros(0, dtype=complex)]
+    for n, loop in enumerate(plant.loops):
+        form = export.zero_pole_gain(control.broken(plant, n))
+        found += [form.zeros[0][0] / (2 * np.pi), form.poles[0][0] / (2 * np.pi)]
+        found += [np.array(control.roots(given), dtype=complex) for given in (loop.zeros, loop.poles)]
+    every = np.concatenate(found)
+    every = every[np.isfinite(every) & (np.abs(every) > 0)]
+    centre, width = np.abs(every.imag), np.abs(every.real)
+    return np.unique(np.concatenate([np.abs(every), *(np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0))]))
+
+
+def _static(plant: Plant, lowest: float) -> Array:
+    """Loop gains (l,) far below the lowest pole and zero, without losses, which do not act there; infinite where they are not real."""
+    found = control.loop_gains(replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest]))[0]
+    return np.where(np.abs(found.imag) <= REAL * np.abs(found.real), found.real, np.inf)

@@ -49,19 +49,22 @@ class Exported:
     ----------
     system : StateSpace
     zpk : ZeroPoleGain or None
-    band : tuple of float
-        Frequencies in Hz between which it agrees with the direct solution to `tolerance`.
+    band : tuple of float or None
+        Frequencies in Hz between which it agrees with the direct solution to `tolerance`; None if at no two neighbouring frequencies it does.
     tolerance : float
         Relative.
     worst : float
-        Largest relative error from 1/100 of the lowest to 100 times the highest mode.
+        Largest relative error at the frequencies tried.
+    tried : tuple of float
+        Lowest and highest frequency tried, Hz: 1/100 of the lowest and 100 times the highest mode.
     """
 
     system: statespace.StateSpace
     zpk: ZeroPoleGain | None
-    band: tuple[float, float]
+    band: tuple[float, float] | None
     tolerance: float
     worst: float
+    tried: tuple[float, float]
 
 
 TOLERANCE = 1e-9
@@ -77,8 +80,8 @@ def build(model: LinearModel, inputs: list[Signal], outputs: list[Signal], direc
     system = statespace.build(model, inputs, outputs)
     form = zero_pole_gain(system) if zpk else None
     tolerance = TOLERANCE_LOSSY if model.lossy is not None else TOLERANCE_ZPK if zpk else TOLERANCE
-    low, high, worst = statespace.band(form or system, direct or model, inputs, outputs, tolerance)
-    return Exported(system, form, (low, high), tolerance, worst)
+    band, worst, tried = statespace.band(form or system, direct or model, inputs, outputs, tolerance)
+    return Exported(system, form, band, tolerance, worst, tried)
 
 
 def zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:
@@ -94,7 +97,11 @@ def zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:
         for i in range(system.b.shape[1]):
             a, b, c = touched(system, o, i)
             degree, gain[o, i] = _leading(a, b, c, system.d[o, i])
-            zeros_row.append(_zeros(a, b, c, system.d[o, i], degree))
+            zeros = _zeros(a, b, c, system.d[o, i], degree)
+            while not np.isfinite(zeros).all():  # that Markov parameter was a rounding error
+                degree, gain[o, i] = _leading(a, b, c, 0.0, degree)
+                zeros = _zeros(a, b, c, 0.0, degree) if gain[o, i] else zeros[:0]
+            zeros_row.append(zeros)
             poles_row.append(np.linalg.eigvals(a) if gain[o, i] else np.zeros(0, dtype=complex))
         rows_z.append(tuple(zeros_row))
         rows_p.append(tuple(poles_row))
@@ -114,14 +121,14 @@ def touched(system: statespace.StateSpace, o: int, i: int) -> tuple[Array, Array
     return system.a[np.ix_(both, both)], system.b[both, i], system.c[o, both]
 
 
-def _leading(a: Array, b: Array, c: Array, d: float) -> tuple[int, float]:
-    """Relative degree and first non-zero Markov parameter c A^(k-1) b, judged against its own rounding errors."""
+def _leading(a: Array, b: Array, c: Array, d: float, beyond: int = 0) -> tuple[int, float]:
+    """Relative degree and first non-zero Markov parameter c A^(k-1) b of a degree beyond one, judged against its own rounding errors."""
     if d != 0:
         return 0, d
     vector, size = b, np.abs(b)
     for degree in range(1, len(a) + 1):
         value, bound = float(c @ vector), float(np.abs(c) @ size)
-        if abs(value) > 1e-9 * bound:
+        if degree > beyond and abs(value) > 1e-9 * bound:
             return degree, value
         vector, size = a @ vector, np.abs(a) @ size
     return 0, 0.0
@@ -143,4 +150,5 @@ def _zeros(a: Array, b: Array, c: Array, d: float, degree: int) -> Any:
     unit[: len(a), : len(a)] = np.eye(len(a))
     alpha, beta = np.asarray(eig(pencil, unit, right=False, homogeneous_eigvals=True))
     order = np.argsort(-np.abs(beta) / (np.abs(alpha) / size + np.abs(beta) + 1e-300), kind="stable")[:count]
-    return alpha[order] / beta[order]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return alpha[order] / beta[order]

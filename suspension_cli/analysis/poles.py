@@ -1,4 +1,4 @@
-"""Poles, stability margins and impulse responses of a linear system."""
+"""Poles and impulse responses of a linear system."""
 
 from __future__ import annotations
 
@@ -40,6 +40,16 @@ class Poles:
         return np.abs(self.value) / (2 * np.pi)
 
     @property
+    def growth_rate(self) -> Array:
+        """1/s; 0 of a pole that does not grow."""
+        return np.where(self.value.real > self.rounding * np.abs(self.value), self.value.real, 0.0)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no pole grows."""
+        return not self.growth_rate.any()
+
+    @property
     def q(self) -> Array:
         """|p| / (-2 Re p): infinite without damping, 1/2 for a real pole, negative for one that grows."""
         undamped = np.abs(self.value.real) <= self.rounding * np.abs(self.value)
@@ -61,53 +71,6 @@ def poles(system: statespace.StateSpace) -> Poles:
     participation = np.where(mechanical | (held < NAMED), participation, 0.0)
     lead = participation[:, keep].argmax(0)[order]
     return Poles(values[keep][order], tuple(system.state[n].removesuffix(" rate") for n in lead), ROUNDING)
-
-
-@dataclass(frozen=True)
-class Margins:
-    """How far a loop is from instability, broken at its actuator with the others closed.
-
-    Attributes
-    ----------
-    phase : float
-        Smallest at any unity-gain frequency, degrees; inf if the gain never reaches 1.
-    phase_frequency : float
-        Hz; NaN if there is none.
-    gain_up, gain_down : float
-        Factors by which the gain may grow or shrink (of 1 + L = 0 at phase -180): inf and 0 without limit.
-    distance : float
-        Smallest |1 + L|.
-    """
-
-    phase: float
-    phase_frequency: float
-    gain_up: float
-    gain_down: float
-    distance: float
-
-
-def margins(frequency: Array, gain: Any) -> Margins:
-    """Margins of a loop gain L (f,) sampled on a fine grid; crossings are interpolated in the logarithm of frequency."""
-    logf, size, angle = np.log(frequency), np.log(np.maximum(np.abs(gain), np.finfo(float).tiny)), np.unwrap(np.angle(gain))
-    unity = _crossings(logf, size)
-    lag = np.interp(unity, logf, angle)
-    phases = np.abs(np.degrees((lag + np.pi + np.pi) % (2 * np.pi) - np.pi))
-    turns = np.concatenate([_crossings(logf, angle - np.pi * k) for k in np.arange(2 * np.floor(angle.min() / (2 * np.pi)) - 1, angle.max() / np.pi + 1, 2)])
-    gains = np.exp(-np.interp(turns, logf, size))
-    where = int(phases.argmin()) if len(phases) else 0
-    return Margins(
-        phase=float(phases[where]) if len(phases) else np.inf,
-        phase_frequency=float(np.exp(unity[where])) if len(phases) else np.nan,
-        gain_up=float(gains[gains > 1].min(initial=np.inf)),
-        gain_down=float(gains[gains < 1].max(initial=0.0)),
-        distance=float(np.abs(1 + gain).min()),
-    )
-
-
-def _crossings(x: Array, y: Array) -> Array:
-    """Where y changes sign, linearly interpolated."""
-    at = np.flatnonzero(np.sign(y[:-1]) * np.sign(y[1:]) < 0)
-    return x[at] - y[at] * (x[at + 1] - x[at]) / (y[at + 1] - y[at])
 
 
 def impulse(system: statespace.StateSpace, time: Array) -> Array:

@@ -81,7 +81,7 @@ def solve(model: LinearModel, frequency: Array, inputs: list[Signal], outputs: l
     return Response(np.asarray(frequency), tuple(s.text for s in inputs), tuple(s.text for s in outputs), unit, value, count)
 
 
-def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], rows: Array) -> tuple[Any, int]:
+def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], rows: Array, *, finite: bool = True) -> tuple[Any, int]:
     """Transfer matrix (f, o, i) from drives to linear forms of the coordinates, and how many blocks it took.
 
     Parameters
@@ -94,9 +94,11 @@ def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], 
     acts : list of bool
         Which drives are forces.
     rows : (o, N) array
+    finite : bool
+        Whether to refuse a frequency at which there is no finite response; else it is NaN or infinite.
     """
     if model.terms:
-        return _dispersive(model, omega, drives, acts, rows)
+        return _dispersive(model, omega, drives, acts, rows, finite=finite)
     moves, forces = _given(drives, acts)
     order = None if (omega[1:] >= omega[:-1]).all() else np.argsort(omega, kind="stable")
     ascending = omega if order is None else omega[order]
@@ -113,8 +115,9 @@ def transfer(model: LinearModel, omega: Array, drives: Array, acts: list[bool], 
         touched = part.driven(moves, forces).nonzero()[0]
         count += 1
         wanted = Asked(rows[watched[:, None], part.keep], moves[:, touched], part.pushed(forces[:, touched]))
-        for now, values, finite in answers(part, ascending, wanted):
-            _demand_finite(finite, ascending[now])
+        for now, values, exists in answers(part, ascending, wanted):
+            if finite:
+                _demand_finite(exists, ascending[now])
             for row, value in zip(watched.tolist(), values, strict=True):
                 for column, i in enumerate(touched.tolist()):
                     if reached[row, i]:
@@ -141,7 +144,7 @@ def _touched(model: LinearModel, rows: Array, moves: Any, forces: Any) -> list[i
     return [number for number in sorted(set(model.member[seen].tolist())) if number in driven and number >= 0]
 
 
-def _dispersive(model: LinearModel, omega: Array, drives: Array, acts: list[bool], rows: Array) -> tuple[Any, int]:
+def _dispersive(model: LinearModel, omega: Array, drives: Array, acts: list[bool], rows: Array, *, finite: bool) -> tuple[Any, int]:
     """The same for a model whose stiffness depends on frequency."""
     moves, forces = _given(drives, acts)
     result = np.zeros((len(omega), len(rows), len(drives)), dtype=complex) + rows[:, :6] @ moves
@@ -155,7 +158,8 @@ def _dispersive(model: LinearModel, omega: Array, drives: Array, acts: list[bool
         for start in range(0, len(omega), step):
             now = slice(start, start + step)
             x = block.at(omega[now]).solve(moves, pushed)
-            _demand_finite(np.isfinite(x).all((0, 1)), omega[now])
+            if finite:
+                _demand_finite(np.isfinite(x).all((0, 1)), omega[now])
             result[now] += np.einsum("oc,cif->foi", watched, x)
     return result, count
 

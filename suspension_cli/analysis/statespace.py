@@ -234,7 +234,9 @@ def equivalent_damping(mass: Array, stiffness: Array, loss: Array) -> Array:
     return mass @ (shapes * rate) @ shapes.T @ mass
 
 
-def band(system: Any, model: LinearModel, inputs: list[Signal], outputs: list[Signal], tolerance: float = 1e-9) -> tuple[float, float, float]:
+def band(
+    system: Any, model: LinearModel, inputs: list[Signal], outputs: list[Signal], tolerance: float = 1e-9
+) -> tuple[tuple[float, float] | None, float, tuple[float, float]]:
     """Where a system agrees with the direct solution.
 
     Parameters
@@ -247,10 +249,12 @@ def band(system: Any, model: LinearModel, inputs: list[Signal], outputs: list[Si
 
     Returns
     -------
-    low, high : float
-        Widest band in Hz, around the modes, in which it holds (0, 0 if nowhere).
+    band : tuple of float or None
+        Widest band in Hz, around the modes, in which it agrees; None if it does at no two neighbouring frequencies.
     worst : float
-        Largest error at the frequencies tried, from 1/100 of the lowest to 100 times the highest mode.
+        Largest error at the frequencies tried; infinite where a response is no number.
+    tried : tuple of float
+        The frequencies tried go from 1/100 of the lowest to 100 times the highest mode, Hz.
     """
     lowest, highest = mode_range(model)
     frequency = np.geomspace(lowest / 100, highest * 100, 801)
@@ -261,13 +265,14 @@ def band(system: Any, model: LinearModel, inputs: list[Signal], outputs: list[Si
         alike = [signal.unit == unit for signal in inputs]
         size[:, :, alike] = np.where(exact[:, :, alike] == 0, 0.0, np.maximum(size[:, :, alike], FAINT * size[:, :, alike].max(-1, keepdims=True)))
     error = np.where(size > 0, np.abs(found - exact) / np.where(size > 0, size, 1.0), np.where(found == 0, 0.0, np.inf)).max((1, 2))
-    good = error <= tolerance
-    if not good.any():
-        return 0.0, 0.0, float(error.max())
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    error = np.where(np.isnan(error), np.inf, error)
+    worst, tried = float(error.max()), (float(frequency[0]), float(frequency[-1]))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], error <= tolerance, [False]]).astype(int)))
     starts, stops = edges[::2], edges[1::2]
+    if (stops - starts).max(initial=0) < 2:
+        return None, worst, tried
     widest = int((stops - starts).argmax())
-    return float(frequency[starts[widest]]), float(frequency[stops[widest] - 1]), float(error.max())
+    return (float(frequency[starts[widest]]), float(frequency[stops[widest] - 1])), worst, tried
 
 
 def mode_range(model: LinearModel) -> tuple[float, float]:

@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: str, as_json: bool, quiet: bool, verbose: bool, **_: Any) -> None:
     """Close the loops of the design's [control] table.
 
-    Tells poles with their Q, gain and phase margins, the impulse response and the sensor noise at the test mass.
+    Prints poles with their Q, gain and phase margins, the impulse response and the sensor noise at the test mass.
+    A closed loop that is unstable is reported first, with its growth rate; it has no margins.
     Writes DIR/NAME-damp.h5 and .png.
     """
     import numpy as np
 
     from suspension_cli.analysis import damp
-    from suspension_cli.analysis.rational import rational
     from suspension_cli.analysis.signals import FORCES
     from suspension_cli.cli import analyses, rung
     from suspension_cli.conventions import DOFS
@@ -45,7 +45,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     with source.faults():
         decision = rung.constant(source, setting["fidelity"], setting["tolerance"])
         choice = decision.choice
-        model = rational(rung.stood(source, choice, setting["allow_unstable"], voice, decision.model, bends=True))
+        model = rung.stood(source, choice, setting["allow_unstable"], voice, decision.model, bends=True)
         output = setting["output"] or f"{model.body[-1]}.x"
         body, dof = output.partition("@")[0].rpartition(".")[::2]
         push: str = setting["impulse"] or (f"{body}.{FORCES[DOFS.index(dof)]}" if dof in DOFS and body in model.body else "support.x")
@@ -55,7 +55,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     files.save(path, answer, analyses.provenance(source, choice, sys.argv))
     voice.say(f"wrote {path}")
     if not answer.stable:
-        voice.warn("the closed loop is unstable")
+        voice.warn(f"the closed loop is unstable: {growth(answer)}")
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import damp as picture
 
@@ -72,11 +72,14 @@ def document(name: str, choice: Choice, answer: Damped) -> dict[str, Any]:
     """The JSON document."""
     from suspension_cli.cli import rung
 
-    poles = [
-        {"frequency_hz": float(f), "q": _finite(q), "real_per_s": float(p.real), "imag_per_s": float(p.imag), "state": state}
-        for f, q, p, state in zip(answer.closed.frequency, answer.closed.q, answer.closed.value, answer.closed.state, strict=True)
-    ]
-    margins = [{"loop": loop} | {key: _finite(value) for key, value in vars(margin).items()} for loop, margin in zip(answer.loop, answer.margin, strict=True)]
+    closed = answer.closed
+    poles = []
+    for f, q, growth, p, state in zip(closed.frequency, closed.q, closed.growth_rate, closed.value, closed.state, strict=True):
+        pole = {"frequency_hz": float(f), "q": None if growth else _finite(q), "real_per_s": float(p.real), "imag_per_s": float(p.imag), "state": state}
+        poles.append(pole | ({"growth_rate_per_s": float(growth)} if growth else {}))
+    margins = None
+    if answer.margin is not None:
+        margins = [{"loop": loop} | {key: _finite(value) for key, value in vars(margin).items()} for loop, margin in zip(answer.loop, answer.margin, strict=True)]
     head = {"command": "damp", "design": name, "fidelity": choice.level, "stable": answer.stable, "output": answer.output, "impulse": answer.drive}
     noise = (answer.noise**2).sum(1) ** 0.5
     head |= {"poles": poles, "margins": margins, "frequency_hz": answer.frequency.tolist(), "sensor_noise_asd": noise.tolist()}
@@ -88,12 +91,25 @@ def _finite(value: float) -> float | None:
     return float(value) if abs(value) < float("inf") else None
 
 
+def growth(answer: Damped) -> str:
+    """The pole that grows fastest, and what to do about it."""
+    closed = answer.closed
+    worst = int(closed.growth_rate.argmax())
+    others = int((closed.growth_rate > 0).sum()) - 1
+    more = f" (and {others} more)" if others else ""
+    return f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at {closed.growth_rate[worst]:.4g} 1/s{more}; lower the gain of the loops that drive it, or their phase lag there"
+
+
 def table(choice: Choice, answer: Damped) -> str:
     """Poles and margins for people."""
-    lines = [f"{choice.level}: {choice.reason}", "", "  closed-loop pole       Q  lives in"]
-    for frequency, q, value, state in zip(answer.closed.frequency, answer.closed.q, answer.closed.value, answer.closed.state, strict=True):
-        size = "grows" if value.real > 0 else "undamped" if q == float("inf") else f"{q:.4g}"
-        lines.append(f"  {frequency:#11.5g} Hz  {size:>8}  {state}")
+    lines = [] if answer.stable else [f"UNSTABLE: {growth(answer)}", ""]
+    lines += [f"{choice.level}: {choice.reason}", "", "  closed-loop pole       Q  lives in"]
+    closed = answer.closed
+    for frequency, q, rate, state in zip(closed.frequency, closed.q, closed.growth_rate, closed.state, strict=True):
+        size = "grows" if rate else "undamped" if q == float("inf") else f"{q:.4g}"
+        lines.append(f"  {frequency:#11.5g} Hz  {size:>8}  {state}" + (f", {rate:.4g} 1/s" if rate else ""))
+    if answer.margin is None:
+        return "\n".join([*lines, "", "  An unstable loop has no margins."])
     lines += ["", "  loop           phase margin             gain margin          nearest to -1"]
     for loop, m in zip(answer.loop, answer.margin, strict=True):
         phase = f"{m.phase:.0f} degrees at {m.phase_frequency:.3g} Hz" if m.phase < float("inf") else "gain below 1"

@@ -76,9 +76,15 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     else:
         click.echo(
             f"{choice.level}: {choice.reason}\n{len(made.system.state)} states, {len(made.system.input)} inputs, {len(made.system.output)} outputs; "
-            f"agrees with the direct solution to {made.tolerance:g} from {made.band[0]:.3g} to {made.band[1]:.4g} Hz\n"
-            f"(worst {made.worst:.1e}, up to 100 times the highest mode)"
+            f"{agreement(made)}\n(worst {made.worst:.1e}, up to 100 times the highest mode)"
         )
+
+
+def agreement(made: Exported) -> str:
+    """The band in which an export agrees with the direct solution, in words."""
+    if made.band is None:
+        return f"there is no band in which it agrees with the direct solution to {made.tolerance:g} ({made.tried[0]:.3g} to {made.tried[1]:.4g} Hz tried)"
+    return f"agrees with the direct solution to {made.tolerance:g} from {made.band[0]:.3g} to {made.band[1]:.4g} Hz"
 
 
 def document(name: str, choice: Choice, form: str, path: str, made: Exported) -> dict[str, Any]:
@@ -91,7 +97,7 @@ def document(name: str, choice: Choice, form: str, path: str, made: Exported) ->
         "state": list(system.state),
         "input": list(system.input),
         "output": list(system.output),
-        "band_hz": list(made.band),
+        "band_hz": list(made.band) if made.band else None,
         "tolerance": made.tolerance,
         "worst_error": made.worst if math.isfinite(made.worst) else None,
         "estimated_error": rung.estimate(choice),

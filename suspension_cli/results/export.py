@@ -31,7 +31,9 @@ def save(path: Path, form: str, made: Exported, origin: Provenance) -> None:
         np.savez(stream, **arrays)
     else:
         plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in fields.items()}
-        stream.write(json.dumps(plain, indent=1).encode())
+        plain["band_hz"] = made.band
+        plain["worst_error"] = made.worst if np.isfinite(made.worst) else None
+        stream.write(json.dumps(plain, indent=1, allow_nan=False).encode())
     write_bytes(path, stream.getvalue())
 
 
@@ -49,7 +51,7 @@ def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
         "input_unit": system.input_unit,
         "output": system.output,
         "output_unit": system.output_unit,
-        "band_hz": np.array(made.band),
+        "band_hz": _band(made),
         "tolerance": made.tolerance,
         "worst_error": made.worst,
         "design": origin.design,
@@ -59,9 +61,14 @@ def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
     }
 
 
+def _band(made: Exported) -> Any:
+    """The band (2,), NaN if there is none."""
+    return np.array(made.band or (np.nan, np.nan))
+
+
 def _fill(file: h5py.File, made: Exported) -> None:
     group = file.create_group("statespace" if made.zpk is None else "zpk")
-    group.attrs["band_hz"], group.attrs["tolerance"], group.attrs["worst_error"] = made.band, made.tolerance, made.worst
+    group.attrs["band_hz"], group.attrs["tolerance"], group.attrs["worst_error"] = _band(made), made.tolerance, made.worst
     system = made.system
     into, out = scale(group, "input", list(system.input), "name"), scale(group, "output", list(system.output), "name")
     dataset(group, "input_unit", list(system.input_unit), "name", into)
