@@ -147,8 +147,7 @@ class _Part:
         moving = omega > 0
         result[moving] = 1j * self.lossy
         for term in self.terms if moving.any() else ():
-            matrices = term.matrices
-            result[moving] += np.einsum("nf,nij->fij", term.at(omega[moving]).functions(np.arange(len(matrices))), matrices)
+            result[moving] += np.einsum("nf,nij->fij", term.at(omega[moving]).all_functions(), term.all_matrices)
         return result
 
     def dissipated(self, x: Any, omega: Any) -> Any:
