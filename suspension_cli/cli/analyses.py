@@ -104,6 +104,7 @@ def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, settin
     """Run a sweep into its file, with a progress bar on stderr if it takes more than a second."""
     from suspension_cli.batch import Plan, run
     from suspension_cli.cli.progress import Bar
+    from suspension_cli.errors import Interrupted, printable
     from suspension_cli.results import Provenance
 
     origin = Provenance(source.text, what(sys.argv), choice.level, choice.reason, sweep=job.identity, error=choice.error)
@@ -111,8 +112,9 @@ def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, settin
         with Bar(enabled=not voice.quiet) as bar:
             run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill, after)
     except KeyboardInterrupt:
-        voice.warn(f"interrupted; what is done is in {path}.part, and the same command with --resume goes on")
-        raise
+        part = path.with_name(f"{path.name}.part")
+        kept = f"; what is done is in {part}, and the same command with --resume goes on" if part.exists() else ""
+        raise Interrupted(printable(f"interrupted{kept}")) from None
     voice.say(f"wrote {path}")
 
 

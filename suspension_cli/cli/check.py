@@ -40,10 +40,10 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], as_json: bool)
         if as_json:
             documents.append(_document(name, source.file, carried))
         else:
-            click.echo(f"{source.file}: good; {choice.level}: {choice.reason}\n{_table(carried)}")
+            options.put(f"{source.file}: good; {choice.level}: {choice.reason}\n{_table(carried)}")
         near = limits.slackest(source.design, carried)
         if near is not None:
-            click.echo(f"warning: {name}: {warnings.slack(near)}", err=True)
+            options.tell(f"warning: {name}: {warnings.slack(near)}")
     if bad:
         raise joined(bad)
     if as_json:

@@ -65,7 +65,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(source.design.design.name, choice, answer)))
     else:
-        click.echo(table(choice, answer))
+        options.put(table(choice, answer))
 
 
 def document(name: str, choice: Choice, answer: Damped) -> dict[str, Any]:

@@ -74,7 +74,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(source.design.design.name, choice, setting["form"], str(path), made)))
     else:
-        click.echo(
+        options.put(
             f"{choice.level}: {choice.reason}\n{len(made.system.state)} states, {len(made.system.input)} inputs, {len(made.system.output)} outputs; "
             f"agrees with the direct solution to {made.tolerance:g} from {made.band[0]:.3g} to {made.band[1]:.4g} Hz\n"
             f"(worst {made.worst:.1e}, up to 100 times the highest mode)"

@@ -83,7 +83,7 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
 
         click.echo(json.dumps(document(name, [source.file for source in sources], choice, found)))
     else:
-        click.echo("\n".join(table(found)))
+        options.put("\n".join(table(found)))
 
 
 def _designs(

@@ -47,7 +47,7 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
             documents.append(document(source.design.design.name, choice, modes))
             voice.say(f"{source.design.design.name}: {choice.level}: {choice.reason}")
         else:
-            click.echo(("\n" if number else "") + table(source, choice, modes))
+            options.put(("\n" if number else "") + table(source, choice, modes))
         _warn_of_series(source, choice, modes, voice)
         limits.warn_on(source.design, choice.level, modes, voice)
         for label, rate in zip(modes.label, modes.growth_rate, strict=True):

@@ -59,7 +59,8 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     choice = Choice("string", "general string model, whose derivatives are exact")
     files.save(path, found, analyses.provenance(source, choice, sys.argv), Path(goals).read_text(encoding="utf-8-sig"))
     files.save_design(made, found, Path(design).name, Path(goals).name, options.command_line(sys.argv))
-    voice.say(f"wrote {path}\nwrote {made}")
+    voice.say(f"wrote {path}")
+    voice.say(f"wrote {made}")
     voice.detail(f"checked on {found.fidelity}: {found.reason}; {found.rounds} corrections of the search for it")
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import optimise as picture
@@ -80,7 +81,7 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
 
         click.echo(json.dumps(document(name, found, given)))
     else:
-        click.echo("\n".join(table(found, given)))
+        options.put("\n".join(table(found, given)))
     if not found.met:
         ctx.exit(1)
 

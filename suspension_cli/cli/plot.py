@@ -6,26 +6,27 @@ from typing import Any
 
 import click
 
+from suspension_cli.cli import options
+
 
 @click.command("plot")
 @click.argument("files", nargs=-1, required=True, metavar="FILE.h5...")
-@click.option("--out", metavar="DIR", help="Folder for the PNG; default: beside the file.")
+@options.beside
 @click.option("-q", "--quiet", is_flag=True, help="Do not say which files were written.")
 def command(files: tuple[str, ...], out: str | None, quiet: bool) -> None:
     """Redraw the plot of each results FILE, from the file alone."""
     from pathlib import Path
 
-    from suspension_cli.cli.options import folder
     from suspension_cli.plots.style import save
     from suspension_cli.results import writing_to
 
     for file in files:
         figure = _figure(file)
-        path = (folder(out) if out else Path(file).parent) / f"{Path(file).stem}.png"
-        with writing_to(path):
+        path = (options.folder(out) if out else Path(file).parent) / f"{Path(file).stem}.png"
+        with writing_to(path, "--out" if out else ""):
             save(figure, path)
         if not quiet:
-            click.echo(f"wrote {path}", err=True)
+            options.tell(f"wrote {path}")
 
 
 def _figure(file: str) -> Any:

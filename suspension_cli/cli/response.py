@@ -61,7 +61,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(source.design.design.name, choice, answer)))
     else:
-        click.echo(summary(answer, choice))
+        options.put(summary(answer, choice))
 
 
 def _asked(model: LinearModel, setting: dict[str, Any]) -> Transfer:

@@ -59,7 +59,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(source.design.design.name, choice, found)))
     else:
-        click.echo("\n".join([f"{choice.level}: {choice.reason}", *table(found)]))
+        options.put("\n".join([f"{choice.level}: {choice.reason}", *table(found)]))
 
 
 def document(name: str, choice: Choice, found: Sensitivity) -> dict[str, Any]:

@@ -56,7 +56,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(name, choice, noises)))
     else:
-        click.echo(summary(choice, noises))
+        options.put(summary(choice, noises))
 
 
 def _solved(source: Any, setting: dict[str, Any], voice: options.Voice) -> tuple[Choice, list[Thermal]]:

@@ -66,7 +66,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(name, found)))
     else:
-        click.echo(table(found))
+        options.put(table(found))
 
 
 def _demand_stable(source: Read) -> None:

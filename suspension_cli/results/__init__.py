@@ -54,18 +54,18 @@ class Provenance:
 
 
 @contextlib.contextmanager
-def writing_to(path: str | Path) -> Iterator[None]:
-    """Tell a failure to write (no space, no permission) as a fault of `--out`."""
+def writing_to(path: str | Path, key: str = "--out") -> Iterator[None]:
+    """Tell a failure to write (no space, no permission) as a fault of `--out`, or of the path alone."""
     try:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError([Fault("--out", f"cannot be written ({reason})", "name a folder with space and permission", str(path))]) from None
+        raise InputError([Fault(key, f"cannot be written ({reason})", "name a folder with space and permission", str(path))]) from None
 
 
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all: under a temporary name first, then renamed."""
-    with writing_to(path):
+def write_bytes(path: Path, data: bytes, key: str = "--out") -> None:
+    """Write a file whole or not at all: under a temporary name first, then renamed; `key` as `writing_to` takes it."""
+    with writing_to(path, key):
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(handle, "wb") as stream:
