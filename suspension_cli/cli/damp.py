@@ -52,8 +52,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         frequency = np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0))
         answer = damp.solve(source.design, model, output, push, frequency, setting["duration"])
     path = options.folder(out) / f"{source.design.design.name}-damp.h5"
-    files.save(path, answer, analyses.provenance(source, choice, sys.argv))
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, answer, analyses.provenance(source, choice, sys.argv))
     if not answer.stable:
         voice.warn("the closed loop is unstable")
     if setting["plot"] or (setting["plot"] is None and not as_json):

@@ -51,7 +51,8 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     from suspension_cli.results import fit as results
 
     voice = options.Voice(quiet, verbose)
-    given = measurements.read(files[-1])
+    text = reader.text_of(files[-1])
+    given = measurements.read(files[-1], text)
     sources, setting, choice = _designs(ctx, files, given, overrides, voice)
     with faults_of(files[-1]), Bar(enabled=not quiet) as bar:
         how: dict[str, Any] = {"level": choice.level, "starts": setting["starts"], "seed": setting["seed"], "tell": bar}
@@ -60,9 +61,8 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     name, folder = Path(files[-1]).stem if joint else found.experiment[0], options.folder(out)
     path = folder / f"{name}-fit.h5"
     title = (given.title if joint else sources[0].design.design.title) or name
-    text = Path(files[-1]).read_text(encoding="utf-8-sig")
-    results.save(path, found, analyses.provenance(sources[0], choice, sys.argv), [source.text for source in sources], text, title)
-    voice.say(f"wrote {path}")
+    with analyses.written(path, sources[0], voice):
+        results.save(path, found, analyses.provenance(sources[0], choice, sys.argv), [source.text for source in sources], text, title)
     for n, source in enumerate(sources):
         fitted = folder / f"{name}-{found.experiment[n]}-fitted.toml" if joint else folder / f"{name}-fitted.toml"
         results.save_design(fitted, found, n, Path(source.file).name, Path(files[-1]).name, options.command_line(sys.argv))

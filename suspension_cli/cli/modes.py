@@ -121,8 +121,8 @@ def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool
     from suspension_cli.results import modes as files
 
     path = folder / f"{source.design.design.name}-modes.h5"
-    files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason, error=choice.error))
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason, error=choice.error))
     if plot:
         from suspension_cli.design.expand import expand
         from suspension_cli.plots import modes as picture

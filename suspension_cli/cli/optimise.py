@@ -39,6 +39,7 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     from suspension_cli.cli import analyses
     from suspension_cli.cli.progress import Bar
     from suspension_cli.design import goals as wishes
+    from suspension_cli.design import reader
     from suspension_cli.errors import Fault, InputError, shown
     from suspension_cli.models.fidelity import Choice
     from suspension_cli.results import optimise as files
@@ -47,7 +48,8 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     source, setting = analyses.prepared(ctx, design, overrides)
     if setting["fidelity"] == "violin":
         raise InputError([Fault("--fidelity", "lists the modes of wires too", "take auto, string or beam", shown("violin"))], source.file)
-    given = wishes.read(goals)
+    wanted = reader.text_of(goals)
+    given = wishes.read(goals, wanted)
     with Bar(enabled=not voice.quiet) as bar:
         try:
             found = run.solve(source.text, given, level=setting["fidelity"], starts=setting["starts"], seed=setting["seed"], report=bar)
@@ -57,9 +59,9 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     name, folder = source.design.design.name, options.folder(out)
     path, made = folder / f"{name}-optimise.h5", folder / f"{name}-optimised.toml"
     choice = Choice("string", "general string model, whose derivatives are exact")
-    files.save(path, found, analyses.provenance(source, choice, sys.argv), Path(goals).read_text(encoding="utf-8-sig"))
+    with analyses.written(path, source, voice):
+        files.save(path, found, analyses.provenance(source, choice, sys.argv), wanted)
     files.save_design(made, found, Path(design).name, Path(goals).name, options.command_line(sys.argv))
-    voice.say(f"wrote {path}")
     voice.say(f"wrote {made}")
     voice.detail(f"checked on {found.fidelity}: {found.reason}; {found.rounds} corrections of the search for it")
     if setting["plot"] or (setting["plot"] is None and not as_json):

@@ -37,7 +37,7 @@ overrides = click.option("--set", "overrides", multiple=True, metavar="PATH=VALU
 
 def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
     """Refuse a file as the folder for results, before anything is computed."""
-    from suspension_cli.errors import Fault, InputError, shown
+    from suspension_cli.errors import Fault, InputError
 
     if value is None:
         return value
@@ -45,11 +45,11 @@ def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | No
     try:
         isdir, exists = path.is_dir(), path.exists()
     except OSError as error:
-        raise InputError([Fault("--out", f"cannot be written ({error.strerror})", "name another folder", shown(value))]) from None
+        raise InputError([Fault("--out", f"cannot be written ({error.strerror})", "name another folder", value)]) from None
     named = path.suffix.lower() in ENDINGS and not value.endswith("/")
     if not isdir and (named or exists):
         remedy = "name a folder; the files in it get their names from the design" + (f" (a folder of this name: {value}/)" if not exists else "")
-        raise InputError([Fault("--out", "names a file, but results go into a folder", remedy, shown(value))])
+        raise InputError([Fault("--out", "names a file, but results go into a folder", remedy, value)])
     return value
 
 

@@ -50,8 +50,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         answer = _solved(model, setting)
     path = options.folder(out) / f"{source.design.design.name}-response.h5"
     origin = analyses.provenance(source, choice, sys.argv)
-    files.save(path, answer, origin)
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, answer, origin)
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import response as picture
 

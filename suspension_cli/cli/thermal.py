@@ -45,8 +45,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         choice, noises = _solved(source, setting, voice)
     name = source.design.design.name
     path = options.folder(out) / f"{name}-thermal.h5"
-    files.save(path, noises, analyses.provenance(source, choice, sys.argv))
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, noises, analyses.provenance(source, choice, sys.argv))
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import thermal as picture
 

@@ -55,8 +55,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
             source.design, setting["quantities"], setting["repeat"], lambda done, count: bar(done, count, done / max(time.monotonic() - began, 1e-9))
         )
     path = options.folder(out) / f"{name}-tradeoff.h5"
-    files.save(path, found, analyses.provenance(source, Choice("all", "every rung that holds is compared"), sys.argv))
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, found, analyses.provenance(source, Choice("all", "every rung that holds is compared"), sys.argv))
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import tradeoff as picture
 

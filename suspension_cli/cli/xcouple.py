@@ -232,8 +232,8 @@ def _matrix(
         choice = decision.choice
         answer = response.solve(decision.model, np.array(question.frequency), asked.inputs, asked.outputs)
     path = options.folder(out) / f"{source.design.design.name}-xcouple-matrix.h5"
-    files.save(path, answer, analyses.provenance(source, choice, sys.argv), "matrix")
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, answer, analyses.provenance(source, choice, sys.argv), "matrix")
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import matrix as picture
 
