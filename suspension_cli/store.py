@@ -196,11 +196,14 @@ def _unlike(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) ->
         return "is no regular file"
     try:
         with h5py.File(part, "r") as file, h5py.File("expected", "w", driver="core", backing_store=False) as expected:
+            home: Any
+            drawn: Any
             root_attributes(expected, origin)
             fill(expected.create_group(group))
             names = [name for name in ("format", "format_version", "pendsus_version", "design", "fidelity") if not _same(file.attrs, expected.attrs, name)]
-            home: Any = file.get(group, {})
-            names += [name for name in job.scales if name in expected[group] and (name not in home or home[name][()].tolist() != expected[group][name][()].tolist())]
+            home, drawn = file.get(group, {}), expected[group]
+            grids = [name for name in job.scales if name in drawn]
+            names += [name for name in grids if name not in home or home[name][()].tolist() != drawn[name][()].tolist()]
             names += [column.name for column in job.columns if not _whole(home.get(column.name), column, job.shape, part)]
     except Exception as error:  # HDF5 fails in many ways on what is none of it
         return "is no sound HDF5 file" + (" (it was cut off)" if "truncated" in str(error) or part.stat().st_size == 0 else "")

@@ -24,7 +24,7 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], as_json: bool)
     """
     from suspension_cli.analysis import limits, statics
     from suspension_cli.design.reader import read
-    from suspension_cli.errors import InputError, joined
+    from suspension_cli.errors import InputError, joined, printable
     from suspension_cli.models import fidelity
 
     good, bad, documents = [], [], []
@@ -40,7 +40,7 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], as_json: bool)
         if as_json:
             documents.append(_document(name, source.file, carried))
         else:
-            options.put(f"{source.file}: good; {choice.level}: {choice.reason}\n{_table(carried)}")
+            options.put(f"{printable(source.file)}: good; {choice.level}: {choice.reason}\n{_table(carried)}")
         near = limits.slackest(source.design, carried)
         if near is not None:
             options.tell(f"warning: {name}: {warnings.slack(near)}")

@@ -7,6 +7,7 @@ import errno
 import io
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 
 import click
@@ -97,11 +98,16 @@ def _let_go() -> None:
         os.close(nowhere)
 
 
+def _one_line(message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None) -> str:
+    """A warning of Python as a line of the log."""
+    return f"warning: {category.__name__}: {' '.join(str(message).split())} ({os.path.basename(filename)}:{lineno})\n"
+
+
 def guard_streams() -> None:
     """Put something in place of standard streams that are closed, so that no file of results takes their number.
 
     Printing to a closed standard output then fails, as it should; what goes to a closed stderr is lost.  What the terminal's encoding has no
-    letters for is printed as escapes.
+    letters for is printed as escapes, and warnings of Python take one line.
     """
     for handle, mode in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
         try:
@@ -114,3 +120,4 @@ def guard_streams() -> None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+    warnings.formatwarning = _one_line

@@ -151,7 +151,13 @@ def document(name: str, files: list[str], choice: Choice, found: Fit) -> dict[st
 
     who = found.experiment
     learned = [
-        {"name": label, "start": plain(found.start[n]), "value": plain(found.value[n]), "sigma": plain(found.scale * found.sigma[n]), "at_bound": bool(found.at_bound[n])}
+        {
+            "name": label,
+            "start": plain(found.start[n]),
+            "value": plain(found.value[n]),
+            "sigma": plain(found.scale * found.sigma[n]),
+            "at_bound": bool(found.at_bound[n]),
+        }
         | {"experiments": [name for name, here in zip(who, found.shared[n], strict=True) if here]}
         for n, label in enumerate(found.name)
     ]

@@ -28,7 +28,8 @@ def draw(found: Fit, title: str) -> Figure:
         left, right = figure.subplots(1, 2, width_ratios=[1.4, 1])
         _modes(left, found)
         _numbers(right, found)
-        figure.suptitle(f"{plain(title, 70)}: {'MISFIT, ' if found.misfit else ''}$\\chi^2$ = {found.chi_squared:.3g} for {found.freedom} degrees of freedom", x=0.01, ha="left", fontsize=9)
+        verdict = f"{'MISFIT, ' if found.misfit else ''}$\\chi^2$ = {found.chi_squared:.3g} for {found.freedom} degrees of freedom"
+        figure.suptitle(f"{plain(title, 70)}: {verdict}", x=0.01, ha="left", fontsize=9)
         figure.tight_layout()
         return figure
 
