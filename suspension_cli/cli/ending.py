@@ -46,7 +46,7 @@ def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> I
     try:
         yield
     except click.ClickException as error:
-        error.message = printable(error.message)
+        error.message = printable(error.message)  # pyright: ignore[reportAttributeAccessIssue]
         raise
     except PendsusError as error:
         _stop(str(error), error.exit_code)

@@ -186,7 +186,7 @@ def _unsafe(file: h5py.File) -> str:
                     return f"keeps {shown(item.name)} in another file, which is not opened"
                 if isinstance(item, h5py.Dataset) and item.nbytes > most:
                     return f"is spoilt: {shown(item.name)} should have {item.size} values, more than the file can hold"
-                place = h5py.h5o.get_info(item.id).addr
+                place = h5py.h5o.get_info(item.id).addr  # pyright: ignore[reportAttributeAccessIssue]
                 if isinstance(item, h5py.Group) and place not in seen:
                     todo.append(item)
                 seen.add(place)
