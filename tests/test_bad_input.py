@@ -210,7 +210,7 @@ def told_of_out(result, out):
     assert result.stdout == ""
     [line] = result.stderr.splitlines()
     assert line.startswith(f"--out = {out}")
-    assert line.endswith("; name a folder with space and permission")
+    assert "; name a folder" in line
     return line
 
 

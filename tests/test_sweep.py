@@ -211,7 +211,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
         return plain(job, start, stop)
 
     monkeypatch.setattr(sweep.ParameterSweep, "compute", stopped)
-    assert run("sweep", SINGLE, *options, "--out", tmp_path / "parts").exit_code == 1
+    assert run("sweep", SINGLE, *options, "--out", tmp_path / "parts").exit_code == 130
     assert (tmp_path / "parts" / "husman2000-table1-case2-sweep.h5.part").exists()
     monkeypatch.setattr(sweep.ParameterSweep, "compute", plain)
     assert run("sweep", SINGLE, *options, "--out", tmp_path / "parts", "--resume").exit_code == 0
