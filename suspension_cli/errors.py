@@ -2,7 +2,7 @@
 
 Every fault of the input is one line: where (file and key path), what was found, why it will not do
 and what to write instead.  Commands turn `InputError` into exit code 2, any other `PendsusError`
-into exit code 1.
+into its own (1, or 130 after Ctrl-C).
 """
 
 from __future__ import annotations
@@ -44,6 +44,12 @@ class PendsusError(Exception):
     """Anything that stops a run and is not a bug.  ``exit_code`` is what the shell sees."""
 
     exit_code = 1
+
+
+class Interrupted(PendsusError):
+    """Ctrl-C, where there is something to say of what was done until then."""
+
+    exit_code = 130
 
 
 class InputError(PendsusError):

@@ -31,6 +31,8 @@ SYNC_SECONDS = 2.0
 """How often results are forced to the disk and entered into the journal."""
 
 
+Fill = Callable[[h5py.Group], None]
+"""What puts into a new file what stands beside the columns."""
 After = Callable[[Path], None]
 """What is done to an unfinished file that has all its points."""
 
@@ -116,10 +118,10 @@ class Store:
         """Give the complete file its name, once `after` has filled in what needs all points."""
         self.sync()
         assert self.done.all(), "every unit must have been written"
-        if after is not None:
-            after(_part(self.path))
-            os.fsync(self.handle)
         with writing_to(self.path):
+            if after is not None:
+                after(_part(self.path))
+                os.fsync(self.handle)
             os.replace(_part(self.path), self.path)
             _journal(self.path).unlink()
 
@@ -137,14 +139,14 @@ JOURNAL_HEAD = 32
 
 
 @contextlib.contextmanager
-def opened(job: Job, path: Path, group: str, origin: Provenance, resume: bool, fill: Callable[[h5py.Group], None]) -> Iterator[Store]:
+def opened(job: Job, path: Path, group: str, origin: Provenance, resume: bool, fill: Fill) -> Iterator[Store]:
     """The file of a job, begun or taken up again, while it is being filled; what is done is safe however that ends."""
     with contextlib.ExitStack() as stack:
         with writing_to(path):
             record = os.open(_journal(path), os.O_RDWR | os.O_CREAT, 0o666)
             stack.callback(os.close, record)
             _lock(record, path)
-            done = _taken_up(job, path, origin, record) if resume else None
+            done = _taken_up(job, path, group, origin, record, fill) if resume else None
             if done is None:
                 done = _begun(job, path, group, origin, record, fill)
             handle = os.open(_part(path), os.O_RDWR)
@@ -167,18 +169,60 @@ def _lock(record: int, path: Path) -> None:
         pass  # a file system without locks
 
 
-def _taken_up(job: Job, path: Path, origin: Provenance, record: int) -> Any:
+ANEW = "start anew without --resume"
+"""What to do about an unfinished file that cannot be taken up."""
+
+
+def _taken_up(job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Fill) -> Any:
     """What an interrupted run has done; None if there is nothing to take up."""
     head = os.pread(record, JOURNAL_HEAD + _units(job) + 1, 0)
     if len(head) < JOURNAL_HEAD or not _part(path).exists():
         return None
     if head[:JOURNAL_HEAD] != _digest(job, origin) or len(head) != JOURNAL_HEAD + _units(job):
-        remedy = "take the same design and options, or start anew without --resume"
+        remedy = f"take the same design and options, or {ANEW}"
         raise InputError([Fault("--resume", f"{_part(path).name} belongs to another design or sweep", remedy)])
+    problem = _unlike(job, _part(path), group, origin, fill)
+    if problem:
+        raise InputError([Fault("--resume", f"{_part(path).name} {problem}", ANEW)])
     return np.frombuffer(head[JOURNAL_HEAD:], dtype=np.uint8).copy()
 
 
-def _begun(job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Callable[[h5py.Group], None]) -> Any:
+def _unlike(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> str:
+    """What is wrong with an unfinished file that the journal says is of this job; empty if nothing is.
+
+    All but the columns is compared with the file that the job would begin, of these their place and size.
+    """
+    if not part.is_file():
+        return "is no regular file"
+    try:
+        with h5py.File(part, "r") as file, h5py.File("expected", "w", driver="core", backing_store=False) as expected:
+            home: Any
+            drawn: Any
+            root_attributes(expected, origin)
+            fill(expected.create_group(group))
+            names = [name for name in ("format", "format_version", "pendsus_version", "design", "fidelity") if not _same(file.attrs, expected.attrs, name)]
+            home, drawn = file.get(group, {}), expected[group]
+            grids = [name for name in job.scales if name in drawn]
+            names += [name for name in grids if name not in home or home[name][()].tolist() != drawn[name][()].tolist()]
+            names += [column.name for column in job.columns if not _whole(home.get(column.name), column, job.shape, part)]
+    except Exception as error:  # HDF5 fails in many ways on what is none of it
+        return "is no sound HDF5 file" + (" (it was cut off)" if "truncated" in str(error) or part.stat().st_size == 0 else "")
+    return f"is of another run, or was changed since ({names[0]})" if names else ""
+
+
+def _same(found: Any, expected: Any, name: str) -> bool:
+    return name in found and bool(found[name] == expected[name])
+
+
+def _whole(found: Any, column: Column, shape: tuple[int, ...], part: Path) -> bool:
+    """Whether a column lies in the file as it was laid out."""
+    if not isinstance(found, h5py.Dataset) or found.shape != (*shape, *column.shape) or found.dtype != np.dtype(column.dtype):
+        return False
+    offset = found.id.get_offset()
+    return not found.external and offset is not None and offset + found.nbytes <= part.stat().st_size
+
+
+def _begun(job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Fill) -> Any:
     """Lay out a new file; the journal of an older one must not outlive it."""
     try:
         os.ftruncate(record, 0)
@@ -200,7 +244,7 @@ def _digest(job: Job, origin: Provenance) -> bytes:
     return hashlib.sha256(repr((__version__, job.count, job.columns, origin.design, origin.sweep)).encode()).digest()
 
 
-def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Callable[[h5py.Group], None]) -> None:
+def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> None:
     """Lay the whole file out: every dataset contiguous and in its final place."""
     try:
         with h5py.File(part, "w") as file:

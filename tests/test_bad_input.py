@@ -210,14 +210,14 @@ def told_of_out(result, out):
     assert result.stdout == ""
     [line] = result.stderr.splitlines()
     assert line.startswith(f"--out = {out}")
-    assert line.endswith("; name a folder with space and permission")
+    assert "; name a folder" in line
     return line
 
 
 def test_out_is_a_file(tmp_path):
     file, out = from_template(tmp_path), tmp_path / "out"
     out.write_text("mine")
-    assert "cannot be written" in told_of_out(run("modes", file, "--json", "--out", out), out)
+    assert "names a file" in told_of_out(run("modes", file, "--json", "--out", out), out)
     assert out.read_text() == "mine"
 
 

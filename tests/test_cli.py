@@ -130,7 +130,7 @@ def test_quiet(tmp_path):
     assert loud.stderr and quiet.stderr == ""
     assert loud.stdout == quiet.stdout
     assert "test pitch" in quiet.stdout
-    unstable = run("modes", file, "--no-plot", "--out", tmp_path / "out", "-q", *UNSTABLE)
+    unstable = run("modes", file, "--no-plot", "--out", tmp_path / "unstable", "-q", *UNSTABLE)
     assert unstable.stderr.startswith("warning: ")
     assert unstable.stderr.count("\n") == 1
 

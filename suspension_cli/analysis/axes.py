@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from suspension_cli.errors import Fault, InputError
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -40,6 +42,18 @@ class Product:
         """Values (stop - start,) of every parameter at some points."""
         chosen = np.unravel_index(np.arange(start, stop), self.shape)
         return {axis.name: np.array(axis.values)[pick] for axis, pick in zip(self.axes, chosen, strict=True)}
+
+
+def of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
+    """The faults of the design that one value of an axis makes, reported for the option that asked for it."""
+    found = []
+    for fault in error.faults:
+        if fault.key.startswith("--") and fault.key != "--set":
+            found.append(fault)
+            continue
+        same = fault.key in ("", "--set") or fault.key.rpartition(".")[2] == axis.name.rpartition(".")[2]
+        found.append(Fault(f"{option} {axis.name}", fault.problem if same else f"{fault.key}: {fault.problem}", fault.remedy, f"{value:g}"))
+    return InputError(found, error.file)
 
 
 def scale_name(axis: str) -> str:

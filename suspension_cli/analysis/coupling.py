@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analysis import builds, variants
-from suspension_cli.analysis.axes import Axis, Product
+from suspension_cli.analysis.axes import Axis, Product, of_option
 from suspension_cli.analysis.builds import Column
 from suspension_cli.analysis.signals import Signal
 from suspension_cli.design import perturb, reader
@@ -115,7 +115,10 @@ class Sweep(Product):
         paths = [axis for axis in self.axes if axis.name not in PARAMETERS]
         for axis in paths:
             for value in dict.fromkeys((axis.values[0], axis.values[-1])):
-                expand(reader.overridden(self.text, (f"{axis.name}={float(value)!r}",)))
+                try:
+                    expand(reader.overridden(self.text, (f"{axis.name}={float(value)!r}",)))
+                except InputError as error:
+                    raise of_option(error, "--sweep", axis, value) from None
         self.compute(0, 1)
 
     @property

@@ -9,18 +9,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import scalars, search
+from suspension_cli.analysis import exchange, scalars, search
+from suspension_cli.analysis.exchange import Exchange
 from suspension_cli.analysis.search import Problem
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured
 from suspension_cli.design.scene import Array, Index
 
 Tell = Callable[[int, int, float], None]
+UNLIKELY = 1e-3
+"""Chance that chi^2 is as large as it is, below which model and measurements do not agree within the uncertainties."""
 BLIND = 1e-10
 """Singular value, of the largest, below which the data say nothing of a combination."""
 
@@ -38,7 +41,8 @@ class Fit:
     shared : (p, e) bool array
         Which experiments a number belongs to.
     start, value, sigma : (p,) arrays
-        Before, after, and standard deviation (infinite where the data say nothing, NaN at a bound); SI.
+        Before, after, and standard deviation if the uncertainties of the measurements are right (infinite where the data say nothing, NaN at a
+        bound); SI.  Of a misfit it is to be multiplied by `scale`.
     covariance : (p, p) array
     at_bound : (p,) bool array
     of : (k,) int array
@@ -60,6 +64,8 @@ class Fit:
         The fitted designs as TOML.
     ends : (n,) array
         chi^2 at which the search ended from each start, ascending: the first is that of this fit.
+    exchange : Exchange or None
+        Of a misfit, the two labels that should be exchanged.
     """
 
     experiment: tuple[str, ...]
@@ -82,6 +88,19 @@ class Fit:
     direction: Array
     design: tuple[str, ...]
     ends: Array
+    exchange: Exchange | None = None
+
+    @property
+    def misfit(self) -> bool:
+        """Whether model and measurements disagree by more than the uncertainties allow."""
+        from scipy.special import chdtrc
+
+        return self.freedom > 0 and float(chdtrc(self.freedom, self.chi_squared)) < UNLIKELY
+
+    @property
+    def scale(self) -> float:
+        """By what uncertainties are to be multiplied: of a misfit the root of chi^2 per degree of freedom (Birge, Phys. Rev. 40, 207 (1932)), else 1."""
+        return float(np.sqrt(self.chi_squared / self.freedom)) if self.misfit else 1.0
 
     @property
     def residual(self) -> Array:
@@ -140,7 +159,10 @@ def solve(
         if tell is not None:
             tell(len(ends), starts, len(ends) / (time.monotonic() - began))
     value, _ = min(ends, key=lambda end: end[1])
-    return _summed_up(problem, measured, value, np.sort([end for _, end in ends]))
+    found = _summed_up(problem, measured, value, np.sort([end for _, end in ends]))
+    if not found.misfit:
+        return found
+    return replace(found, exchange=exchange.best(problem, measured, texts, files or [""] * len(texts), level, value, found.chi_squared))
 
 
 def _summed_up(problem: Problem, measured: Measured, value: Array, ends: Array) -> Fit:

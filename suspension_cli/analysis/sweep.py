@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analysis import builds, modes, spectrum, variants
-from suspension_cli.analysis.axes import Axis, Product
+from suspension_cli.analysis.axes import Axis, Product, of_option
 from suspension_cli.analysis.builds import Builds, Column
 from suspension_cli.analysis.modes import Modes
 from suspension_cli.analysis.scalars import Mode, Ratio, Scalar
@@ -98,7 +98,7 @@ class ParameterSweep(Product):
                 try:
                     fidelity.choose(variants.overridden(self.text, {axis.name: value}), self.level)
                 except InputError as error:
-                    errors.append(error)
+                    errors.append(of_option(error, "--vary", axis, value))
             if len(errors) == len(tried):
                 raise errors[0]
 

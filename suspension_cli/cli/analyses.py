@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from suspension_cli.cli import options
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.coupling import Question
+    from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
     from suspension_cli.mechanics.model import LinearModel
     from suspension_cli.models.fidelity import Choice
@@ -69,6 +71,18 @@ def draw(figure: Any, path: Path, voice: options.Voice) -> None:
     voice.say(f"wrote {path}")
 
 
+@contextlib.contextmanager
+def written(path: Path, source: Read | Source, voice: options.Voice) -> Iterator[None]:
+    """Say that a file of results was written in the meantime, and if it took the place of another design's."""
+    from suspension_cli.results.held import design_in
+
+    before = design_in(path)
+    yield
+    voice.say(f"wrote {path}")
+    if before is not None and before != source.text:
+        voice.warn(f"{path} held the result of another design (of this name), which was replaced; give --out or design.name to keep both")
+
+
 HOW = {
     "--workers": 1,
     "--scheduler": 1,
@@ -104,16 +118,17 @@ def swept(job: Any, path: Path, group: str, source: Read, choice: Choice, settin
     """Run a sweep into its file, with a progress bar on stderr if it takes more than a second."""
     from suspension_cli.batch import Plan, run
     from suspension_cli.cli.progress import Bar
+    from suspension_cli.errors import Interrupted, printable
     from suspension_cli.results import Provenance
 
     origin = Provenance(source.text, what(sys.argv), choice.level, choice.reason, sweep=job.identity, error=choice.error)
     try:
-        with Bar(enabled=not voice.quiet) as bar:
+        with written(path, source, voice), Bar(enabled=not voice.quiet) as bar:
             run(job, path, group, origin, Plan(setting["workers"], setting["scheduler"], setting["chunk"], setting["resume"], bar), fill, after)
     except KeyboardInterrupt:
-        voice.warn(f"interrupted; what is done is in {path}.part, and the same command with --resume goes on")
-        raise
-    voice.say(f"wrote {path}")
+        part = path.with_name(f"{path.name}.part")
+        kept = f"; what is done is in {part}, and the same command with --resume goes on" if part.exists() else ""
+        raise Interrupted(printable(f"interrupted{kept}")) from None
 
 
 def question(model: LinearModel, setting: dict[str, Any]) -> Question:

@@ -52,9 +52,9 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], strict: bool, 
             bad.append(error if error.file else error.in_file(file))
     for one in good:
         if not as_json:
-            click.echo(_text(one))
+            options.put(_text(one))
         for doubt in one.doubts:
-            click.echo(f"warning: {one.source.design.design.name}: {doubt.line}", err=True)
+            options.tell(f"warning: {one.source.design.design.name}: {doubt.line}")
     if bad:
         raise joined(bad)
     if as_json:

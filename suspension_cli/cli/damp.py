@@ -52,8 +52,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         frequency = np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0))
         answer = damp.solve(source.design, model, output, push, frequency, setting["duration"])
     path = options.folder(out) / f"{source.design.design.name}-damp.h5"
-    files.save(path, answer, analyses.provenance(source, choice, sys.argv))
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, answer, analyses.provenance(source, choice, sys.argv))
     if not answer.stable:
         voice.warn(f"the closed loop is unstable: {growth(answer)}")
     if setting["plot"] or (setting["plot"] is None and not as_json):
@@ -65,7 +65,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(source.design.design.name, choice, answer)))
     else:
-        click.echo(table(choice, answer))
+        options.put(table(choice, answer))
 
 
 def document(name: str, choice: Choice, answer: Damped) -> dict[str, Any]:
@@ -79,7 +79,9 @@ def document(name: str, choice: Choice, answer: Damped) -> dict[str, Any]:
         poles.append(pole | ({"growth_rate_per_s": float(growth)} if growth else {}))
     margins = None
     if answer.margin is not None:
-        margins = [{"loop": loop} | {key: _finite(value) for key, value in vars(margin).items()} for loop, margin in zip(answer.loop, answer.margin, strict=True)]
+        margins = [
+            {"loop": loop} | {key: _finite(value) for key, value in vars(margin).items()} for loop, margin in zip(answer.loop, answer.margin, strict=True)
+        ]
     head = {"command": "damp", "design": name, "fidelity": choice.level, "stable": answer.stable, "output": answer.output, "impulse": answer.drive}
     noise = (answer.noise**2).sum(1) ** 0.5
     head |= {"poles": poles, "margins": margins, "frequency_hz": answer.frequency.tolist(), "sensor_noise_asd": noise.tolist()}
@@ -97,7 +99,8 @@ def growth(answer: Damped) -> str:
     worst = int(closed.growth_rate.argmax())
     others = int((closed.growth_rate > 0).sum()) - 1
     more = f" (and {others} more)" if others else ""
-    return f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at {closed.growth_rate[worst]:.4g} 1/s{more}; lower the gain of the loops that drive it, or their phase lag there"
+    pole = f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at {closed.growth_rate[worst]:.4g} 1/s{more}"
+    return f"{pole}; lower the gain of the loops that drive it, or their phase lag there"
 
 
 def table(choice: Choice, answer: Damped) -> str:

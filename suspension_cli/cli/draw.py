@@ -28,4 +28,4 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], out: str, quie
         with writing_to(path):
             save(draw.draw(source.design, scene), path)
         if not quiet:
-            click.echo(f"wrote {path}", err=True)
+            options.tell(f"wrote {path}")

@@ -63,8 +63,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         outputs = [signals.motion(text, known) for text in setting["outputs"] or motions]
         made = export.build(model, inputs, outputs, direct, zpk=setting["form"] == "zpk")
     path = options.folder(out) / f"{source.design.design.name}-statespace{SUFFIX[setting['form']]}"
-    files.save(path, setting["form"], made, analyses.provenance(source, choice, sys.argv))
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, setting["form"], made, analyses.provenance(source, choice, sys.argv))
     if lossy and setting["loss"]:
         voice.warn("loss angles went in as viscous damping of each mode: Q is right, isolation far above the modes is not (see the band)")
     elif lossy:
@@ -74,7 +74,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(source.design.design.name, choice, setting["form"], str(path), made)))
     else:
-        click.echo(
+        options.put(
             f"{choice.level}: {choice.reason}\n{len(made.system.state)} states, {len(made.system.input)} inputs, {len(made.system.output)} outputs; "
             f"{agreement(made)}\n(worst {made.worst:.1e}, up to 100 times the highest mode)"
         )

@@ -51,7 +51,8 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     from suspension_cli.results import fit as results
 
     voice = options.Voice(quiet, verbose)
-    given = measurements.read(files[-1])
+    text = reader.text_of(files[-1])
+    given = measurements.read(files[-1], text)
     sources, setting, choice = _designs(ctx, files, given, overrides, voice)
     with faults_of(files[-1]), Bar(enabled=not quiet) as bar:
         how: dict[str, Any] = {"level": choice.level, "starts": setting["starts"], "seed": setting["seed"], "tell": bar}
@@ -60,9 +61,8 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     name, folder = Path(files[-1]).stem if joint else found.experiment[0], options.folder(out)
     path = folder / f"{name}-fit.h5"
     title = (given.title if joint else sources[0].design.design.title) or name
-    text = Path(files[-1]).read_text(encoding="utf-8-sig")
-    results.save(path, found, analyses.provenance(sources[0], choice, sys.argv), [source.text for source in sources], text, title)
-    voice.say(f"wrote {path}")
+    with analyses.written(path, sources[0], voice):
+        results.save(path, found, analyses.provenance(sources[0], choice, sys.argv), [source.text for source in sources], text, title)
     for n, source in enumerate(sources):
         fitted = folder / f"{name}-{found.experiment[n]}-fitted.toml" if joint else folder / f"{name}-fitted.toml"
         results.save_design(fitted, found, n, Path(source.file).name, Path(files[-1]).name, options.command_line(sys.argv))
@@ -83,9 +83,11 @@ def command(ctx: click.Context, files: tuple[str, ...], overrides: tuple[str, ..
     if as_json:
         import json
 
+        for line in misfit(found):
+            voice.warn(line)
         click.echo(json.dumps(document(name, [source.file for source in sources], choice, found)))
     else:
-        click.echo("\n".join(table(found)))
+        options.put("\n".join(table(found)))
 
 
 def _designs(
@@ -151,7 +153,13 @@ def document(name: str, files: list[str], choice: Choice, found: Fit) -> dict[st
 
     who = found.experiment
     learned = [
-        {"name": label, "start": plain(found.start[n]), "value": plain(found.value[n]), "sigma": plain(found.sigma[n]), "at_bound": bool(found.at_bound[n])}
+        {
+            "name": label,
+            "start": plain(found.start[n]),
+            "value": plain(found.value[n]),
+            "sigma": plain(found.scale * found.sigma[n]),
+            "at_bound": bool(found.at_bound[n]),
+        }
         | {"experiments": [name for name, here in zip(who, found.shared[n], strict=True) if here]}
         for n, label in enumerate(found.name)
     ]
@@ -165,34 +173,60 @@ def document(name: str, files: list[str], choice: Choice, found: Fit) -> dict[st
     modes = [
         {"experiment": who[found.of[n]], "label": label} | {key: plain(values[n]) for key, values in columns.items()} for n, label in enumerate(found.label)
     ]
+    exchanged = None
+    if found.exchange is not None:
+        exchanged = {"experiment": who[found.exchange.experiment], "labels": list(found.exchange.labels), "chi_squared": found.exchange.chi_squared}
     return {
         "command": "fit",
         "design": name,
         "fidelity": choice.level,
         "experiments": [{"name": experiment, "design": file} for experiment, file in zip(who, files, strict=True)],
         "parameters": learned,
-        "covariance": plain(found.covariance),
+        "covariance": plain(found.scale**2 * found.covariance),
         "modes": modes,
         "chi_squared": found.chi_squared,
         "chi_squared_of_starts": found.ends.tolist(),
         "degrees_of_freedom": found.freedom,
+        "misfit": found.misfit,
+        "sigma_scale": found.scale,
+        "exchange": exchanged,
         "singular_values": found.singular.tolist(),
         "directions": found.direction.tolist(),
         "estimated_error": rung.estimate(choice),
     }
 
 
+def misfit(found: Fit) -> list[str]:
+    """Lines that say how far model and measurements disagree, and what would mend it; none if they agree."""
+    if not found.misfit:
+        return []
+    lines = [
+        f"MISFIT: chi^2 is {found.chi_squared:.4g} for {found.freedom} degrees of freedom, so these numbers do not explain the measurements; "
+        f"uncertainties are given {found.scale:.3g} times as large"
+    ]
+    if found.exchange is None:
+        lines.append("no exchange of two labels mends it: free more numbers, or check designs, labels and uncertainties")
+    else:
+        first, second = found.exchange.labels
+        where = f" in {found.experiment[found.exchange.experiment]}" if len(found.experiment) > 1 else ""
+        lines.append(f'are two labels exchanged? with "{first}" and "{second}" the other way round{where} chi^2 is {found.exchange.chi_squared:.4g}')
+    return lines
+
+
 def table(found: Fit) -> list[str]:
     """What was learned, how modes lie, and what the data cannot tell apart."""
+    from suspension_cli.results.fit import spread
+
     wide = max(len(name) for name in found.parameters)
-    lines = [
-        f"{name:{wide}}  {start:#.6g} -> {value:#.6g} +- {sigma:.2g}"
-        for name, start, value, sigma in zip(found.parameters, found.start, found.value, found.sigma, strict=True)
-    ]
+    lines = [*misfit(found), ""] if found.misfit else []
+    for n, name in enumerate(found.parameters):
+        lines.append(f"{name:{wide}}  {found.start[n]:#.6g} -> {found.value[n]:#.6g}{spread(found, n)}")
     lines += ["", "   measured        before    after Hz  residual  mode"]
     for n, label in enumerate(found.modes):
         known = f"{found.measured[n]:#9.5g} +- {found.uncertainty[n]:.2g}"
-        lines.append(f"{known:18} {found.before[n]:#9.5g} {found.after[n]:#9.5g}  {found.residual[n]:+8.2f}  {label}")
+        before, after = (f"{value:#9.5g}" if math.isfinite(value) else " unstable" for value in (found.before[n], found.after[n]))
+        residual = f"{found.residual[n]:+8.2f}" if math.isfinite(found.residual[n]) else f"{'-':>8}"
+        lines.append(f"{known:18} {before} {after}  {residual}  {label}")
     lines += ["", f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
     if len(found.ends) > 1:
         same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())

@@ -40,7 +40,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], as_json
 
         click.echo(json.dumps(document(name, setting["tolerance"], found, decisions, noise)))
     else:
-        click.echo(text(source.design.design.title or name, setting["tolerance"], found, simplest, decisions, noise))
+        options.put(text(source.design.design.title or name, setting["tolerance"], found, simplest, decisions, noise))
 
 
 def _weighed(source: analyses.Read, setting: dict[str, Any]) -> tuple[Estimates, Modes, dict[str, Decision], tuple[str, Choice] | None]:

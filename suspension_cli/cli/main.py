@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib
+from typing import Any
 
 import click
 
 from suspension_cli import __version__
+from suspension_cli.cli.ending import guard_streams, in_one_line
 
 COMMANDS = {
     "modes": "Frequencies and shapes of the normal modes.",
@@ -57,15 +59,16 @@ class LazyGroup(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 
-    def invoke(self, ctx: click.Context) -> object:
-        """Run a command; faults of the input become lines on stderr and exit code 2."""
-        from suspension_cli.errors import PendsusError
+    def make_context(self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any) -> click.Context:
+        """Parse the options before the command; `--help` and `--version` print here."""
+        guard_streams()
+        with in_one_line():
+            return super().make_context(info_name, args, parent, **extra)
 
-        try:
+    def invoke(self, ctx: click.Context) -> object:
+        """Run a command; what stops it becomes lines on stderr and an exit code."""
+        with in_one_line(lambda: self.get_command(ctx, ctx.invoked_subcommand or "")):
             return super().invoke(ctx)
-        except PendsusError as error:
-            click.echo(str(error), err=True)
-            ctx.exit(error.exit_code)
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

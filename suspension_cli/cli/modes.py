@@ -55,7 +55,7 @@ def command(ctx: click.Context, designs: tuple[str, ...], overrides: tuple[str, 
             documents.append(document(source.design.design.name, choice, modes, _lossless(source, choice)))
             voice.say(f"{source.design.design.name}: {choice.level}: {choice.reason}")
         else:
-            click.echo(("\n" if number else "") + table(source, choice, modes))
+            options.put(("\n" if number else "") + table(source, choice, modes))
         _warn_of_series(source, choice, undamped, voice)
         limits.warn_on(source.design, choice.level, undamped, voice)
         if np.isfinite(modes.q).any():
@@ -163,8 +163,8 @@ def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool
     from suspension_cli.results import modes as files
 
     path = folder / f"{source.design.design.name}-modes.h5"
-    files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason, error=choice.error))
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason, error=choice.error))
     if plot:
         from suspension_cli.design.expand import expand
         from suspension_cli.plots import modes as picture

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from suspension_cli.cli import options
+
 KINDS = ("single", "double", "triple", "blades")
 
 
@@ -32,5 +34,5 @@ def command(kind: str, file: str | None, name: str | None, force: bool) -> None:
         return
     if Path(file).exists() and not force:
         raise InputError([Fault("", "exists already", "name another file, or give --force")], file)
-    write_bytes(Path(file), text.encode())
-    click.echo(f"wrote {file}; next: pendsus modes {file}", err=True)
+    write_bytes(Path(file), text.encode(), key="")
+    options.tell(f"wrote {file}; next: pendsus modes {file}")

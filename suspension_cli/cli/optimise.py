@@ -49,7 +49,8 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     source, setting = analyses.prepared(ctx, design, overrides)
     if setting["fidelity"] == "violin":
         raise InputError([Fault("--fidelity", "lists the modes of wires too", "take auto, string or beam", shown("violin"))], source.file)
-    given = wishes.read(goals)
+    wanted = reader.text_of(goals)
+    given = wishes.read(goals, wanted)
     with Bar(enabled=not voice.quiet) as bar:
         try:
             found = run.solve(source.text, given, level=setting["fidelity"], starts=setting["starts"], seed=setting["seed"], report=bar)
@@ -59,9 +60,10 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
     name, folder = source.design.design.name, options.folder(out)
     path, made = folder / f"{name}-optimise.h5", folder / f"{name}-optimised.toml"
     choice = Choice("string", "general string model, whose derivatives are exact")
-    files.save(path, found, analyses.provenance(source, choice, sys.argv), Path(goals).read_text(encoding="utf-8-sig"))
+    with analyses.written(path, source, voice):
+        files.save(path, found, analyses.provenance(source, choice, sys.argv), wanted)
     files.save_design(made, found, Path(design).name, Path(goals).name, options.command_line(sys.argv))
-    voice.say(f"wrote {path}\nwrote {made}")
+    voice.say(f"wrote {made}")
     voice.detail(f"checked on {found.fidelity}: {found.reason}; {found.rounds} corrections of the search for it")
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import optimise as picture
@@ -83,7 +85,7 @@ def command(ctx: click.Context, design: str, goals: str, overrides: tuple[str, .
 
         click.echo(json.dumps(document(name, found, given)))
     else:
-        click.echo("\n".join(table(found, given)))
+        options.put("\n".join(table(found, given)))
     if not found.met:
         ctx.exit(1)
 

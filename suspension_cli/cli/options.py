@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +33,30 @@ class Finite(click.FloatRange):
 designs = click.argument("designs", nargs=-1, required=True, metavar="DESIGN...")
 design = click.argument("design", metavar="DESIGN")
 overrides = click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Override a value, e.g. stage.test.wires.d=0.002 (repeatable).")
-out = click.option("--out", default="results", show_default=True, metavar="DIR", help="Folder for the files written.")
+
+
+def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
+    """Refuse a file as the folder for results, before anything is computed."""
+    from suspension_cli.errors import Fault, InputError
+
+    if value is None:
+        return value
+    path = Path(value)
+    try:
+        isdir, exists = path.is_dir(), path.exists()
+    except OSError as error:
+        raise InputError([Fault("--out", f"cannot be written ({error.strerror})", "name another folder", value)]) from None
+    named = path.suffix.lower() in ENDINGS and not value.endswith("/")
+    if not isdir and (named or exists):
+        remedy = "name a folder; the files in it get their names from the design" + (f" (a folder of this name: {value}/)" if not exists else "")
+        raise InputError([Fault("--out", "names a file, but results go into a folder", remedy, value)])
+    return value
+
+
+ENDINGS = (".csv", ".h5", ".hdf5", ".jpeg", ".jpg", ".json", ".mat", ".md", ".npz", ".pdf", ".png", ".svg", ".toml", ".txt", ".zip")
+"""What the name of a file ends with, that of a folder hardly ever."""
+out = click.option("--out", default="results", show_default=True, metavar="DIR", callback=_demand_folder, help="Folder for the files written.")
+beside = click.option("--out", metavar="DIR", callback=_demand_folder, help="Folder for the PNG; default: beside the file.")
 fidelity = click.option("--fidelity", type=click.Choice(LEVELS), default="auto", show_default=True, help="Rung of the ladder of models.")
 tolerance = click.option("--tolerance", type=Finite(1e-12, 1.0), default=TOLERANCE, show_default=True, help="Relative error that --fidelity auto may leave.")
 as_json = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout; no plot unless --plot is given.")
@@ -87,6 +111,21 @@ def analysis(function: F) -> F:
     return function
 
 
+def tell(text: str) -> None:
+    """Print one line on stderr, with escapes for what would break it; a stderr that is full or closed stops nothing."""
+    from suspension_cli.errors import printable
+
+    with contextlib.suppress(OSError):
+        click.echo(printable(text), err=True)
+
+
+def put(text: str) -> None:
+    """Print lines for people on stdout, with escapes for what cannot be printed."""
+    from suspension_cli.errors import printable
+
+    click.echo("\n".join(map(printable, text.split("\n"))))
+
+
 @dataclass(frozen=True)
 class Voice:
     """What goes to stderr."""
@@ -97,16 +136,16 @@ class Voice:
     def say(self, text: str) -> None:
         """Something worth knowing."""
         if not self.quiet:
-            click.echo(text, err=True)
+            tell(text)
 
     def detail(self, text: str) -> None:
         """Something for who asked for more."""
         if self.verbose:
-            click.echo(text, err=True)
+            tell(text)
 
     def warn(self, text: str) -> None:
         """Something that must not be missed."""
-        click.echo(f"warning: {text}", err=True)
+        tell(f"warning: {text}")
 
 
 def with_analysis_table(ctx: click.Context, table: dict[str, Any], file: str, extra: tuple[str, ...] = ()) -> dict[str, Any]:

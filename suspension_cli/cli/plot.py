@@ -2,49 +2,66 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 import click
 
+from suspension_cli.cli import options
+
 
 @click.command("plot")
 @click.argument("files", nargs=-1, required=True, metavar="FILE.h5...")
-@click.option("--out", metavar="DIR", help="Folder for the PNG; default: beside the file.")
+@options.beside
 @click.option("-q", "--quiet", is_flag=True, help="Do not say which files were written.")
 def command(files: tuple[str, ...], out: str | None, quiet: bool) -> None:
     """Redraw the plot of each results FILE, from the file alone."""
     from pathlib import Path
 
-    from suspension_cli.cli.options import folder
-    from suspension_cli.plots.style import save
-    from suspension_cli.results import writing_to
+    from suspension_cli.plots.style import image
+    from suspension_cli.results import open_results, write_bytes
 
     for file in files:
-        figure = _figure(file)
-        path = (folder(out) if out else Path(file).parent) / f"{Path(file).stem}.png"
-        with writing_to(path):
-            save(figure, path)
+        with _spoilt(file), open_results(file) as results:
+            picture = image(_figure(results))
+        path = (options.folder(out) if out else Path(file).parent) / f"{Path(file).stem}.png"
+        write_bytes(path, picture, key="--out" if out else "")
         if not quiet:
-            click.echo(f"wrote {path}", err=True)
+            options.tell(f"wrote {path}")
 
 
-def _figure(file: str) -> Any:
+@contextlib.contextmanager
+def _spoilt(file: str) -> Iterator[None]:
+    """Tell whatever goes wrong as a fault of the file, which all that is drawn comes from."""
+    import warnings
+
+    from suspension_cli.errors import Fault, InputError, faults_of
+    from suspension_cli.results import brief
+
+    again = "run the analysis again"
+    with faults_of(file), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of numbers that are not finite
+        try:
+            yield
+        except (InputError, MemoryError):
+            raise
+        except KeyError as error:
+            raise InputError([Fault("", f"is incomplete: {error.args[0]}", again)]) from None
+        except Exception as error:
+            raise InputError([Fault("", f"cannot be drawn, as what it holds does not go together ({brief(error)})", again)]) from None
+
+
+def _figure(results: Any) -> Any:
     """The figure of whichever analysis a file holds."""
     from suspension_cli.design.reader import parse
     from suspension_cli.errors import Fault, InputError
-    from suspension_cli.results import open_results
 
-    try:
-        with open_results(file) as results:
-            design = parse(str(results.attrs["design"]))
-            known = [name for name in _DRAWN if name in results]
-            if not known:
-                raise InputError([Fault("", "holds nothing that has a plot", f"name a file of pendsus {', '.join(_DRAWN)}")])
-            return _DRAWN[known[0]](results, design)
-    except KeyError as error:
-        raise InputError([Fault("", f"is incomplete: {error.args[0]}", "run the analysis again")], file) from None
-    except InputError as error:
-        raise error if error.file else error.in_file(file) from None
+    design = parse(str(results.attrs["design"]))
+    known = [name for name in _DRAWN if name in results]
+    if not known:
+        raise InputError([Fault("", "holds nothing that has a plot", f"name a file of pendsus {', '.join(_DRAWN)}")])
+    return _DRAWN[known[0]](results, design)
 
 
 def _modes(results: Any, design: Any) -> Any:

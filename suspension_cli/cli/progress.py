@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from types import TracebackType
@@ -39,7 +40,8 @@ class Bar:
         left = f"{(count - done) / rate:.0f} s left" if rate else ""
         pace = f"{rate:,.0f}/s" if rate >= 1 or not rate else f"{1 / rate:.0f} s each"
         end = "\r" if sys.stderr.isatty() else "\n"
-        sys.stderr.write(f"{'#' * filled}{'.' * (WIDTH - filled)} {done:,} of {count:,}  {pace}  {left:12}{end}")
-        sys.stderr.flush()
+        with contextlib.suppress(OSError):  # a stderr that is full or closed stops nothing
+            sys.stderr.write(f"{'#' * filled}{'.' * (WIDTH - filled)} {done:,} of {count:,}  {pace}  {left:12}{end}")
+            sys.stderr.flush()
         if not sys.stderr.isatty():
             self.drawn = now + 10 - EVERY  # a log gets a line every ten seconds

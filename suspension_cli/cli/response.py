@@ -12,6 +12,7 @@ from suspension_cli.cli import analyses, options, rung
 
 if TYPE_CHECKING:
     from suspension_cli.analysis.asked import Transfer
+    from suspension_cli.analysis.peaks import Largest
     from suspension_cli.analysis.response import Response
     from suspension_cli.mechanics.model import LinearModel
     from suspension_cli.models.fidelity import Choice
@@ -38,6 +39,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
     Several inputs and outputs give a matrix.  Writes DIR/NAME-response.h5 and .png.
     """
+    from suspension_cli.analysis import peaks, response
     from suspension_cli.results import response as files
 
     voice = options.Voice(quiet, verbose)
@@ -47,11 +49,12 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         decision = rung.weighed(source, setting["fidelity"], asker, setting["tolerance"])
         choice = decision.choice
         model = rung.stood(source, choice, setting["allow_unstable"], voice, decision.model, bends=True)
-        answer = _solved(model, setting)
+        asked = _asked(model, setting)
+        answer = response.solve(model, asked.frequency, asked.inputs, asked.outputs)
     path = options.folder(out) / f"{source.design.design.name}-response.h5"
     origin = analyses.provenance(source, choice, sys.argv)
-    files.save(path, answer, origin)
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, answer, origin)
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import response as picture
 
@@ -61,7 +64,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(source.design.design.name, choice, answer)))
     else:
-        click.echo(summary(answer, choice))
+        options.put(summary(answer, choice, peaks.largest(model, answer, asked.inputs, asked.outputs)))
 
 
 def _asked(model: LinearModel, setting: dict[str, Any]) -> Transfer:
@@ -78,13 +81,6 @@ def _asked(model: LinearModel, setting: dict[str, Any]) -> Transfer:
     return Transfer(inputs, outputs, np.array(grid(setting["frequency"], "--frequency", "log", lowest=0.0)))
 
 
-def _solved(model: LinearModel, setting: dict[str, Any]) -> Response:
-    from suspension_cli.analysis import response
-
-    asked = _asked(model, setting)
-    return response.solve(model, asked.frequency, asked.inputs, asked.outputs)
-
-
 def document(name: str, choice: Choice, answer: Response) -> dict[str, Any]:
     """The JSON document: one response flat, several in a list."""
     pairs = [
@@ -96,8 +92,8 @@ def document(name: str, choice: Choice, answer: Response) -> dict[str, Any]:
     return head | (pairs[0] if len(pairs) == 1 else {"responses": pairs}) | {"estimated_error": rung.estimate(choice)}
 
 
-def summary(answer: Response, choice: Any) -> str:
-    """A few lines for people: the ends of every response and its peak."""
+def summary(answer: Response, choice: Any, largest: Largest) -> str:
+    """A few lines for people: the ends of every response and its peak, which may lie between the points of the grid."""
     import numpy as np
 
     lines = [f"{choice.level}: {choice.reason}"]
@@ -105,9 +101,9 @@ def summary(answer: Response, choice: Any) -> str:
     for o, out in enumerate(answer.output):
         for i, into in enumerate(answer.input):
             size = np.abs(answer.value[:, o, i])
-            peak = int(size.argmax())
+            top = f"{largest.size[o, i]:.4g}" if np.isfinite(largest.size[o, i]) else "infinite (nothing dissipates there)"
             lines.append(
                 f"{out} / {into} ({answer.unit[o][i]}): {size[0]:.4g} at {first:.4g} Hz, {size[-1]:.4g} at {last:.4g} Hz, "
-                f"largest {size[peak]:.4g} at {answer.frequency[peak]:.4g} Hz"
+                f"largest {top} at {largest.frequency[o, i]:.6g} Hz"
             )
     return "\n".join(lines)

@@ -45,8 +45,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         found = sensitivity.solve(source.text, asked, choice.level)
     rung.tell(source, decision, voice, tuple(rung.DIFFERENTIABLE))
     path = options.folder(out) / f"{source.design.design.name}-sensitivity.h5"
-    files.save(path, found, analyses.provenance(source, choice, sys.argv))
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, found, analyses.provenance(source, choice, sys.argv))
     fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]
     if fixed:
         voice.say(f"cannot change alone, as the suspension would not balance as it is drawn: {', '.join(fixed)}")
@@ -59,7 +59,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(source.design.design.name, choice, found)))
     else:
-        click.echo("\n".join([f"{choice.level}: {choice.reason}", *table(found)]))
+        options.put("\n".join([f"{choice.level}: {choice.reason}", *table(found)]))
 
 
 def document(name: str, choice: Choice, found: Sensitivity) -> dict[str, Any]:

@@ -69,7 +69,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(source.design.design.name, choice, answer)))
     else:
-        click.echo("\n".join([f"{choice.level}: {choice.reason}", *table(answer)]))
+        options.put("\n".join([f"{choice.level}: {choice.reason}", *table(answer)]))
 
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:

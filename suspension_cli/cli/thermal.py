@@ -49,8 +49,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
     for line in limits.lossless(lossless, choice.level):
         voice.warn(f"{name}: {line}")
     path = options.folder(out) / f"{name}-thermal.h5"
-    files.save(path, noises, analyses.provenance(source, choice, sys.argv))
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, noises, analyses.provenance(source, choice, sys.argv))
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import thermal as picture
 
@@ -60,7 +60,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(name, choice, noises, [part.part for part in lossless])))
     else:
-        click.echo(summary(choice, noises))
+        options.put(summary(choice, noises))
 
 
 def _solved(source: Any, setting: dict[str, Any], voice: options.Voice) -> tuple[Choice, list[Thermal]]:

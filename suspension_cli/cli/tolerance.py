@@ -71,7 +71,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(source.design.design.name, choice, job.seed, ratio, summary)))
     else:
-        click.echo(table(choice, ratio, summary))
+        options.put(table(choice, ratio, summary))
 
 
 def _coupled(job: Tolerances, choice: Choice) -> Choice:

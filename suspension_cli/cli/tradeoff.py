@@ -56,8 +56,8 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
         )
     limits.implausible(source.design, voice)
     path = options.folder(out) / f"{name}-tradeoff.h5"
-    files.save(path, found, analyses.provenance(source, Choice("all", "every rung that holds is compared"), sys.argv))
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, found, analyses.provenance(source, Choice("all", "every rung that holds is compared"), sys.argv))
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import tradeoff as picture
 
@@ -67,7 +67,7 @@ def command(ctx: click.Context, design: str, overrides: tuple[str, ...], out: st
 
         click.echo(json.dumps(document(name, found)))
     else:
-        click.echo(table(found))
+        options.put(table(found))
 
 
 def _demand_stable(source: Read) -> None:

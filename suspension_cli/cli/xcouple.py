@@ -148,7 +148,7 @@ def _sweep(source: Any, choice: Any, question: Question, setting: dict[str, Any]
 
         click.echo(json.dumps(document(source.design.design.name, choice, answer)))
     else:
-        click.echo(summary(answer))
+        options.put(summary(answer))
 
 
 def _changed(higher: str, error: float) -> str:
@@ -232,8 +232,8 @@ def _matrix(
         choice = decision.choice
         answer = response.solve(decision.model, np.array(question.frequency), asked.inputs, asked.outputs)
     path = options.folder(out) / f"{source.design.design.name}-xcouple-matrix.h5"
-    files.save(path, answer, analyses.provenance(source, choice, sys.argv), "matrix")
-    voice.say(f"wrote {path}")
+    with analyses.written(path, source, voice):
+        files.save(path, answer, analyses.provenance(source, choice, sys.argv), "matrix")
     if setting["plot"] or (setting["plot"] is None and not as_json):
         from suspension_cli.plots import matrix as picture
 
@@ -253,10 +253,10 @@ def _matrix(
         click.echo(json.dumps(head | {"matrix_real": answer.value.real.tolist(), "matrix_imag": answer.value.imag.tolist()}))
         return
     for frequency, matrix in zip(answer.frequency, answer.value, strict=True):
-        click.echo(f"|motion of {watched} for motion of the support| at {frequency:.4g} Hz (SI)")
-        click.echo(" " * 8 + "".join(f"{dof:>11}" for dof in DOFS))
+        options.put(f"|motion of {watched} for motion of the support| at {frequency:.4g} Hz (SI)")
+        options.put(" " * 8 + "".join(f"{dof:>11}" for dof in DOFS))
         for dof, row in zip(DOFS, matrix, strict=True):
-            click.echo(f"{dof:>8}" + "".join(f"{'0' if value == 0 else f'{abs(value):.3e}':>11}" for value in row))
+            options.put(f"{dof:>8}" + "".join(f"{'0' if value == 0 else f'{abs(value):.3e}':>11}" for value in row))
 
 
 def _all_motions(known: tuple[str, ...], question: Question, setting: dict[str, Any]) -> tuple[Transfer, str]:

@@ -92,9 +92,9 @@ PARTS = {"isolation": (1, "OUTPUT/INPUT:FREQUENCY, test.x/support.x:10"), "cross
 """How many slashes the response of a goal has, and an example."""
 
 
-def read(file: str | Path) -> Goals:
-    """Read and check a file of goals; raises `InputError` with all its faults."""
-    raw = reader.document(file)
+def read(file: str | Path, text: str | None = None) -> Goals:
+    """Read and check a file of goals, or its text if that was read before; raises `InputError` with all its faults."""
+    raw = reader.document(file, text)
     found = faults.of_table(raw, Goals)
     if not found:
         goals = msgspec.convert(raw, Goals)

@@ -83,9 +83,9 @@ class Measured(Table, frozen=True):
         return tuple(asked is None or name in asked for name in self.names)
 
 
-def read(file: str | Path) -> Measured:
-    """Read and check a file of measured modes; raises `InputError` with all its faults."""
-    raw = reader.document(file)
+def read(file: str | Path, text: str | None = None) -> Measured:
+    """Read and check a file of measured modes, or its text if that was read before; raises `InputError` with all its faults."""
+    raw = reader.document(file, text)
     if "stage" in raw:
         raise InputError([Fault("", "is a design, not a file of measured modes", "write pendsus fit DESIGN MEASURED")], str(file))
     found = faults.of_table(raw, Measured)

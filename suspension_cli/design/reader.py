@@ -64,10 +64,18 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         raise InputError([_TOO_DEEP], name) from None
 
 
-def document(file: str | Path) -> dict[str, Any]:
-    """A TOML file as it stands, whatever it should hold; raises `InputError` if it is none."""
+def text_of(file: str | Path) -> str:
+    """The text of a file, which may be a pipe and is read once; raises `InputError` if it cannot be read."""
     try:
-        return _parse(_text(Path(file)), "write tables into it, as docs/ shows")
+        return _text(Path(file))
+    except InputError as error:
+        raise error.in_file(str(file)) from None
+
+
+def document(file: str | Path, text: str | None = None) -> dict[str, Any]:
+    """A TOML file (or its text, if that was read before) as it stands, whatever it should hold; raises `InputError` if it is none."""
+    try:
+        return _parse(_text(Path(file)) if text is None else text, "write tables into it, as docs/ shows")
     except InputError as error:
         raise error.in_file(str(file)) from None
 

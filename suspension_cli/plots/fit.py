@@ -28,7 +28,8 @@ def draw(found: Fit, title: str) -> Figure:
         left, right = figure.subplots(1, 2, width_ratios=[1.4, 1])
         _modes(left, found)
         _numbers(right, found)
-        figure.suptitle(f"{plain(title, 70)}: $\\chi^2$ = {found.chi_squared:.3g} for {found.freedom} degrees of freedom", x=0.01, ha="left", fontsize=9)
+        verdict = f"{'MISFIT, ' if found.misfit else ''}$\\chi^2$ = {found.chi_squared:.3g} for {found.freedom} degrees of freedom"
+        figure.suptitle(f"{plain(title, 70)}: {verdict}", x=0.01, ha="left", fontsize=9)
         figure.tight_layout()
         return figure
 
@@ -55,11 +56,11 @@ def _numbers(axes: Axes, found: Fit) -> None:
     """What was learned, with its uncertainty."""
     numbers = np.arange(len(found.name))
     unit = np.where(found.start == 0, 1.0, np.abs(found.start))
-    spread = 100 * np.where(np.isfinite(found.sigma), found.sigma, 0.0) / unit
+    spread = 100 * found.scale * np.where(np.isfinite(found.sigma), found.sigma, 0.0) / unit
     axes.axvline(0.0, color=NOTE, linewidth=0.5)
     axes.errorbar(100 * (found.value - found.start) / unit, numbers, xerr=spread, fmt="D", markersize=3.5, color=PALETTE[0], elinewidth=1.0, capsize=2)
     whose = ["" if row.all() else plain(", ".join(np.array(found.experiment)[row]), 30) + ": " for row in found.shared]
-    texts = [told(value, sigma) for value, sigma in zip(found.value, found.sigma, strict=True)]
+    texts = [told(value, sigma) for value, sigma in zip(found.value, found.scale * found.sigma, strict=True)]
     axes.set_yticks(numbers, [f"{plain(name, 44)}\n{who}{text}" for name, who, text in zip(found.name, whose, texts, strict=True)])
     axes.tick_params(axis="y", labelsize=6)
     axes.set_ylim(len(numbers) - 0.4, -0.6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import uuid
 import warnings
@@ -104,17 +105,24 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     OSError
         If the folder cannot be written to; nothing is left behind then.
     """
-    path = Path(path)
+    path, picture = Path(path), image(figure)
     passing = path.parent / f".pendsus-{uuid.uuid4().hex}.png"
-    dpi = min(DPI, MAX_PIXELS / max(figure.get_size_inches()))
     try:
-        with house(), warnings.catch_warnings(), passing.open("xb") as stream:
-            warnings.filterwarnings("ignore", message="Glyph .* missing")
-            figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": "pendsus"})
+        with passing.open("xb") as stream:
+            stream.write(picture)
         os.replace(passing, path)
     except BaseException:
         passing.unlink(missing_ok=True)
         raise
+
+
+def image(figure: Figure) -> bytes:
+    """A figure as the bytes of a PNG."""
+    stream = io.BytesIO()
+    with house(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        figure.savefig(stream, format="png", dpi=min(DPI, MAX_PIXELS / max(figure.get_size_inches())), metadata={"Software": "pendsus"})
+    return stream.getvalue()
 
 
 def tint(colour: str, strength: float) -> tuple[float, float, float, float]:

@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 
 from suspension_cli import __version__
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import Fault, InputError, shown
 
 FORMAT_VERSION = 1
 """Raised when a reader of older files would misunderstand a new one."""
@@ -54,18 +54,18 @@ class Provenance:
 
 
 @contextlib.contextmanager
-def writing_to(path: str | Path) -> Iterator[None]:
-    """Tell a failure to write (no space, no permission) as a fault of `--out`."""
+def writing_to(path: str | Path, key: str = "--out") -> Iterator[None]:
+    """Tell a failure to write (no space, no permission) as a fault of `--out`, or of the path alone."""
     try:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError([Fault("--out", f"cannot be written ({reason})", "name a folder with space and permission", str(path))]) from None
+        raise InputError([Fault(key, f"cannot be written ({reason})", "name a folder with space and permission", str(path))]) from None
 
 
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all: under a temporary name first, then renamed."""
-    with writing_to(path):
+def write_bytes(path: Path, data: bytes, key: str = "--out") -> None:
+    """Write a file whole or not at all: under a temporary name first, then renamed; `key` as `writing_to` takes it."""
+    with writing_to(path, key):
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(handle, "wb") as stream:
@@ -141,15 +141,67 @@ def open_results(path: str | Path) -> h5py.File:
     Raises
     ------
     InputError
-        If it is no file of ours.
+        If it is no file of ours, or leads to others.
     """
+    problem = "is missing" if not Path(path).exists() else "" if Path(path).is_file() else "is no regular file"
+    if not problem:
+        try:
+            file = h5py.File(path, "r")
+        except OSError:
+            problem = "is not HDF5, or was cut off"
+        else:
+            problem = _foreign(file) or _unsafe(file)
+            if not problem:
+                return file
+            file.close()
+    raise InputError([Fault("", problem, "name a file that this version of pendsus wrote")], str(path))
+
+
+def _foreign(file: h5py.File) -> str:
+    """Why a file is none of ours; empty if it is."""
     try:
-        file = h5py.File(path, "r")
-    except OSError:
-        reason = "is missing" if not Path(path).exists() else "is not HDF5"
-        raise InputError([Fault("", reason, "name a file that pendsus wrote")], str(path)) from None
-    if file.attrs.get("format") != "pendsus" or file.attrs.get("format_version", 0) > FORMAT_VERSION:
-        found = file.attrs.get("format_version", "no pendsus file")
-        file.close()
-        raise InputError([Fault("", f"is not in a format known here ({found})", "name a file that this version of pendsus wrote")], str(path))
-    return file
+        known, version = file.attrs.get("format"), file.attrs.get("format_version", 0)
+    except (OSError, RuntimeError, TypeError):
+        return "is not in a format known here (its attributes cannot be read)"
+    if not isinstance(known, str) or known != "pendsus":
+        return "is not in a format known here (no pendsus file)"
+    if not isinstance(version, np.integer) or not 0 < version <= FORMAT_VERSION:
+        return f"is not in a format known here ({shown(version)})"
+    return ""
+
+
+def _unsafe(file: h5py.File) -> str:
+    """What in a file leads to other files, in a circle or to more than it holds; empty if nothing does."""
+    most = max(LARGE, 8 * os.path.getsize(file.filename))
+    seen: set[int] = set()
+    todo: list[h5py.Group] = [file]
+    try:
+        while todo:
+            group = todo.pop()
+            for name in group:
+                if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                    return f"holds a link ({shown(name)}), which is not followed"
+                item = group[name]
+                if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
+                    return f"keeps {shown(item.name)} in another file, which is not opened"
+                if isinstance(item, h5py.Dataset) and item.nbytes > most:
+                    return f"is spoilt: {shown(item.name)} should have {item.size} values, more than the file can hold"
+                place = h5py.h5o.get_info(item.id).addr  # pyright: ignore[reportAttributeAccessIssue]
+                if isinstance(item, h5py.Group) and place not in seen:
+                    todo.append(item)
+                seen.add(place)
+    except MemoryError:
+        raise
+    except Exception as error:  # HDF5 fails in many ways on spoilt bytes
+        return f"is spoilt: {brief(error)}"
+    return ""
+
+
+LARGE = 1 << 26
+"""Bytes that a dataset may have in a smaller file, which can only be compressed ones."""
+
+
+def brief(error: Exception) -> str:
+    """What an exception says, on one short line."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else f"{text[:117]}..."
