@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from suspension_cli.analysis import modes
-from suspension_cli.design.expand import expand
 from suspension_cli.design.reader import read
 from suspension_cli.mechanics import assemble
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import force
 
 TRIPLE = Path(__file__).parent.parent / "configs" / "husman2000" / "table2.toml"

@@ -17,9 +17,9 @@ from suspension_cli.analysis import builds, coupling, signals
 from suspension_cli.analysis.axes import Axis
 from suspension_cli.analysis.coupling import Question, Sweep
 from suspension_cli.analysis.tolerance import Tolerances
-from suspension_cli.design.expand import expand
 from suspension_cli.design.reader import parse, read
 from suspension_cli.mechanics import equilibrium
+from suspension_cli.mechanics.nominal import expand
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 SINGLE, TRIPLE, RANDOM = CONFIGS / "husman2000" / "figure6.toml", CONFIGS / "husman2000" / "table2.toml", CONFIGS / "triple-tolerance.toml"

@@ -11,9 +11,9 @@ from golden import CONFIGS
 from suspension_cli.analysis import builds, coupling, signals
 from suspension_cli.analysis.coupling import Question
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.expand import expand
 from suspension_cli.design.reader import read
 from suspension_cli.design.schema import Design
+from suspension_cli.mechanics.nominal import expand
 
 FILE = CONFIGS / "husman2000" / "figure6.toml"
 TRIPLE_FILE = CONFIGS / "husman2000" / "table2.toml"

@@ -2,7 +2,7 @@
 
 from suspension_cli.analysis import modes as analysis
 from suspension_cli.design import reader
-from suspension_cli.design.expand import expand
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import fidelity
 
 SINGLE = """

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.random import Generator
 
 from suspension_cli.design import reader
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Scene
 from suspension_cli.design.schema import Design
+from suspension_cli.mechanics.nominal import expand
 
 Raw = dict[str, Any]
 BLADE_COUNTS = [(1, 1), (2, 1), (2, 2), (4, 2), (4, 4)]

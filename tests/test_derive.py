@@ -11,8 +11,8 @@ import scenes
 
 from suspension_cli.analysis import modes
 from suspension_cli.design import derive
-from suspension_cli.design.expand import expand
 from suspension_cli.mechanics import assemble
+from suspension_cli.mechanics.nominal import expand
 
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(24)
 

@@ -9,9 +9,9 @@ import pytest
 import scenes
 from derivatives import complex_gradient, hessian
 
-from suspension_cli.design.expand import expand
 from suspension_cli.mechanics import blade, spring, string, tangent
 from suspension_cli.mechanics.assemble import mass_matrix
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.mechanics.pose import Pose, displaced, layout, nominal_pose
 from suspension_cli.rotations import rotation_matrix
 

@@ -9,9 +9,9 @@ import pytest
 import scenes
 
 from suspension_cli.design import perturb
-from suspension_cli.design.expand import expand
 from suspension_cli.errors import InputError
 from suspension_cli.mechanics import assemble, equilibrium
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.mechanics.pose import displaced, layout, nominal_pose
 
 BODY = {"mass": 5.6, "inertia": [0.02, 0.018, 0.017]}

@@ -16,10 +16,10 @@ from scipy import integrate
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
 from suspension_cli.design.derive import blade_loss, wire_loss, wire_stiffness
-from suspension_cli.design.expand import expand
 from suspension_cli.design.fibres import fibres, unsuited
 from suspension_cli.design.reader import convert, read
 from suspension_cli.design.sections import Stretch, rectangle_torsion, stretches
+from suspension_cli.mechanics.nominal import expand
 
 WIRES = ("stage", 0, "wires")
 SINGLE = edited(RAW["single"], {(*WIRES, "l"): 0.28, (*WIRES, "material"): "fused-silica", ("materials",): {}})

@@ -7,8 +7,8 @@ from golden import CONFIGS
 from suspension_cli.analysis import builds, sampling
 from suspension_cli.analysis.tolerance import Tolerances
 from suspension_cli.design import reader
-from suspension_cli.design.expand import expand
 from suspension_cli.mechanics import equilibrium
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.mechanics.pose import layout, nominal_pose
 
 TEXT = (CONFIGS / "triple-tolerance.toml").read_text()

@@ -15,9 +15,9 @@ from derivatives import complex_gradient, hessian
 
 from suspension_cli.analysis import modes
 from suspension_cli.analysis.estimates import estimates
-from suspension_cli.design.expand import expand
 from suspension_cli.design.reader import convert
 from suspension_cli.mechanics import equilibrium, tangent
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.mechanics.pose import displaced, layout, nominal_pose
 from suspension_cli.models import fidelity
 

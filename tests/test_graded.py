@@ -12,7 +12,7 @@ from suspension_cli.analysis import builds, graded, modes, sampling, signals, sp
 from suspension_cli.analysis.coupling import Question
 from suspension_cli.analysis.tolerance import Tolerances
 from suspension_cli.design import reader
-from suspension_cli.design.expand import expand
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import fidelity
 
 WIRES = {"count": 4, "l": 0.4, "s": 0.02, "t1": 0.1, "t2": 0.1, "d": 0.004, "k": 1e15}

@@ -14,8 +14,8 @@ import pytest
 import scenes
 import sympy as sp
 
-from suspension_cli.design.expand import expand
 from suspension_cli.mechanics import assemble
+from suspension_cli.mechanics.nominal import expand
 
 GRAVITY = 9.81
 MASS, K, INERTIA = 7.5, 2.6e4, (0.061, 0.048, 0.055)

@@ -14,9 +14,9 @@ from suspension_cli.analysis import derivatives, modes, spectrum
 from suspension_cli.analysis.optimise import families, loads, valued
 from suspension_cli.analysis.optimise.families import Families
 from suspension_cli.design import reader
-from suspension_cli.design.expand import nominal
 from suspension_cli.design.goals import Free, Goal
 from suspension_cli.mechanics.blocks import mirrored
+from suspension_cli.mechanics.nominal import nominal
 from suspension_cli.models import fidelity
 
 

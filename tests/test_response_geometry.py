@@ -11,7 +11,7 @@ import pytest
 
 from suspension_cli.analysis import response
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.expand import expand
+from suspension_cli.mechanics.nominal import expand
 
 
 @cache

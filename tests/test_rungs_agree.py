@@ -11,9 +11,9 @@ import pytest
 import scenes
 
 from suspension_cli.analysis import modes
-from suspension_cli.design.expand import expand
 from suspension_cli.errors import InputError
 from suspension_cli.mechanics import assemble
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import closed_form, fidelity, force
 
 

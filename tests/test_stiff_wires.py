@@ -12,7 +12,7 @@ from stiff import Assembly, column
 from suspension_cli.analysis import modes, response, signals, thermal, wire_modes
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
-from suspension_cli.design.expand import expand
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import fidelity
 
 REQUIRED = 1e-9

@@ -9,8 +9,8 @@ import scenes
 
 from suspension_cli.analysis import modes
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.expand import expand
 from suspension_cli.mechanics import assemble, equilibrium
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.mechanics.pose import layout
 from suspension_cli.models import closed_form
 

@@ -41,8 +41,8 @@ def test_table2_has_all_18_frequencies_within_2_percent(second):
 
 
 def test_table2_parameters_are_believable():
-    from suspension_cli.design.expand import expand
     from suspension_cli.design.reader import read
+    from suspension_cli.mechanics.nominal import expand
 
     scene = expand(read(ROOT / "configs" / "husman2000" / "table2.toml").design)
     assert ((scene.bodies.mass > 5.0) & (scene.bodies.mass < 6.5)).all()

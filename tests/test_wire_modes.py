@@ -12,10 +12,10 @@ import scenes
 from scipy.optimize import linear_sum_assignment
 
 from suspension_cli.analysis import modes, response, signals, thermal, wire_modes
-from suspension_cli.design.expand import expand
 from suspension_cli.design.reader import read
 from suspension_cli.errors import InputError
 from suspension_cli.mechanics import count
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import fidelity
 
 CONFIGS = Path(__file__).parent.parent / "configs"

@@ -11,10 +11,10 @@ from golden import CONFIGS
 from suspension_cli.analysis import builds, modes, signals
 from suspension_cli.analysis.axes import Axis
 from suspension_cli.analysis.coupling import Sweep
-from suspension_cli.design.expand import expand
 from suspension_cli.design.reader import read
 from suspension_cli.grids import grid
 from suspension_cli.mechanics import assemble
+from suspension_cli.mechanics.nominal import expand
 
 SYMMETRIC = [FILE, TRIPLE_FILE, *(CONFIGS / "husman2000").glob("table1-case*.toml")]
 OWN = [0, 1, 2, 5]

@@ -22,8 +22,8 @@ from suspension_cli.analysis.axes import Axis
 from suspension_cli.analysis.coupling import Sweep
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
-from suspension_cli.design.expand import expand
 from suspension_cli.design.reader import read
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import fidelity
 
 LEVELS = ("beam", "violin")

@@ -16,9 +16,9 @@ from suspension_cli.analysis import builds, modes, response
 from suspension_cli.analysis.axes import Axis
 from suspension_cli.analysis.coupling import Sweep
 from suspension_cli.design import reader
-from suspension_cli.design.expand import expand
 from suspension_cli.errors import InputError
 from suspension_cli.mechanics import assemble, equilibrium
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models.surroundings import surrounded
 
 RAW, TRIPLE_RAW = (tomllib.loads(file.read_text()) for file in (FILE, TRIPLE_FILE))

@@ -17,10 +17,10 @@ from suspension_cli.analysis.axes import Axis, Product, of_option
 from suspension_cli.analysis.builds import Column
 from suspension_cli.analysis.signals import Signal
 from suspension_cli.design import perturb, reader
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError
+from suspension_cli.mechanics.nominal import expand
 
 OF_WIRE = {
     "k": "factor on the wire's spring constant",

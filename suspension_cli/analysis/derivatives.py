@@ -19,12 +19,13 @@ import numpy as np
 
 from suspension_cli.analysis.parameters import STEP, stepped
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.expand import expand
+from suspension_cli.design.derive import solves_pose
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import assemble, equilibrium
 from suspension_cli.mechanics.blocks import mirrored
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.mechanics.pose import Layout, Pose, displaced, layout, nominal_pose
 from suspension_cli.mechanics.tangent import tangent
 from suspension_cli.models.surroundings import surrounded, with_frame
@@ -183,16 +184,12 @@ def _enlarged(scene: Scene) -> Scene:
 
 def _searched(base: Differentiable) -> bool:
     """Whether the pose was solved for, and so depends on the design's numbers."""
-    return base.scene.drawn is not None or _natural(base.design)
-
-
-def _natural(design: Design) -> bool:
-    return any(wire.natural_length is not None for stage in design.stage for wire in stage.wire)
+    return base.scene.drawn is not None or solves_pose(base.design)
 
 
 def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     """Whether a suspension that is drawn in balance loses it: there is no such design, whatever the change."""
-    if _natural(design):
+    if solves_pose(design):
         return False
     drawn = scene.drawn or scene
     gradient = tangent(drawn, base.numbering, nominal_pose(drawn))[0]

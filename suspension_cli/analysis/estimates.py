@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analysis.modes import Modes
-from suspension_cli.design.expand import expand
 from suspension_cli.design.fibres import Fibre, fibres, unsuited
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import loss
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models.wire_mass import first_violin_of
 
 SERIES, BENDING, MASS = "blades as coordinates", "bending and torsion of wires", "mass of wires"

@@ -11,11 +11,11 @@ import numpy as np
 
 from suspension_cli.analysis import graded, statics
 from suspension_cli.analysis.modes import Modes
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.mechanics.shares import loads
 
 DIGITS = 1e-4

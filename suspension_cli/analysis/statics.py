@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from suspension_cli.design import materials
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Scene
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import area
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 from suspension_cli.mechanics.equilibrium import Equilibrium
 from suspension_cli.mechanics.equilibrium import solve as balance
+from suspension_cli.mechanics.nominal import expand
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from suspension_cli.analysis.builds import Column
 from suspension_cli.analysis.coupling import Question, over_unit
 from suspension_cli.analysis.systems import solved
 from suspension_cli.design import reader
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import fidelity
 
 

@@ -16,12 +16,12 @@ from suspension_cli.analysis import builds
 from suspension_cli.analysis.builds import Builds
 from suspension_cli.design import reader, stack
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.mechanics.blocks import mirrored
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import closed_form, fidelity, force
 from suspension_cli.models.surroundings import surrounded
 

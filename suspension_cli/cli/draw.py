@@ -14,9 +14,9 @@ from suspension_cli.cli import options
 @click.option("-q", "--quiet", is_flag=True, help="Do not say which files were written.")
 def command(designs: tuple[str, ...], overrides: tuple[str, ...], out: str, quiet: bool) -> None:
     """Draw each DESIGN to scale, side on and face on, with its dimensions: DIR/NAME-draw.png."""
-    from suspension_cli.design.expand import nominal
     from suspension_cli.design.reader import read
     from suspension_cli.errors import faults_of
+    from suspension_cli.mechanics.nominal import nominal
     from suspension_cli.plots import draw
     from suspension_cli.plots.style import save
     from suspension_cli.results import writing_to

@@ -166,7 +166,7 @@ def _write(source: Source, choice: Choice, modes: Modes, folder: Any, plot: bool
     with analyses.written(path, source, voice):
         files.save(path, modes, Provenance(source.text, options.command_line(sys.argv), choice.level, choice.reason, error=choice.error))
     if plot:
-        from suspension_cli.design.expand import expand
+        from suspension_cli.mechanics.nominal import expand
         from suspension_cli.plots import modes as picture
         from suspension_cli.plots import wires
 

@@ -65,7 +65,7 @@ def _figure(results: Any) -> Any:
 
 
 def _modes(results: Any, design: Any) -> Any:
-    from suspension_cli.design.expand import expand
+    from suspension_cli.mechanics.nominal import expand
     from suspension_cli.plots import modes as picture
     from suspension_cli.results import modes as stored
 

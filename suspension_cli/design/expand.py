@@ -1,4 +1,4 @@
-"""Design -> Scene: every wire, blade and spring spelled out, tensions that carry the weight, imperfections put in."""
+"""Design -> Scene: every wire, blade and spring spelled out, tensions that carry the weight."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design import perturb, statics
+from suspension_cli.design import statics
 from suspension_cli.design.derive import SetGeometry, blade_loss, blade_stiffness, body_mass, com_offset, set_geometry, wire_loss, wire_stiffness
 from suspension_cli.design.parts import BladePart, StagePart, WirePart, packed
 from suspension_cli.design.scene import Array, Scene
@@ -15,22 +15,16 @@ from suspension_cli.design.wires import Blade, BladeSet
 from suspension_cli.errors import Fault, InputError
 
 
-def expand(design: Design) -> Scene:
-    """The scene that a checked design stands for, imperfections included.
+def nominal(design: Design) -> Scene:
+    """The scene of a design as drawn, without its imperfections.
+
+    Where natural lengths are given, loads of blades are those of the drawing: `mechanics.nominal` has them follow from the pose that is solved for.
 
     Raises
     ------
     InputError
         If a stage cannot balance in its nominal pose, or a wire would be slack in it.
     """
-    scene = nominal(design)
-    for item in design.perturbation:
-        scene = perturb.apply(scene, item)
-    return scene
-
-
-def nominal(design: Design) -> Scene:
-    """The scene of a design as drawn, without its imperfections."""
     parts = spelled_out(design)
     faults = _balance(design, parts)
     if faults:
@@ -56,7 +50,7 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
             upper, lower = np.array(wire.upper), np.array(wire.lower)
             span = part.offset + lower - upper
             length = np.sqrt((span**2).sum())
-            k = wire_stiffness(design, wire, length)
+            k = wire_stiffness(design, wire, wire.natural_length or length)
             given = wire.tension if wire.natural_length is None else k * (length - wire.natural_length)
             loss, natural = wire_loss(design, wire, length), wire.natural_length is not None
             part.wires.append(WirePart(f"{stage.name}.{number}", upper, lower, span, k, wire.torsion or 0.0, loss, wire.blade, given, natural))
@@ -110,7 +104,7 @@ def _blade(design: Design, blade: BladeSet | Blade, label: str, tip: Array, mass
     vertical = blade_stiffness(design, blade, mass, count)
     lateral = blade.lateral_stiffness
     stiffness = np.array([0.0, 0.0, vertical] if lateral is None else [*lateral, vertical])
-    return BladePart(label, tip, np.real(stiffness) > 0, stiffness, blade.tip_mass, blade_loss(design, blade))
+    return BladePart(label, tip, np.real(stiffness) > 0, stiffness, blade.tip_mass, blade_loss(design, blade), blade.load)
 
 
 def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
@@ -190,8 +184,10 @@ def _slack(part: StagePart) -> list[Fault]:
 
 
 def _blade_load(part: StagePart, name: str, tension: Array, gravity: float) -> Array:
-    """Force of a blade on its tip: it holds up its wires and its own tip mass."""
+    """Force of a blade on its tip in the nominal pose: it holds up its wires and its own tip mass, or the weight that is given."""
     blade = part.blades[name]
     pull = [t * wire.direction for t, wire in zip(tension, part.wires, strict=True) if wire.blade == name]
     total = np.sum(pull, axis=0) + np.array([0.0, 0.0, -gravity * blade.tip_mass])
+    if blade.load is not None:
+        total = np.array([*total[:2], -blade.load])
     return np.where(blade.axes, -total, 0.0)

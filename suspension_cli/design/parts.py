@@ -38,7 +38,7 @@ class WirePart:
 
 @dataclass(frozen=True)
 class BladePart:
-    """One blade: tip in m, stiffness along x, y, z in N/m, tip mass in kg, loss angle in rad."""
+    """One blade: tip in m, stiffness along x, y, z in N/m, tip mass in kg, loss angle in rad, the load at which the tip is there in N, if given."""
 
     label: str
     tip: Array
@@ -46,6 +46,7 @@ class BladePart:
     stiffness: Array
     tip_mass: float
     loss: float
+    load: float | None = None
 
 
 @dataclass

@@ -154,6 +154,13 @@ class BladeGeometry(Table, frozen=True):
     material: MaterialName
 
 
+BladeWeight = Annotated[
+    Tension,
+    Meta(
+        description="weight at which the tip is where the file draws it, N, with that of its tip mass; under more or less it sags or rises, and the pose "
+        "is solved for; default: what it carries in the nominal pose or, where natural lengths are given, in the pose that is solved for"
+    ),
+]
 BladeLoss = Annotated[LossAngle, Meta(description="loss angle in rad; default that of the material, else 0")]
 BladeThickness = Annotated[Length, Meta(description="thickness of the blade in m, for its loss, where no geometry is given")]
 BladeMaterial = Annotated[Name, Meta(description=f"name of the blade's material, for its loss, where no geometry is given: {NAMES}")]
@@ -169,6 +176,7 @@ class BladeSet(Table, frozen=True):
         Annotated[Frequency, Meta(description="frequency f of this stage's mass m alone on the blades, Hz: (2 pi f)^2 m, shared equally")] | None
     ) = None
     geometry: BladeGeometry | None = None
+    load: BladeWeight | None = None
     tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with one tip, kg")] = 0.0
     lateral_stiffness: Annotated[tuple[Stiffness, Stiffness], Meta(description="stiffness of one tip along x and y, N/m; rigid if not given")] | None = None
     loss_angle: BladeLoss | None = None
@@ -187,6 +195,7 @@ class Blade(Table, frozen=True):
         Annotated[Frequency, Meta(description="frequency f of this stage's mass m alone on all its blades, Hz: (2 pi f)^2 m, shared equally")] | None
     ) = None
     geometry: BladeGeometry | None = None
+    load: BladeWeight | None = None
     tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with the tip, kg")] = 0.0
     lateral_stiffness: Annotated[tuple[Stiffness, Stiffness], Meta(description="stiffness of the tip along x and y, N/m; rigid if not given")] | None = None
     loss_angle: BladeLoss | None = None

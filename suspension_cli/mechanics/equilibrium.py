@@ -223,7 +223,7 @@ def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int,
             goal = target[left_over] if isinstance(target, np.ndarray) else target
             rest_of = left_over, _newton(picked(scene, left_over), numbering, _picked_pose(pose, left_over), goal, most - count)
             break
-        step = _newton_step(gradient[..., free] - wanted, hessian[..., free, free], unit, spins(scene, numbering, pose, spinning))
+        step = newton_step(gradient[..., free] - wanted, hessian[..., free, free], unit, spins(scene, numbering, pose, spinning))
         over = np.maximum(_size(step / cap), 1.0)
         step = np.where(settled[..., None], 0.0, step / over[..., None])
         whole = np.concatenate([np.zeros((*step.shape[:-1], 6)), step], axis=-1)
@@ -268,8 +268,8 @@ def _size(values: Any) -> Any:
     return np.abs(values).max(-1)
 
 
-def _newton_step(gradient: Any, hessian: Any, unit: Any, free: Any) -> Any:
-    """-K^-1 g, without turning where that costs nothing: K bordered by the spins, which are orthogonal to g in any pose."""
+def newton_step(gradient: Any, hessian: Any, unit: Any, free: Any) -> Any:
+    """The step -K^-1 g, without turning where that costs nothing: K bordered by the spins, which are orthogonal to g in any pose."""
     root = np.sqrt(unit)
     scaled = hessian / (root[..., :, None] * root[..., None, :])
     force = gradient / root

@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass, replace
 
 from suspension_cli.design import fibres
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, shown
 from suspension_cli.mechanics import assemble, distributed
 from suspension_cli.mechanics.gas import body_damping
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import closed_form, force
 from suspension_cli.models.surroundings import surrounded
 

@@ -224,6 +224,8 @@ def unsuited(design: Design) -> str:
             return f"stage {stage.name} has springs"
         if stage.blades is not None and (stage.blades.tip_mass or stage.blades.lateral_stiffness):
             return f"the blades of stage {stage.name} have tip masses or lateral compliance"
+        if stage.blades is not None and stage.blades.load is not None:
+            return f"the blades of stage {stage.name} have a given load, so that the pose is solved for"
         inertia = body_inertia(stage.body)
         if any(inertia[i][j] for i in range(3) for j in range(3) if i != j):
             return f"the inertia of stage {stage.name} has products"

@@ -14,10 +14,10 @@ from __future__ import annotations
 import numpy as np
 
 from suspension_cli.design import fibres
-from suspension_cli.design.expand import expand
 from suspension_cli.design.fibres import Fibre
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models.fidelity import Choice
 
 WHERE = ("auto", "beam", "violin")

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.random import Generator
 
 from suspension_cli.design import reader
-from suspension_cli.design.expand import expand
 from suspension_cli.design.schema import Design
+from suspension_cli.mechanics.nominal import expand
 
 STRESS = (1e7, 3e9)
 """Pa in the wires, which sets how thick they are: designers hang steel at 0.3 to 1 GPa; at 10 MPa it is a rod, at 3 GPa a hair about to break."""

@@ -12,7 +12,7 @@ from stability.references import INERTIA, MASS, SHAPE, design, document, precise
 from stability.row import SHIPPED, Row, relative
 from suspension_cli.analysis import coupling, signals
 from suspension_cli.analysis.axes import Axis
-from suspension_cli.design.expand import expand
+from suspension_cli.mechanics.nominal import expand
 
 TINY = 10.0 ** np.arange(-3, -15, -1)
 LARGE = np.geomspace(1e-5, 0.15, 24)

@@ -11,8 +11,8 @@ from stability.energy import Stage
 from stability.references import INERTIA, MASS, MP, SHAPE, design, document, omega_squared, stage
 from stability.row import SHIPPED, Row, relative
 from suspension_cli.analysis import modes, statics
-from suspension_cli.design.expand import expand
 from suspension_cli.design.schema import Design
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import fidelity
 
 DISTANCE = 10.0 ** np.arange(1, -15, -1)

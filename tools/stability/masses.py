@@ -10,10 +10,10 @@ from stability import naive
 from stability.references import MP, Pair, design, given_omega_squared
 from stability.row import SHIPPED, Row, relative
 from suspension_cli.analysis import modes
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import equilibrium
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.mechanics.pose import displaced, layout, nominal_pose
 from suspension_cli.mechanics.tangent import tangent
 from suspension_cli.models import fidelity

@@ -12,9 +12,9 @@ from stability import naive
 from stability.references import INERTIA, MASS, SHAPE, design, document, given_omega_squared, omega_squared, stage
 from stability.row import SHIPPED, Row, relative
 from suspension_cli.analysis import modes, signals, statespace
-from suspension_cli.design.expand import expand
 from suspension_cli.mechanics import assemble
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import fidelity
 
 STIFFNESS_RATIO = 10.0 ** np.arange(1, 16)

@@ -22,11 +22,11 @@ from suspension_cli.analysis.optimise.quantities import OfDepth, OfMode, OfPart,
 from suspension_cli.analysis.optimise.valued import with_imperfections
 from suspension_cli.design import materials, reader
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import equilibrium
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import fidelity
 from suspension_cli.models.fidelity import Choice
 

@@ -25,11 +25,11 @@ from suspension_cli.analysis.optimise.outcome import EQUAL, told
 from suspension_cli.analysis.optimise.quantities import wanted
 from suspension_cli.analysis.optimise.valued import Values, with_imperfections
 from suspension_cli.design import checks
-from suspension_cli.design.expand import nominal
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.scene import Array
 from suspension_cli.errors import Fault, InputError, shown
 from suspension_cli.mechanics.blocks import mirrored
+from suspension_cli.mechanics.nominal import nominal
 from suspension_cli.models import fidelity
 
 STARTS, SEED = 6, 1

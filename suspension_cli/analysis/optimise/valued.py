@@ -32,11 +32,11 @@ from suspension_cli.analysis.sensitivity import squares
 from suspension_cli.analysis.slope import Slope
 from suspension_cli.analysis.sweep import picked, ratio_of
 from suspension_cli.design import reader
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.mechanics.pose import Pose, nominal_pose
 from suspension_cli.models import fidelity
 

@@ -11,10 +11,10 @@ import msgspec
 import numpy as np
 
 from suspension_cli.analysis import signals
-from suspension_cli.design.expand import expand
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.mechanics.nominal import expand
 from suspension_cli.models import fidelity
 
 Answer = Callable[[Array], Any]
