@@ -96,7 +96,8 @@ def test_least_energy_of_a_lopsided_pair():
         total = mass * G * z
         for n, side in enumerate((0.1, -0.1)):
             arm = np.array([0.8 * side, 0.01])
-            end = [y, z] + np.array([np.cos(roll) * arm[0] - np.sin(roll) * arm[1], np.sin(roll) * arm[0] + np.cos(roll) * arm[1]])
+            turn = np.array([[np.cos(roll), -np.sin(roll)], [np.sin(roll), np.cos(roll)]])
+            end = turn @ arm + [y, z]
             stretch = np.hypot(*(end - [side, tips[n]])) - natural[n]
             total += k * stretch**2 / 2 + blade * tips[n] ** 2 / 2 - load[n] * tips[n]
         return total

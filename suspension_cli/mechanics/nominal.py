@@ -86,7 +86,7 @@ def _settled(scene: Scene, following: Any) -> Scene:
     else:
         remedy = "give each [[stage.blade]] its load, the weight in N at which its tip is where the file draws it"
         raise InputError([Fault("stage", f"loads of blades and the pose do not settle (last change {change:.1e} N)", remedy)])
-    if scene.kind != complex:
+    if not np.issubdtype(scene.kind, np.complexfloating):
         return whole
     tracked = _loaded(scene, np.where(following, whole.blades.load, scene.blades.load))
     for _ in range(STEPS):
