@@ -247,6 +247,8 @@ def _digest(job: Job, origin: Provenance) -> bytes:
 def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> None:
     """Lay the whole file out: every dataset contiguous and in its final place."""
     try:
+        part.touch()
+        _allocate(part, _estimate(job))  # HDF5 crashes where it cannot write
         with h5py.File(part, "w") as file:
             root_attributes(file, origin)
             home = file.create_group(group)
@@ -268,6 +270,16 @@ def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) ->
         if error.errno is None:
             raise
         raise OSError(error.errno, os.strerror(error.errno)) from None  # HDF5 tells a long story
+
+
+def _estimate(job: Job) -> int:
+    """About how many bytes the file takes: columns, scales, and room for what describes them."""
+    each = sum(np.dtype(column.dtype).itemsize * int(np.prod(column.shape, dtype=int)) for column in job.columns)
+    return job.count * each + 16 * sum(job.shape) + HEADROOM
+
+
+HEADROOM = 1 << 16
+"""Bytes for attributes, names and the design's text."""
 
 
 def _allocate(part: Path, size: int) -> None:

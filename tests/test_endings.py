@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -11,7 +12,7 @@ import time
 import h5py
 import numpy as np
 import pytest
-from commandline import assert_refused, from_template, run, written
+from commandline import assert_refused, from_template, python, run, written
 from golden import CONFIGS
 
 from suspension_cli.analysis import modes, response
@@ -220,3 +221,16 @@ def test_no_finite_number_is_no_traceback(stored, tmp_path):
     result = run("plot", file, "--out", tmp_path / "out")
     assert result.exit_code in (0, 2)
     assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("size", [4_000, 40_000])
+def test_no_room_for_a_sweep_from_the_first_byte(size, tmp_path):
+    """HDF5 itself crashes where it cannot write, so that the room is claimed before."""
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    result = python(MAIN, "sweep", CONFIGS / "double.toml", *SPRING, "--no-plot", "-q", "--out", tmp_path, preexec_fn=limit)
+    assert result.returncode == 2
+    assert "cannot be written (File too large)" in result.stderr.splitlines()[-1]
+    assert list(tmp_path.iterdir()) == []
