@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 import pytest
 from commandline import assert_refused, from_template, run, strict_json, written
+from hurried import hurry
 
-from suspension_cli.analysis.tradeoff import timing
 from suspension_cli.analysis.tradeoff.result import COMPARED, KINDS, Entry, Left, Panel, Tradeoff, View
 from suspension_cli.cli.tradeoff import NAMES, table
 from suspension_cli.plots import tradeoff as picture
@@ -27,10 +27,10 @@ STEM = "husman2000-table1-case3-tradeoff"
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):
-    """A folder with everything that a run writes, and what it says; times are taken of one work at a time."""
+    """A folder with everything that a run writes, and what it says; its times are made up."""
     folder = tmp_path_factory.mktemp("out")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(timing, "LEAST", 0.0)
+        hurry(patch)
         result = run("tradeoff", CASE, "--repeat", "2", "--json", "--plot", "--out", folder)
     assert result.exit_code == 0, result.stderr
     (folder / "answer.json").write_text(result.stdout)
