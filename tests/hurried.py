@@ -16,7 +16,7 @@ HIGHEST = 10.0
 
 
 def hurry(monkeypatch: Any) -> None:
-    """Each work is done once, to see that it can be done, and the times are made up."""
+    """Each work is done once, to see that it can be done, and the times are made up: what stands first is quickest."""
     solve, found = wire_modes.solve, {}
 
     def few(model: Any, highest: float, **more: Any) -> Any:
@@ -28,7 +28,7 @@ def hurry(monkeypatch: Any) -> None:
     def quartiles(works: Any, _: int) -> Any:
         for work in works:
             work()
-        return np.outer(1e-3 * np.random.default_rng(1).uniform(1, 100, len(works)), [0.9, 1.0, 1.2])
+        return np.outer(1e-3 * 1.5 ** np.arange(len(works)), [0.9, 1.0, 1.2])
 
     monkeypatch.setattr(timing, "quartiles", quartiles)
     monkeypatch.setattr(eigen, "DESIGNS", MEMBERS)
