@@ -71,7 +71,7 @@ inference: $(READY) ## what the paper does not print of Tables I and II
 	$(BIN)/python tools/inference.py
 
 test: $(READY)   ## run the tests
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
 test-kernels: $(READY) ## run the tests under every kernel of OpenBLAS that this processor has, with one and two threads
 	$(BIN)/python tools/kernels.py

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import precise
 from golden import CONFIGS
+from references import kept
 
 from suspension_cli.analysis import builds, coupling, signals
 from suspension_cli.analysis.coupling import Question
@@ -63,11 +64,16 @@ def ratios(values: dict[str, Any], asked: Question | None = None, design: Design
     return found["ratio"][:, 0].real
 
 
-def exact(build: dict[str, float], wire: int = 0, hold: str = "loaded-length", **more: Any) -> float:
+def exact(build: dict[str, float], wire: int = 0, hold: str = "loaded-length") -> float:
     """The ratio of one build of the stage of Figure 6 in 60 digits, from the same short names."""
+    return _exact({name: float(value) for name, value in build.items()}, wire, hold)
+
+
+@kept
+def _exact(build: dict[str, float], wire: int, hold: str) -> float:
     given: dict[str, Any] = {"k": build.get("k", 1), "length": build.get("length", 0), "load": build.get("mass", 1), "inertias": build.get("inertia", 1)}
     given |= {stem: [build.get(stem + axis, 0.0) for axis in ("", "_y", "_z")] for stem in VECTORS}
-    return float(precise.ratio(MASS, INERTIA, SHAPE, point=POINT, wire=wire, hold=hold, **given, **more))
+    return float(precise.ratio(MASS, INERTIA, SHAPE, point=POINT, wire=wire, hold=hold, **given))
 
 
 def balanced(values: dict[str, Any], asked: Question, design: Design) -> builds.Builds:

@@ -37,22 +37,32 @@ class Compared:
         |found - exact| / |exact|, the difference taken in 50 digits; where exact is 0, found must be 0 too and this is 0.
     condition : array
         |y|^T (|K| + omega |C| + omega^2 |M|) |x| / |H| + |c| |x| / |H| for H = c x, D x = b, D y = c: what relative errors of 1 in every
-        element of K, C, M and c (each by itself) would do to H, to first order (Higham 2002, section 7.2).
+        element of K, C, M and c (each by itself) would do to H, to first order (Higham 2002, section 7.2).  None unless asked for.
     """
 
     exact: Any
     error: Any
-    condition: Any
+    condition: Any = None
 
 
-def compare(model: LinearModel, frequency: Any, inputs: list[Any], outputs: list[Any]) -> Compared:
-    """`response.solve` against LU with partial pivoting in 50 digits, tips without mass included."""
+def compare(model: LinearModel, frequency: Any, inputs: list[Any], outputs: list[Any], alone: bool = False, condition: bool = False) -> Compared:
+    """`response.solve` against LU with partial pivoting in 50 digits, tips without mass included.
+
+    Parameters
+    ----------
+    alone : bool
+        Ask for the response to each input by itself, not to all at once.
+    condition : bool
+        Work out the condition too.
+    """
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     drives, rows = (np.array([signals.row(signal, model) for signal in group]) for group in (inputs, outputs))
     acts = [signal.acts for signal in inputs]
-    found, _ = response.transfer(model, omega, drives, acts, rows)
-    parts = [_at(model, w, drives, acts, rows, found[n]) for n, w in enumerate(omega)]
-    return Compared(*(np.array([part[k] for part in parts]) for k in range(3)))
+    together = [slice(n, n + 1) for n in range(len(acts))] if alone else [slice(None)]
+    found = np.concatenate([response.transfer(model, omega, drives[part], acts[part], rows)[0] for part in together], axis=-1)
+    parts = [_at(model, w, drives, acts, rows, found[n], condition) for n, w in enumerate(omega)]
+    values, errors, conditions = zip(*parts, strict=True)
+    return Compared(np.array(values), np.array(errors), np.array(conditions) if condition else None)
 
 
 def completed(matrix: Any, model: LinearModel, low: Any = None) -> list[list[Any]]:
@@ -94,7 +104,7 @@ def _matrices(model: LinearModel) -> Any:
     return _KEPT[id(model)][1:]
 
 
-def _at(model: LinearModel, omega: float, drives: Any, acts: list[bool], rows: Any, found: Any) -> tuple[Any, Any, Any]:
+def _at(model: LinearModel, omega: float, drives: Any, acts: list[bool], rows: Any, found: Any, condition: bool) -> tuple[Any, Any, Any]:
     dynamic = _dynamic(*_matrices(model), MP.mpf(float(omega)))
     given = [[MP.zero if act else MP.mpf(float(v)) for v in drive[:6]] for drive, act in zip(drives, acts, strict=True)]
     size = model.size - 6
@@ -103,7 +113,8 @@ def _at(model: LinearModel, omega: float, drives: Any, acts: list[bool], rows: A
         for drive, act, moved in zip(drives, acts, given, strict=True):
             value = MP.mpf(float(drive[6 + n])) if act else MP.zero
             right[n].append(value - sum((a * s for a, s in zip(dynamic[6 + n][:6], moved, strict=True) if s), MP.zero))
-        right[n] += [MP.mpf(float(row[6 + n])) for row in rows]  # D is symmetric, so that D y = c gives the condition
+        if condition:  # D is symmetric, so that D y = c gives it
+            right[n] += [MP.mpf(float(row[6 + n])) for row in rows]
     solved = eliminate([row[6:] for row in dynamic[6:]], right)
     k, exact, error = len(drives), np.zeros(found.shape, dtype=complex), np.zeros(found.shape)
     whole = [[moved[n] for moved in given] for n in range(6)] + [row[:k] for row in solved]
@@ -113,6 +124,8 @@ def _at(model: LinearModel, omega: float, drives: Any, acts: list[bool], rows: A
             exact[o, i] = complex(value)
             difference = abs(MP.mpc(complex(found[o, i])) - value)
             error[o, i] = float(difference / abs(value)) if value else (0.0 if found[o, i] == 0 else np.inf)
+    if not condition:
+        return exact, error, None
     x, y = (abs(np.array([[complex(v) for v in row] for row in part])) for part in (whole, [row[k:] for row in solved]))
     full = model.stiffness if model.lossy is None else model.lossy
     size = abs(full.real) + abs(full.imag) + omega * abs(model.damping) + omega**2 * abs(model.mass)

@@ -25,8 +25,8 @@ from suspension_cli.analysis.tolerance import Tolerances
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError, PendsusError
 
-GRID = ("--sweep", "k=0.6:1.4:73,offset=-2e-3:2e-3:71")
-CUTS = [(1, 64), (1, 100), (1, 1000), (1, 4096), (2, 64), (2, 1000)]
+GRID = ("--sweep", "k=0.6:1.4:31,offset=-2e-3:2e-3:29")
+CUTS = [(1, 64), (1, 200), (1, 512), (2, 64)]
 RANDOM = CONFIGS / "triple-tolerance.toml"
 
 
@@ -40,7 +40,7 @@ def written_by(out, workers, chunk, *command):
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """Files written in one go."""
-    commands = {"xcouple": ("xcouple", FILE, *GRID), "tolerance": ("tolerance", RANDOM, "--builds", "321", "--frequency", "10,50")}
+    commands = {"xcouple": ("xcouple", FILE, *GRID), "tolerance": ("tolerance", RANDOM, "--builds", "201", "--frequency", "10,50")}
     return {name: (command, written_by(tmp_path_factory.mktemp(name), 1, 8192, *command)) for name, command in commands.items()}
 
 
@@ -89,7 +89,7 @@ def reference(folder, count):
     return path.read_bytes()
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=40)
 @given(st.integers(1, 900), st.integers(0, 899), st.sampled_from([1, 64, 100, 128, 1000]), st.sampled_from([64, 192, 512]))
 def test_resume_after_an_exception(count, fails, chunk, other):
     """What was done stays done: nothing is computed twice, nothing is missing, and the file is that of an uninterrupted run."""
@@ -141,7 +141,7 @@ def test_resume_after_a_kill(count, fails, chunk, sync):
         assert (left / "toy.h5").read_bytes() == reference(folder, count)
 
 
-@pytest.mark.parametrize(("workers", "chunks"), [(2, 2), (2, 4), (2, 5), (2, 11), (3, 7)])
+@pytest.mark.parametrize(("workers", "chunks"), [(2, 2), (2, 4), (2, 11), (3, 7)])
 def test_every_point_once_on_several_processes(workers, chunks, tmp_path):
     """With fewer and with more chunks than are handed out at first."""
     job = toy.Toy(64 * chunks - 10, str(tmp_path / "log"))
@@ -158,7 +158,7 @@ def test_a_worker_that_fails(dies, tmp_path):
     noted = toy.marked(path, job.count)
     healthy = toy.Toy(job.count, job.log)
     assert not (noted & (healthy.computed() == 0)).any()
-    toy.run(healthy, path, chunk=64, workers=2, resume=True)
+    toy.run(healthy, path, chunk=64, resume=True)
     assert (healthy.computed()[noted] == 1).all()
     assert healthy.computed().min() == 1
     assert path.read_bytes() == reference(tmp_path, job.count)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import waves
+from references import kept
 from waves import MP
 
 from suspension_cli.mechanics import beam, joined, rod
@@ -53,11 +54,19 @@ def random_wire(rng, slenderness, lossy):
 
 def compared(wire, omega):
     """Relative error and condition c of the six elements."""
-    arguments = (wire.rigidity, wire.tension, wire.mass, wire.length, omega)
-    exact, nudged = (waves.even_odd(waves.bent(*arguments, nudge=nudge)) for nudge in (0, "1e-25"))
+    exact, condition = elements(wire.rigidity, wire.tension, wire.mass, wire.length, omega)
     with waves.exact():
-        pairs = [(exact[i, j], nudged[i, j], waves.number(value)) for (i, j), value in zip(beam.PLACE, wire.found(omega)[:, 0], strict=True)]
-        return np.array([[float(abs(got - one) / abs(one)), float(abs(other - one) / abs(one) * MP.mpf(10) ** 25)] for one, other, got in pairs]).T
+        error = [float(abs(waves.number(got) - one) / abs(one)) for one, got in zip(exact, wire.found(omega)[:, 0], strict=True)]
+    return np.array([error, condition])
+
+
+@kept
+def elements(rigidity, tension, mass, length, omega):
+    """The six elements, and the condition c of each: what a relative change of the frequency does to it."""
+    exact, nudged = (waves.even_odd(waves.bent(rigidity, tension, mass, length, omega, nudge=nudge)) for nudge in (0, "1e-25"))
+    with waves.exact():
+        pairs = [(exact[i, j], nudged[i, j]) for i, j in beam.PLACE]
+        return [one for one, _ in pairs], [float(abs(other - one) / abs(one) * MP.mpf(10) ** 25) for one, other in pairs]
 
 
 @pytest.mark.parametrize("lossy", [False, True], ids=["lossless", "lossy"])

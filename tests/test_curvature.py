@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import waves
+from references import kept
 from waves import MP
 
 from suspension_cli.mechanics import beam, curvature
@@ -31,10 +32,31 @@ def found(arguments, omega, motions=MOTIONS):
 
 def summed(arguments, omega, motions=MOTIONS):
     """The same (3, r) from integrals of products of exponentials."""
+    return np.array(_summed(arguments, omega, motions))
+
+
+@kept
+def _summed(arguments, omega, motions):
     with waves.exact(60 + waves.digits_for(*arguments, omega)):
         one = waves.Bent(*arguments, waves.number(omega))
         h = one.length / 2
-        return np.array([[float(one.squared(motion, *task)) for motion in motions] for task in ((2, 0, h), (2, h, 2 * h), (0, 0, 2 * h))])
+        return [[float(one.squared(motion, *task)) for motion in motions] for task in ((2, 0, h), (2, h, 2 * h), (0, 0, 2 * h))]
+
+
+@kept
+def quadrature(arguments, omega, motions):
+    """The same from the shape, split where the wire bends."""
+    with waves.exact(40 + waves.digits_for(*arguments, omega)):
+        one = waves.Bent(*arguments, waves.number(omega))
+        h, result = one.length / 2, []
+        cells = [h * n / 4 for n in range(5)]
+        for motion in motions:
+            w, bend = one.shape(motion), one.shape(motion, 2)
+            with waves.exact(30):
+                upper, lower, both = ([start + x for x in cells] for start in (0, h, 0))
+                square = [MP.quad(lambda x: abs(bend(x)) ** 2, half, maxdegree=4) for half in (upper, lower)]  # noqa: B023
+                result.append([*map(float, square), float(MP.quad(lambda x: abs(w(x)) ** 2, [2 * x for x in both], maxdegree=4))])  # noqa: B023
+    return result
 
 
 @pytest.mark.parametrize(("slenderness", "omega"), [(0.01, 30.0), (1.0, 500.0), (20.0, 1.0), (20.0, 7000.0)])
@@ -42,17 +64,7 @@ def summed(arguments, omega, motions=MOTIONS):
 def test_integrals_are_those_of_the_shape(slenderness, omega, angle):
     """Quadrature of |w''|^2 over each half and of |w|^2, split where the wire bends."""
     arguments = wire(slenderness, angle)
-    with waves.exact(40 + waves.digits_for(*arguments, omega)):
-        one = waves.Bent(*arguments, waves.number(omega))
-        h, expected = one.length / 2, []
-        cells = [h * n / 4 for n in range(5)]
-        for motion in MOTIONS[[1, 4]]:
-            w, bend = one.shape(motion), one.shape(motion, 2)
-            with waves.exact(30):
-                upper, lower, both = ([start + x for x in cells] for start in (0, h, 0))
-                square = [MP.quad(lambda x: abs(bend(x)) ** 2, half, maxdegree=4) for half in (upper, lower)]  # noqa: B023
-                expected.append([*square, MP.quad(lambda x: abs(w(x)) ** 2, [2 * x for x in both], maxdegree=4)])  # noqa: B023
-    expected = np.array(expected, dtype=float).T
+    expected = np.array(quadrature(arguments, omega, MOTIONS[[1, 4]])).T
     assert np.abs(summed(arguments, omega, MOTIONS[[1, 4]]) / expected - 1).max() < 1e-13
     assert np.abs(found(arguments, omega, MOTIONS[[1, 4]])[:2] / expected[:2] - 1).max() < 1e-12
 

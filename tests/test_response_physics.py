@@ -181,7 +181,7 @@ def test_rungs_agree(case):
     answers = [solved(model, frequency, inputs, outputs) for model in models]
     none = np.any([(answer == 0).all(0) for answer in answers], axis=0)
     assert max(np.abs(answer[:, none]).max() for answer in answers) < 1e-13
-    compared = exact.compare(models[0], frequency, inputs, outputs)
+    compared = exact.compare(models[0], frequency, inputs, outputs, condition=True)
     for answer in answers:
         error = np.where(none, 0.0, np.abs(answer - compared.exact) / np.where(none, 1.0, np.abs(compared.exact)))
         assert (error <= np.maximum(1e-12, 2.0**-52 * compared.condition)).all()

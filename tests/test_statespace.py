@@ -54,7 +54,7 @@ def ends(model):
 
 def error_of(system, model, frequency, inputs, outputs):
     """Relative errors; and 0 instead where they are no more than what an error of ROUNDING in each element of K, C and M makes."""
-    compared = exact.compare(model, frequency, inputs, outputs)
+    compared = exact.compare(model, frequency, inputs, outputs, condition=True)
     found = system.at(frequency)
     assert (found[compared.exact == 0] == 0).all()
     error = np.abs(found - compared.exact) / np.where(compared.exact == 0, 1, np.abs(compared.exact))

@@ -133,7 +133,7 @@ def test_following_goes_round_holes():
 
 def test_a_near_miss_is_crossed_on_any_grid(tmp_path):
     """Tilt and longitudinal couple weakly through d; however fine the grid, tilt is tilt again past the longitudinal mode, and lines jump by 2 % at most."""
-    for points in (30, 300, 1500):
+    for points in (30, 600):
         answer = swept(CONFIGS / "husman2000" / "figure3.toml", tmp_path, "--vary", f"stage.test.wires.s=5e-5:0.05:{points}:log")
         tilt, along = values(answer, "test pitch"), values(answer, "test longitudinal")
         assert tilt[0] < 0.3 and tilt[-1] > 40
@@ -182,9 +182,9 @@ def test_it_does_not_matter_how_it_is_run(level, tmp_path):
     """Chunks and processes change no bit of the file."""
     options = (
         "--vary",
-        "stage.test.wires.t1=0.05:0.12:14",
+        "stage.test.wires.t1=0.05:0.12:10",
         "--vary",
-        "stage.middle.wires.d=1e-3:2e-3:10",
+        "stage.middle.wires.d=1e-3:2e-3:8",
         "--result",
         "test yaw",
         "--result",

@@ -163,10 +163,10 @@ def test_frequencies_are_those_of_each_build_by_itself(kind):
         raw = raw | {"support": {"stiffness": {"x": 2e6, "pitch": 1e5}, "mass": 100.0, "inertia": [5.0, 5.0, 5.0]}}
         raw["stage"][1]["damping"] = {"x": 1.0}
     bent = kind == "on beam"
-    job = dataclasses.replace(job_of(raw, 40, 5), text=tomli_w.dumps(raw), level="beam") if bent else job_of(raw, 40, 5)
-    found, scene = job.compute(0, 40), sampling.imperfect(job.scene, job.factors, job.deviations(0, 40))
+    job = dataclasses.replace(job_of(raw, 16, 5), text=tomli_w.dumps(raw), level="beam") if bent else job_of(raw, 16, 5)
+    found, scene = job.compute(0, 16), sampling.imperfect(job.scene, job.factors, job.deviations(0, 16))
     good = np.flatnonzero(found["status"] == builds.GOOD)
-    assert len(good) > 30
+    assert len(good) > 11
     for n in good:
         alone = one_of(scene, job.scene, n)
         plain = distributed.linear_model(*fidelity.bending(alone, job.design), massive=False) if bent else assemble.linear_model(alone)

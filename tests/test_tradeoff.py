@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import scenes
+from hurried import hurry
 
 from suspension_cli.analysis.tradeoff import imperfect, run, timing
 from suspension_cli.analysis.tradeoff.comparisons import COMPARISONS, QUANTITIES
@@ -70,8 +71,9 @@ def test_quick_works_are_done_often():
     assert timing.quartiles([], 2).shape == (0, 3)
 
 
-def test_what_does_not_hold_is_left_out_with_a_reason():
+def test_what_does_not_hold_is_left_out_with_a_reason(monkeypatch):
     """Strings known by k alone: no rung with bending, no thermal noise; explicit wires: no force model."""
+    hurry(monkeypatch)
     body = {"mass": 2.0, "inertia": [0.014, 0.011, 0.012]}
     raw = scenes.raw_of({"name": "test", "body": body, "wires": {"count": 2, "l": 0.3, "t1": 0.05, "t2": 0.05, "d": 0.01, "k": 1e4}})
     found = run.measured(scenes.design_of(raw), ("modes", "thermal", "coupling"), repeat=2)
@@ -94,8 +96,9 @@ def four_wires(**wires):
     return Subject(scenes.design_of(scenes.raw_of({"name": "test", "body": body, "wires": shape | wires})))
 
 
-def test_builds_that_do_not_hang_are_told_with_the_rung():
+def test_builds_that_do_not_hang_are_told_with_the_rung(monkeypatch):
     """Leaning wires too stiff to be balanced hang on no rung; thick short ones, where one is slack once they bend, on strings alone."""
+    hurry(monkeypatch)
     rigid = four_wires(l=0.3, t1=0.04, k=1e17)
     reason = "with the imperfection, on string, no equilibrium near the nominal pose"
     assert imperfect.unhung(rigid) == imperfect.uncoupled(rigid) == imperfect.unbalanced(rigid) == reason
@@ -117,7 +120,8 @@ def test_every_rung_has_its_place():
     assert set(QUANTITIES) == {"modes", "response", "thermal", "coupling", "equilibrium"}
 
 
-def test_what_hangs_on_springs_alone_has_every_rung():
+def test_what_hangs_on_springs_alone_has_every_rung(monkeypatch):
+    hurry(monkeypatch)
     spring = {"stiffness": [100.0, 200.0, 300.0, 1.0, 2.0, 3.0], "preload": [0.0, 0.0, 19.62, 0.0, 0.0, 0.0]}
     raw = scenes.raw_of({"name": "test", "position": [0.0, 0.0, -0.1], "body": {"mass": 2.0, "inertia": [0.014, 0.011, 0.012]}, "spring": [spring]})
     found = run.measured(scenes.design_of(raw), ("modes", "coupling", "equilibrium"), repeat=2)

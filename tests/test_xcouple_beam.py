@@ -61,9 +61,9 @@ def test_what_a_file_of_each_build_gives(kind, hold, level):
     design = scenes.design_of(raw)
     wire = f"{design.stage[-1].name}.1"
     asked = question(design, wire, hold, frequency=(0.05, 7.0, 50.0, 777.0))
-    values = {name: 1 + (value - 1) / 4 if name == "k" else value / 4 for name, value in random_builds(np.random.default_rng([61, *map(ord, kind)]), 4).items()}
+    values = {name: 1 + (value - 1) / 4 if name == "k" else value / 4 for name, value in random_builds(np.random.default_rng([61, *map(ord, kind)]), 2).items()}
     found = answers(values, asked, design, level)
-    assert (found["status"] == builds.GOOD).sum() >= 3
+    assert (found["status"] == builds.GOOD).all()
     for n in np.flatnonzero(found["status"] == builds.GOOD):
         over, under = one_by_one(perturbed(raw, wire, hold, {name: value[n] for name, value in values.items()}), asked, level)
         assert (np.abs(found["over"][n] - over) < 1e-9 * np.abs(over) + 2e-12 * np.abs(under)).all()

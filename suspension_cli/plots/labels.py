@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import Any
 
@@ -21,6 +21,8 @@ REACHES = (1.0, 2.2, 3.6, 5.2, 7.0, 9.0, 11.5, 14.5, 18.0, 22.0)
 """Factors on it, tried from the nearest on; past the first a line leads to the point."""
 SIDES = ((1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (0, -1))
 """Where a label may stand, the best place first."""
+ALONG = np.linspace(0, 1, 16)[:, None]
+"""Where on a line it is looked whether it passes through a box."""
 ON_LABEL, ON_POINT, CROSSED, ON_LINE, OUTSIDE, FAR = 60.0, 25.0, 20.0, 4.0, 200.0, 1.0
 """What overlapping costs a place, crossing another label's line (or a label with one), and each step away from the point."""
 
@@ -68,7 +70,7 @@ def annotate(
         text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
         extent = text.get_window_extent(renderer)
         places = _places(where[n], (extent.width, extent.height), pixel, frame, boxes, dots[:n] + dots[n + 1 :], lines, leads)
-        best, box = min(places, key=lambda item: item[0])[1]
+        best, box = _cheapest(places)
         boxes.append(box)
         text.set_position(((box[0] - where[n, 0]) / pixel, (box[1] - where[n, 1]) / pixel))
         text.set_verticalalignment("bottom")
@@ -78,6 +80,17 @@ def annotate(
             axes.plot(ends[:, 0], ends[:, 1], color=NOTE, linewidth=0.4, zorder=2, solid_capstyle="butt")
         result.append(text)
     return result
+
+
+def _cheapest(places: Iterator[tuple[float, tuple[float, Any]]]) -> tuple[float, Any]:
+    """Reach and box of the first place that costs least: from the nearest on, until even a free place further off would cost more."""
+    least, chosen = np.inf, (0.0, None)
+    for cost, place in places:
+        if least < FAR * place[0]:
+            break
+        if cost < least:
+            least, chosen = cost, place
+    return chosen
 
 
 def _places(point: Any, size: tuple[float, float], pixel: float, frame: Any, boxes: list[Any], dots: list[Any], lines: Any, leads: list[Any]) -> Any:
@@ -124,7 +137,8 @@ def _cross(a: Any, b: Any) -> bool:
 
 def _through(line: Any, box: Any) -> bool:
     """Whether a line (2, 2) passes through a box."""
-    return any(_inside(line[0] + share * (line[1] - line[0]), box) for share in np.linspace(0, 1, 16))
+    points = line[0] + ALONG * (line[1] - line[0])
+    return bool(((points > box[:2]) & (points < box[2:])).all(axis=1).any())
 
 
 def _inside(point: Any, box: Any) -> bool:
