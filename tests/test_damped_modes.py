@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mpmath
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from suspension_cli.results import open_results
 MP = mpmath.mp.clone()
 MP.dps = 50
 GRAVITY = 9.81
+CONFIGS = Path(__file__).parent.parent / "configs"
 
 
 def pendulum(mass, length, wires, **more):
@@ -274,7 +277,7 @@ def test_the_command_lists_overdamped_modes(tmp_path):
 )
 def test_nonsense_ends_at_once(options, said, tmp_path):
     """Thousands of modes are counted, not computed; a range without modes is refused on every rung."""
-    result = run("modes", f"configs/{options[0]}", *options[1:], "--out", tmp_path / "out")
+    result = run("modes", CONFIGS / options[0], *options[1:], "--out", tmp_path / "out")
     assert result.exit_code == 2, result.stderr
     assert said in result.stderr
     assert result.stderr.count("\n") == 1

@@ -38,7 +38,7 @@ def test_the_story_of_section_5a(made):
     assert len(damped) == 16 and all(0.5 <= mode["frequency_hz"] <= 5 and mode["top_mass_share"] >= 0.05 for mode in damped)
     assert answer["goals_met"] and all(limit["met"] for limit in answer["limits"])
     told = sorted(mode["after_hz"] for mode in answer["modes"])
-    np.testing.assert_allclose(told, [mode["frequency_hz"] for mode in after["modes"]], rtol=1e-12)
+    np.testing.assert_allclose(told, [mode["frequency_hz"] for mode in after["modes"]], rtol=1e-6)  # the latter with losses, 1/(8 Q²) away
     wires = reader.read(folder / "husman2000-triple-vertical-optimised.toml").design.stage[1].wires
     assert wires.t1 < 0.8 * wires.t2  # the paper's remedy: they lean
 
