@@ -82,7 +82,7 @@ def margins(gain: Gain, frequency: Array, static: Array | None = None) -> list[M
     """
     frequency, value = resolved(gain, frequency)
     unity, lag = _crossings(gain, frequency, value, lambda z: np.log(_size(z)), lambda z: np.ones(z.shape, dtype=bool))
-    real, size = _crossings(gain, frequency, value, lambda z: np.angle(-z), lambda z: z.real < 0)
+    _, size = _crossings(gain, frequency, value, lambda z: np.angle(-z), lambda z: z.real < 0)
     nearest = _nearest(gain, frequency, value)
     result = []
     for n in range(value.shape[1]):
