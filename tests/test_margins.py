@@ -72,6 +72,18 @@ def test_what_drifts_off_without_oscillating():
     assert made[0].gain_up == pytest.approx(2.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("c", [1e-6, 0.2, 1e3])
+def test_a_body_that_nothing_holds(c):
+    """c / (J s) is 1 at c / J, 90 degrees from -1, and never comes nearer to that than far above."""
+    stage = {"name": "test", "body": {"mass": 3.0, "inertia": [0.1] * 3}, "wires": {"count": 1, "l": 0.5, "k": 1e4, "d": 0.01}}
+    loop = {"name": "yaw", "sensor": "test.yaw", "actuator": "test.torque_yaw", "damper": c}
+    [found] = of(plants.scenes.design_of({"design": {"name": "one"}, "stage": [stage], "control": {"loop": [loop]}}), "string")
+    assert found.phase == pytest.approx(90.0, rel=1e-9)
+    assert found.phase_frequency == pytest.approx(c / 0.1 / (2 * np.pi), rel=1e-9)
+    assert (found.gain_up, found.gain_down) == (np.inf, 0.0)
+    assert found.distance == pytest.approx(1.0, abs=1e-5)
+
+
 def of(design, level):
     """Margins of a design's loops on a model."""
     model = fidelity.linear_model(design, level)
@@ -80,7 +92,8 @@ def of(design, level):
 
 
 def all_margins(plant, constant):
-    corners = damp.features(constant)
+    closed = poles.poles(control.closed_loop(constant, [], plants.all_motions(constant.model)))
+    corners = damp.features(constant, closed)
     return margins.margins(partial(control.loop_gains, plant), corners, damp._static(plant, corners[0]))
 
 

@@ -3,7 +3,7 @@
 Each loop applies u = -H(f) (y + n) with its sensor's motion y and noise n.  A sensor that refers to the support
 measures the motion of the body relative to the support structure, as if that reached there rigidly, and the actuator pushes against the
 same structure.  Closed-loop responses come from the open-loop ones, which are solved directly:
-x = G_e e + G_u u, u = -(1 + H G_yu)^-1 H (G_ye e + n).  Poles come from the state space.
+x = G_e e + G_u u, u = -(1 + H G_yu)^-1 H (G_ye e + n).  Poles come from the state space, and are refined (`lightly`).
 """
 
 from __future__ import annotations
@@ -173,8 +173,9 @@ def loop_gains(plant: Plant, frequency: Array) -> Any:
         for beside in BESIDE:
             at = frequency[left] * (1 + beside)
             g, _ = response.transfer(plant.model, 2 * np.pi * at, plant.pushed, [True] * len(plant.loops), plant.sensed, finite=False)
-            result[left] = _loop_gains(_filters(plant, at), g)
-            left = left[~np.isfinite(result[left]).all(1)]
+            known = np.isfinite(g).all((1, 2))
+            result[left[known]] = _loop_gains(_filters(plant, at[known]), g[known])
+            left = left[~known]
             if not len(left):
                 break
     return result

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -88,7 +89,7 @@ def solve(design: Design, model: LinearModel, output: str, drive: str, frequency
     closed = lightly.refined(poles.poles(control.closed_loop(constant, [], every)), plant)
     bare = lightly.refined(poles.poles(control.closed_loop(_open(constant), [], every)), _open(plant))
     answer = control.closed(plant, frequency, [driven], [watched])
-    corners = features(constant)
+    corners = features(constant, closed)
     time = np.linspace(0.0, duration, samples)
     return Damped(
         loop=tuple(loop.name for loop in plant.loops),
@@ -118,12 +119,12 @@ def _all_motions(model: LinearModel) -> list[signals.Signal]:
     return [signals.motion(f"{body}.{dof}", known) for body in model.body for dof in signals.DOFS]
 
 
-def features(plant: Plant) -> Array:
-    """Frequencies (n,) in Hz at which loop gains may have poles and zeros, with the width of each beside it.
+def features(plant: Plant, closed: Poles) -> Array:
+    """Frequencies (n,) in Hz at which loop gains L may have poles and zeros, and 1 + L zeros, with the width of each beside it.
 
-    Of a plant with constant matrices: those of each loop's mechanics, the other loops closed, and those of its filter.
+    Of a plant with constant matrices: those of each loop's mechanics, the other loops closed, those of its filter, and the poles with all loops closed.
     """
-    found = [np.zeros(0, dtype=complex)]
+    found = [closed.value / (2 * np.pi)]
     for n, loop in enumerate(plant.loops):
         form = export.zero_pole_gain(control.broken(plant, n))
         found += [form.zeros[0][0] / (2 * np.pi), form.poles[0][0] / (2 * np.pi)]
@@ -136,5 +137,5 @@ def features(plant: Plant) -> Array:
 
 def _static(plant: Plant, lowest: float) -> Array:
     """Loop gains (l,) far below the lowest pole and zero, without losses, which do not act there; infinite where they are not real."""
-    found = control.loop_gains(replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest]))[0]
+    found: Any = control.loop_gains(replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest]))[0]
     return np.where(np.abs(found.imag) <= REAL * np.abs(found.real), found.real, np.inf)

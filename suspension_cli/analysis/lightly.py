@@ -72,9 +72,10 @@ def refined(found: Poles, plant: Plant) -> Poles:
         starts = values[here]
         lossy = part.dispersive(starts.imag)
         found_here = [_root(complex(start), part, now) for start, now in zip(starts, lossy, strict=True)]
-        roots, lossy = np.array([root for root, _ in found_here]), np.array([now for _, now in found_here])
+        roots: Any = np.array([root for root, _ in found_here])
+        lossy = np.array([now for _, now in found_here])
         own = np.abs(roots[:, None] - starts).argmin(1) == np.arange(len(here))  # else it went to another pole
-        values[here[own]] = roots[own]
+        values[here[own]] = np.where(np.abs(roots.real) <= found.rounding * np.abs(roots), 1j * roots.imag, roots)[own]
         slow = np.flatnonzero(own & (roots.imag > 0) & (np.abs(roots.real) <= SLOW * np.abs(roots)))
         if len(slow):
             decay = _decays(roots[slow], part, np.array([_shape(root, part, now) for root, now in zip(roots[slow], lossy[slow], strict=True)]).T)
@@ -86,7 +87,7 @@ def refined(found: Poles, plant: Plant) -> Poles:
 
 def _group(state: str, known: dict[str, int], groups: Any) -> int:
     """Which group of coordinates a state belongs to: ``upper.x``, ``frame.x momentum``, ``loop roll 2``."""
-    place = known[state.rsplit(" ", 1)[0] if " " in state else state]
+    place = known[state if state in known else state.rpartition(" ")[0]]
     return next(n for n, group in enumerate(groups) if place in group)
 
 
@@ -168,6 +169,8 @@ def _diagonal(blocks: list[Any]) -> Any:
 
 def _root(start: complex, part: _Part, lossy: Any) -> tuple[complex, Any]:
     """A root of T(s) near a pole, and the losses (c, c) there, given those at the pole; the pole itself where Newton's method finds none."""
+    if start == 0:  # nothing holds it
+        return start, lossy
     s = start
     for _ in range(RENEWALS):
         last, s = s, _newton(s, part, lossy)

@@ -79,9 +79,8 @@ def document(name: str, choice: Choice, answer: Damped) -> dict[str, Any]:
         poles.append(pole | ({"growth_rate_per_s": float(growth)} if growth else {}))
     margins = None
     if answer.margin is not None:
-        margins = [
-            {"loop": loop} | {key: _finite(value) for key, value in vars(margin).items()} for loop, margin in zip(answer.loop, answer.margin, strict=True)
-        ]
+        pairs = zip(answer.loop, answer.margin, strict=True)
+        margins = [{"loop": loop} | {key: _finite(value) for key, value in vars(margin).items()} for loop, margin in pairs]
     head = {"command": "damp", "design": name, "fidelity": choice.level, "stable": answer.stable, "output": answer.output, "impulse": answer.drive}
     noise = (answer.noise**2).sum(1) ** 0.5
     head |= {"poles": poles, "margins": margins, "frequency_hz": answer.frequency.tolist(), "sensor_noise_asd": noise.tolist()}
@@ -99,8 +98,8 @@ def growth(answer: Damped) -> str:
     worst = int(closed.growth_rate.argmax())
     others = int((closed.growth_rate > 0).sum()) - 1
     more = f" (and {others} more)" if others else ""
-    pole = f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at {closed.growth_rate[worst]:.4g} 1/s{more}"
-    return f"{pole}; lower the gain of the loops that drive it, or their phase lag there"
+    where = f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at {closed.growth_rate[worst]:.4g} 1/s"
+    return f"{where}{more}; lower the gain of the loops that drive it, or their phase lag there"
 
 
 def table(choice: Choice, answer: Damped) -> str:
