@@ -19,6 +19,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import assemble, assorted
 from suspension_cli.mechanics.assorted import Assorted
 from suspension_cli.mechanics.blocks import mirrored
+from suspension_cli.mechanics.definite import positive_definite
 from suspension_cli.mechanics.equilibrium import Equilibrium, solve
 from suspension_cli.mechanics.model import LinearModel
 from suspension_cli.mechanics.pose import layout
@@ -119,19 +120,7 @@ def grows(model: LinearModel) -> Any:
     stiffness, mass = np.nan_to_num(model.stiffness[..., 6:, 6:]), model.mass[..., 6:, 6:]
     k, m = (np.diagonal(matrix, axis1=-2, axis2=-1) for matrix in (stiffness, mass))
     largest = np.where(m > 0, np.abs(k) / np.where(m > 0, m, 1.0), 0.0).sum(-1)
-    return ~_positive(stiffness + np.nan_to_num(RIGID * largest[..., None, None] * mass))
-
-
-def _positive(matrix: Any) -> Any:
-    """Which matrices (p, n, n) are positive definite, each by itself."""
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        if len(matrix) == 1:
-            return np.zeros(1, dtype=bool)
-        middle = len(matrix) // 2
-        return np.concatenate([_positive(matrix[:middle]), _positive(matrix[middle:])])
-    return np.ones(len(matrix), dtype=bool)
+    return ~positive_definite(stiffness + np.nan_to_num(RIGID * largest[..., None, None] * mass))
 
 
 def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: list[Signal]) -> Any:

@@ -16,6 +16,7 @@ from suspension_cli.design.scene import Scene
 from suspension_cli.design.stack import blended, picked
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.mechanics import string
+from suspension_cli.mechanics.definite import positive_definite
 from suspension_cli.mechanics.pose import Layout, Pose, displaced, layout, nominal_pose
 from suspension_cli.mechanics.shares import lever_arm, units
 from suspension_cli.mechanics.spins import free_to_spin, spins
@@ -33,14 +34,17 @@ LAST_STEP = 1e-8
 """Step (m or rad) after which the error is below rounding, as convergence is quadratic."""
 ITERATIONS = 15
 STEPS = (10, 80)
-"""In how many an equilibrium is followed where Newton's method alone is not to be trusted; the second if the first fails."""
+"""In how many an equilibrium is followed where Newton's method alone is not to be trusted; the second if the first does not end in a stable pose."""
 CORRECTIONS = 4
 """Newton steps after each."""
 ROUNDINGS = 16
 """How many rounding errors of a displacement add up in the forces on a body, at most."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
+NEUTRAL = 1e-13
+"""Stiffness (relative to what the same coordinate has with all others held) below which a motion costs nothing but for rounding: it is no instability."""
 PARTS_OF_POSE = ("shift", "turn", "deflection")
+PARTS_OF_RESULT = ("residual", "rounding", "tension", "stiffness")
 
 
 @dataclass(frozen=True)
@@ -102,8 +106,8 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     """Find the equilibrium of a scene near its nominal pose.
 
     Newton's method goes there in a few steps.  Where it does not settle, or ends where a wire is slack or the pose is unstable
-    (it may have overshot to another stationary point), the equilibrium is followed from the nominal pose instead, while the imperfections grow
-    from nothing; or, where natural lengths are given, while the forces that hold it in the nominal pose are let go of.
+    (it may have overshot to another stationary point), the equilibrium is followed instead from where the nominal design hangs, while the imperfections
+    grow from nothing; or, where the nominal pose is solved for, while the forces that hold it as drawn are let go of.
 
     Parameters
     ----------
@@ -123,12 +127,22 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     found = _newton(scene, numbering, pose, 0.0, ITERATIONS, rest=start is None)
     if found.iterations == 0:
         return found
-    doubtful = np.asarray(~_trusted(scene, found))
+    sound = found.converged & (found.tension > 0).all(-1)
+    doubtful = np.asarray(~(sound & _stable(scene, numbering, found)))
     if not doubtful.any():
         return found
-    if not scene.batch:
-        return _merged(found, ..., _followed(scene, numbering))
-    return _merged(found, doubtful, _followed(picked(scene, doubtful), numbering))
+    nominal = None if scene.drawn is None else solve(scene.drawn, numbering)
+    if nominal is not None and scene.drawn is not None:
+        doubtful &= ~(sound & ~_stable(scene.drawn, numbering, nominal))  # of an unstable design the branch is unstable from its beginning
+    for steps in STEPS:
+        if not doubtful.any():
+            break
+        some = picked(scene, doubtful)
+        begin = nominal_pose(some) if nominal is None else _picked_pose(_spread(nominal.pose, scene.batch), doubtful)
+        better = _followed(some, numbering, begin, steps)
+        found = _merged(found, doubtful, better)
+        doubtful[doubtful] = ~(better.converged & _stable(some, numbering, better))
+    return found
 
 
 def stepped(scene: Scene, steps: int) -> Equilibrium:
@@ -156,53 +170,47 @@ def _placed(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
         return result
 
     pose = Pose(*(take(getattr(found.pose, name), getattr(new.pose, name)) for name in PARTS_OF_POSE))
-    parts = {name: take(getattr(found, name), getattr(new, name)) for name in ("residual", "rounding", "tension", "stiffness")}
+    parts = {name: take(getattr(found, name), getattr(new, name)) for name in PARTS_OF_RESULT}
     return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **parts)
 
 
-def _trusted(scene: Scene, found: Equilibrium) -> Any:
-    """Whether each scene has settled on taut wires in a pose that is not plainly unstable."""
-    good = found.converged & (found.tension > 0).all(-1)
-    if free_to_spin(scene):
-        return good
-    return good & (np.linalg.slogdet(np.nan_to_num(found.stiffness[..., 6:, 6:]))[0] > 0)
+def _stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
+    """Whether the tangent stiffness of each scene is positive definite, but for the motions that cost nothing."""
+    root = np.sqrt(units(scene, numbering))
+    scaled = np.nan_to_num(found.stiffness[..., 6:, 6:]) / (root[..., :, None] * root[..., None, :])
+    own = np.abs(np.diagonal(scaled, axis1=-2, axis2=-1))
+    free = spins(scene, numbering, found.pose, free_to_spin(scene)) * root[..., None]
+    held = own.max(-1)[..., None, None] * (free @ np.swapaxes(free, -1, -2)) / np.maximum((free**2).sum((-2, -1)), 1.0)[..., None, None]
+    return positive_definite(scaled + held + NEUTRAL * own[..., None] * np.eye(own.shape[-1]))
 
 
-def _followed(scene: Scene, numbering: Layout) -> Equilibrium:
-    """The equilibrium on the branch of the nominal pose, followed from there in small steps."""
+def _followed(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equilibrium:
+    """The equilibrium on the branch of the nominal design, followed in small steps from where that hangs."""
     with np.errstate(all="ignore"):
-        found = None
-        for steps in STEPS:
-            pose = nominal_pose(scene)
-            held = tangent(scene, numbering, pose)[0] if scene.drawn is None else 0.0
-            for n in range(1, steps):
-                if scene.drawn is None:  # let go little by little of what holds it in the nominal pose
-                    pose = _newton(scene, numbering, pose, held * (1 - n / steps), CORRECTIONS).pose
-                else:  # let the imperfections grow
-                    pose = _newton(blended(scene, n / steps), numbering, pose, 0.0, CORRECTIONS).pose
-            last = _newton(scene, numbering, pose, 0.0, ITERATIONS)
-            found = last if found is None else _merged(found, np.asarray(~found.converged), last, whole=True)
-            if np.all(found.converged):
-                break
-    assert found is not None
-    return found
+        held = tangent(scene, numbering, pose)[0] if scene.drawn is None else 0.0
+        for n in range(1, steps):
+            if scene.drawn is None:  # let go little by little of what holds it in the nominal pose
+                pose = _newton(scene, numbering, pose, held * (1 - n / steps), CORRECTIONS).pose
+            else:  # let the imperfections grow
+                pose = _newton(blended(scene, n / steps), numbering, pose, 0.0, CORRECTIONS).pose
+        return _newton(scene, numbering, pose, 0.0, ITERATIONS)
 
 
-def _merged(found: Equilibrium, where: Any, better: Equilibrium, *, whole: bool = False) -> Equilibrium:
-    """Results with those `where` a second try was made (given for these alone, or for the `whole` batch) replaced, if it converged."""
-    if where is Ellipsis:
-        return better if np.all(better.converged) else found
-    chosen = np.zeros(where.shape, dtype=bool)
-    chosen[where] = better.converged[where] if whole else better.converged
+def _spread(pose: Pose, batch: tuple[int, ...]) -> Pose:
+    """A pose of all scenes of a batch."""
+    inner = {"shift": 2, "turn": 3, "deflection": 2}
+    parts = {name: getattr(pose, name) for name in PARTS_OF_POSE}
+    return Pose(**{name: np.broadcast_to(part, batch + part.shape[part.ndim - inner[name] :]) for name, part in parts.items()})
 
-    def take(old: Any, new: Any) -> Any:
-        result = np.array(np.broadcast_to(old, where.shape + new.shape[(where.ndim if whole else 1) :]))
-        result[chosen] = new[chosen] if whole else new[better.converged]
-        return result
 
-    pose = Pose(*(take(getattr(found.pose, name), getattr(better.pose, name)) for name in PARTS_OF_POSE))
-    parts = {name: take(getattr(found, name), getattr(better, name)) for name in ("residual", "rounding", "tension", "stiffness")}
-    return Equilibrium(pose=pose, iterations=max(found.iterations, better.iterations), **parts)
+def _merged(found: Equilibrium, where: Any, better: Equilibrium) -> Equilibrium:
+    """Results of a batch with those `where` a second try was made (given for these alone) replaced, if it converged."""
+    chosen = where.copy()
+    chosen[where] = better.converged
+    kept = better.converged
+    pose = _picked_pose(better.pose, kept)
+    parts = {name: getattr(better, name)[kept] for name in PARTS_OF_RESULT}
+    return _placed(found, chosen, Equilibrium(pose=pose, iterations=better.iterations, **parts))
 
 
 def _newton(scene: Scene, numbering: Layout, pose: Pose, target: Any, most: int, *, rest: bool = False) -> Equilibrium:
