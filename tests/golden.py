@@ -73,10 +73,9 @@ def computed(config: Path) -> dict[str, Any]:
     design = read(config).design
     result: dict[str, Any] = {"auto": fidelity.choose(design).level}
     for level in ("force", "string", "beam"):
-        if (level != "force" and fidelity.unsuited(design, level)) or (level == "force" and result["auto"] != "force"):
-            continue
-        found = modes.solve(replace(fidelity.linear_model(design, level), terms=()))
-        result[level] = {"omega_squared": found.omega_squared.tolist(), "home": [list(home) for home in found.home]}
+        if result["auto"] == "force" if level == "force" else not fidelity.unsuited(design, level):
+            found = modes.solve(replace(fidelity.linear_model(design, level), terms=()))
+            result[level] = {"omega_squared": found.omega_squared.tolist(), "home": [list(home) for home in found.home]}
     if not fidelity.unsuited(design, "violin"):
         result["violin"] = _with_mass(fidelity.linear_model(design, "violin"))
     return result

@@ -92,8 +92,8 @@ def main() -> None:
     import references
 
     references._anew.append(True)  # this file is another module when it is run as a program
-    using = "from references import kept|from couplings import .*exact"
-    users = [file for file in Path(__file__).parent.glob("test_*.py") if re.search(using, file.read_text())]
+    uses = re.compile("from references import kept|from couplings import .*exact")
+    users = [file for file in Path(__file__).parent.glob("test_*.py") if uses.search(file.read_text())]
     code = pytest.main(["-q", "-p", "no:cacheprovider", *sorted(map(str, users))])
     if code == 0:
         DATA.parent.mkdir(exist_ok=True)

@@ -9,7 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from conftest import SHIPPED_DPI
 from golden import ROOT
+
+from suspension_cli.plots import style
 
 sys.path.insert(0, str(ROOT / "tools"))
 import tutorial
@@ -51,7 +54,8 @@ def size(picture: Path) -> tuple[int, int]:
 def steps(tmp_path_factory):
     """What the page did, with its pictures out of the folder that is gone afterwards."""
     kept = []
-    with tutorial.folder():
+    with tutorial.folder(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(style, "DPI", SHIPPED_DPI)
         for number, step in enumerate(tutorial.steps(tutorial.PAGE.read_text())):
             copy = shutil.copy(step.found, tmp_path_factory.mktemp("drawn") / f"{number}.png") if step.kind == "picture" else step.found
             kept.append((step, copy))

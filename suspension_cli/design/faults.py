@@ -50,20 +50,44 @@ def step(path: str, key: object, item: Any = None) -> str:
 
 def _walk(kind: Any, value: Any, path: str) -> Iterator[Fault]:
     kind, meta = _bare(kind)
-    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+    origin = _origin(kind)
+    if origin is msgspec.Struct:
         yield from _walk_struct(kind, value, path)
-    elif get_origin(kind) is dict:
+    elif origin is dict:
         yield from _walk_dict(kind, value, path)
-    elif get_origin(kind) is list:
+    elif origin is list:
         yield from _walk_list(kind, meta, value, path)
-    elif get_origin(kind) is tuple:
+    elif origin is tuple:
         yield from _walk_tuple(kind, value, path)
-    elif get_origin(kind) in (Union, types.UnionType):
+    elif origin in (Union, types.UnionType):
         yield from _walk_union(kind, meta, value, path)
     else:
         yield from _leaf(kind, meta, value, path)
 
 
+# The types of a file format are few and its values many: what follows from a type alone is kept.
+
+
+@cache
+def _origin(kind: Any) -> Any:
+    """What a type without `Annotated` is made of; `Struct` for all structs."""
+    return msgspec.Struct if isinstance(kind, type) and issubclass(kind, msgspec.Struct) else get_origin(kind)
+
+
+@cache
+def _annotated(kind: Any, meta: msgspec.Meta | None) -> Any:
+    return kind if meta is None else Annotated[kind, meta]
+
+
+@cache
+def _members(kind: Any) -> tuple[Any, Any, Any]:
+    """Of a union without None: all members; those for a row; those for a table."""
+    members = [member for member in get_args(kind) if member is not type(None)]
+    rows = [member for member in members if _origin(_bare(member)[0]) in (list, tuple)]
+    return members, rows, [member for member in members if _origin(member) is msgspec.Struct]
+
+
+@cache
 def _bare(kind: Any) -> tuple[Any, msgspec.Meta | None]:
     """The type without `Annotated`, and its outermost `Meta`."""
     if get_origin(kind) is Annotated:
@@ -145,12 +169,10 @@ def _walk_tuple(kind: Any, value: Any, path: str) -> Iterator[Fault]:
 
 def _walk_union(kind: Any, meta: msgspec.Meta | None, value: Any, path: str) -> Iterator[Fault]:
     """An optional value, or a number that may also be a row or a table: take the member that the value's form asks for."""
-    members = [member for member in get_args(kind) if member is not type(None)]
-    rows = [member for member in members if get_origin(_bare(member)[0]) in (list, tuple)]
-    tables = [member for member in members if isinstance(member, type) and issubclass(member, msgspec.Struct)]
+    members, rows, tables = _members(kind)
     member = ((isinstance(value, list) and rows) or (isinstance(value, dict) and tables) or members)[0]
-    if meta is not None and member not in tables:
-        member = Annotated[member, meta]
+    if member not in tables:
+        member = _annotated(member, meta)
     yield from _walk(member, value, path)
 
 
@@ -158,20 +180,19 @@ def _leaf(kind: Any, meta: msgspec.Meta | None, value: Any, path: str) -> Iterat
     if kind is Any:
         yield from _anything(value, path)
         return
-    described = f"give {_described(kind, meta)}"
     if isinstance(value, float) and not math.isfinite(value):
-        yield Fault(path, "must be finite", described, shown(value))
+        yield Fault(path, "must be finite", f"give {_described(kind, meta)}", shown(value))
         return
     number = value
     if isinstance(value, int) and not isinstance(value, bool) and (kind is float or abs(value) >= 2**63):
         number = float(min(max(value, -(10**301)), 10**301))  # beyond all bounds, but a float
     try:
-        msgspec.convert(number, Annotated[kind, meta] if meta is not None else kind)
+        msgspec.convert(number, _annotated(kind, meta))
         good = meta is None or meta.pattern is None or re.search(meta.pattern + r"(?!\n)", str(number)) is not None  # a last newline is none of a name
     except msgspec.ValidationError:
         good = False
     if not good:
-        yield Fault(path, _problem(kind, meta, number), described, shown(value))
+        yield Fault(path, _problem(kind, meta, number), f"give {_described(kind, meta)}", shown(value))
 
 
 def _anything(value: Any, path: str) -> Iterator[Fault]:
