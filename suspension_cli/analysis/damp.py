@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -137,5 +136,6 @@ def features(plant: Plant, closed: Poles) -> Array:
 
 def _static(plant: Plant, lowest: float) -> Array:
     """Loop gains (l,) far below the lowest pole and zero, without losses, which do not act there; infinite where they are not real."""
-    found: Any = control.loop_gains(replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest]))[0]
-    return np.where(np.abs(found.imag) <= REAL * np.abs(found.real), found.real, np.inf)
+    found = control.loop_gains(replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest]))[0]
+    real, imag = np.real(found), np.imag(found)
+    return np.where(np.abs(imag) <= REAL * np.abs(real), real, np.inf)
