@@ -130,7 +130,7 @@ def features(plant: Plant, closed: Poles) -> Array:
         found += [np.array(control.roots(given), dtype=complex) for given in (loop.zeros, loop.poles)]
     every = np.concatenate(found)
     every = every[np.isfinite(every) & (np.abs(every) > 0)]
-    centre, width = np.abs(every.imag), np.abs(every.real)
+    centre, width = np.abs(np.imag(every)), np.abs(np.real(every))
     return np.unique(np.concatenate([np.abs(every), *(np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0))]))
 
 
