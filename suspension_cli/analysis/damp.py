@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -131,11 +130,12 @@ def features(plant: Plant, closed: Poles) -> Array:
         found += [np.array(control.roots(given), dtype=complex) for given in (loop.zeros, loop.poles)]
     every = np.concatenate(found)
     every = every[np.isfinite(every) & (np.abs(every) > 0)]
-    centre, width = np.abs(every.imag), np.abs(every.real)
+    centre, width = np.abs(np.imag(every)), np.abs(np.real(every))
     return np.unique(np.concatenate([np.abs(every), *(np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0))]))
 
 
 def _static(plant: Plant, lowest: float) -> Array:
     """Loop gains (l,) far below the lowest pole and zero, without losses, which do not act there; infinite where they are not real."""
-    found: Any = control.loop_gains(replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest]))[0]
-    return np.where(np.abs(found.imag) <= REAL * np.abs(found.real), found.real, np.inf)
+    found = control.loop_gains(replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest]))[0]
+    real, imag = np.real(found), np.imag(found)
+    return np.where(np.abs(imag) <= REAL * np.abs(real), real, np.inf)

@@ -57,7 +57,7 @@ def refined(found: Poles, plant: Plant) -> Poles:
         Its model with losses as they are.
     """
     model = plant.model
-    values = np.where(np.abs(found.value.real) <= found.rounding * np.abs(found.value), 1j * found.value.imag, found.value)
+    values = _without_rounding(found.value, found.rounding)
     joined = np.abs(model.damping)
     for pushed, sensed in zip(plant.pushed, plant.sensed, strict=True):
         joined = joined + np.abs(np.outer(pushed, sensed))
@@ -75,7 +75,7 @@ def refined(found: Poles, plant: Plant) -> Poles:
         roots: Any = np.array([root for root, _ in found_here])
         lossy = np.array([now for _, now in found_here])
         own = np.abs(roots[:, None] - starts).argmin(1) == np.arange(len(here))  # else it went to another pole
-        values[here[own]] = np.where(np.abs(roots.real) <= found.rounding * np.abs(roots), 1j * roots.imag, roots)[own]
+        values[here[own]] = _without_rounding(roots, found.rounding)[own]
         slow = np.flatnonzero(own & (roots.imag > 0) & (np.abs(roots.real) <= SLOW * np.abs(roots)))
         if len(slow):
             decay = _decays(roots[slow], part, np.array([_shape(root, part, now) for root, now in zip(roots[slow], lossy[slow], strict=True)]).T)
@@ -83,6 +83,11 @@ def refined(found: Poles, plant: Plant) -> Poles:
             values[here[slow[alone]]] = decay[alone] + 1j * roots[slow[alone]].imag
     order = np.argsort(np.abs(values), kind="stable")
     return Poles(values[order], tuple(found.state[n] for n in order))
+
+
+def _without_rounding(values: Any, rounding: float) -> Any:
+    """Poles (p,) without real parts that may be rounding errors."""
+    return np.where(np.abs(values.real) <= rounding * np.abs(values), 1j * values.imag, values)
 
 
 def _group(state: str, known: dict[str, int], groups: Any) -> int:
