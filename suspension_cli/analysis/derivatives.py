@@ -19,7 +19,7 @@ import numpy as np
 
 from suspension_cli.analysis.parameters import STEP, stepped
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.derive import solves_pose
+from suspension_cli.design.derive import gives_natural_lengths, solves_pose
 from suspension_cli.design.scene import Array, Scene
 from suspension_cli.design.schema import Design
 from suspension_cli.mechanics import assemble, equilibrium
@@ -189,11 +189,12 @@ def _searched(base: Differentiable) -> bool:
 
 def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     """Whether a suspension that is drawn in balance loses it: there is no such design, whatever the change."""
-    if solves_pose(design):
+    if gives_natural_lengths(design):
         return False
     drawn = scene.drawn or scene
     gradient = tangent(drawn, base.numbering, nominal_pose(drawn))[0]
-    left = np.abs(gradient[6:].imag).max() / STEP
+    bodies = slice(6, 6 + 6 * len(drawn.bodies.name))  # blades may have a load other than what they carry as drawn
+    left = np.abs(gradient[bodies].imag).max() / STEP
     return bool(left > MOVED * float(base.scene.weight))
 
 

@@ -90,10 +90,15 @@ def blade_stiffness(design: Design, blade: BladeSet | Blade, stage_mass: float, 
     return cantilever_stiffness(blade.geometry, _modulus(design, blade.geometry.material))
 
 
+def gives_natural_lengths(design: Design) -> bool:
+    """Whether a design gives the natural length of any wire, so that it need not balance as it is drawn."""
+    return any(wire.natural_length is not None for stage in design.stage for wire in stage.wire)
+
+
 def solves_pose(design: Design) -> bool:
     """Whether the pose of a design is solved for instead of being drawn: where natural lengths of wires or loads of blades are given."""
     blades = (blade for stage in design.stage for blade in (*stage.blade, *([] if stage.blades is None else [stage.blades])))
-    return any(blade.load is not None for blade in blades) or any(wire.natural_length is not None for stage in design.stage for wire in stage.wire)
+    return gives_natural_lengths(design) or any(blade.load is not None for blade in blades)
 
 
 def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
