@@ -123,7 +123,7 @@ def test_a_result_that_replaces_that_of_another_design_says_so(command, tmp_path
     assert [result.exit_code for result in told] == [0, 0, 0]
     remarks = [[line for line in result.stderr.splitlines() if "another design" in line] for result in told]
     assert [len(lines) for lines in remarks] == [0, 0, 1]
-    assert remarks[2][0].startswith(f"warning: {tmp_path / 'out' / 'double-'}")
+    assert remarks[2][0].startswith(f"wrote {tmp_path / 'out' / 'double-'}")
 
 
 def test_mat_files_hold_no_date(tmp_path, monkeypatch):

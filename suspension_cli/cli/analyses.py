@@ -78,9 +78,8 @@ def written(path: Path, source: Read | Source, voice: options.Voice) -> Iterator
 
     before = design_in(path)
     yield
-    voice.say(f"wrote {path}")
-    if before is not None and before != source.text:
-        voice.warn(f"{path} held the result of another design (of this name), which was replaced; give --out or design.name to keep both")
+    replaced = before is not None and before != source.text
+    voice.say(f"wrote {path}" + (", in place of the result of another design of this name (--out or design.name keeps both)" if replaced else ""))
 
 
 HOW = {

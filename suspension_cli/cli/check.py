@@ -126,9 +126,11 @@ def _stressed(part: WireLoad | BladeLoad) -> dict[str, Any]:
 
 def _text(one: Checked) -> str:
     """What a design carries, for people."""
+    from suspension_cli.errors import printable
+
     carried, count = one.carried, len(one.doubts)
     verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
-    lines = [f"{one.source.file}: {verdict}; {one.choice.level}: {one.choice.reason}", *_tables(carried)]
+    lines = [f"{printable(one.source.file)}: {verdict}; {one.choice.level}: {one.choice.reason}", *_tables(carried)]
     for body in carried.bodies:
         if any(body.shift) or any(body.rotation):
             shift = ", ".join(f"{1e3 * value:.4f}" for value in body.shift)

@@ -18,7 +18,7 @@ from suspension_cli.errors import Fault, InputError
 def nominal(design: Design) -> Scene:
     """The scene of a design as drawn, without its imperfections.
 
-    Where natural lengths are given, loads of blades are those of the drawing: `mechanics.nominal` has them follow from the pose that is solved for.
+    Where all natural lengths are given, loads of blades are those of the drawing: `mechanics.nominal` has them follow from the pose that is solved for.
 
     Raises
     ------

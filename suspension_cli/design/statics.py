@@ -107,7 +107,7 @@ def _inverse_root(matrix: Array) -> Array:
         return vectors / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
 
 
-def compliance(stiffness: Array, direction: Array, blade: Array, axes: Any, blade_stiffness: Array) -> Array:
+def compliance(stiffness: Array, direction: Array, blade: Any, axes: Any, blade_stiffness: Array) -> Array:
     """Elongation per tension of wires in series with their blades, (w, w), m/N.
 
     Two wires on one blade share its deflection, which is why this is a matrix.

@@ -158,7 +158,7 @@ BladeWeight = Annotated[
     Tension,
     Meta(
         description="weight at which the tip is where the file draws it, N, with that of its tip mass; under more or less it sags or rises, and the pose "
-        "is solved for; default: what it carries in the nominal pose or, where natural lengths are given, in the pose that is solved for"
+        "is solved for; default: what it carries in the nominal pose or, if all wires of the stage have natural lengths, in the one solved for"
     ),
 ]
 BladeLoss = Annotated[LossAngle, Meta(description="loss angle in rad; default that of the material, else 0")]

@@ -1,14 +1,14 @@
 """Design -> Scene, with blades that carry what hangs on them where the suspension really hangs.
 
-A blade without a given load has its tip where the file draws it once it carries its share.  In a nominal pose that is drawn, that share follows from the
-drawing.  Where natural lengths of wires are given the pose is solved for, and the loads F and the pose q depend on each other: in q the wires of a
-stage hold up what they hold up, and the tensions of least elastic energy that do the same say what each blade carries.  Starting from the drawing,
-each step solves for q with the loads of the step before; how the file draws the bodies then matters no more.  A step changes F by about the share of a
-wire's length by which the last change moved the tips, so a few are enough.
+A blade without a given load has its tip where the file draws it once it carries its share.  In a nominal pose that is drawn, that share follows from
+the drawing.  Where the natural lengths of all wires of a stage are given the pose is solved for, and the loads F and the pose q depend on each other: in
+q the wires of the stage hold up what they hold up, and the tensions of least elastic energy that do the same say what each blade carries.  Starting from
+the drawing, each step solves for q with the loads of the step before, until they agree; how the file draws the bodies then matters no more.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -26,9 +26,11 @@ from suspension_cli.mechanics.spins import free_to_spin, spins
 from suspension_cli.mechanics.tangent import tangent
 
 STEPS = 40
-"""At most; each gains a digit or more."""
-SETTLED = 1e-14
+"""At most."""
+SETTLED = 1e-13
 """Change of a load, as a share of the weight, that is the last one."""
+COARSE = 1e3
+"""Times that, where rounding of stiff wires lets it fall no further."""
 
 
 def expand(design: Design) -> Scene:
@@ -59,10 +61,10 @@ def nominal(design: Design) -> Scene:
 
 
 def _following(design: Design, scene: Scene) -> Any:
-    """Along which axes (b, 3) the loads of blades follow from the pose: where wires of their stage have natural lengths and no load is given."""
+    """Along which axes (b, 3) the loads of blades follow from the pose: where all wires of their stage have natural lengths and no load is given."""
     result = np.zeros((len(scene.blades.label), 3), dtype=bool)
     for stage in design.stage:
-        if any(wire.natural_length is not None for wire in stage.wire):
+        if stage.wire and all(wire.natural_length is not None for wire in stage.wire):
             for blade in stage.blade:
                 number = scene.blades.label.index(f"{stage.name}.{blade.name}")
                 result[number] = scene.blades.axes[number] & [True, True, blade.load is None]
@@ -71,31 +73,59 @@ def _following(design: Design, scene: Scene) -> Any:
 
 def _settled(scene: Scene, following: Any) -> Scene:
     """A scene with the loads that blades have in the pose in which it hangs; a complex step is carried along."""
-    numbering, size = layout(scene), SETTLED * float(np.real(scene.weight))
-    whole, pose = real(scene), None
-    for _ in range(STEPS):
-        found = equilibrium.solve(whole, numbering, start=pose)
+    numbering, whole = layout(scene), real(scene)
+    poses: list[Pose] = []
+
+    def again(loads: Array) -> Array:
+        now = _loaded(whole, _with(whole.blades.load, following, loads))
+        found = equilibrium.solve(now, numbering, start=poses[-1] if poses else None)
         if not found.converged:
-            found.demand(whole)
-        pose = found.pose
-        load = np.where(following, _carried(whole, pose), whole.blades.load)
-        change = np.abs(load - whole.blades.load).max()
-        whole = _loaded(whole, load)
-        if change <= size:
-            break
-    else:
-        remedy = "give each [[stage.blade]] its load, the weight in N at which its tip is where the file draws it"
-        raise InputError([Fault("stage", f"loads of blades and the pose do not settle (last change {change:.1e} N)", remedy)])
+            found.demand(now)
+        poses.append(found.pose)
+        return _carried(now, found.pose)[following]
+
+    loads = _fixed_point(again, whole.blades.load[following], SETTLED * float(whole.weight))
+    whole = _loaded(whole, _with(whole.blades.load, following, loads))
     if not np.issubdtype(scene.kind, np.complexfloating):
         return whole
-    tracked = _loaded(scene, np.where(following, whole.blades.load, scene.blades.load))
+
+    def rate(rates: Array) -> Array:
+        now = _loaded(scene, _with(scene.blades.load, following, loads + 1j * rates))
+        return _carried(now, _moved(now, numbering, poses[-1])).imag[following]
+
+    first = rate(np.zeros(len(loads)))
+    rates = _fixed_point(rate, first, SETTLED * np.abs(first).max())
+    return _loaded(scene, _with(scene.blades.load, following, loads + 1j * rates))
+
+
+def _with(values: Array, where: Any, some: Array) -> Array:
+    result = values.astype(np.result_type(values, some))
+    result[where] = some
+    return result
+
+
+def _fixed_point(function: Callable[[Array], Array], start: Array, size: float) -> Array:
+    """A point (n,) that a function takes to itself within a size, by Anderson's method.
+
+    Each step goes to where the function's change along the steps before, taken as linear, says that it stays where it is (Walker and Ni, SIAM J.
+    Numer. Anal. 49, 1715 (2011)): for n numbers, some n + 2 steps.
+    """
+    places, changes = [start], [function(start) - start]
     for _ in range(STEPS):
-        load = np.where(following, whole.blades.load + 1j * _carried(tracked, _moved(tracked, numbering, pose)).imag, scene.blades.load)
-        change = np.abs(load - tracked.blades.load).max()
-        tracked = _loaded(tracked, load)
-        if change <= SETTLED * np.abs(load.imag).max():
-            break
-    return tracked
+        last = changes[-1]
+        if np.abs(last).max() <= size:
+            return places[-1] + last
+        moved, altered = np.diff(np.array(places), axis=0).T, np.diff(np.array(changes), axis=0).T
+        share = np.linalg.lstsq(altered, last, rcond=1e-12)[0] if len(places) > 1 else np.zeros(0)
+        place = places[-1] + last - ((moved + altered) @ share if len(places) > 1 else 0.0)
+        places.append(place)
+        changes.append(function(place) - place)
+        if len(places) > len(start) + 3:
+            del places[0], changes[0]
+    if np.abs(changes[-1]).max() <= COARSE * size:  # as near as rounding lets it come
+        return places[-1]
+    remedy = "give each [[stage.blade]] its load, the weight in N at which its tip is where the file draws it"
+    raise InputError([Fault("stage", f"loads of blades and the pose do not settle (last change {np.abs(changes[-1]).max():.1e} N)", remedy)])
 
 
 def _loaded(scene: Scene, load: Array) -> Scene:
