@@ -17,7 +17,7 @@ from suspension_cli.models import fidelity
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 LEVELS = ("beam", "violin")
-FREQUENCY = np.geomspace(0.05, 2000.0, 700)
+FREQUENCY = np.geomspace(0.05, 2000.0, 200)
 STEEL = {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 7800.0, "loss_angle": 2e-4}
 
 

@@ -49,7 +49,7 @@ def job_of(raw, count=100, seed=1, **more):
 @pytest.mark.parametrize("kind", SPREADS)
 def test_distributions(kind):
     spread, expected = SPREADS[kind]
-    count = 200_000
+    count = 50_000
     drawn = sampling.deviations(scattering(spread, spread, spread), 3, 0, count)
     for column in drawn.T:
         # Kolmogorov and Smirnov: above this once in a hundred; the seed is fixed

@@ -186,7 +186,7 @@ def test_bad_options_are_refused(options, tmp_path):
 def test_what_strings_leave_out_of_the_coupling_is_told(tmp_path):
     """Against all builds on the rung that has it."""
     file = TRIPLE
-    options = ("--builds", "200", "--workers", "1", "--no-plot", "--out", tmp_path, "--json")
+    options = ("--builds", "100", "--workers", "1", "--no-plot", "--out", tmp_path, "--json")
     told = run("tolerance", file, *options)
     with h5py.File(tmp_path / "triple-tolerance-tolerance.h5") as results:
         old, error, reason = results["tolerance"]["ratio"][:], results.attrs["estimated_error"], results.attrs["fidelity_reason"]
