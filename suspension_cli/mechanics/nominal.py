@@ -98,7 +98,7 @@ def _settled(scene: Scene, following: Any) -> Scene:
     return _loaded(scene, _with(scene.blades.load, following, loads + 1j * rates))
 
 
-def _with(values: Array, where: Any, some: Array) -> Array:
+def _with(values: Array, where: Any, some: Any) -> Any:
     result = values.astype(np.result_type(values, some))
     result[where] = some
     return result
