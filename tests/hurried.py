@@ -8,6 +8,7 @@ import numpy as np
 
 from suspension_cli.analysis import wire_modes
 from suspension_cli.analysis.tradeoff import eigen, imperfect, noise, timing, transfer
+from suspension_cli.mechanics import count
 
 MEMBERS = 3
 """Of a batch."""
@@ -36,3 +37,4 @@ def hurry(monkeypatch: Any) -> None:
     monkeypatch.setattr(noise, "SWEEP", MEMBERS)
     monkeypatch.setattr(transfer, "BAND", transfer.BAND[:: len(transfer.BAND) // MEMBERS])
     monkeypatch.setattr(wire_modes, "solve", few)
+    monkeypatch.setattr(count, "GRID", 16)

@@ -98,7 +98,7 @@ def reference(folder, count):
     return path.read_bytes()
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 @given(st.integers(1, 900), st.integers(0, 899), st.sampled_from([1, 64, 100, 128, 1000]), st.sampled_from([64, 192, 512]))
 def test_resume_after_an_exception(count, fails, chunk, other):
     """What was done stays done: nothing is computed twice, nothing is missing, and the file is that of an uninterrupted run."""
@@ -118,7 +118,7 @@ def test_resume_after_an_exception(count, fails, chunk, other):
         assert sorted(p.name for p in folder.iterdir()) == ["log", "toy.h5", "whole.h5", "whole.log"]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 @given(st.integers(1, 900), st.integers(0, 899), st.sampled_from([64, 128]), st.floats(0.1, 5.0))
 def test_resume_after_a_kill(count, fails, chunk, sync):
     """What lies on the disk at any moment can be taken up; at most what was done since the last sync is done again."""

@@ -78,9 +78,13 @@ AMOUNTS = {"--builds": "100", "--starts": "1", "--max-frequency": "500"}
 """Options that say how much of the same is done: less of it does."""
 
 
+POINTS = 12
+"""Of a grid LOW:HIGH:POINTS, at most."""
+
+
 def words_of(line: str) -> list[str]:
-    """What follows `pendsus`, as a shell splits it."""
-    words = shlex.split(line, comments=True)[1:]
+    """What follows `pendsus`, as a shell splits it, with less of the same."""
+    words = [re.sub(r"(?<=[\d.]:)\d+(?=[:,]|$)", lambda found: str(min(int(found[0]), POINTS)), word) for word in shlex.split(line, comments=True)[1:]]
     for option, fewer in AMOUNTS.items():
         if option in words:
             n = words.index(option) + 1

@@ -23,7 +23,7 @@ MOMENTS = [date(2026, 1, 2), datetime(2026, 1, 2, 3, 4, 5), time(3, 4, 5)]
 VALUES = st.sampled_from([*EXTREMES, *INTEGERS, *WORDS, *OTHERS, *MOMENTS]) | st.floats() | st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 FACTORS = st.sampled_from([-1.0, 0.0, 1e-12, 1e-9, 1e-6, 1e-3, 0.1, 0.5, 0.9, 1.1, 2.0, 10.0, 1e3, 1e6, 1e9, 1e12])
 
-FUZZ = settings(max_examples=40, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
+FUZZ = settings(max_examples=25, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
 
 
 def places(node: Any) -> list[tuple[Any, Any]]:

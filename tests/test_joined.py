@@ -85,7 +85,7 @@ def test_cuts_move_as_the_whole_wire_does(rigidity, count):
     """Deflection and slope of every section's ends, against the shape of the whole in many digits."""
     length, mass = 0.28, 7e-5
     rng = np.random.default_rng(count)
-    motion = rng.normal(size=(4, 3)) + 1j * rng.normal(size=(4, 3))
+    motion = rng.normal(size=(4, 1)) + 1j * rng.normal(size=(4, 1))
     parts, _ = bent(pieces(rigidity, mass, length, CUTS[count]), OMEGA)
     sections = joined.sections_moved(joined.join(parts)[1], np.repeat(motion[..., None], len(OMEGA), axis=2))
     assert len(sections) == count
@@ -95,10 +95,10 @@ def test_cuts_move_as_the_whole_wire_does(rigidity, count):
     for n, omega in enumerate(OMEGA[1:4], 1):
         with waves.exact(waves.digits_for(rigidity, TENSION, mass, length, omega)):
             one = waves.Bent(rigidity, TENSION, mass, length, waves.number(omega))
-            for r in range(3):
-                for cut, section in zip(CUTS[count], sections[1:], strict=True):
-                    exact = [complex(one.shape(motion[:, r], order)(MP.mpf(cut) * one.length)) for order in (0, 1)]
-                    assert section[:2, r, n] == pytest.approx(exact, rel=1e-10, abs=1e-10)
+            shapes = [one.shape(motion[:, 0], order) for order in (0, 1)]
+            for cut, section in zip(CUTS[count], sections[1:], strict=True):
+                exact = [complex(shape(MP.mpf(cut) * one.length)) for shape in shapes]
+                assert section[:2, 0, n] == pytest.approx(exact, rel=1e-10, abs=1e-10)
 
 
 STEPPED = {

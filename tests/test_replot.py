@@ -37,7 +37,7 @@ def test_redraws_from_the_file_alone(results, tmp_path):
         (("xcouple", "figure6", "--sweep", "k=0.9:1.1:5,offset"), "husman2000-figure6-xcouple"),
         (("xcouple", "figure6", "--sweep", "k=0.9,1.1", "--frequency", "1:100:20"), "husman2000-figure6-xcouple"),
         (("xcouple", "figure6", "--matrix"), "husman2000-figure6-xcouple-matrix"),
-        (("tolerance", "triple-tolerance", "--builds", "130"), "triple-tolerance-tolerance"),
+        (("tolerance", "triple-tolerance", "--builds", "40"), "triple-tolerance-tolerance"),
     ],
 )
 def test_redraws_sweeps(arguments, stem, tmp_path):

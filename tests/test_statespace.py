@@ -67,7 +67,7 @@ def test_it_is_the_direct_response(name):
     inputs, outputs = ends(model)
     low, high = statespace.mode_range(model)
     rng = np.random.default_rng(11)
-    frequency = np.exp(rng.uniform(np.log(low / 100), np.log(high * 100), 8))
+    frequency = np.exp(rng.uniform(np.log(low / 100), np.log(high * 100), 6))
     beyond, error = error_of(statespace.build(model, inputs, outputs), model, frequency, inputs, outputs)
     assert beyond.max() < 1e-9
     last = model.body[-1]

@@ -23,7 +23,7 @@ def scattered(folder, **table):
     return written(folder, RAW | {"tolerance": table})
 
 
-def tolerance(file, out, *options, builds=300):
+def tolerance(file, out, *options, builds=120):
     """The JSON document of a run that must succeed."""
     result = run("tolerance", file, "--builds", str(builds), "--json", "--workers", "1", "--out", out, *options)
     assert result.exit_code == 0, result.stderr
@@ -40,7 +40,7 @@ def test_the_summary_is_that_of_the_file(tmp_path):
         assert group.attrs["seed"] == "7"
     good = status == 0
     assert (answer["command"], answer["design"], answer["fidelity"], answer["seed"]) == ("tolerance", "triple-tolerance", "string", 7)
-    assert (answer["builds"], answer["good"]) == (300, good.sum())
+    assert (answer["builds"], answer["good"]) == (120, good.sum())
     assert sum(answer["failures"].values()) == (~good).sum()
     assert answer["levels"] == list(LEVELS)
     assert [mode["label"] for mode in answer["modes"]] == labels

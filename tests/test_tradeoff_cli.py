@@ -97,9 +97,14 @@ def test_results_file_holds_all_that_json_tells(answer, found, out):
 
 
 def test_redraws_from_the_file_alone(out, tmp_path):
-    result = run("plot", out / f"{STEM}.h5", "--out", tmp_path)
+    """One comparison of rungs, one of methods."""
+    assert (out / f"{STEM}.png").exists()
+    with pytest.MonkeyPatch.context() as patch:
+        hurry(patch)
+        assert run("tradeoff", CASE, "--quantity", "modes", "--plot", "--out", tmp_path / "one").exit_code == 0
+    result = run("plot", tmp_path / "one" / f"{STEM}.h5", "--out", tmp_path / "other")
     assert result.exit_code == 0, result.stderr
-    assert (tmp_path / f"{STEM}.png").read_bytes() == (out / f"{STEM}.png").read_bytes()
+    assert (tmp_path / "one" / f"{STEM}.png").read_bytes() == (tmp_path / "other" / f"{STEM}.png").read_bytes()
 
 
 def test_text(found):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -151,6 +152,7 @@ def _tension(change: Any) -> Any:
     return min(result)
 
 
+@cache
 def slack_length() -> Any:
     """The change of length (m) at which the first wire goes slack, by secants in 60 digits."""
     a, b = MP.mpf("1e-3"), MP.mpf("2e-3")
