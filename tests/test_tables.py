@@ -1,7 +1,6 @@
 """Tables I and II of the paper, from the shipped designs."""
 
 import csv
-import subprocess
 import sys
 
 import pytest
@@ -51,9 +50,11 @@ def test_table2_parameters_are_believable():
     assert ((scene.blades.stiffness[:, 2] > 300) & (scene.blades.stiffness[:, 2] < 4000)).all()
 
 
-def test_make_tables_writes_what_it_prints(first):
-    run = subprocess.run([sys.executable, str(ROOT / "tools" / "tables.py")], capture_output=True, text=True, check=True)
-    text = (ROOT / "results" / "table1.md").read_text()
-    assert text in run.stdout
-    rows = list(csv.DictReader((ROOT / "results" / "table1.csv").open()))
+def test_make_tables_writes_what_it_prints(first, tmp_path, monkeypatch, capsys):
+    """Into another folder, as the checkout's own tables may differ in the last digit that another processor gives."""
+    monkeypatch.setattr(tables, "RESULTS", tmp_path / "results")
+    tables.main()
+    text = (tmp_path / "results" / "table1.md").read_text()
+    assert text in capsys.readouterr().out
+    rows = list(csv.DictReader((tmp_path / "results" / "table1.csv").open()))
     assert [float(row["ours"]) for row in rows] == pytest.approx([row["ours"] for row in first], rel=1e-5)

@@ -20,6 +20,7 @@ from suspension_cli.models import fidelity
 from suspension_cli.results import write_bytes
 
 ROOT = Path(__file__).parent.parent
+RESULTS = ROOT / "results"
 PAPER = tomllib.loads((ROOT / "tools" / "paper.toml").read_text())
 DOF = {word: dof for dof, word in PAPER_WORDS.items()}
 FAMILIES = {"tilt_longitudinal": ("x", "pitch"), "sideways_roll": ("y", "roll"), "rotation": ("yaw",), "vertical": ("z",)}
@@ -115,10 +116,9 @@ def save(name: str, text: str, rows: list[Row]) -> None:
     writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows([{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows])
-    folder = ROOT / "results"
-    folder.mkdir(exist_ok=True)
-    write_bytes(folder / f"{name}.md", text.encode())
-    write_bytes(folder / f"{name}.csv", stream.getvalue().encode())
+    RESULTS.mkdir(exist_ok=True)
+    write_bytes(RESULTS / f"{name}.md", text.encode())
+    write_bytes(RESULTS / f"{name}.csv", stream.getvalue().encode())
     print(text)
 
 
