@@ -86,3 +86,14 @@ def integrals(rigidity, mass, omega, motions):
         cells = [one.length * n / 8 for n in range(9)]
         slopes = [one.slope(motion) for motion in motions]
         return [float(MP.quad(lambda x: abs(slope(x)) ** 2, cells)) for slope in slopes]  # noqa: B023
+
+
+def test_what_dies_away_along_the_rod():
+    """Far above any overflow of sinh: both integrals are those of an exponential from each end, |kappa|^2 / (2 Im kappa) and 1 / (2 Im kappa)."""
+    rigidity, mass, omega = 20.0 * (1 + 0.5j), 1e-3, np.array([1e5, 1e7, 1e9])
+    kappa = np.sqrt(mass * omega**2 / rigidity)
+    ends = np.array([[[0.5]], [[-0.5]]]) * np.ones(3)  # only the upper end moves, by 1
+    with np.errstate(all="raise"):
+        strained, moved = rod.squared(rigidity, mass, LENGTH / 2, omega, ends)
+    np.testing.assert_allclose(strained[0], np.abs(kappa) ** 2 / (2 * np.abs(kappa.imag)), rtol=1e-12)
+    np.testing.assert_allclose(moved[0], 1 / (2 * np.abs(kappa.imag)), rtol=1e-12)

@@ -15,6 +15,9 @@ import numpy as np
 
 from suspension_cli.mechanics import curvature
 
+DEEP = 300.0
+"""Im(kappa h) above which a motion of one end does not reach the other, to rounding."""
+
 
 def stiffness(rigidity: Any, mass: Any, half: float, omega: Any) -> Any:
     """Dynamic stiffness (2, f), the elements of F_s U_s^2 / 2 + F_a U_a^2 / 2.
@@ -43,15 +46,21 @@ def squared(rigidity: Any, mass: Any, half: float, omega: Any, ends: Any) -> tup
     u = U_s cos(kappa x)/cos(kappa h) + U_a sin(kappa x)/sin(kappa h), with x from the middle; the products of even and odd parts integrate to 0.
     """
     square = mass * omega**2 / rigidity + 0 * omega
-    angle = np.sqrt(square + 0j) * half
-    size2 = np.abs(angle) ** 2
+    whole = np.sqrt(square + 0j) * half
+    size2, deep = np.abs(whole) ** 2, np.abs(whole.imag) > DEEP
+    angle = np.where(deep, 1.0, whole)
     still = size2 == 0
     # 1/h times the integrals of |cos(kappa x)|^2 and |sin(kappa x)|^2, and of the latter over |kappa h|^2
     cosine = curvature.sinhc(2 * angle.imag) + np.sinc(2 * angle.real / np.pi)
     sine = curvature.gap(2 * angle.real, 2 * angle.imag)
     slow_sine = np.where(still, 2 / 3, sine / np.where(still, 1.0, size2))
-    even, odd = np.abs(ends[0]) ** 2 / np.abs(np.cos(angle)) ** 2, np.abs(ends[1]) ** 2 / np.abs(_sinc(angle)) ** 2
-    return (even * size2 * sine + odd * cosine) / half, (even * cosine + odd * slow_sine) * half
+    even, odd = np.abs(ends[0]) ** 2, np.abs(ends[1]) ** 2
+    over_cos, over_sin = 1 / np.abs(np.cos(angle)) ** 2, 1 / np.abs(_sinc(angle)) ** 2
+    # what dies away along the rod: both kinds of integrals over |cos|^2 and |sin|^2 are 1 / Im(kappa h)
+    gone = 1 / np.where(deep, np.abs(whole.imag), 1.0)
+    strained = even * np.where(deep, size2 * gone, size2 * sine * over_cos) + odd * np.where(deep, size2 * gone, cosine * over_sin)
+    moved = even * np.where(deep, gone, cosine * over_cos) + odd * np.where(deep, gone, slow_sine * over_sin)
+    return strained / half, moved * half
 
 
 def resonances_below(rigidity: float, mass: float, half: float, omega: Any) -> Any:
