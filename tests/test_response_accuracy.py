@@ -156,17 +156,17 @@ def test_near_a_zero(kind, loss):
     grid = np.geomspace(0.1, 10, 4001)
     value = response.solve(model, grid, inputs, outputs).value[:, 0, 0].real
     turns = np.flatnonzero(np.sign(value[:-1]) != np.sign(value[1:]))
-    found = 0
+    poles, found = modes.solve(model).frequency, 0
     for n in turns:
         low, high = grid[n], grid[n + 1]
+        if ((poles > low) & (poles < high)).any():  # where it changes its sign too, and may be infinite
+            continue
         for _ in range(9):
             points = np.linspace(low, high, 101)
             same = response.solve(model, points, inputs, outputs).value[:, 0, 0].real * value[n] > 0
             last = int(np.flatnonzero(same)[-1])
             low, high = points[last], points[min(last + 1, 100)]
         compared = exact.compare(model, [low, high], inputs, outputs, condition=True)
-        if np.abs(compared.exact).max() > np.abs(value[n]):  # a pole
-            continue
         found += 1
         assert loss or compared.condition.max() > 1e10
         assert compared.error.max() < REQUIRED
