@@ -118,7 +118,7 @@ def assert_done_or_refused(content: str | bytes, *options: str) -> None:
             return
         assert [path.name for path in out.iterdir()] == [f"{answer['design']}-modes.h5"]
         for mode in answer["modes"]:
-            number = mode["growth_rate_per_s"] if mode["frequency_hz"] is None else mode["frequency_hz"]
+            number = mode.get("growth_rate_per_s", mode.get("decay_rate_per_s")) if mode["frequency_hz"] is None else mode["frequency_hz"]
             assert math.isfinite(number) and number >= 0
 
 
