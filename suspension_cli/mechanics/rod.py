@@ -46,9 +46,9 @@ def squared(rigidity: Any, mass: Any, half: float, omega: Any, ends: Any) -> tup
     u = U_s cos(kappa x)/cos(kappa h) + U_a sin(kappa x)/sin(kappa h), with x from the middle; the products of even and odd parts integrate to 0.
     """
     square = mass * omega**2 / rigidity + 0 * omega
-    whole = np.sqrt(square + 0j) * half
+    whole: Any = np.sqrt(square + 0j) * half
     size2, deep = np.abs(whole) ** 2, np.abs(whole.imag) > DEEP
-    angle = np.where(deep, 1.0, whole)
+    angle: Any = np.where(deep, 1.0, whole)
     still = size2 == 0
     # 1/h times the integrals of |cos(kappa x)|^2 and |sin(kappa x)|^2, and of the latter over |kappa h|^2
     cosine = curvature.sinhc(2 * angle.imag) + np.sinc(2 * angle.real / np.pi)
