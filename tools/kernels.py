@@ -34,7 +34,7 @@ def main() -> None:
             continue
         for threads in THREADS:
             print(f"{kernel}, {threads} thread{'s' * (threads > 1)}", flush=True)
-            done = subprocess.run([sys.executable, "-m", "pytest", "-n", "auto", *sys.argv[1:]], env=environment(kernel, threads), check=False)
+            done = subprocess.run([sys.executable, "-m", "pytest", "-n", "auto", "--dist", "loadfile", *sys.argv[1:]], env=environment(kernel, threads), check=False)
             if done.returncode:
                 failed.append(f"{kernel} with {threads}")
     if failed:
