@@ -29,55 +29,55 @@ $(DOCS_READY): $(READY)
 	@touch $@
 
 all: $(RESULTS)  ## every table, figure and chart, into results/
-	$(BIN)/python tools/overview.py
+	$(BIN)/python -m tools.overview
 
 tables: $(READY) ## Tables I and II of the paper, into results/
-	$(BIN)/python tools/tables.py
+	$(BIN)/python -m tools.tables
 
 fig3: $(READY)   ## Figure 3: tilt against the separation of the wires in x
-	$(BIN)/python tools/figure3.py
+	$(BIN)/python -m tools.figure3
 
 fig4: $(READY)   ## Figure 4: rotation against their upper separation in y
-	$(BIN)/python tools/figure4.py
+	$(BIN)/python -m tools.figure4
 
 fig5: $(READY)   ## Figure 5: the triple's longitudinal transfer function
-	$(BIN)/python tools/figure5.py
+	$(BIN)/python -m tools.figure5
 
 fig6: $(READY)   ## Figure 6: cross-coupling of the fused-silica stage
-	$(BIN)/python tools/figure6.py
+	$(BIN)/python -m tools.figure6
 
 blades: $(READY) ## what taking blades in series with angled wires costs
-	$(BIN)/python tools/blades.py
+	$(BIN)/python -m tools.blades
 
 support: $(READY) ## what a support that gives way does to Table I
-	$(BIN)/python tools/support.py
+	$(BIN)/python -m tools.support
 
 thermal: $(READY) ## thermal noise of a triple with a fused-silica final stage
-	$(BIN)/python tools/thermal.py
+	$(BIN)/python -m tools.thermal
 
 stability: $(READY) ## where methods fail, and that ours does not
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/atlas.py
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.atlas
 
 tradeoff: $(READY) ## speed against accuracy of every rung and method (two minutes)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/tradeoff.py
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.tradeoff
 
 auto: $(READY)   ## what auto leaves out, and what that costs, on 300 random suspensions
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tools/auto.py
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.auto
 
 modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
-	$(BIN)/python tools/youngs_modulus.py
+	$(BIN)/python -m tools.youngs_modulus
 
 optimise: $(READY) ## from vertical wires to a triple all of whose modes can be damped
-	$(BIN)/python tools/optimise.py
+	$(BIN)/python -m tools.optimise
 
 inference: $(READY) ## what the paper does not print of Tables I and II
-	$(BIN)/python tools/inference.py
+	$(BIN)/python -m tools.inference
 
 test: $(READY)   ## run the tests
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
 test-kernels: $(READY) ## run the tests under every kernel of OpenBLAS that this processor has, with one and two threads
-	$(BIN)/python tools/kernels.py
+	$(BIN)/python -m tools.kernels
 
 test-oldest:     ## run the tests with the oldest versions of all libraries that pyproject.toml admits, in build/oldest
 	@mkdir -p build
@@ -98,19 +98,19 @@ lint: $(READY)   ## style, types, layering
 docs: $(DOCS_READY) ## the site, into site/, with every link checked
 	rm -rf site
 	$(BIN)/python -m sphinx -W --keep-going -q -n -d build/doctrees -c docs . site
-	$(BIN)/python tools/links.py site
+	$(BIN)/python -m tools.links site
 
 reference: $(READY) ## the tables of docs/ that the program itself knows: keys and options
-	$(BIN)/python tools/reference.py
+	$(BIN)/python -m tools.reference
 
 tutorial: $(READY) ## run the tutorial, and take in what it prints and draws
-	$(BIN)/python tools/tutorial.py
+	$(BIN)/python -m tools.tutorial
 
 bench: $(READY)  ## what things cost, as ratios to a floor measured in the same run
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python bench/run.py
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.run
 
 golden: $(READY) ## regenerate tests/golden (say why in CHANGELOG.md, "Numbers changed")
-	$(BIN)/python tests/golden.py
+	$(BIN)/python -m tests.support.golden
 
 clean:           ## remove the environment and caches
 	rm -rf $(VENV) site .pytest_cache .ruff_cache .hypothesis build *.egg-info

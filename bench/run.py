@@ -1,7 +1,7 @@
-"""What things cost, each as a ratio to a floor measured in the same run: `make bench`.
+"""Run the benchmarks: times as ratios to a floor measured in the same run (`make bench`).
 
-Machines are shared and noisy, so every line is a ratio of medians over interleaved repetitions, with the
-spread of that ratio, beside the limit that we hold ourselves to.
+Machines are shared and noisy, so each line is a ratio of medians over interleaved repetitions, with
+the range of that ratio and its limit.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 Work = Callable[[], object]
 
 
 def interleaved(works: list[Work], repetitions: int) -> list[list[float]]:
-    """Seconds of every repetition of each work, taking turns so that drifts hit all alike; each runs once untimed before."""
+    """Time works in turns, so that drifts affect all equally: seconds of each repetition.
+
+    Each repetition is preceded by an untimed run.
+    """
     times: list[list[float]] = [[] for _ in works]
     for _ in range(repetitions):
         for work, row in zip(works, times, strict=True):
@@ -31,27 +31,33 @@ def interleaved(works: list[Work], repetitions: int) -> list[list[float]]:
 
 
 over: list[str] = []
-"""What was over its limit."""
+"""Names of the works over their limits."""
 
 
 def ratio(name: str, work: Work, floor: Work, limit: float, repetitions: int = 7) -> None:
-    """Print the ratio of a work to its floor."""
+    """Print the ratio of the time of a work to that of its floor."""
     ours, base = interleaved([work, floor], repetitions)
     ratios = sorted(a / b for a, b in zip(ours, base, strict=True))
     middle = statistics.median(ours) / statistics.median(base)
-    verdict = judged(name, middle, limit)
-    print(f"{verdict}  {name:62} {middle:6.3f} x  (limit {limit:g}, range {ratios[0]:.2f} to {ratios[-1]:.2f}; {statistics.median(ours) * 1e3:.3g} ms)")
+    verdict = judge(name, middle, limit)
+    print(
+        f"{verdict}  {name:62} {middle:6.3f} x  (limit {limit:g}, range {ratios[0]:.2f} to"
+        f" {ratios[-1]:.2f}; {statistics.median(ours) * 1e3:.3g} ms)"
+    )
 
 
 def absolute(name: str, work: Work, limit: float, repetitions: int = 51) -> None:
     """Print the median time of a work in ms."""
     (ours,) = interleaved([work], repetitions)
     middle = statistics.median(ours) * 1e3
-    print(f"{judged(name, middle, limit)}  {name:62} {middle:6.2f} ms (limit {limit:g}, fastest {min(ours) * 1e3:.2f})")
+    print(
+        f"{judge(name, middle, limit)}  {name:62} {middle:6.2f} ms (limit {limit:g}, fastest"
+        f" {min(ours) * 1e3:.2f})"
+    )
 
 
-def judged(name: str, value: float, limit: float) -> str:
-    """Good or over, and remembered."""
+def judge(name: str, value: float, limit: float) -> str:
+    """Compare a value with its limit; record the name if it is over."""
     if value <= limit:
         return "good"
     over.append(name)
@@ -59,23 +65,19 @@ def judged(name: str, value: float, limit: float) -> str:
 
 
 def shell(*command: str) -> Work:
-    """A work that runs a process."""
+    """Make a work that runs a process."""
     return lambda: subprocess.run(command, check=True, capture_output=True)
 
 
 def main() -> None:
     """Run every benchmark."""
-    import responses
-    import startup
-    import stiffness
-    import sweeps
-    import thermal
+    from bench import responses, startup, stiffness, sweeps, thermal
 
     stiffness.run(ratio, absolute)
     responses.run(ratio, absolute)
     thermal.run(ratio, absolute)
     startup.run(ratio, shell)
-    sweeps.run(ratio, absolute, judged)
+    sweeps.run(ratio, absolute, judge)
     if over:
         sys.exit("over: " + "; ".join(over))
 

@@ -1,4 +1,4 @@
-"""What the command costs before it computes anything."""
+"""Start-up time of the command."""
 
 from __future__ import annotations
 
@@ -11,9 +11,15 @@ TRIPLE = Path(__file__).parent.parent / "configs" / "husman2000" / "table2.toml"
 
 
 def run(ratio: Callable[..., None], shell: Callable[..., Callable[[], object]]) -> None:
-    """Start-up against the bare imports."""
+    """Time the start-up against the bare imports."""
     pendsus = str(Path(sys.executable).parent / "pendsus")
-    ratio("pendsus --help / python -c 'import click'", shell(pendsus, "--help"), shell(sys.executable, "-c", "import click"), 1.5, 15)
+    ratio(
+        "pendsus --help / python -c 'import click'",
+        shell(pendsus, "--help"),
+        shell(sys.executable, "-c", "import click"),
+        1.5,
+        15,
+    )
     with tempfile.TemporaryDirectory() as folder:
         ours = shell(pendsus, "modes", str(TRIPLE), "--json", "--out", folder)
         ratio(

@@ -1,4 +1,4 @@
-"""Frequencies of many triples by the force model, one triple by the string model."""
+"""Time of the frequencies of many triples by the force model, and of one by the string model."""
 
 from __future__ import annotations
 
@@ -7,29 +7,34 @@ from pathlib import Path
 
 import numpy as np
 
-from suspension_cli.analysis import modes
 from suspension_cli.design.reader import read
-from suspension_cli.mechanics import assemble
-from suspension_cli.mechanics.nominal import expand
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear import eigenmodes
 from suspension_cli.models import force
+from suspension_cli.models import string as string_model
 
 TRIPLE = Path(__file__).parent.parent / "configs" / "husman2000" / "table2.toml"
 
 
 def many_triples(count: int) -> force.Chain:
-    """The prototype triple with every length and stiffness varied by 1 %."""
+    """Vary each length and stiffness of the prototype triple by 1 %."""
     rng = np.random.default_rng(0)
     chain = force.chain(read(TRIPLE).design)
     vary = ("mass", "l", "t1", "t2", "d", "d_upper", "k", "s_upper", "s_lower", "blade_stiffness")
     stages = tuple(
-        force.Stage(**{key: value * (1 + 0.01 * rng.standard_normal(count)) if key in vary else value for key, value in vars(stage).items()})
+        force.Stage(
+            **{
+                key: value * (1 + 0.01 * rng.standard_normal(count)) if key in vary else value
+                for key, value in vars(stage).items()
+            }
+        )
         for stage in chain.stages
     )
     return force.Chain(stages, chain.gravity)
 
 
 def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
-    """100,000 triples against bare LAPACK on the same blocks; one string build and solve."""
+    """Time 100,000 triples against bare LAPACK on the same blocks, and one string model."""
     chain = many_triples(100_000)
     blocks = list(force.dynamics(chain).values())
     ratio(
@@ -40,4 +45,8 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
         5,
     )
     design = read(TRIPLE).design
-    absolute("string, build and solve one triple", lambda: modes.solve(assemble.linear_model(expand(design))), 2.0)
+    absolute(
+        "string, build and solve one triple",
+        lambda: eigenmodes.solve(string_model.linear_model(expand(design))),
+        2.0,
+    )

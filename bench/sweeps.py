@@ -1,4 +1,4 @@
-"""Imperfect builds: what a point costs on one core, what a second process brings, and how much memory a long sweep takes."""
+"""Sweeps of imperfect builds: time per build, gain by a second process, and memory."""
 
 from __future__ import annotations
 
@@ -13,52 +13,78 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analysis import builds, coupling, signals
-from suspension_cli.analysis.axes import Axis
-from suspension_cli.analysis.coupling import Question, Sweep
-from suspension_cli.analysis.tolerance import Tolerances
+from suspension_cli.analyses.tolerance.solve import RandomBuilds
+from suspension_cli.analyses.xcouple import solve as coupling
+from suspension_cli.analyses.xcouple.solve import CouplingRequest, Sweep
 from suspension_cli.design.reader import parse, read
-from suspension_cli.mechanics import equilibrium
-from suspension_cli.mechanics.nominal import expand
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear import signals
+from suspension_cli.studies import builds
+from suspension_cli.studies.axes import Axis
 
 CONFIGS = Path(__file__).parent.parent / "configs"
-SINGLE, TRIPLE, RANDOM = CONFIGS / "husman2000" / "figure6.toml", CONFIGS / "husman2000" / "table2.toml", CONFIGS / "triple-tolerance.toml"
+SINGLE, TRIPLE, RANDOM = (
+    CONFIGS / "husman2000" / "figure6.toml",
+    CONFIGS / "husman2000" / "table2.toml",
+    CONFIGS / "triple-tolerance.toml",
+)
 BUILDS = 2048
 CHUNK = 512
-GRID = {10_000: "k=0.6:1.4:100,offset=-2e-3:2e-3:100", 400_000: "k=0.6:1.4:500,offset=-2e-3:2e-3:800", 1_000_000: "k=0.6:1.4:1000,offset=-2e-3:2e-3:1000"}
+GRID = {
+    10_000: "k=0.6:1.4:100,offset=-2e-3:2e-3:100",
+    400_000: "k=0.6:1.4:500,offset=-2e-3:2e-3:800",
+    1_000_000: "k=0.6:1.4:1000,offset=-2e-3:2e-3:1000",
+}
 MAIN = "from suspension_cli.cli.main import main; main(prog_name='pendsus', standalone_mode=False)"
-MEMORY = f"{MAIN}; import resource as r; print('peak', *(r.getrusage(who).ru_maxrss // 1024 for who in (r.RUSAGE_SELF, r.RUSAGE_CHILDREN)))"
+MEMORY = (
+    f"{MAIN}; import resource as r; print('peak', *(r.getrusage(who).ru_maxrss // 1024 for who in"
+    " (r.RUSAGE_SELF, r.RUSAGE_CHILDREN)))"
+)
 FLAT = 200
-"""MB by which the peak may grow from ten thousand points to a million."""
+"""Largest growth of peak memory from ten thousand points to a million, MB."""
 
 
-def asked(names: tuple[str, ...], wire: int) -> Question:
-    """x over z of the last stage at 50 Hz."""
+def coupling_question(names: tuple[str, ...], wire: int) -> CouplingRequest:
+    """Coupling x over z of the last stage at 50 Hz."""
     known = ("support", *names)
-    over, under = (signals.motion(f"{known[-1]}.{dof}@0,0,-0.001", known) for dof in "xz")
-    return Question(wire, len(names), "loaded-length", signals.drive("support.z", known), over, under, (50.0,))
+    over, under = (signals.parse_output(f"{known[-1]}.{dof}@0,0,-0.001", known) for dof in "xz")
+    return CouplingRequest(
+        wire,
+        len(names),
+        "loaded-length",
+        signals.parse_input("support.z", known),
+        over,
+        under,
+        (50.0,),
+    )
 
 
 def sweep(file: Path) -> Sweep:
-    """The last stage's first wire, k and offset."""
+    """Sweep of k and offset of the first wire of the last stage."""
     source = read(file)
     scene = expand(source.design)
     wire = scene.wires.label.index(f"{scene.bodies.name[-1]}.1")
-    axes = (Axis("k", tuple(np.linspace(0.6, 1.4, 64))), Axis("offset", tuple(np.linspace(-2e-3, 2e-3, BUILDS // 64))))
-    return Sweep(source.text, axes, asked(scene.bodies.name, wire))
+    axes = (
+        Axis("k", tuple(np.linspace(0.6, 1.4, 64))),
+        Axis("offset", tuple(np.linspace(-2e-3, 2e-3, BUILDS // 64))),
+    )
+    return Sweep(source.text, axes, coupling_question(scene.bodies.name, wire))
 
 
-def computed(job: Any) -> Callable[[], object]:
-    """All builds of a job in this process, in chunks."""
+def compute_all(job: Any) -> Callable[[], object]:
+    """Make a work that computes all builds of a job in this process, in chunks."""
     return lambda: [job.compute(start, start + CHUNK) for start in range(0, job.count, CHUNK)]
 
 
-def bare(job: Sweep) -> Callable[[], object]:
-    """The floor: `numpy.linalg.solve` alone for every Newton step and for the response of the same builds, matrices made beforehand."""
+def linear_algebra_floor(job: Sweep) -> Callable[[], object]:
+    """Build the floor: bare `numpy.linalg.solve` for all Newton steps and responses."""
     design = parse(job.text)
     chosen = np.unravel_index(np.arange(job.count), job.shape)
-    values = {axis.name: np.array(axis.values)[pick] for axis, pick in zip(job.axes, chosen, strict=True)}
-    scene = coupling.imperfect(expand(design), values, job.question)
+    values = {
+        axis.name: np.array(axis.values)[pick] for axis, pick in zip(job.axes, chosen, strict=True)
+    }
+    scene = coupling.impose(expand(design), values, job.question)
     model = builds.balance(scene, design).model
     steps = equilibrium.solve(scene).iterations
     stiffness, mass = model.stiffness[:, 6:, 6:].copy(), model.mass[:, 6:, 6:].copy()
@@ -66,8 +92,8 @@ def bare(job: Sweep) -> Callable[[], object]:
     return lambda: [np.linalg.solve(matrix, right) for matrix in (*(stiffness,) * steps, dynamic)]
 
 
-def eigen(job: Tolerances) -> Callable[[], object]:
-    """The floor of random builds: `numpy.linalg.eigh` of as many matrices of the size of their dynamics."""
+def eigenvalue_floor(job: RandomBuilds) -> Callable[[], object]:
+    """Build the floor of random builds: `numpy.linalg.eigh` of as many matrices of equal size."""
     size = len(job.nominal.omega_squared)
     root = np.random.default_rng(0).normal(size=(job.count, size, size))
     matrices = root @ np.swapaxes(root, -1, -2)
@@ -75,41 +101,114 @@ def eigen(job: Tolerances) -> Callable[[], object]:
 
 
 def seconds(folder: str, count: int, workers: int) -> float:
-    """What a whole run of `pendsus xcouple` of the single stage takes."""
-    words = ["xcouple", str(SINGLE), "--sweep", GRID[count], "--no-plot", "-q", "--workers", str(workers), "--out", folder]
+    """Time a whole run of `pendsus xcouple` on the single stage."""
+    words = [
+        "xcouple",
+        str(SINGLE),
+        "--sweep",
+        GRID[count],
+        "--no-plot",
+        "-q",
+        "--workers",
+        str(workers),
+        "--out",
+        folder,
+    ]
     start = time.perf_counter()
     subprocess.run([sys.executable, "-c", MAIN, *words], check=True, capture_output=True)
     return time.perf_counter() - start
 
 
 def peak(folder: str, count: int, workers: int) -> int:
-    """Largest memory of a run, MB: of the main process and, together, of its workers."""
-    words = ["xcouple", str(SINGLE), "--sweep", GRID[count], "--no-plot", "-q", "--workers", str(workers), "--out", folder]
-    # by way of a shell, small when it forks: a process is charged with the memory of the one that it was forked from
-    result = subprocess.run(["sh", "-c", '"$@"; exit $?', "sh", sys.executable, "-c", MEMORY, *words], check=True, capture_output=True, text=True)
+    """Measure the peak memory of a run, MB: main process plus workers."""
+    words = [
+        "xcouple",
+        str(SINGLE),
+        "--sweep",
+        GRID[count],
+        "--no-plot",
+        "-q",
+        "--workers",
+        str(workers),
+        "--out",
+        folder,
+    ]
+    # through a small shell: a process counts the memory of the one that it is forked from
+    result = subprocess.run(
+        ["sh", "-c", '"$@"; exit $?', "sh", sys.executable, "-c", MEMORY, *words],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     own, worker = map(int, result.stdout.split("peak")[1].split())
     return own + (workers * worker if workers > 1 else 0)
 
 
-def run(ratio: Callable[..., None], absolute: Callable[..., None], judged: Callable[..., str]) -> None:
-    """Points a second on one core, two processes against one, memory from ten thousand points to a million."""
-    for name, file, limit, most in (("single stage", SINGLE, 100.0, 45.0), ("triple", TRIPLE, 500.0, 15.0)):
+def run(
+    ratio: Callable[..., None], absolute: Callable[..., None], judge: Callable[..., str]
+) -> None:
+    """Time builds on one core and two processes against one; compare the memory of long sweeps."""
+    for name, file, limit, most in (
+        ("single stage", SINGLE, 100.0, 45.0),
+        ("triple", TRIPLE, 500.0, 15.0),
+    ):
         job = sweep(file)
-        absolute(f"xcouple, {name}, {BUILDS} builds on one core, {limit:g} us each", computed(job), limit * BUILDS / 1000, 7)
-        ratio("the same / numpy.linalg.solve for each Newton step and response", computed(job), bare(job), most, 7)
-    bent = replace(sweep(TRIPLE), level="violin")
-    absolute(f"xcouple --fidelity violin, triple, {BUILDS} builds on one core, 5 ms each", computed(bent), 5.0 * BUILDS, 3)
+        absolute(
+            f"xcouple, {name}, {BUILDS} builds on one core, {limit:g} us each",
+            compute_all(job),
+            limit * BUILDS / 1000,
+            7,
+        )
+        ratio(
+            "the same / numpy.linalg.solve for each Newton step and response",
+            compute_all(job),
+            linear_algebra_floor(job),
+            most,
+            7,
+        )
+    with_wire_mass = replace(sweep(TRIPLE), level="violin")
+    absolute(
+        f"xcouple --fidelity violin, triple, {BUILDS} builds on one core, 5 ms each",
+        compute_all(with_wire_mass),
+        5.0 * BUILDS,
+        3,
+    )
     source = read(RANDOM)
-    random = Tolerances(source.text, BUILDS, 7, asked(tuple(stage.name for stage in source.design.stage), 0))
-    absolute(f"tolerance, triple, {BUILDS} builds on one core, 2 ms each", computed(random), 2.0 * BUILDS, 3)
-    ratio("the same / numpy.linalg.eigh of their dynamics", computed(random), eigen(random), 30.0, 3)
+    random = RandomBuilds(
+        source.text,
+        BUILDS,
+        7,
+        coupling_question(tuple(stage.name for stage in source.design.stage), 0),
+    )
+    absolute(
+        f"tolerance, triple, {BUILDS} builds on one core, 2 ms each",
+        compute_all(random),
+        2.0 * BUILDS,
+        3,
+    )
+    ratio(
+        "the same / numpy.linalg.eigh of their dynamics",
+        compute_all(random),
+        eigenvalue_floor(random),
+        30.0,
+        3,
+    )
     with tempfile.TemporaryDirectory() as folder:
         times = [(seconds(folder, 400_000, 1), seconds(folder, 400_000, 2)) for _ in range(3)]
         one, two = (min(column) for column in zip(*times, strict=True))
         name = "pendsus xcouple, 400,000 builds, two processes / one"
-        verdict = judged(name, two / one, 1 / 1.7)
-        print(f"{verdict}  {name:62} {two / one:6.3f} x  (limit 1/1.7; {one / two:.2f} times as fast; best of three: {one:.1f} s and {two:.1f} s)")
+        verdict = judge(name, two / one, 1 / 1.7)
+        print(
+            f"{verdict}  {name:62} {two / one:6.3f} x  (limit 1/1.7; {one / two:.2f} times as fast;"
+            f" best of three: {one:.1f} s and {two:.1f} s)"
+        )
         for workers in (1, 2):
             small, large = (peak(folder, count, workers) for count in (10_000, 1_000_000))
-            name = f"pendsus xcouple, peak memory of a million builds less that of ten thousand, workers: {workers}"
-            print(f"{judged(name, large - small, FLAT)}  {name} {large - small:4d} MB (limit {FLAT}; {small} to {large} MB)")
+            name = (
+                "pendsus xcouple, peak memory of a million builds less that of ten thousand,"
+                f" workers: {workers}"
+            )
+            print(
+                f"{judge(name, large - small, FLAT)}  {name} {large - small:4d} MB (limit {FLAT};"
+                f" {small} to {large} MB)"
+            )

@@ -1,6 +1,7 @@
-"""How Sphinx builds the site: pages of docs/ and results/, strict, with equations that need no script and no network.
+"""Sphinx configuration of the site: strict, with equations that need no script and no network.
 
-The source folder is the checkout (`make docs`), so that a page links to another, to a result or to a design by the same relative path here and on the web.
+The source folder is the checkout (`make docs`), so that relative links between pages, results and
+designs are valid both on the site and in the repository.
 """
 
 from __future__ import annotations
@@ -22,8 +23,10 @@ logger = getLogger(__name__)
 project = "pendsus"
 html_title = "pendsus"
 root_doc = "docs/index"
-include_patterns = ["docs/*.md", "results/*.md", "CHANGELOG.md"]
-extensions = ["myst_parser"]
+include_patterns = ["docs/*.md", "results/*.md", "CONTRIBUTING.md", "CHANGELOG.md"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+napoleon_google_docstring = False
+autodoc_typehints = "none"
 html_math_renderer = "mathml"
 html_theme = "furo"
 html_copy_source = False
@@ -35,10 +38,11 @@ html_css_files = ["site.css"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # anchors as forges make them, so that #section links mean the same there
 nitpicky = True
+nitpick_ignore_regex = [("py:.*", ".*")]  # types in docstrings are words
 
 
 def setup(app: Sphinx) -> None:
-    """Set equations at build time, and leave a page at the top of the site that leads to the first one."""
+    """Render equations at build time, and redirect the top of the site to the first page."""
     app.add_html_math_renderer("mathml", (in_line, None), (displayed, None))
     app.connect("build-finished", redirect)
 
@@ -56,7 +60,7 @@ def displayed(writer: Any, node: nodes.math_block) -> None:
 
 
 def mathml(node: nodes.Element, *, as_block: bool) -> str:
-    """LaTeX as MathML, which browsers show by themselves; what docutils does not know is a warning, and so an error."""
+    """Convert LaTeX to MathML; LaTeX that docutils does not know is a warning, and so an error."""
     text = node.astext()
     try:
         if re.search(r"frac(?!\{)", text):
@@ -68,6 +72,9 @@ def mathml(node: nodes.Element, *, as_block: bool) -> str:
 
 
 def redirect(app: Sphinx, error: Exception | None) -> None:
-    """The page at the top."""
+    """Write the page at the top of the site, which redirects to the first one."""
     if error is None and app.builder.name == "html":
-        Path(app.outdir, "index.html").write_text('<!doctype html><title>pendsus</title><meta http-equiv="refresh" content="0; url=docs/index.html">\n')
+        Path(app.outdir, "index.html").write_text(
+            "<!doctype html><title>pendsus</title>"
+            '<meta http-equiv="refresh" content="0; url=docs/index.html">\n'
+        )

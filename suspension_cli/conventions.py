@@ -1,4 +1,4 @@
-"""Names and orders that every part agrees on.
+"""Names, orders and signs of coordinates, and constants of nature.
 
 A body has six coordinates at its centre of mass, in this order: x (longitudinal, along the beam),
 y (transverse), z (vertical, up), roll, pitch, yaw (right-handed rotations about x, y, z).
@@ -6,10 +6,12 @@ y (transverse), z (vertical, up), roll, pitch, yaw (right-handed rotations about
 
 from __future__ import annotations
 
+import os
+
 DOFS = ("x", "y", "z", "roll", "pitch", "yaw")
 """A body's coordinates, in order: three displacements in m, three rotations in rad."""
 
-WORDS = {
+DOF_NAMES = {
     "x": "longitudinal",
     "y": "transverse",
     "z": "vertical",
@@ -17,26 +19,56 @@ WORDS = {
     "pitch": "pitch",
     "yaw": "yaw",
 }
-"""The field's word for each coordinate (Husman et al. call them longitudinal, sideways, vertical, roll, tilt, rotation)."""
+"""Name of each coordinate in the field."""
 
-WIRE_WORDS = {"violin-x": "violin longitudinal", "violin-y": "violin transverse", "stretch": "wire stretching", "twist": "wire twisting"}
-"""What a wire with mass can do by itself: vibrate in its two principal planes (the first is the one nearest to x), stretch, twist."""
+WIRE_MODE_NAMES = {
+    "violin-x": "violin longitudinal",
+    "violin-y": "violin transverse",
+    "stretch": "wire stretching",
+    "twist": "wire twisting",
+}
+"""Name of each kind of internal mode of a wire: vibration in its two principal planes (the first is
+the one nearest to x), stretching, twisting."""
 
-PAPER_WORDS = {"x": "longitudinal", "y": "sideways", "z": "vertical", "roll": "roll", "pitch": "tilt", "yaw": "rotation"}
-"""The paper's word for each coordinate."""
+PAPER_DOF_NAMES = {
+    "x": "longitudinal",
+    "y": "sideways",
+    "z": "vertical",
+    "roll": "roll",
+    "pitch": "tilt",
+    "yaw": "rotation",
+}
+"""Name of each coordinate in Husman et al. (2000)."""
 
 SUPPORT = "support"
 """The suspension point structure: its six motions are inputs."""
 
 PARITY_X = (-1, 1, 1, 1, -1, -1)
-"""Sign that each coordinate takes when the scene is mirrored in x (x to -x): displacements are
-polar vectors, rotations axial ones."""
+"""Factor of each coordinate in the mirror image x -> -x: displacements are polar vectors, rotations
+axial ones."""
 
 PARITY_Y = (1, -1, 1, -1, 1, -1)
-"""Sign that each coordinate takes when the scene is mirrored in y (y to -y)."""
+"""Factor of each coordinate in the mirror image y -> -y."""
 
 BOLTZMANN = 1.380649e-23
 """Boltzmann's constant in J/K (exact since 2019)."""
 
 AVOGADRO = 6.02214076e23
 """Avogadro's constant in 1/mol (exact since 2019)."""
+
+
+def _analyses() -> tuple[str, ...]:
+    """List the folders of `analyses/` with a command, in the order in which users meet them."""
+    order = "modes response thermal sweep sensitivity fit optimise xcouple tolerance tradeoff damp"
+    known = order.split()
+    folder = os.path.join(os.path.dirname(__file__), "analyses")
+    found = (
+        entry.name
+        for entry in os.scandir(folder)
+        if os.path.isfile(os.path.join(entry.path, "command.py"))
+    )
+    return tuple(sorted(found, key=lambda n: (known.index(n) if n in known else len(known), n)))
+
+
+ANALYSES = _analyses()
+"""Names of the analyses: of their folders, commands and `[analysis]` tables."""

@@ -1,8 +1,8 @@
-"""What can go wrong, told so that the user can mend it.
+"""Errors of the input, with messages that say how to correct them.
 
-Every fault of the input is one line: where (file and key path), what was found, why it will not do
-and what to write instead.  Commands turn `InputError` into exit code 2, any other `PendsusError`
-into its own (1, or 130 after Ctrl-C).
+Every fault is one line: where (file and key path), what was found, what is wrong with it and what
+to write instead. Commands turn a `PendsusError` into its exit code: 2 for `InputError`, 130 after
+Ctrl-C, else 1.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ class Fault:
     Attributes
     ----------
     key : str
-        Dotted path of the key (``stage.test.wires.l``), an option (``--out``) or ``""`` for the whole file.
+        Dotted path of the key (``stage.test.wires.l``), an option (``--out``) or ``""`` for the
+        whole file.
     problem : str
-        What is wrong, in the user's words.
+        What is wrong, as a verb phrase: ``must be positive``.
     remedy : str
-        What to do about it.
+        What to do about it, as an imperative.
     value : str or None
         The value found, as it would be written in the file; None where nothing was given.
     """
@@ -34,32 +35,36 @@ class Fault:
     value: str | None = None
 
     def line(self, file: str) -> str:
-        """The fault as one line of text, whatever characters the file holds."""
-        where = f"{file}: " if file else ""
-        key = self.key if self.value is None else f"{self.key} = {self.value}" if self.key else self.value
-        return printable(f"{where}{key + ': ' if key else ''}{self.problem}; {self.remedy}")
+        """The fault as one printable line: ``file: key = value: problem; remedy``."""
+        found = " = ".join(filter(None, (self.key, self.value)))
+        message = f"{self.problem}; {self.remedy}"
+        return escape_unprintable(": ".join(filter(None, (file, found, message))))
 
 
 class PendsusError(Exception):
-    """Anything that stops a run and is not a bug.  ``exit_code`` is what the shell sees."""
+    """Anything that stops a run and is not a bug; ``exit_code`` is returned to the shell."""
 
     exit_code = 1
 
 
+class PendsusWarning(UserWarning):
+    """What a result must not be used without; `pendsus` prints it on stderr."""
+
+
 class Interrupted(PendsusError):
-    """Ctrl-C, where there is something to say of what was done until then."""
+    """Ctrl-C, with a message about what was completed."""
 
     exit_code = 130
 
 
 class InputError(PendsusError):
-    """The input is at fault: all its faults at once.
+    """Faults of the input, all at once.
 
     Parameters
     ----------
     faults : sequence of Fault
     file : str
-        The file (or ``""``: the command line) in which they were found.
+        In which they were found; ``""`` for the command line.
     """
 
     exit_code = 2
@@ -70,62 +75,77 @@ class InputError(PendsusError):
         super().__init__("\n".join(fault.line(file) for fault in self.faults))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Fault, ...], str]]:
-        """As it crosses from a worker process: an exception is rebuilt from its message otherwise."""
+        """Arguments to rebuild the error from, when a worker process returns it."""
         return InputError, (self.faults, self.file)
 
     def in_file(self, file: str) -> InputError:
-        """The same faults, told of ``file``."""
+        """The same faults, attributed to a file."""
         return InputError(self.faults, file)
 
 
 @contextlib.contextmanager
-def faults_of(file: str) -> Iterator[None]:
-    """Tell faults that are found in the meantime of a file, unless they are of another."""
+def attribute_faults_to(file: str) -> Iterator[None]:
+    """Attribute faults that are raised inside to a file, unless they already name another.
+
+    Faults of options that say where results are written stay as they are.
+    """
     try:
         yield
     except InputError as error:
-        raise error if error.file else error.in_file(file) from None
+        own = error.file or any(fault.key in ("--out", "--resume") for fault in error.faults)
+        raise error if own else error.in_file(file) from None
 
 
-SHOWN = 60
-"""Longest text of a value in a message."""
+MAX_VALUE_LENGTH = 60
+"""Longest text of a value in a message, characters."""
 
 
-def joined(errors: list[InputError]) -> InputError:
-    """The faults of several files as one error."""
+def join_errors(errors: list[InputError]) -> InputError:
+    """Join the faults of several files into one error."""
     whole = InputError([fault for error in errors for fault in error.faults])
     whole.args = ("\n".join(str(error) for error in errors),)
     return whole
 
 
-def shown(value: object, depth: int = 0) -> str:
-    """A value as TOML would write it, shortened to one readable line."""
+def format_value(value: object, depth: int = 0) -> str:
+    """Write a value as in TOML, shortened to one readable line."""
     if isinstance(value, bool):
         text = "true" if value else "false"
     elif isinstance(value, str):
-        text = f'"{printable(value[:SHOWN].translate(_QUOTED))}"'
+        text = f'"{escape_unprintable(value[:MAX_VALUE_LENGTH].translate(_QUOTED))}"'
     elif isinstance(value, dict):
-        text = "{" + ", ".join(key_shown(key) for key in list(value)[:SHOWN]) + "}"
+        text = "{" + ", ".join(format_key(key) for key in list(value)[:MAX_VALUE_LENGTH]) + "}"
     elif isinstance(value, (list, tuple)):
-        text = "[...]" if depth > 3 else "[" + ", ".join(shown(item, depth + 1) for item in value[:SHOWN]) + "]"
+        text = (
+            "[...]"
+            if depth > 3
+            else "["
+            + ", ".join(format_value(item, depth + 1) for item in value[:MAX_VALUE_LENGTH])
+            + "]"
+        )
     elif isinstance(value, int) and value.bit_length() > 4096:
         text = hex(value)  # Python writes no decimal numbers of more than 4300 digits
     else:
         text = str(value)
-    return text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."
+    return text if len(text) <= MAX_VALUE_LENGTH else text[: MAX_VALUE_LENGTH - 3] + "..."
 
 
-def key_shown(key: str) -> str:
-    """A key as TOML would write it: bare where that is allowed."""
+def format_key(key: str) -> str:
+    """Write a key as in TOML: bare where that is allowed."""
     bare = key.isascii() and key.replace("-", "").replace("_", "").isalnum()
-    return key if bare and len(key) <= SHOWN else shown(key)
+    return key if bare and len(key) <= MAX_VALUE_LENGTH else format_value(key)
 
 
-def printable(text: str) -> str:
-    """A text with escapes for what would break its line or cannot be printed."""
+def escape_unprintable(text: str) -> str:
+    """Escape line breaks and unprintable characters of a text."""
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() else _ESCAPES.get(c) or (f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}") for c in text)
+    return "".join(
+        c
+        if c.isprintable()
+        else _ESCAPES.get(c) or (f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}")
+        for c in text
+    )
 
 
 _ESCAPES = {"\n": "\\n", "\t": "\\t", "\r": "\\r"}

@@ -1,54 +1,66 @@
-"""Grids as users write them: ``start:stop:count[:log|lin]``, a comma list, or a single number."""
+"""Grids of numbers: ``start:stop:count[:log|lin]``, a comma list, or a single number."""
 
 from __future__ import annotations
 
 import math
 
-from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.errors import Fault, InputError, format_value
 
 MAX_POINTS = 10_000_000
-"""Longest grid; more is a slip of the keyboard."""
+"""Longest grid; a longer one is taken for a typing error."""
 
 
-def grid(text: str, option: str, default: str = "lin", *, lowest: float = -math.inf) -> list[float]:
-    """The numbers that a grid stands for.
+def parse_grid(
+    text: str, option: str, default: str = "lin", *, lowest: float = -math.inf
+) -> list[float]:
+    """Parse a grid.
 
     Parameters
     ----------
     text : str
     option : str
-        The option that it was given to, for faults.
+        The option that gave it, for error messages.
     default : {"lin", "log"}
-        Spacing if the grid does not say.
+        Spacing if the grid names none.
     lowest : float
-        Every number must lie above it.
+        Every number must be above it.
 
     Raises
     ------
     InputError
-        If it is no grid.
+        If the text is not a grid.
+
+    Examples
+    --------
+    >>> grid("1:100:3:log", "--frequency")
+    [1.0, 10.0, 100.0]
     """
     remedy = "write start:stop:count[:log|lin], numbers with commas, or one number"
     try:
-        values = _colon(text, default) if ":" in text else [float(part) for part in text.split(",")]
+        values = _range(text, default) if ":" in text else [float(part) for part in text.split(",")]
     except (ValueError, OverflowError) as error:
-        raise InputError([Fault(option, f"is no grid ({error})", remedy, shown(text))]) from None
+        raise InputError(
+            [Fault(option, f"is not a grid ({error})", remedy, format_value(text))]
+        ) from None
     if not values or not all(math.isfinite(value) and value > lowest for value in values):
         bound = "" if lowest == -math.inf else f" above {lowest:g}"
-        raise InputError([Fault(option, f"must hold finite numbers{bound}", remedy, shown(text))])
+        raise InputError(
+            [Fault(option, f"must contain finite numbers{bound}", remedy, format_value(text))]
+        )
     return values
 
 
-def _colon(text: str, default: str) -> list[float]:
+def _range(text: str, default: str) -> list[float]:
+    """Numbers of ``start:stop:count[:log|lin]``, both ends exact."""
     parts = text.split(":")
     if len(parts) < 3:
         raise ValueError("the count is missing")
     start, stop, number, *spacing = parts
     if len(spacing) > 1 or (spacing and spacing[0] not in ("lin", "log")):
-        raise ValueError("spacing is lin or log")
+        raise ValueError("the spacing must be lin or log")
     first, last, count = float(start), float(stop), int(number)
     if not 1 <= count <= MAX_POINTS:
-        raise ValueError(f"count is from 1 to {MAX_POINTS}")
+        raise ValueError(f"the count must be from 1 to {MAX_POINTS}")
     if count == 1:
         return [first]
     steps = range(count)

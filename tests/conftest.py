@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import gc
+import sys
 
-from suspension_cli.plots import style
+from suspension_cli.drawing import style
 
 SHIPPED_DPI = style.DPI
 style.DPI = 60
-"""Pictures are compared with each other and measured in inches: a third of the dots shows the same."""
+"""Pictures are compared with each other and measured in inches: a third of the dots shows the
+same."""
+
+vars(sys.modules["__main__"]).update(__spec__=None, __file__=None)
+"""Workers of sweeps are started anew and would import the main module of this process: pytest,
+which they have no use for."""
 
 
 def pytest_collection_finish():
-    """What the tests import stays for good, so the collector of garbage need not look through it again and again: a seventh of all time."""
+    """What the tests import stays for good, so the collector of garbage need not look through it
+    again and again: a seventh of all time."""
     gc.freeze()
     gc.set_threshold(100_000, 20, 50)

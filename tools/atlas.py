@@ -1,6 +1,6 @@
-"""The stability atlas: where methods fail, and that what the program does holds.
+"""Stability atlas: where numerical methods fail, and the errors of the program there.
 
-Writes `results/stability.md` and `.png`.  Run by `make stability`.
+Writes `results/stability.md` and `.png`. Run by `make stability`.
 """
 
 from __future__ import annotations
@@ -9,13 +9,12 @@ import math
 import time
 from collections.abc import Callable
 
-from stability import beams, blades, couplings, frequency, geometry, masses, modal
-from stability.draw import draw
-from stability.references import ROOT
-from stability.row import BROKEN, SHIPPED, Row
-
-from suspension_cli.plots.style import house, save
-from suspension_cli.results import write_bytes
+from suspension_cli.drawing.style import house_style, save
+from suspension_cli.files.atomic import write_bytes
+from tests.support.paths import ROOT
+from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal
+from tools.stability.draw import draw
+from tools.stability.row import BROKEN, SHIPPED, Row
 
 ROWS: dict[str, Callable[[], Row]] = {
     "roll-off": frequency.roll_off,
@@ -34,14 +33,14 @@ ROWS: dict[str, Callable[[], Row]] = {
     "quality": modal.quality,
     "masses": masses.row,
 }
-"""Every row of the atlas, in its order."""
+"""Rows of the atlas, in order."""
 
 HEAD = f"""# Where methods fail
 
 Each row drives one parameter to where methods are known to fail, and compares each with closed forms or arithmetic of 50 digits and more. A method has
 broken where it is wrong by more than {100 * BROKEN:g} %, from there on. ε is the rounding of double precision, 1.1 × 10⁻¹⁶. What fails here is written as
 people write it (`tools/stability/naive.py`, `tools/stability/energy.py`); what holds is the program, called through its public functions.
-`make stability` writes this page, `tests/test_stability.py` pins every row.
+`make stability` writes this page, `tests/linear/test_stability.py` pins every row.
 
 ![Relative error of each method along the parameter that drives it](stability.png)
 
@@ -50,8 +49,8 @@ people write it (`tools/stability/naive.py`, `tools/stability/energy.py`); what 
 """
 
 
-def power(value: float) -> str:
-    """A number of engineering size as it stands, others as a mantissa and a power of ten."""
+def format_number(value: float) -> str:
+    """Format a number: plain from 1e-3 to 1e4, otherwise as mantissa and power of ten."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "∞"
     if 1e-3 <= abs(value) < 1e4:
@@ -63,35 +62,56 @@ def power(value: float) -> str:
 
 
 def table_row(row: Row) -> str:
-    """One line of the table."""
-    breaks = [f"{name}: {power(at)}" for name in row.others if (at := row.broken_at(name)) is not None]
-    holds = [f"{name}: {_held(row, name)}" for name in row.others if row.broken_at(name) is None]
-    ours = [_ours(row, name) for name in row.shipped]
-    cells = (f"**{row.title}**", row.driver.replace("|", r"\|"), "<br>".join(breaks + holds), "<br>".join(ours), row.limit)
+    """Format one line of the table."""
+    breaks = [
+        f"{name}: {format_number(at)}"
+        for name in row.others
+        if (at := row.broken_at(name)) is not None
+    ]
+    holds = [
+        f"{name}: {_describe_valid(row, name)}"
+        for name in row.others
+        if row.broken_at(name) is None
+    ]
+    own = [_describe_own(row, name) for name in row.shipped]
+    cells = (
+        f"**{row.title}**",
+        row.driver.replace("|", r"\|"),
+        "<br>".join(breaks + holds),
+        "<br>".join(own),
+        row.limit,
+    )
     return "| " + " | ".join(cells) + " |"
 
 
-def _held(row: Row, name: str) -> str:
-    """What is said of a method that is right in the end, though perhaps not all the way."""
+def _describe_valid(row: Row, name: str) -> str:
+    """Describe a method that is right at the last value: always, or beyond some value."""
     worst = int(row.error[name].argmax())
-    return "holds" if row.worst(name) <= BROKEN else f"off by {power(row.worst(name))} at {power(float(row.value[worst]))}, right beyond"
+    return (
+        "holds"
+        if row.worst(name) <= BROKEN
+        else f"off by {format_number(row.worst(name))} at {format_number(float(row.value[worst]))}, right beyond"
+    )
 
 
-def _ours(row: Row, name: str) -> str:
-    """How far off one of our own methods is: at most, or, where it breaks too, from where on."""
-    at, what = row.broken_at(name), name.removeprefix(SHIPPED).removeprefix(":").removeprefix(",").strip()
-    found = power(row.worst(name)) if at is None else f"breaks at {power(at)}"
-    return f"{what}: {found}" if what else found
+def _describe_own(row: Row, name: str) -> str:
+    """Describe one of the program's methods: its largest error, or where it breaks."""
+    at, label = (
+        row.broken_at(name),
+        name.removeprefix(SHIPPED).removeprefix(":").removeprefix(",").strip(),
+    )
+    value = format_number(row.worst(name)) if at is None else f"breaks at {format_number(at)}"
+    return f"{label}: {value}" if label else value
 
 
 def report(rows: list[Row]) -> str:
-    """The whole page."""
+    """Format the whole page."""
     sentences = [f"**{row.title}** ({row.quantity}). {row.finding}" for row in rows]
     return HEAD + "\n".join(table_row(row) for row in rows) + "\n\n" + "\n\n".join(sentences) + "\n"
 
 
 def main() -> None:
-    """Work out every row, write the page and draw the chart."""
+    """Compute all rows, write the page and draw the chart."""
     rows = []
     for name, make in ROWS.items():
         start = time.perf_counter()
@@ -100,7 +120,7 @@ def main() -> None:
     text = report(rows)
     (ROOT / "results").mkdir(exist_ok=True)
     write_bytes(ROOT / "results" / "stability.md", text.encode())
-    with house():
+    with house_style():
         save(draw(rows), ROOT / "results" / "stability.png")
 
 

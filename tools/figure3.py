@@ -1,8 +1,9 @@
-"""Figure 3 of Husman et al. (2000): tilt against the separation 2s of the wires in x, with wires alone and with cantilevers.
+"""Figure 3 of Husman et al. (2000): tilt against the separation 2s of the wires in x.
 
-Dashed: the two limits that the text names, from equations 10 to 14.  For large separations 4 k s^2 cos^2(Omega) / IY of A22 is all that counts, so
-the frequency goes with s; for none it is what A leaves at s = 0, which d sets.
-Writes `results/figure3.png` and `.md`.  Run by `make fig3`.
+With wires alone and with cantilevers. Dashed: the two limits that the text names, from equations 10
+to 14. At large s the term 4 k s^2 cos^2(Omega) / IY of A22 dominates and the frequency is
+proportional to s; at s = 0 it is an eigenvalue of A that depends on d. Writes
+`results/figure3.png` and `.md`. Run by `make fig3`.
 """
 
 from __future__ import annotations
@@ -11,17 +12,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from tables import PAPER, ROOT
 
-from suspension_cli.analysis import following, scalars
-from suspension_cli.analysis.axes import Axis
-from suspension_cli.analysis.sweep import ParameterSweep, scalar
+from suspension_cli.analyses.sweep import file as files
+from suspension_cli.analyses.sweep.solve import ParameterSweep, evaluate_results
 from suspension_cli.design.reader import read
+from suspension_cli.drawing.style import INK, NOTE, PALE, PALETTE, house_style, new_figure, save
+from suspension_cli.files.atomic import write_bytes
+from suspension_cli.linear import named_results
 from suspension_cli.models import closed_form
 from suspension_cli.models.closed_form import FourWires
-from suspension_cli.plots.style import INK, NOTE, PALE, PALETTE, house, new_figure, save
-from suspension_cli.results import sweep as files
-from suspension_cli.results import write_bytes
+from suspension_cli.studies import mode_tracking
+from suspension_cli.studies.axes import Axis
+from tools.tables import PAPER, ROOT
 
 POINTS = 301
 CANTILEVERS = "stage.test.blades={{ count = 4, stiffness = {} }}"
@@ -29,7 +31,7 @@ CANTILEVERS = "stage.test.blades={{ count = 4, stiffness = {} }}"
 
 @dataclass(frozen=True)
 class Curve:
-    """One mode against one parameter of one design.
+    """Frequency of one mode against one parameter of one design.
 
     Attributes
     ----------
@@ -47,57 +49,92 @@ class Curve:
 
 
 def curves(figure: str, path: str, value: Any, mode: str, level: str = "force") -> list[Curve]:
-    """The curves of a figure: wires alone, and wires with cantilevers."""
+    """Compute the curves of a figure: wires alone, and wires with cantilevers."""
     result = []
     softness = PAPER["figure3"]["blade_stiffness"]
-    for label, overrides in (("wires", ()), ("wires + cantilevers", (CANTILEVERS.format(softness),))):
+    for label, overrides in (
+        ("wires", ()),
+        ("wires + cantilevers", (CANTILEVERS.format(softness),)),
+    ):
         source = read(ROOT / "configs" / "husman2000" / f"{figure}.toml", overrides)
         wires = closed_form.four_wires(read(source.file).design)
         if overrides:
             wires = replace(wires, k=1 / (1 / wires.k + 1 / softness))
-        result.append(Curve(label, wires, value, followed(source.text, path, value, mode, level)))
+        result.append(
+            Curve(label, wires, value, follow_mode(source.text, path, value, mode, level))
+        )
     return result
 
 
-def followed(text: str, path: str, value: Any, mode: str, level: str) -> Any:
-    """Frequency (p,) of one mode of a design over a parameter, as `pendsus sweep` finds it."""
-    job = ParameterSweep(text, (Axis(path, tuple(value.tolist())),), level, (scalars.Mode(mode, -1),))
-    number = scalars.labels(job.nominal).index(mode)
+def follow_mode(text: str, path: str, value: Any, mode: str, level: str) -> Any:
+    """Compute the frequency (p,) of one mode over a parameter, as `pendsus sweep` does."""
+    job = ParameterSweep(
+        text, (Axis(path, tuple(value.tolist())),), level, (named_results.Mode(mode, -1),)
+    )
+    number = named_results.labels(job.nominal).index(mode)
     points = job.compute(0, job.count)
-    rank, _ = following.follow(points["omega_squared"], points["shape"], points["status"] == 0, files.start(job), job.nominal_shape)
-    return scalar((scalars.Mode(mode, number),), points["omega_squared"], rank, None)[:, 0]
+    rank, _ = mode_tracking.follow(
+        points["omega_squared"],
+        points["shape"],
+        points["status"] == 0,
+        files.nearest_point(job),
+        job.nominal_shape,
+    )
+    return evaluate_results(
+        (named_results.Mode(mode, number),), points["omega_squared"], rank, None
+    )[:, 0]
 
 
 def linear(wires: FourWires, s: Any) -> Any:
-    """Tilt for large s: the stretching of the wires alone, Hz; proportional to s."""
+    """Tilt frequency in the limit of large s, Hz: stretching alone, proportional to s."""
     return np.sqrt(4 * wires.k * s**2 * wires.cos**2 / wires.inertia[1]) / (2 * np.pi)
 
 
 def constant(wires: FourWires) -> float:
-    """Tilt for s = 0, Hz: the eigenvalue of A that is mostly tilt."""
+    """Tilt frequency at s = 0, Hz: the eigenvalue of A that is mostly tilt."""
     values, vectors = np.linalg.eig(closed_form.longitudinal_tilt(replace(wires, s=0.0)))
     energy = np.array([wires.mass, wires.inertia[1]])[:, None] * vectors**2
     return float(np.sqrt(-values[np.argmax(energy[1] / energy.sum(0))]) / (2 * np.pi))
 
 
 def solved() -> list[Curve]:
-    """Both curves on the paper's axis of 2s."""
+    """Compute both curves on the paper's axis of 2s."""
     low, high = PAPER["figure3"]["x_range"]
-    return curves("figure3", "stage.test.wires.s", np.geomspace(low, high, POINTS) / 2, "test pitch")
+    return curves(
+        "figure3", "stage.test.wires.s", np.geomspace(low, high, POINTS) / 2, "test pitch"
+    )
 
 
 def main() -> None:
-    """Draw the figure and tell its numbers."""
+    """Draw the figure and write its numbers."""
     printed = PAPER["figure3"]
-    lines = ["# Figure 3", "", "Tilt of a mass on four vertical wires 1 mm above its centre, against the separation 2s, from the sweep of `force`.", ""]
+    lines = [
+        "# Figure 3",
+        "",
+        (
+            "Tilt of a mass on four vertical wires 1 mm above its centre, against the separation"
+            " 2s, from the sweep of `force`."
+        ),
+        "",
+    ]
     lines += [
-        "| | k of one wire (N/m) | at 2s = 0.1 mm | 1 mm | 10 mm | 100 mm | linear limit at 100 mm | constant limit |",
+        (
+            "| | k of one wire (N/m) | at 2s = 0.1 mm | 1 mm | 10 mm | 100 mm | linear limit at 100"
+            " mm | constant limit |"
+        ),
         "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
-    with house():
+    with house_style():
         figure = new_figure(4.6, 3.7)
         axes = figure.subplots()
-        axes.set(xscale="log", yscale="log", xlim=printed["x_range"], ylim=printed["y_range"], xlabel="separation $2s$ (m)", ylabel="tilt frequency (Hz)")
+        axes.set(
+            xscale="log",
+            yscale="log",
+            xlim=printed["x_range"],
+            ylim=printed["y_range"],
+            xlabel="separation $2s$ (m)",
+            ylabel="tilt frequency (Hz)",
+        )
         first, _ = both = solved()
         for n, curve in enumerate(both):
             x = 2 * curve.value
@@ -116,17 +153,38 @@ def main() -> None:
                 va="bottom",
                 color=PALETTE[n],
             )
-            told = np.interp(np.log([1e-4, 1e-3, 1e-2, 1e-1]), np.log(x), curve.frequency)
-            cells = " | ".join(f"{f:#.4g}" for f in (*told, limit[-1], level))
+            sampled = np.interp(np.log([1e-4, 1e-3, 1e-2, 1e-1]), np.log(x), curve.frequency)
+            cells = " | ".join(f"{f:#.4g}" for f in (*sampled, limit[-1], level))
             lines.append(f"| {curve.label} | {curve.wires.k:#.5g} | {cells} |")
-        axes.annotate("set by $d$", (1.3e-4, constant(first.wires)), xytext=(0, -3), textcoords="offset points", va="top", color=NOTE)
-        axes.annotate(r"$\propto s$", (4e-4, linear(first.wires, 2e-4)), xytext=(4, 0), textcoords="offset points", va="top", color=NOTE)
+        axes.annotate(
+            "set by $d$",
+            (1.3e-4, constant(first.wires)),
+            xytext=(0, -3),
+            textcoords="offset points",
+            va="top",
+            color=NOTE,
+        )
+        axes.annotate(
+            r"$\propto s$",
+            (4e-4, linear(first.wires, 2e-4)),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="top",
+            color=NOTE,
+        )
         axes.grid(visible=True, color=PALE, linewidth=0.4)
         axes.tick_params(colors=INK)
         figure.tight_layout()
         (ROOT / "results").mkdir(exist_ok=True)
         save(figure, ROOT / "results" / "figure3.png")
-    text = "\n".join([*lines, "", "Frequencies in Hz. Dashed in the figure: the two limits, from equations 10 to 14.", ""])
+    text = "\n".join(
+        [
+            *lines,
+            "",
+            "Frequencies in Hz. Dashed in the figure: the two limits, from equations 10 to 14.",
+            "",
+        ]
+    )
     write_bytes(ROOT / "results" / "figure3.md", text.encode())
     print(text)
 

@@ -1,6 +1,7 @@
-"""Check a built site: every link inside it, anchors and pictures included, leads to something that is there.
+"""Check that all internal links of a built site, anchors and pictures included, have a target.
 
-`python tools/links.py site`; run by `make docs`.  Links to other hosts are left alone, as a build may have no network.
+`python tools/links.py site`; run by `make docs`. Links to other hosts are not checked, as a build
+may have no network.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 
 
 class Page(HTMLParser):
-    """What a page links to, and the anchors it has."""
+    """Link targets and anchors of a page."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -21,15 +22,17 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Take down links, pictures, scripts, styles, and whatever can be linked to."""
+        """Record links, pictures, scripts, styles and anchors."""
         found = dict(attrs)
         self.targets += [link for link in (found.get("href"), found.get("src")) if link]
         self.anchors |= {anchor for anchor in (found.get("id"), found.get("name")) if anchor}
 
 
 def broken(folder: Path) -> list[str]:
-    """One line for each link that leads nowhere."""
-    pages = {path.resolve(): Page(path.read_text(encoding="utf-8")) for path in folder.rglob("*.html")}
+    """List broken links, one line each."""
+    pages = {
+        path.resolve(): Page(path.read_text(encoding="utf-8")) for path in folder.rglob("*.html")
+    }
     faults = []
     for path, page in pages.items():
         for link in page.targets:
@@ -46,7 +49,7 @@ def broken(folder: Path) -> list[str]:
 
 
 def main() -> None:
-    """Check the site and say what is broken."""
+    """Check the site and report what is broken."""
     folder = Path(sys.argv[1])
     faults = broken(folder)
     if faults or not any(folder.rglob("*.html")):

@@ -1,4 +1,7 @@
-"""Print the oldest versions that pyproject.toml admits, as constraints for pip: `make test-oldest`."""
+"""Print the oldest dependencies that pyproject.toml admits, as constraints for pip.
+
+Used by `make test-oldest`.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""The story of section 5a of Husman et al. (2000): from vertical wires, whose rotation is too fast, to a triple all of whose modes can be damped.
+"""Optimisation of section 5a of Husman et al. (2000): a triple whose modes can all be damped.
 
-`pendsus optimise` finds the design, `pendsus modes` checks it from its file.  Writes `results/optimise.md`, `.png` and the design as `results/optimise.toml`.
-Run by `make optimise`.
+It starts from vertical wires, whose rotation is too fast. `pendsus optimise` finds the design,
+`pendsus modes` checks it from its file. Writes
+`results/optimise.md`, `.png` and the design as `results/optimise.toml`. Run by `make optimise`.
 """
 
 from __future__ import annotations
@@ -14,9 +15,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from tables import ROOT
-
-from suspension_cli.results import write_bytes
+from suspension_cli.files.atomic import write_bytes
+from tools.tables import ROOT
 
 DESIGN, GOALS = "configs/husman2000/triple-vertical.toml", "goals/geo600.toml"
 NAME = "husman2000-triple-vertical"
@@ -25,49 +25,71 @@ BAND = (0.5, 5.0)
 
 
 def pendsus(*words: str, out: Path) -> Any:
-    """What a command prints as JSON."""
+    """Run a command and return its JSON."""
     code = "from suspension_cli.cli.main import main; main(prog_name='pendsus')"
-    ran = subprocess.run([sys.executable, "-c", code, *words, "--out", str(out), "--json"], capture_output=True, text=True, check=True, cwd=ROOT)
+    ran = subprocess.run(
+        [sys.executable, "-c", code, *words, "--out", str(out), "--json"],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+    )
     return json.loads(ran.stdout)
 
 
 def listed(found: dict[str, Any], before: dict[str, Any], after: dict[str, Any]) -> list[str]:
-    """All modes by family, before and after, and the paper's criterion by `pendsus modes` alone."""
-    lines = ["| mode | before (Hz) | after (Hz) | in the top mass | `pendsus modes` says | mostly |", "|---|---:|---:|---:|---|---|"]
+    """List all modes by family, before and after, with the criterion by `pendsus modes` alone."""
+    lines = [
+        "| mode | before (Hz) | after (Hz) | in the top mass | `pendsus modes` says | mostly |",
+        "|---|---:|---:|---:|---|---|",
+    ]
     fresh = {mode["frequency_hz"]: mode for mode in after["modes"]}
     drawn = {mode["frequency_hz"] for mode in before["modes"]}
     for mode in found["modes"]:
         mine = fresh[min(fresh, key=lambda f: abs(f - mode["after_hz"]))]
         was = min(drawn, key=lambda f: abs(f - mode["before_hz"]))
         share = 100 * mode["top_mass_share_after"]
-        lines.append(f"| {mode['name']} | {was:.3f} | {mine['frequency_hz']:.3f} | {share:.1f} % | {mine['verdict']} | {mine['label']} |")
+        lines.append(
+            f"| {mode['name']} | {was:.3f} | {mine['frequency_hz']:.3f} | {share:.1f} % |"
+            f" {mine['verdict']} | {mine['label']} |"
+        )
     return lines
 
 
 def numbers(found: dict[str, Any]) -> list[str]:
-    """What changed."""
+    """List the parameters before and after."""
     lines = ["| number | before | after | bounds | |", "|---|---:|---:|---|---|"]
     for row in found["parameters"]:
-        remark = "follows" if row["follows"] else f"at its {row['at_bound']} bound" if row["at_bound"] else ""
-        lines.append(f"| `{row['name']}` | {row['before']:.4g} | {row['after']:.4g} | {row['lower']:g} to {row['upper']:g} | {remark} |")
+        remark = (
+            "follows"
+            if row["follows"]
+            else f"at its {row['at_bound']} bound"
+            if row["at_bound"]
+            else ""
+        )
+        lines.append(
+            f"| `{row['name']}` | {row['before']:.4g} | {row['after']:.4g} | {row['lower']:g} to"
+            f" {row['upper']:g} | {remark} |"
+        )
     return lines
 
 
 def limits(found: dict[str, Any]) -> list[str]:
-    """The limits of which there is least room, and all that are not about modes."""
+    """List the limits with least room, and all that do not concern modes."""
     lines = ["| limit | value | room | |", "|---|---:|---:|---|"]
     for row in found["limits"]:
         modal = row["goal"] in ("damping band", "coupling to the top mass")
         if row["active"] or not row["met"] or not modal or row["room"] < 0.1:
             word = "active" if row["active"] else ""
             lines.append(
-                f"| {row['limit'].replace('|', chr(92) + '|')} | {row['value']:.4g} | {100 * row['room']:+.1f} % | {word if row['met'] else 'NOT MET'} |"
+                f"| {row['limit'].replace('|', chr(92) + '|')} | {row['value']:.4g} |"
+                f" {100 * row['room']:+.1f} % | {word if row['met'] else 'NOT MET'} |"
             )
     return lines
 
 
 def main() -> None:
-    """Find, check, write."""
+    """Optimise, check and write the page."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         found = pendsus("optimise", DESIGN, GOALS, "--plot", out=out)
@@ -77,13 +99,25 @@ def main() -> None:
         text = made.read_text(encoding="utf-8").replace(str(out), "results")
     inside = [mode for mode in after["modes"] if mode["verdict"] == "can be damped"]
     arrived = sum(start["arrived_at"] == 1 for start in found["starts"])
-    met = f"{sum(row['met'] for row in found['limits'])} of {len(found['limits'])} limits are met, checked on `{found['checked_on']}`"
+    met = (
+        f"{sum(row['met'] for row in found['limits'])} of {len(found['limits'])} limits are met,"
+        f" checked on `{found['checked_on']}`"
+    )
     lines = [
         "# From vertical wires to a triple that can be damped",
         "",
-        f"`pendsus optimise {DESIGN} {GOALS}`: {met}; {arrived} of {len(found['starts'])} starts arrived at this design.",
-        f"`pendsus modes` of `results/optimise.toml`, which it wrote, finds {len(inside)} of {len(after['modes'])} modes from {BAND[0]:g} to {BAND[1]:g} Hz",
-        "and coupled to the top mass. Not to be damped are the highest vertical and roll modes, in which the bare wires of the last stage stretch.",
+        (
+            f"`pendsus optimise {DESIGN} {GOALS}`: {met}; {arrived} of {len(found['starts'])}"
+            " starts arrived at this design."
+        ),
+        (
+            f"`pendsus modes` of `results/optimise.toml`, which it wrote, finds {len(inside)} of"
+            f" {len(after['modes'])} modes from {BAND[0]:g} to {BAND[1]:g} Hz"
+        ),
+        (
+            "and coupled to the top mass. Not to be damped are the highest vertical and roll modes,"
+            " in which the bare wires of the last stage stretch."
+        ),
         "",
         *listed(found, before, after),
         "",

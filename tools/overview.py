@@ -1,6 +1,7 @@
-"""Put the tables of results/*.md into results/README.md, between `<!-- table: NAME.md -->` and `<!-- end -->`.
+"""Copy the tables of results/*.md into results/README.md.
 
-The last step of `make all`; `tests/test_results.py` fails when a table there is not that of its file.
+They stand between `<!-- table: NAME.md -->` and `<!-- end -->`. The last step of `make all`;
+`tests/cli/test_results.py` fails if a table differs from that of its file.
 """
 
 from __future__ import annotations
@@ -13,12 +14,15 @@ BLOCK = re.compile(r"<!-- table: (\S+) -->\n.*?<!-- end -->", re.DOTALL)
 
 
 def page(text: str) -> str:
-    """The page with its tables made anew."""
-    return BLOCK.sub(lambda found: f"<!-- table: {found[1]} -->\n\n{table(RESULTS / found[1])}\n\n<!-- end -->", text)
+    """Regenerate the tables of a page."""
+    return BLOCK.sub(
+        lambda found: f"<!-- table: {found[1]} -->\n\n{table(RESULTS / found[1])}\n\n<!-- end -->",
+        text,
+    )
 
 
 def table(path: Path) -> str:
-    """The first table of a page."""
+    """Extract the first table of a page."""
     found = re.search(r"(?:^\|.*\n)+", path.read_text(encoding="utf-8"), re.MULTILINE)
     if found is None:
         raise SystemExit(f"{path}: no table")
@@ -26,7 +30,7 @@ def table(path: Path) -> str:
 
 
 def main() -> None:
-    """Make the page anew."""
+    """Regenerate the page."""
     readme = RESULTS / "README.md"
     readme.write_text(page(readme.read_text(encoding="utf-8")), encoding="utf-8")
 

@@ -1,7 +1,9 @@
-"""The tables of docs/design-file.md and docs/commands.md that the program itself knows: keys from the types of the file format, options from `--help`.
+"""Generate the tables of docs/design-file.md (keys) and docs/commands.md (options).
 
-A page says where a table goes with `<!-- keys: WireSet -->` or `<!-- options: modes -->`; what stands from there to `<!-- end -->` is made anew,
-everything else is left as it was written.  Run by `make reference`; `tests/test_reference.py` fails when a page is stale.
+Keys come from the types of the file format, options from `--help`. A page marks the place of a
+table with `<!-- keys: WireSet -->` or `<!-- options: modes -->`; the text from there to
+`<!-- end -->` is regenerated. Run by `make reference`; `tests/docs/test_reference.py` fails if a
+page is stale.
 """
 
 from __future__ import annotations
@@ -14,52 +16,87 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import click
 import msgspec
 
-from suspension_cli.cli.main import COMMANDS, main
-from suspension_cli.design import schema
-from suspension_cli.design.quantities import NAMES, Table
+from suspension_cli.cli.commands import COMMANDS
+from suspension_cli.cli.main import main
+from suspension_cli.design import schema, wires
+from suspension_cli.design.units import NAMES
 
 ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
 BLOCK = re.compile(r"<!-- (keys|options): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
-TYPES = {kind.__name__: kind for kind in Table.__subclasses__() if kind.__name__ in schema.json_schema()["$defs"]}
-"""Every table of the file format, by name."""
-SHARED = ("--set", "--out", "--fidelity", "--json", "--plot", "--quiet", "--verbose", "--tolerance", "--allow-unstable")
+TYPES = {
+    name: getattr(schema, name, None) or getattr(wires, name)
+    for name in schema.json_schema()["$defs"]
+}
+"""Tables of the file format, by name."""
+SHARED = (
+    "--set",
+    "--out",
+    "--fidelity",
+    "--json",
+    "--plot",
+    "--quiet",
+    "--verbose",
+    "--tolerance",
+    "--allow-unstable",
+)
 """Options that the head of docs/commands.md explains once."""
 
 
 def page(text: str) -> str:
-    """A page with its generated tables made anew."""
+    """Regenerate the tables of a page."""
     makers = {"keys": keys, "options": options}
-    return BLOCK.sub(lambda found: f"<!-- {found[1]}: {found[2]} -->\n\n{makers[found[1]](found[2])}\n\n<!-- end -->", text)
+    return BLOCK.sub(
+        lambda found: (
+            f"<!-- {found[1]}: {found[2]} -->\n\n{makers[found[1]](found[2])}\n\n<!-- end -->"
+        ),
+        text,
+    )
 
 
 def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    """A table in Markdown; columns that are empty everywhere are left out."""
+    """Format a Markdown table without columns that are empty in all rows."""
     kept = [n for n, title in enumerate(head) if n == 0 or not rows or any(row[n] for row in rows)]
-    lines = [[head[n] for n in kept], ["---"] * len(kept), *([row[n].replace("|", r"\|") for n in kept] for row in rows)]
+    lines = [
+        [head[n] for n in kept],
+        ["---"] * len(kept),
+        *([row[n].replace("|", r"\|") for n in kept] for row in rows),
+    ]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def keys(name: str) -> str:
-    """The keys of one type of the file format: what each takes, its default, its meaning."""
+    """Tabulate the keys of a table of the file format: values, default, meaning."""
     kind = TYPES[name]
     hints = get_type_hints(kind, include_extras=True)
     rows = []
     for field in msgspec.structs.fields(kind):
         hint = hints[field.name]
-        rows.append((f"`{field.name}`", takes(hint), "required" if field.required else default(field.default), description(hint)))
+        rows.append(
+            (
+                f"`{field.name}`",
+                takes(hint),
+                "required" if field.required else default(field.default),
+                description(hint),
+            )
+        )
     return table(("key", "takes", "default", "meaning"), rows)
 
 
 def default(value: Any) -> str:
-    """A default as it would stand in the file; nothing for what is simply absent."""
-    if value is None or value is msgspec.NODEFAULT or value == "" or isinstance(value, msgspec.Struct):
+    """Format a default as written in the file; empty if the key is simply absent."""
+    if (
+        value is None
+        or value is msgspec.NODEFAULT
+        or value == ""
+        or isinstance(value, msgspec.Struct)
+    ):
         return ""
     return f"`{msgspec.json.encode(value).decode()}`"
 
 
 def bare(hint: Any) -> tuple[Any, list[msgspec.Meta]]:
-    """A type without its annotations, and the annotations from the innermost out."""
+    """Split a type from its annotations, the innermost first."""
     if get_origin(hint) is Annotated:
         inner, *extras = get_args(hint)
         kind, metas = bare(inner)
@@ -68,12 +105,16 @@ def bare(hint: Any) -> tuple[Any, list[msgspec.Meta]]:
 
 
 def choices(kind: Any) -> list[Any]:
-    """The members of a union other than None; else the type alone."""
-    return [choice for choice in get_args(kind) if choice is not type(None)] if get_origin(kind) in (Union, types.UnionType) else [kind]
+    """List the members of a union other than None; for another type, the type alone."""
+    return (
+        [choice for choice in get_args(kind) if choice is not type(None)]
+        if get_origin(kind) in (Union, types.UnionType)
+        else [kind]
+    )
 
 
 def takes(hint: Any) -> str:
-    """What may be written for a key."""
+    """Describe the values of a key."""
     kind, metas = bare(hint)
     found = choices(kind)
     if len(found) > 1 or found[0] is not kind:
@@ -87,39 +128,59 @@ def takes(hint: Any) -> str:
     if get_origin(kind) is dict:
         return "tables"
     if issubclass(kind, msgspec.Struct):
-        return f"`{{ {', '.join(kind.__struct_fields__)} }}`" if len(kind.__struct_fields__) <= 6 else "table"
+        return (
+            f"`{{ {', '.join(kind.__struct_fields__)} }}`"
+            if len(kind.__struct_fields__) <= 6
+            else "table"
+        )
     named = any(meta.pattern for meta in metas)
-    return {float: "number", int: "whole number", bool: "`true`, `false`", str: "name" if named else "text"}[kind]
+    return {
+        float: "number",
+        int: "whole number",
+        bool: "`true`, `false`",
+        str: "name" if named else "text",
+    }[kind]
 
 
 def list_of(item: Any, metas: list[msgspec.Meta]) -> str:
-    """What a list takes: numbers (how many, if that is fixed) or tables."""
-    if any(isinstance(choice, type) and issubclass(choice, msgspec.Struct) for choice in choices(item)):
+    """Describe the items of a list: numbers (how many, if fixed) or tables."""
+    if any(
+        isinstance(choice, type) and issubclass(choice, msgspec.Struct) for choice in choices(item)
+    ):
         return "tables"
-    low, high = (next((getattr(meta, bound) for meta in reversed(metas) if getattr(meta, bound)), None) for bound in ("min_length", "max_length"))
+    low, high = (
+        next((getattr(meta, bound) for meta in reversed(metas) if getattr(meta, bound)), None)
+        for bound in ("min_length", "max_length")
+    )
     return f"{low} numbers" if low == high and low else "numbers"
 
 
 def description(hint: Any) -> str:
-    """What a key means, in the words of the outermost annotation, or of the table that it takes."""
+    """Describe a key in the words of its outermost annotation or of the table it takes."""
     kind, metas = bare(hint)
-    told = next((meta.description for meta in reversed(metas) if meta.description), None)
-    for choice in [] if told else choices(kind):
+    meaning = next((meta.description for meta in reversed(metas) if meta.description), None)
+    for choice in [] if meaning else choices(kind):
         inner, inside = bare(choice)
-        told = next((meta.description for meta in reversed(inside) if meta.description), None)
-        if told is None and isinstance(inner, type) and issubclass(inner, msgspec.Struct):
-            told = str(inner.__doc__).partition("\n")[0].rstrip(".")
-            told = told[0].lower() + told[1:]
-        if told:
+        meaning = next((meta.description for meta in reversed(inside) if meta.description), None)
+        if meaning is None and isinstance(inner, type) and issubclass(inner, msgspec.Struct):
+            meaning = str(inner.__doc__).partition("\n")[0].rstrip(".")
+            meaning = meaning[0].lower() + meaning[1:]
+        if meaning:
             break
-    text = (told or "").removeprefix("a name: ")
-    for plain, set_in_type in (("^2", "²"), ("^3", "³"), ("2 pi", "2π"), ("sqrt(Hz)", "√Hz"), (f" ({NAMES})", "")):
+    text = (meaning or "").removeprefix("a name: ")
+    for plain, set_in_type in (
+        ("^2", "²"),
+        ("^3", "³"),
+        ("2 pi", "2π"),
+        ("sqrt(Hz)", "√Hz"),
+        (f" ({NAMES})", ""),
+    ):
         text = text.replace(plain, set_in_type)
     return text.removesuffix(f": {NAMES}")
 
 
 def options(name: str) -> str:
-    """How a command is called, and its options in the words of its `--help`; those that commands share are only named."""
+    """Format usage and options of a command from `--help`; shared options are only named."""
     command = main.get_command(click.Context(main), name)
     if command is None:
         raise KeyError(name)
@@ -139,15 +200,22 @@ def options(name: str) -> str:
 
 
 def main_pages() -> None:
-    """Make the tables of all pages anew."""
+    """Regenerate the tables of all pages."""
     for path in PAGES:
         old = path.read_text(encoding="utf-8")
         new = page(old)
         if new != old:
             path.write_text(new, encoding="utf-8")
-        missing = [f"pendsus {name}" for name in COMMANDS if path.name == "commands.md" and f"<!-- options: {name} -->" not in new]
+        missing = [
+            f"pendsus {name}"
+            for name in COMMANDS
+            if path.name == "commands.md" and f"<!-- options: {name} -->" not in new
+        ]
         if missing:
-            raise SystemExit(f"{path.relative_to(ROOT)}: no table of options for {', '.join(missing)}; write <!-- options: NAME --> and <!-- end -->")
+            raise SystemExit(
+                f"{path.relative_to(ROOT)}: no table of options for {', '.join(missing)}; write"
+                " <!-- options: NAME --> and <!-- end -->"
+            )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""What a support that gives way does to the vertical frequencies of Table I of Husman et al. (2000).
+"""Effect of a compliant support on the vertical frequencies of Table I of Husman et al. (2000).
 
-Cases 1 to 3 were measured on a frame that "still couples with the pendulum to give a lower frequency" (section 4c).  Here the suspension
-point stands on a vertical spring, without mass and with one, and the stiffness is sought that gives each measured frequency.
-Writes `results/support.md` and `.png`.  Run by `make support`.
+Cases 1 to 3 were measured on a frame that "still couples with the pendulum to give a lower
+frequency" (section 4c). Here the suspension point stands on a vertical spring, with and without
+mass, whose stiffness is fitted to each measured frequency. Writes
+`results/support.md` and `.png`. Run by `make support`.
 """
 
 from __future__ import annotations
@@ -11,77 +12,104 @@ import math
 from typing import Any
 
 import numpy as np
-from tables import PAPER, ROOT
 
-from suspension_cli.analysis import modes
 from suspension_cli.design import materials
 from suspension_cli.design.derive import body_mass, set_geometry
-from suspension_cli.design.reader import overridden
+from suspension_cli.design.reader import parse_with_overrides
 from suspension_cli.design.schema import Design
-from suspension_cli.models import fidelity
-from suspension_cli.plots.style import NOTE, PALE, PALETTE, house, new_figure, save
-from suspension_cli.results import write_bytes
+from suspension_cli.drawing.style import NOTE, PALE, PALETTE, house_style, new_figure, save
+from suspension_cli.files.atomic import write_bytes
+from suspension_cli.linear import eigenmodes
+from suspension_cli.models import registry
+from tools.tables import PAPER, ROOT
 
 CASES = (1, 2, 3, 4)
-SOFT = (1, 2, 3)
+COMPLIANT = (1, 2, 3)
 """Cases on the frame that was not rigid."""
 ERROR = 0.1
 """Hz; the paper's experimental error."""
 FRAME_MASS = 50.0
-"""kg; the paper does not give it: of the order of a bench-top frame for 20 kg."""
+"""kg, not given in the paper: typical of a bench-top frame for 20 kg."""
 RANGE = (5e4, 1e7)
-TEXTS = {case: (ROOT / "configs" / "husman2000" / f"table1-case{case}.toml").read_text() for case in CASES}
-MEASURED = {row["case"]: row["experimental"][PAPER["table1"]["columns"].index("vertical")] for row in PAPER["table1"]["case"]}
+TEXTS = {
+    case: (ROOT / "configs" / "husman2000" / f"table1-case{case}.toml").read_text()
+    for case in CASES
+}
+MEASURED = {
+    row["case"]: row["experimental"][PAPER["table1"]["columns"].index("vertical")]
+    for row in PAPER["table1"]["case"]
+}
 
 
 def vertical(case: int, stiffness: float = math.inf, mass: float = 0.0) -> float:
-    """Lowest vertical frequency (Hz) on a frame of this stiffness (N/m; infinite: rigid) and mass (kg)."""
-    frame = (f"support.stiffness.z={float(stiffness)!r}", f"support.mass={float(mass)!r}") if math.isfinite(stiffness) else ()
-    design = overridden(TEXTS[case], frame)
-    return modes.solve(fidelity.linear_model(design, fidelity.choose(design).level)).of("z")[0]
+    """Compute the lowest vertical frequency (Hz) on a frame of stiffness (N/m) and mass (kg)."""
+    frame = (
+        (f"support.stiffness.z={float(stiffness)!r}", f"support.mass={float(mass)!r}")
+        if math.isfinite(stiffness)
+        else ()
+    )
+    design = parse_with_overrides(TEXTS[case], frame)
+    return eigenmodes.solve(registry.by_name(registry.choose(design).level).system(design)).of("z")[
+        0
+    ]
 
 
-def wanted(case: int, frequency: float, mass: float = 0.0) -> float:
-    """Frame stiffness (N/m) that gives a frequency (Hz); infinite if even a rigid frame gives less."""
+def frame_stiffness(case: int, frequency: float, mass: float = 0.0) -> float:
+    """Find the frame stiffness (N/m) for a frequency (Hz); infinite if a rigid frame gives less."""
     from scipy.optimize import brentq
 
     if vertical(case) <= frequency:
         return math.inf
-    root: Any = brentq(lambda log: vertical(case, math.exp(log), mass) - frequency, math.log(RANGE[0]), math.log(1e12), xtol=1e-12)
+    root: Any = brentq(
+        lambda log: vertical(case, math.exp(log), mass) - frequency,
+        math.log(RANGE[0]),
+        math.log(1e12),
+        xtol=1e-12,
+    )
     return math.exp(root)
 
 
 def wires(design: Design) -> tuple[float, float]:
-    """Vertical stiffness of the four wires together (N/m) and the mass (kg), by hand.
+    """Vertical stiffness of the four wires together (N/m) and the mass (kg), in closed form.
 
-    Each wire of stiffness k = E pi r^2 / l at an angle Omega carries T = m g / (4 cos Omega) and gives way along itself and across:
-    k cos^2(Omega) + (T / l) sin^2(Omega).
+    Each wire of stiffness k = E pi r^2 / l at an angle Omega carries T = m g / (4 cos Omega) and
+    contributes k cos^2(Omega) + (T / l) sin^2(Omega).
     """
     stage = design.stage[0]
-    assert stage.wires is not None and stage.wires.radius is not None and stage.wires.material is not None
+    assert (
+        stage.wires is not None
+        and stage.wires.radius is not None
+        and stage.wires.material is not None
+    )
     shape, mass = set_geometry(stage.wires), body_mass(stage.body)
     modulus = materials.resolve(design, stage.wires.material).youngs_modulus
     assert modulus is not None
     k = modulus * math.pi * stage.wires.radius**2 / shape.length
     sine = (shape.t2 - shape.t1) / shape.length
     cosine = math.sqrt(1 - sine**2)
-    return 4 * k * cosine**2 + mass * design.constants.gravity * sine**2 / (shape.length * cosine), mass
+    return (
+        4 * k * cosine**2 + mass * design.constants.gravity * sine**2 / (shape.length * cosine),
+        mass,
+    )
 
 
 def by_hand(case: int) -> tuple[float, float]:
-    """Stiffness of the wires, and that of a massless frame from springs in series: 1 / k_frame = 1 / (m omega^2) - 1 / k_wires."""
-    stiffness, mass = wires(overridden(TEXTS[case], ()))
+    """Stiffness of the wires and of a massless frame in series (N/m), in closed form.
+
+    1 / k_frame = 1 / (m omega^2) - 1 / k_wires with the measured omega.
+    """
+    stiffness, mass = wires(parse_with_overrides(TEXTS[case], ()))
     seen = mass * (2 * math.pi * MEASURED[case]) ** 2
     return stiffness, 1 / (1 / seen - 1 / stiffness)
 
 
 def compromise(*, massive: bool) -> tuple[float, float]:
-    """Stiffness (N/m) and mass (kg) of the one frame nearest to all three measured frequencies, by least squares."""
+    """Fit stiffness (N/m) and mass (kg) of one frame to all three measured frequencies."""
     from scipy.optimize import minimize
 
     def misfit(log: Any) -> float:
         frame = (math.exp(log[0]), math.exp(log[1]) if massive else 0.0)
-        return sum((vertical(case, *frame) - MEASURED[case]) ** 2 for case in SOFT)
+        return sum((vertical(case, *frame) - MEASURED[case]) ** 2 for case in COMPLIANT)
 
     start = [math.log(1.5e6), math.log(200.0)] if massive else [math.log(4e5)]
     log = minimize(misfit, start, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-7}).x
@@ -89,24 +117,37 @@ def compromise(*, massive: bool) -> tuple[float, float]:
 
 
 def mega(stiffness: float) -> str:
-    """A stiffness in MN/m."""
+    """Format a stiffness in MN/m."""
     return f"{1e-6 * stiffness:#.3g}" if math.isfinite(stiffness) else "any above"
 
 
 def report() -> str:
-    """The tables and what they say."""
+    """Format the page."""
     rows = []
     for case in CASES:
         springs, series = by_hand(case)
-        low, exact, high = (wanted(case, MEASURED[case] + step) for step in (-ERROR, 0.0, ERROR))
-        heavy = wanted(case, MEASURED[case], FRAME_MASS)
-        cells = (case, MEASURED[case], f"{vertical(case):.2f}", f"{1e-3 * springs:.1f}", mega(exact), mega(series), f"{mega(low)} to {mega(high)}", mega(heavy))
+        low, exact, high = (
+            frame_stiffness(case, MEASURED[case] + step) for step in (-ERROR, 0.0, ERROR)
+        )
+        heavy = frame_stiffness(case, MEASURED[case], FRAME_MASS)
+        cells = (
+            case,
+            MEASURED[case],
+            f"{vertical(case):.2f}",
+            f"{1e-3 * springs:.1f}",
+            mega(exact),
+            mega(series),
+            f"{mega(low)} to {mega(high)}",
+            mega(heavy),
+        )
         rows.append("| " + " | ".join(str(cell) for cell in cells) + " |")
     shared = []
     for name, massive in (("without mass", False), ("with the best mass", True)):
         stiffness, mass = compromise(massive=massive)
-        found = [vertical(case, stiffness, mass) for case in SOFT]
-        cells = [f"{f:.2f} ({f - MEASURED[case]:+.2f})" for f, case in zip(found, SOFT, strict=True)]
+        found = [vertical(case, stiffness, mass) for case in COMPLIANT]
+        cells = [
+            f"{f:.2f} ({f - MEASURED[case]:+.2f})" for f, case in zip(found, COMPLIANT, strict=True)
+        ]
         shared.append(f"| {name} | {mega(stiffness)} | {mass:.0f} | " + " | ".join(cells) + " |")
     return WORDS.format(rows="\n".join(rows), shared="\n".join(shared), mass=FRAME_MASS)
 
@@ -140,23 +181,56 @@ within the error.
 
 
 def main() -> None:
-    """Write the tables and draw the figure."""
+    """Write the page and draw the figure."""
     text = report()
     (ROOT / "results").mkdir(exist_ok=True)
     write_bytes(ROOT / "results" / "support.md", text.encode())
     stiffness = np.geomspace(*RANGE, 81)
-    with house():
+    with house_style():
         figure = new_figure(5.6, 4.0)
         axes = figure.subplots()
-        for case, colour in zip(SOFT, PALETTE, strict=False):
+        for case, colour in zip(COMPLIANT, PALETTE, strict=False):
             for mass, line in ((0.0, "-"), (FRAME_MASS, "--")):
-                axes.plot(stiffness, [vertical(case, k, mass) for k in stiffness], line, color=colour, label=f"case {case}" if mass == 0 else None)
-                axes.plot(wanted(case, MEASURED[case], mass), MEASURED[case], "o", color=colour, markersize=4, fillstyle="full" if mass == 0 else "none")
-            axes.axhspan(MEASURED[case] - ERROR, MEASURED[case] + ERROR, color=colour, alpha=0.15, linewidth=0)
-            axes.annotate(f"measured, case {case}", (RANGE[0], MEASURED[case]), (4, 3), textcoords="offset points", fontsize=6.5, va="bottom", color=colour)
+                axes.plot(
+                    stiffness,
+                    [vertical(case, k, mass) for k in stiffness],
+                    line,
+                    color=colour,
+                    label=f"case {case}" if mass == 0 else None,
+                )
+                axes.plot(
+                    frame_stiffness(case, MEASURED[case], mass),
+                    MEASURED[case],
+                    "o",
+                    color=colour,
+                    markersize=4,
+                    fillstyle="full" if mass == 0 else "none",
+                )
+            axes.axhspan(
+                MEASURED[case] - ERROR,
+                MEASURED[case] + ERROR,
+                color=colour,
+                alpha=0.15,
+                linewidth=0,
+            )
+            axes.annotate(
+                f"measured, case {case}",
+                (RANGE[0], MEASURED[case]),
+                (4, 3),
+                textcoords="offset points",
+                fontsize=6.5,
+                va="bottom",
+                color=colour,
+            )
         axes.plot([], [], "-", color=NOTE, label="frame without mass")
         axes.plot([], [], "--", color=NOTE, label=f"frame of {FRAME_MASS:.0f} kg")
-        axes.set(xscale="log", xlim=RANGE, ylim=(4, 15), xlabel="vertical stiffness of the frame (N/m)", ylabel="vertical frequency (Hz)")
+        axes.set(
+            xscale="log",
+            xlim=RANGE,
+            ylim=(4, 15),
+            xlabel="vertical stiffness of the frame (N/m)",
+            ylabel="vertical frequency (Hz)",
+        )
         axes.grid(visible=True, color=PALE, linewidth=0.4)
         axes.legend(loc="lower right")
         figure.tight_layout()

@@ -1,6 +1,6 @@
 """Tables I and II of Husman et al. (2000), rebuilt from the designs in `configs/husman2000`.
 
-Writes `results/table1.md`, `.csv`, `results/table2.md`, `.csv`.  Run by `make tables`.
+Writes `results/table1.md`, `.csv`, `results/table2.md`, `.csv`. Run by `make tables`.
 """
 
 from __future__ import annotations
@@ -13,29 +13,34 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from suspension_cli.analysis import modes
-from suspension_cli.conventions import PAPER_WORDS
+from suspension_cli.conventions import PAPER_DOF_NAMES
 from suspension_cli.design.reader import read
-from suspension_cli.models import fidelity
-from suspension_cli.results import write_bytes
+from suspension_cli.files.atomic import write_bytes
+from suspension_cli.linear import eigenmodes
+from suspension_cli.models import registry
 
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "results"
 PAPER = tomllib.loads((ROOT / "tools" / "paper.toml").read_text())
-DOF = {word: dof for dof, word in PAPER_WORDS.items()}
-FAMILIES = {"tilt_longitudinal": ("x", "pitch"), "sideways_roll": ("y", "roll"), "rotation": ("yaw",), "vertical": ("z",)}
+DOF = {word: dof for dof, word in PAPER_DOF_NAMES.items()}
+FAMILIES = {
+    "tilt_longitudinal": ("x", "pitch"),
+    "sideways_roll": ("y", "roll"),
+    "rotation": ("yaw",),
+    "vertical": ("z",),
+}
 
 Row = dict[str, Any]
 
 
-def solved(name: str, level: str = "auto") -> modes.Modes:
-    """The modes of one of the paper's designs."""
+def solved(name: str, level: str = "auto") -> eigenmodes.Modes:
+    """Solve for the modes of one of the paper's designs."""
     design = read(ROOT / "configs" / "husman2000" / f"{name}.toml").design
-    return modes.solve(fidelity.linear_model(design, fidelity.choose(design, level).level))
+    return eigenmodes.solve(registry.by_name(registry.choose(design, level).level).system(design))
 
 
 def table1() -> list[Row]:
-    """Experiment, the paper's theory and ours for the single pendulums."""
+    """Compare experiment, the paper's theory and ours for the single pendulums."""
     columns = PAPER["table1"]["columns"]
     rows = []
     for case in PAPER["table1"]["case"]:
@@ -57,21 +62,30 @@ def table1() -> list[Row]:
 
 
 def table2() -> list[Row]:
-    """Experiment, the paper's theory and ours (both models) for the prototype triple pendulum."""
+    """Compare experiment, the paper's theory and ours (two models) for the prototype triple."""
     force, string = solved("table2", "force"), solved("table2", "string")
     rows = []
     for family, dofs in FAMILIES.items():
         theory = sorted(PAPER["table2"]["theory"][family], reverse=True)
-        ours = [sorted((f for dof in dofs for f in found.of(dof)), reverse=True) for found in (force, string)]
+        ours = [
+            sorted((f for dof in dofs for f in found.of(dof)), reverse=True)
+            for found in (force, string)
+        ]
         seen = matched(theory, PAPER["table2"]["experimental"][family])
         for n, value in enumerate(theory):
-            row = {"family": family.replace("_", "/"), "experiment": seen[n], "theory": value, "ours": ours[0][n], "difference": ours[0][n] / value - 1}
+            row = {
+                "family": family.replace("_", "/"),
+                "experiment": seen[n],
+                "theory": value,
+                "ours": ours[0][n],
+                "difference": ours[0][n] / value - 1,
+            }
             rows.append(row | {"string": ours[1][n], "series": ours[0][n] / ours[1][n] - 1})
     return rows
 
 
 def matched(theory: Sequence[float], measured: Sequence[float]) -> list[float | None]:
-    """Each measured frequency beside the theory that it lies nearest to (in the logarithm), one to one."""
+    """Match each measured frequency to the nearest theory (in the logarithm), one to one."""
     import numpy as np
     from scipy.optimize import linear_sum_assignment
 
@@ -83,18 +97,25 @@ def matched(theory: Sequence[float], measured: Sequence[float]) -> list[float | 
 
 
 def markdown(title: str, notes: str, rows: list[Row], heads: dict[str, str]) -> str:
-    """A Markdown table with aligned columns."""
+    """Format a Markdown table with aligned columns, and the summary below it."""
     cells = [list(heads.values())] + [[shown(key, row[key]) for key in heads] for row in rows]
     widths = [max(len(line[n]) for line in cells) for n in range(len(heads))]
-    lines = ["| " + " | ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) + " |" for line in cells]
+    lines = [
+        "| "
+        + " | ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+        + " |"
+        for line in cells
+    ]
     rule = "|" + "|".join("-" * (width + 1) + ":" for width in widths) + "|"
     worst, middle = extremes(rows)
-    summary = f"Difference between ours and the paper's theory: at most {worst:.1%}, median {middle:.1%}."
+    summary = (
+        f"Difference between ours and the paper's theory: at most {worst:.1%}, median {middle:.1%}."
+    )
     return "\n".join([f"# {title}", "", notes, "", lines[0], rule, *lines[1:], "", summary, ""])
 
 
 def shown(key: str, value: Any) -> str:
-    """One cell."""
+    """Format one cell."""
     if value is None:
         return "–"
     if key in ("difference", "series"):
@@ -115,7 +136,9 @@ def save(name: str, text: str, rows: list[Row]) -> None:
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
     writer.writeheader()
-    writer.writerows([{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows])
+    writer.writerows(
+        [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows]
+    )
     RESULTS.mkdir(exist_ok=True)
     write_bytes(RESULTS / f"{name}.md", text.encode())
     write_bytes(RESULTS / f"{name}.csv", stream.getvalue().encode())
@@ -125,20 +148,39 @@ def save(name: str, text: str, rows: list[Row]) -> None:
 def main() -> None:
     """Rebuild both tables."""
     first, second = table1(), table2()
-    heads = {"experiment": "experiment (Hz)", "theory": "paper's theory (Hz)", "ours": "ours (Hz)", "difference": "ours - theory"}
+    heads = {
+        "experiment": "experiment (Hz)",
+        "theory": "paper's theory (Hz)",
+        "ours": "ours (Hz)",
+        "difference": "ours - theory",
+    }
     notes = (
-        "Single pendulums on four wires, 20 kg. The paper gives neither the moments of inertia nor the wire radius of each case: one set was\n"
-        "inferred from the 24 theory values (`results/table1-inference.md`). The captions of cases 1 and 2 are swapped in print (`docs/paper.md`).\n"
-        "The vertical frequencies of cases 1 to 3 were measured on a frame that was not rigid (the paper, section 4c)."
+        "Single pendulums on four wires, 20 kg. The paper gives neither the moments of inertia nor"
+        " the wire radius of each case: one set was\ninferred from the 24 theory values"
+        " (`results/table1-inference.md`). The captions of cases 1 and 2 are swapped in print"
+        " (`docs/paper.md`).\nThe vertical frequencies of cases 1 to 3 were measured on a frame"
+        " that was not rigid (the paper, section 4c)."
     )
-    save("table1", markdown("Table I: single pendulum", notes, first, {"case": "case", "mode": "mode"} | heads), first)
+    save(
+        "table1",
+        markdown(
+            "Table I: single pendulum", notes, first, {"case": "case", "mode": "mode"} | heads
+        ),
+        first,
+    )
     notes = (
-        "The prototype triple pendulum of GEO 600 with two stages of cantilevers. Its parameters are not in the paper: a plausible set was inferred\n"
-        "(`results/table2-inference.md`; `configs/husman2000/table2.toml` marks what is given and what is inferred). *Ours* is the force model, which like\n"
-        "the paper's takes blades in series with the wires; *string* has the blade tips as coordinates, and the last column shows what the series costs."
+        "The prototype triple pendulum of GEO 600 with two stages of cantilevers. Its parameters"
+        " are not in the paper: a plausible set was inferred\n(`results/table2-inference.md`;"
+        " `configs/husman2000/table2.toml` marks what is given and what is inferred). *Ours* is the"
+        " force model, which like\nthe paper's takes blades in series with the wires; *string* has"
+        " the blade tips as coordinates, and the last column shows what the series costs."
     )
     heads |= {"string": "string (Hz)", "series": "force - string"}
-    save("table2", markdown("Table II: prototype triple pendulum", notes, second, {"family": "modes"} | heads), second)
+    save(
+        "table2",
+        markdown("Table II: prototype triple pendulum", notes, second, {"family": "modes"} | heads),
+        second,
+    )
 
 
 if __name__ == "__main__":

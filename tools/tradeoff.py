@@ -1,7 +1,7 @@
-"""What every rung and method costs and gets wrong, over the paper's designs and examples of every length.
+"""Time and error of all models and methods, for the paper's designs and other examples.
 
-Writes `results/tradeoff.md`, `results/tradeoff.png` (the fused-silica triple) and a chart each of a single, a double and a quadruple pendulum.
-Run by `make tradeoff`.
+Writes `results/tradeoff.md`, `results/tradeoff.png` (the fused-silica triple) and charts of a
+single, a double and a quadruple pendulum. Run by `make tradeoff`.
 """
 
 from __future__ import annotations
@@ -12,15 +12,23 @@ import time
 
 import numpy as np
 import scipy
-from tables import ROOT
 
-from suspension_cli.analysis.tradeoff import run
-from suspension_cli.analysis.tradeoff.result import KINDS, Entry, Panel, Tradeoff, View, spell, told
-from suspension_cli.analysis.tradeoff.subject import RUNGS
+from suspension_cli.analyses.tradeoff import picture
+from suspension_cli.analyses.tradeoff import solve as run
+from suspension_cli.analyses.tradeoff.result import (
+    KINDS,
+    Entry,
+    Panel,
+    Tradeoff,
+    View,
+    format_error,
+    format_time,
+)
+from suspension_cli.analyses.tradeoff.subject import MODEL_NAMES
 from suspension_cli.design.reader import read
-from suspension_cli.plots import tradeoff as picture
-from suspension_cli.plots.style import save
-from suspension_cli.results import write_bytes
+from suspension_cli.drawing.style import save
+from suspension_cli.files.atomic import write_bytes
+from tools.tables import ROOT
 
 DESIGNS = [
     *sorted((ROOT / "configs" / "husman2000").glob("*.toml")),
@@ -32,7 +40,7 @@ CHARTS = {
     "geo-silica-triple": "tradeoff.png",
     "quadruple": "tradeoff_quadruple.png",
 }
-"""Designs that are shown in full, and the files of their charts."""
+"""Designs that are shown in full, and their charts."""
 REPEAT = 7
 
 
@@ -43,7 +51,7 @@ def main() -> None:
         design = read(file).design
         name = design.design.name
         print(name, file=sys.stderr)
-        found[name] = run.measured(design, repeat=REPEAT)
+        found[name] = run.measure(design, repeat=REPEAT)
         if name in CHARTS:
             save(picture.draw(found[name], design.design.title or name), folder / CHARTS[name])
     text = document(found)
@@ -52,85 +60,141 @@ def main() -> None:
 
 
 def document(found: dict[str, Tradeoff]) -> str:
-    """All of it in Markdown."""
-    machine = f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"
+    """Format the page in Markdown."""
+    machine = (
+        f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, scipy"
+        f" {scipy.__version__}"
+    )
     threads = next(iter(found.values())).threads
     lines = [
         "# Speed against accuracy",
         "",
-        f"Made by `make tradeoff` in one run with {threads or 'an unknown number of'} thread{'s' if threads != 1 else ''} of linear algebra ({machine}). "
-        f"Times are the processor's, medians of {REPEAT} samples that all methods take in turns, relative to the fastest for that design. Errors are "
-        "relative, 0 if below the last digit of a double. [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured, and what to use when.",
+        (
+            f"Made by `make tradeoff` in one run with {threads or 'an unknown number of'}"
+            f" thread{'s' if threads != 1 else ''} of linear algebra ({machine}). Times are the"
+            f" processor's, medians of {REPEAT} samples that all methods take in turns, relative to"
+            " the fastest for that design. Errors are relative, 0 if below the last digit of a"
+            " double. [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured, and what"
+            " to use when."
+        ),
         "",
         "![Error against time, fused-silica triple](tradeoff.png)",
         "",
         "## All designs",
         "",
-        "Largest error · time for one evaluation / for one item of a batch. Bold: no other is both faster (either way) and more accurate. A dash: it does "
-        "not hold for this design, or there is nothing to compare.",
+        (
+            "Largest error · time for one evaluation / for one item of a batch. Bold: no other is"
+            " both faster (either way) and more accurate. A dash: it does not hold for this design,"
+            " or there is nothing to compare."
+        ),
         "",
     ]
-    keys = list(dict.fromkeys((panel.key, view.title) for one in found.values() for panel in one.panels for view in panel.views))
+    keys = list(
+        dict.fromkeys(
+            (panel.key, view.title)
+            for one in found.values()
+            for panel in one.panels
+            for view in panel.views
+        )
+    )
     for key, title in keys:
         lines += overview(key, title, found)
     for name in CHARTS:
-        lines += [f"## {name}", "", f"![Error against time]({CHARTS[name]})", "", *(line for panel in found[name].panels for line in full(panel))]
+        lines += [
+            f"## {name}",
+            "",
+            f"![Error against time]({CHARTS[name]})",
+            "",
+            *(line for panel in found[name].panels for line in full(panel)),
+        ]
     return "\n".join(lines).rstrip() + "\n"
 
 
 def overview(key: str, title: str, found: dict[str, Tradeoff]) -> list[str]:
-    """One view of a comparison for all designs."""
-    panels = {name: next(panel for panel in one.panels if panel.key == key) for name, one in found.items()}
+    """Tabulate one view of a comparison for all designs."""
+    panels = {
+        name: next(panel for panel in one.panels if panel.key == key) for name, one in found.items()
+    }
     compares = next(iter(panels.values())).compares
     if compares == "rungs":
         found_on = {entry.rung for panel in panels.values() for entry in panel.entries}
-        every = [rung for rung in RUNGS if rung in found_on]
+        every = [rung for rung in MODEL_NAMES if rung in found_on]
     else:
-        every = list(dict.fromkeys(entry.method for panel in panels.values() for entry in panel.entries))
-    lines = [f"### {title}: {compares}", "", f"| design | {' | '.join(every)} |", "|---|" + "---|" * len(every)]
+        every = list(
+            dict.fromkeys(entry.method for panel in panels.values() for entry in panel.entries)
+        )
+    lines = [
+        f"### {title}: {compares}",
+        "",
+        f"| design | {' | '.join(every)} |",
+        "|---|" + "---|" * len(every),
+    ]
     for name, panel in panels.items():
         view = next((view for view in panel.views if view.title == title), None)
-        cells = {} if view is None else {entry.name(compares): cell(panel, view, n) for n, entry in enumerate(panel.entries)}
+        cells = (
+            {}
+            if view is None
+            else {
+                entry.name(compares): cell(panel, view, n) for n, entry in enumerate(panel.entries)
+            }
+        )
         lines.append(f"| {name} | {' | '.join(cells.get(one, '–') for one in every)} |")
     return [*lines, ""]
 
 
 def cell(panel: Panel, view: View, n: int) -> str:
-    """``1.5e-01 · 1 / 25``."""
+    """Format error and times: ``1.5e-01 · 1 / 25``."""
     times = (number(panel.entries[n].time(kind) / panel.fastest(kind)) for kind in KINDS)
-    text = f"{told(panel.worst(view)[n])} · {' / '.join(times)}"
+    text = f"{format_error(panel.worst(view)[n])} · {' / '.join(times)}"
     return f"**{text}**" if any(n in panel.front(kind, view) for kind in KINDS) else text
 
 
 def full(panel: Panel) -> list[str]:
-    """One comparison of one design."""
+    """Tabulate one comparison of one design."""
     lines = [f"### {panel.title}: {panel.compares}", ""]
     if panel.entries:
         once, batch = (panel.fastest(kind) for kind in KINDS)
-        lines += [f"Error against {panel.reference}. Time {panel.start}: 1 is {spell(once)}, {spell(batch)} a {panel.item} in a batch of {panel.count}.", ""]
-        lines.append(f"| {panel.compares[:-1]} | one evaluation | in a batch | {' | '.join(panel.component)} |")
+        lines += [
+            (
+                f"Error against {panel.reference}. Time {panel.start}: 1 is {format_time(once)},"
+                f" {format_time(batch)} a {panel.item} in a batch of {panel.count}."
+            ),
+            "",
+        ]
+        lines.append(
+            f"| {panel.compares[:-1]} | one evaluation | in a batch |"
+            f" {' | '.join(panel.component)} |"
+        )
         lines.append("|---|" + "---:|" * (2 + len(panel.component)))
         on = {kind: {n for view in panel.views for n in panel.front(kind, view)} for kind in KINDS}
         for n, entry in enumerate(panel.entries):
-            times = (marked(entry, kind, fastest, n in on[kind]) for kind, fastest in zip(KINDS, (once, batch), strict=True))
-            lines.append(f"| {entry.label} | {' | '.join(times)} | {' | '.join(told(error) for error in entry.error)} |")
+            times = (
+                marked(entry, kind, fastest, n in on[kind])
+                for kind, fastest in zip(KINDS, (once, batch), strict=True)
+            )
+            lines.append(
+                f"| {entry.label} | {' | '.join(times)} |"
+                f" {' | '.join(format_error(error) for error in entry.error)} |"
+            )
         lines.append("")
     reasons: dict[str, list[str]] = {}
     for item in panel.left:
-        reasons.setdefault(item.reason, []).append(item.rung if panel.compares == "rungs" else item.method)
+        reasons.setdefault(item.reason, []).append(
+            item.rung if panel.compares == "rungs" else item.method
+        )
     lines += [f"Left out: {', '.join(names)} ({reason})." for reason, names in reasons.items()]
     return [*lines, ""] if reasons else lines
 
 
 def marked(entry: Entry, kind: str, fastest: float, best: bool) -> str:
-    """Relative time with its quartiles; bold on the front; a circle where a batch is done one by one."""
+    """Format relative time with quartiles; bold on the front, ○ where a batch is a loop."""
     low, middle, high = map(number, getattr(entry, kind) / fastest)
     text = f"**{middle}**" if best else middle
     return f"{text} ({low}–{high}){' ○' if kind == 'batch' and not entry.vectorised else ''}"
 
 
 def number(value: float) -> str:
-    """Three digits: ``1.88``, ``24,800``."""
+    """Format to three digits: ``1.88``, ``24,800``."""
     return f"{value:.3g}" if value < 999.5 else f"{float(f'{value:.3g}'):,.0f}"
 
 

@@ -1,7 +1,8 @@
-"""Run docs/tutorial.md: its commands in order in a folder of their own, its edits of the design between them, its pictures.
+"""Run the commands and edits of docs/tutorial.md, in order, in a temporary folder.
 
-`python tools/tutorial.py` (`make tutorial`) writes what the commands print and draw back into the page; `tests/test_tutorial.py` compares the two.
-A line `...` in the page stands for any number of lines.
+`make tutorial` copies the output and pictures of the commands into the page;
+`tests/docs/test_tutorial.py` compares the two. A line `...` in the page stands for any number of
+lines.
 """
 
 from __future__ import annotations
@@ -22,15 +23,25 @@ from suspension_cli.cli.main import main as pendsus
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "tutorial.md"
-PART = re.compile(r"^```(console|toml)\n(.*?)^```$|^!\[[^]]*\]\((images/[^)]*)\)$", re.MULTILINE | re.DOTALL)
+PART = re.compile(
+    r"^```(console|toml)\n(.*?)^```$|^!\[[^]]*\]\((images/[^)]*)\)$", re.MULTILINE | re.DOTALL
+)
 
 
 @dataclass(frozen=True)
 class Step:
-    """One thing that the page does.
+    """One command, edit or picture of the page.
 
-    kind is console, toml or picture; text what stands in the page, at these places; found what the program printed
-    (console) or the picture's file (picture).
+    Attributes
+    ----------
+    kind : str
+        console, toml or picture.
+    text : str
+        Text in the page.
+    span : tuple of int
+        Its start and end there.
+    found : str or Path
+        Output of the program (console) or file of the picture (picture).
     """
 
     kind: str
@@ -41,7 +52,7 @@ class Step:
 
 @contextmanager
 def folder() -> Iterator[Path]:
-    """An empty folder to work in, with everything back as it was afterwards."""
+    """Work in a temporary folder; the working directory is restored afterwards."""
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as name:
         os.chdir(name)
@@ -52,31 +63,33 @@ def folder() -> Iterator[Path]:
 
 
 def steps(page: str) -> Iterator[Step]:
-    """Do what the page says, in the folder that this runs in."""
+    """Run the steps of the page in the current folder."""
     drawn = design = None
     for part in PART.finditer(page):
         if part[1] == "console":
             line = part[2].partition("\n")[0].removeprefix("$ ")
-            printed = called(line)
+            printed = run_command(line)
             drawn = next((Path(name) for name in re.findall(r"wrote (\S+\.png)", printed)), drawn)
-            design = design or next(Path(word) for word in shlex.split(line) if word.endswith(".toml"))
+            design = design or next(
+                Path(word) for word in shlex.split(line) if word.endswith(".toml")
+            )
             yield Step("console", part[2], part.span(2), f"$ {line}\n{printed}")
         elif part[1] == "toml":
             assert design is not None
-            design.write_text(edited(design.read_text(), part[2]))
+            design.write_text(replace_last_table(design.read_text(), part[2]))
             yield Step("toml", part[2], part.span(2))
         else:
             assert drawn is not None
             yield Step("picture", part[3], part.span(3), drawn)
 
 
-def edited(design: str, table: str) -> str:
-    """A design that ends in a new last table of that name."""
+def replace_last_table(design: str, table: str) -> str:
+    """Replace the last table of a design from the heading of `table` on."""
     return design[: design.rindex(table.partition("\n")[0])] + table
 
 
-def called(line: str) -> str:
-    """What a command prints, both streams as a terminal shows them."""
+def run_command(line: str) -> str:
+    """Run a command and return its output, both streams as in a terminal."""
     result = CliRunner().invoke(pendsus, shlex.split(line)[1:], prog_name="pendsus")
     if result.exit_code:
         raise SystemExit(f"{line}\n{result.output}")
@@ -84,7 +97,7 @@ def called(line: str) -> str:
 
 
 def main() -> None:
-    """Make the page and its pictures anew."""
+    """Regenerate the page and its pictures."""
     page = PAGE.read_text(encoding="utf-8")
     pieces, done = [], 0
     with folder():

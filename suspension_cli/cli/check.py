@@ -1,4 +1,4 @@
-"""`pendsus check`: is a design sound, what do its wires and blades carry, and can its numbers be meant?"""
+"""`pendsus check`: validity and plausibility of designs, loads of their wires and blades."""
 
 from __future__ import annotations
 
@@ -8,40 +8,52 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.cli import limits as warnings
-from suspension_cli.cli import options
+from suspension_cli.analyses import options, settings
+from suspension_cli.analyses.check import warnings
+from suspension_cli.cli import terminal
+from suspension_cli.cli.runner import Command
 
 if TYPE_CHECKING:
-    from suspension_cli.analysis.statics import BladeLoad, Carried, WireLoad
-    from suspension_cli.design.plausible import Doubt
+    from suspension_cli.analyses.check.statics import BladeLoad, Statics, WireLoad
+    from suspension_cli.design.plausibility import ImplausibleNumber
     from suspension_cli.design.reader import Source
-    from suspension_cli.models.fidelity import Choice
+    from suspension_cli.models.registry import Choice
 
 
 @dataclass(frozen=True)
 class Checked:
-    """A design without faults: its simplest model, what it carries, the model in which its stability was looked at, and what is hard to believe of it."""
+    """A valid design: its simplest model, the loads of its wires and blades, whether it is stable
+    and in which model (`level`), and its implausible numbers.
+    """
 
     source: Source
     choice: Choice
-    carried: Carried
+    carried: Statics
     stable: bool | None
     level: str | None
-    doubts: list[Doubt]
+    implausible: list[ImplausibleNumber]
 
 
-@click.command("check")
-@options.designs
-@options.overrides
-@click.option("--strict", is_flag=True, help="Exit with 1 if there are warnings.")
-@options.as_json_only
-def command(designs: tuple[str, ...], overrides: tuple[str, ...], strict: bool, as_json: bool) -> None:
-    """Check each DESIGN and show what its wires and blades carry; writes nothing.
+STRICT = options.option("--strict", is_flag=True, help="Exit with 1 if there are warnings.")
 
-    All faults of all designs are listed, each on a line with file, key, value and remedy.  What is valid but hard to believe is a warning:
-    a wire that would break, a mass denser than osmium, an unstable pendulum, a sensor on a stage that does not exist.
+
+@click.command(
+    "check",
+    cls=Command,
+    params=[options.DESIGNS, STRICT, options.OVERRIDES, options.AS_JSON_ONLY],
+)
+def command(
+    designs: tuple[str, ...], overrides: tuple[str, ...], strict: bool, as_json: bool
+) -> None:
+    """Check each DESIGN and list what its wires and blades carry; writes nothing.
+
+    Errors of all designs are listed, one per line with file, key, value and remedy. Values that are
+    valid but implausible are warnings: a wire that would break, a body denser than osmium, an
+    unstable pendulum, a sensor on a stage that does not exist.
+
+    Example: pendsus check my.toml --strict
     """
-    from suspension_cli.errors import InputError, joined
+    from suspension_cli.errors import InputError, join_errors
 
     good: list[Checked] = []
     bad: list[InputError] = []
@@ -52,17 +64,17 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], strict: bool, 
             bad.append(error if error.file else error.in_file(file))
     for one in good:
         if not as_json:
-            options.put(_text(one))
-        for doubt in one.doubts:
-            options.tell(f"warning: {one.source.design.design.name}: {doubt.line}")
+            terminal.put(_text(one))
+        for item in one.implausible:
+            terminal.tell(f"warning: {one.source.design.design.name}: {item.line}")
     if bad:
-        raise joined(bad)
+        raise join_errors(bad)
     if as_json:
         import json
 
         documents = [_document(one) for one in good]
         click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
-    if strict and any(one.doubts for one in good):
+    if strict and any(one.implausible for one in good):
         sys.exit(1)
 
 
@@ -70,32 +82,47 @@ def _checked(file: str, overrides: tuple[str, ...]) -> Checked:
     """Read and check one design; raises `InputError`."""
     import tomllib
 
-    from suspension_cli.analysis import limits, names, plausible, statics
-    from suspension_cli.design import plausible as numbers
-    from suspension_cli.design.plausible import Doubt
+    from suspension_cli.analyses.check import limits, plausible, statics
+    from suspension_cli.cli import name_checks
+    from suspension_cli.design import plausibility as numbers
+    from suspension_cli.design.plausibility import ImplausibleNumber
     from suspension_cli.design.reader import read, value_at
     from suspension_cli.errors import Fault, InputError
-    from suspension_cli.models import fidelity
+    from suspension_cli.models import registry
 
     source = read(file, overrides)
     design = source.design
-    options.check_tables(design.analysis, file)
-    doubts = numbers.of_design(design)
+    settings.check_tables(design.analysis, file)
+    implausible = numbers.find_implausible(design)
     try:
-        choice, carried = fidelity.choose(design), statics.solve(design)
+        choice, carried = registry.choose(design), statics.solve(design)
     except InputError as error:  # it may be one of these numbers that keeps it from balancing
-        raise InputError([*error.faults, *(doubt.fault for doubt in doubts)], file) from None
-    doubts += plausible.of_loads(design, carried)
-    stability = plausible.stability(design)
+        raise InputError([*error.faults, *(item.fault for item in implausible)], file) from None
+    implausible += plausible.find_implausible_loads(design, carried)
+    stability = plausible.solve_stability(design)
     if stability is not None:
-        doubts += plausible.of_modes(*stability)
-    near = limits.slackest(design, carried)
+        implausible += plausible.find_instability(*stability)
+    near = limits.find_slackest(design, carried)
     if near is not None:
-        doubts.append(Doubt(Fault("", warnings.slack(near), "move its ends, or give it its share of the load")))
+        implausible.append(
+            ImplausibleNumber(
+                Fault(
+                    "",
+                    warnings.describe_slack(near),
+                    "move its ends, or give it its share of the load",
+                )
+            )
+        )
     raw = tomllib.loads(source.text)
-    doubts += names.of_design(design, None if stability is None else stability[1], lambda path: value_at(raw, path) is not None)
-    stable, level = (None, None) if stability is None else (bool(stability[1].stable), stability[0].level)
-    return Checked(source, choice, carried, stable, level, doubts)
+    implausible += name_checks.find_unknown_names(
+        design,
+        None if stability is None else stability[1],
+        lambda path: value_at(raw, path) is not None,
+    )
+    stable, level = (
+        (None, None) if stability is None else (bool(stability[1].stable), stability[0].level)
+    )
+    return Checked(source, choice, carried, stable, level, implausible)
 
 
 def _document(one: Checked) -> dict[str, Any]:
@@ -110,12 +137,32 @@ def _document(one: Checked) -> dict[str, Any]:
         "height_m": carried.height,
         "lowest": [{"stage": low.name, "z_m": low.z, "point": low.point} for low in carried.lowest],
         "wires": [
-            {"wire": w.label, "tension_n": w.tension, "stretch_m": w.stretch, "stretch_share": w.stretch / w.length} | _stressed(w) for w in carried.wires
+            {
+                "wire": w.label,
+                "tension_n": w.tension,
+                "stretch_m": w.stretch,
+                "stretch_share": w.stretch / w.length,
+            }
+            | _stressed(w)
+            for w in carried.wires
         ],
-        "blades": [{"blade": b.label, "load_n": b.load, "sag_m": b.sag} | _stressed(b) for b in carried.blades],
-        "bodies": [{"stage": b.name, "shift_m": list(b.shift), "rotation_rad": list(b.rotation)} for b in carried.bodies],
+        "blades": [
+            {"blade": b.label, "load_n": b.load, "sag_m": b.sag} | _stressed(b)
+            for b in carried.blades
+        ],
+        "bodies": [
+            {"stage": b.name, "shift_m": list(b.shift), "rotation_rad": list(b.rotation)}
+            for b in carried.bodies
+        ],
         "warnings": [
-            {"key": d.fault.key, "value": d.fault.value, "problem": d.fault.problem, "remedy": d.fault.remedy, "serious": d.serious} for d in one.doubts
+            {
+                "key": d.fault.key,
+                "value": d.fault.value,
+                "problem": d.fault.problem,
+                "remedy": d.fault.remedy,
+                "serious": d.serious,
+            }
+            for d in one.implausible
         ],
     }
 
@@ -126,33 +173,49 @@ def _stressed(part: WireLoad | BladeLoad) -> dict[str, Any]:
 
 def _text(one: Checked) -> str:
     """What a design carries, for people."""
-    from suspension_cli.errors import printable
+    from suspension_cli.errors import escape_unprintable
 
-    carried, count = one.carried, len(one.doubts)
+    carried, count = one.carried, len(one.implausible)
     verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
-    lines = [f"{printable(one.source.file)}: {verdict}; {one.choice.level}: {one.choice.reason}", *_tables(carried)]
+    lines = [
+        f"{escape_unprintable(one.source.file)}: {verdict}; {one.choice.line}",
+        *_tables(carried),
+    ]
     for body in carried.bodies:
         if any(body.shift) or any(body.rotation):
             shift = ", ".join(f"{1e3 * value:.4f}" for value in body.shift)
             turn = ", ".join(f"{1e3 * value:.4f}" for value in body.rotation)
-            lines.append(f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose")
-    lines.append(f"  height {carried.height:.4g} m; lowest points: {', '.join(f'{low.name} {low.z:.4g} m ({low.point})' for low in carried.lowest)}")
+            lines.append(
+                f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose"
+            )
+    lines.append(
+        f"  height {carried.height:.4g} m; lowest points:"
+        f" {', '.join(f'{low.name} {low.z:.4g} m ({low.point})' for low in carried.lowest)}"
+    )
     if one.stable is not None:
         lines.append(f"  {'stable' if one.stable else 'UNSTABLE'} in the {one.level} model")
     lines.append(f"  balanced to {carried.residual:.0e} of the weight")
     return "\n".join(lines)
 
 
-def _tables(carried: Carried) -> list[str]:
+def _tables(carried: Statics) -> list[str]:
     """A line for each wire and each blade."""
     width = max([12, *(len(part.label) for part in (*carried.wires, *carried.blades))])
     lines = []
     if carried.wires:
         lines.append(f"  {'wire':{width}}    tension    stretch      stress  of strength")
-    lines += [f"  {wire.label:{width}} {wire.tension:8.2f} N {_millimetres(wire.stretch)} mm {_stress(wire)}".rstrip() for wire in carried.wires]
+    lines += [
+        f"  {wire.label:{width}} {wire.tension:8.2f} N {_millimetres(wire.stretch)} mm"
+        f" {_stress(wire)}".rstrip()
+        for wire in carried.wires
+    ]
     if carried.blades:
         lines.append(f"  {'blade':{width}}       load        sag      stress  of strength")
-    lines += [f"  {blade.label:{width}} {blade.load:8.2f} N {_millimetres(blade.sag)} mm {_stress(blade)}".rstrip() for blade in carried.blades]
+    lines += [
+        f"  {blade.label:{width}} {blade.load:8.2f} N {_millimetres(blade.sag)} mm"
+        f" {_stress(blade)}".rstrip()
+        for blade in carried.blades
+    ]
     return lines
 
 

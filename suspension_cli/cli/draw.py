@@ -1,31 +1,36 @@
-"""`pendsus draw`: a design to scale."""
+"""`pendsus draw`: a drawing of a design, to scale."""
 
 from __future__ import annotations
 
 import click
 
-from suspension_cli.cli import options
+from suspension_cli.analyses import options, settings
+from suspension_cli.cli import terminal
+from suspension_cli.cli.runner import Command
 
 
-@click.command("draw")
-@options.designs
-@options.overrides
-@options.out
-@click.option("-q", "--quiet", is_flag=True, help="Do not say which files were written.")
+@click.command(
+    "draw",
+    cls=Command,
+    params=[options.DESIGNS, options.OVERRIDES, options.OUT, options.QUIET],
+)
 def command(designs: tuple[str, ...], overrides: tuple[str, ...], out: str, quiet: bool) -> None:
-    """Draw each DESIGN to scale, side on and face on, with its dimensions: DIR/NAME-draw.png."""
+    """Draw each DESIGN to scale, from the side and from the front: DIR/NAME-draw.png.
+
+    Example: pendsus draw my.toml
+    """
     from suspension_cli.design.reader import read
-    from suspension_cli.errors import faults_of
-    from suspension_cli.mechanics.nominal import nominal
-    from suspension_cli.plots import draw
-    from suspension_cli.plots.style import save
-    from suspension_cli.results import writing_to
+    from suspension_cli.drawing import draw
+    from suspension_cli.drawing.style import save
+    from suspension_cli.equilibrium.nominal import expand_nominal
+    from suspension_cli.errors import attribute_faults_to
+    from suspension_cli.files.atomic import writing_to
 
     for source in [read(file, overrides) for file in designs]:
-        with faults_of(source.file):
-            scene = nominal(source.design)
-        path = options.folder(out) / f"{source.design.design.name}-draw.png"
+        with attribute_faults_to(source.file):
+            scene = expand_nominal(source.design)
+        path = settings.folder(out) / f"{source.design.design.name}-draw.png"
         with writing_to(path):
             save(draw.draw(source.design, scene), path)
         if not quiet:
-            options.tell(f"wrote {path}")
+            terminal.tell(f"wrote {path}")

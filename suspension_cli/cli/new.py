@@ -4,35 +4,59 @@ from __future__ import annotations
 
 import click
 
-from suspension_cli.cli import options
+from suspension_cli.cli import terminal
 
-KINDS = ("single", "double", "triple", "blades")
+KINDS = ("single", "double", "triple", "quad", "blades")
+"""As `design.reader.TEMPLATES`, which is not imported just to print help."""
 
 
 @click.command("new")
-@click.argument("kind", type=click.Choice(KINDS))
-@click.argument("file", required=False)
-@click.option("--name", metavar="NAME", help="The design's name; default: the stem of FILE, or KIND.")
+@click.argument("words", nargs=-1, metavar=f"[{'|'.join(KINDS)}] [FILE]")
+@click.option(
+    "--from",
+    "example",
+    metavar="EXAMPLE",
+    help="Start from a design that comes with the program instead: geo-silica-triple.",
+)
+@click.option("--examples", "listing", is_flag=True, help="List these designs.")
+@click.option("--name", metavar="NAME", help="Name of the design.  [default: the stem of FILE]")
 @click.option("--force", is_flag=True, help="Replace FILE if it exists.")
-def command(kind: str, file: str | None, name: str | None, force: bool) -> None:
-    """Start a design of one KIND: write it to FILE, or to stdout without FILE."""
+def command(
+    words: tuple[str, ...], example: str | None, listing: bool, name: str | None, force: bool
+) -> None:
+    """Start a design: write it to FILE, or to stdout without FILE.
+
+    Example: pendsus new quad my.toml
+    """
     import re
     from pathlib import Path
 
-    from suspension_cli.design.reader import parse, template
-    from suspension_cli.errors import Fault, InputError, shown
-    from suspension_cli.results import write_bytes
+    from suspension_cli.design import reader
+    from suspension_cli.errors import Fault, InputError, format_value
+    from suspension_cli.files.atomic import write_bytes
 
+    if listing:
+        terminal.put("\n".join(reader.examples()))
+        return
+    most = 2 if example is None else 1
+    if (not words and example is None) or len(words) > most:
+        problem = f"takes a kind of design ({', '.join(KINDS)}) or --from, then at most one file"
+        raise InputError([Fault("new", problem, "write for example pendsus new triple my.toml")])
+    kind, file = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
     if name is None:
-        name = re.sub(r"[^A-Za-z0-9._-]+", "-", Path(file).stem).strip("-._")[:100] if file else kind
+        stem = Path(file[0]).stem if file else kind
+        name = re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-._")[:100] or kind
     elif not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{,99}", name):
-        raise InputError([Fault("--name", "is no name of a design", "give letters, digits, . _ and -", shown(name))])
-    text = template(kind, name or kind)
-    parse(text)
-    if file is None:
+        remedy = "give letters, digits, . _ and -"
+        raise InputError([Fault("--name", "is no name of a design", remedy, format_value(name))])
+    text = reader.template(kind, name) if example is None else reader.example_text(example, name)
+    reader.parse(text)
+    if not file:
         click.echo(text, nl=False)
         return
-    if Path(file).exists() and not force:
-        raise InputError([Fault("", "exists already", "name another file, or give --force")], file)
-    write_bytes(Path(file), text.encode(), key="")
-    options.tell(f"wrote {file}; next: pendsus modes {file}")
+    path = Path(file[0])
+    if path.exists() and not force:
+        problem, remedy = "exists already", "name another file, or give --force"
+        raise InputError([Fault("", problem, remedy)], str(path))
+    write_bytes(path, text.encode(), key="")
+    terminal.tell(f"wrote {path}; next: pendsus modes {path}")

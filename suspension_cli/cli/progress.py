@@ -25,7 +25,12 @@ class Bar:
     def __enter__(self) -> Bar:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         if self.drawn and sys.stderr.isatty():
             sys.stderr.write("\n")
 
@@ -33,7 +38,11 @@ class Bar:
         """Draw, if it is time to."""
         now = time.monotonic()
         last = done == count and self.drawn
-        if not self.enabled or now - self.began < PATIENCE or (now - self.drawn < EVERY and not last):
+        if (
+            not self.enabled
+            or now - self.began < PATIENCE
+            or (now - self.drawn < EVERY and not last)
+        ):
             return
         self.drawn = now
         filled = int(WIDTH * done / count)
@@ -41,7 +50,10 @@ class Bar:
         pace = f"{rate:,.0f}/s" if rate >= 1 or not rate else f"{1 / rate:.0f} s each"
         end = "\r" if sys.stderr.isatty() else "\n"
         with contextlib.suppress(OSError):  # a stderr that is full or closed stops nothing
-            sys.stderr.write(f"{'#' * filled}{'.' * (WIDTH - filled)} {done:,} of {count:,}  {pace}  {left:12}{end}")
+            sys.stderr.write(
+                f"{'#' * filled}{'.' * (WIDTH - filled)} {done:,} of {count:,}  {pace} "
+                f" {left:12}{end}"
+            )
             sys.stderr.flush()
         if not sys.stderr.isatty():
             self.drawn = now + 10 - EVERY  # a log gets a line every ten seconds

@@ -1,1 +1,1 @@
-"""From a TOML file to a scene: the file format, its checks, and the geometry it stands for."""
+"""Design files: format, units, checks, overrides, materials; files of measured modes and goals."""

@@ -1,9 +1,10 @@
-"""Quantities that follow from one table of a design: inertia of a shape, k of a wire, stiffness of a blade."""
+"""Quantities derived from a design: inertia of shapes, k of wires, stiffness of blades, loss."""
 
 from __future__ import annotations
 
 import cmath
 import math
+import operator
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,7 @@ Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float
 
 
 def body_mass(body: Body) -> float:
-    """Mass in kg, given or from density and shape."""
+    """Compute the mass of a body in kg, given or from density and shape."""
     if body.mass is not None:
         return body.mass
     assert body.density is not None
@@ -25,7 +26,7 @@ def body_mass(body: Body) -> float:
 
 
 def volume(body: Body) -> float:
-    """Volume of a shape in m^3."""
+    """Compute the volume of a shape in m^3."""
     if body.shape == "box":
         assert body.size is not None
         return body.size[0] * body.size[1] * body.size[2]
@@ -34,10 +35,10 @@ def volume(body: Body) -> float:
 
 
 def body_inertia(body: Body) -> Rows:
-    """Inertia tensor about the COM in kg m^2, given or that of a homogeneous shape.
+    """Compute the inertia tensor about the COM in kg m^2, given or of a homogeneous shape.
 
-    A hollow cylinder has m (R^2 + r^2)/2 about its axis and m (3 (R^2 + r^2) + L^2)/12 across it, a box
-    m (b^2 + c^2)/12 about the axis that its sides b, c are normal to (any text on mechanics).
+    A hollow cylinder has m (R^2 + r^2)/2 about its axis and m (3 (R^2 + r^2) + L^2)/12 across it, a
+    box m (b^2 + c^2)/12 about the axis that its sides b, c are normal to (any text on mechanics).
     """
     if body.inertia is not None:
         if isinstance(body.inertia[0], list):
@@ -61,13 +62,19 @@ def _diagonal(a: float, b: float, c: float) -> Rows:
 
 
 def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float:
-    """k = E A / l in N/m (Husman et al., equation 15), with l the loaded length in the nominal pose; of several sections in series."""
+    """Compute the spring constant of a wire in N/m: given, or k = E A / l.
+
+    l is the loaded length in the nominal pose (Husman et al., equation 15). Sections are in series.
+    """
     if wire.k is not None:
         return wire.k
     if wire.sections is None:
         assert wire.material is not None
         return _modulus(design, wire.material) * area(wire.radius, wire.section) / length
-    return 1.0 / sum(piece.length / (_modulus(design, piece.material or "") * piece.area) for piece in stretches(wire, length))
+    return 1.0 / sum(
+        piece.length / (_modulus(design, piece.material or "") * piece.area)
+        for piece in stretches(wire, length)
+    )
 
 
 def _modulus(design: Design, material: str) -> float:
@@ -76,11 +83,13 @@ def _modulus(design: Design, material: str) -> float:
     return modulus
 
 
-def blade_stiffness(design: Design, blade: BladeSet | Blade, stage_mass: float, count: int) -> float:
-    """Vertical stiffness of one blade at its tip in N/m.
+def blade_stiffness(
+    design: Design, blade: BladeSet | Blade, stage_mass: float, count: int
+) -> float:
+    """Compute the vertical stiffness of one blade at its tip in N/m.
 
-    Given; or (2 pi f)^2 m / count for an uncoupled frequency f of the stage's mass m on its `count` blades;
-    or from the geometry.
+    Given; or (2 pi f)^2 m / count for an uncoupled frequency f of the stage's mass m on its `count`
+    blades; or from the geometry.
     """
     if blade.stiffness is not None:
         return blade.stiffness
@@ -91,28 +100,41 @@ def blade_stiffness(design: Design, blade: BladeSet | Blade, stage_mass: float, 
 
 
 def gives_natural_lengths(design: Design) -> bool:
-    """Whether a design gives the natural length of any wire, so that it need not balance as it is drawn."""
+    """Whether a design gives a natural length, so that its nominal pose need not balance."""
     return any(wire.natural_length is not None for stage in design.stage for wire in stage.wire)
 
 
 def solves_pose(design: Design) -> bool:
-    """Whether the pose of a design is solved for instead of being drawn: where natural lengths of wires or loads of blades are given."""
-    blades = (blade for stage in design.stage for blade in (*stage.blade, *([] if stage.blades is None else [stage.blades])))
+    """Whether the pose of a design is solved for instead of given.
+
+    It is where natural lengths of wires or loads of blades are given.
+    """
+    blades = (
+        blade
+        for stage in design.stage
+        for blade in (*stage.blade, *([] if stage.blades is None else [stage.blades]))
+    )
     return gives_natural_lengths(design) or any(blade.load is not None for blade in blades)
 
 
 def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
-    """k = E a h^3 / (4 alpha L^3) of a blade with base width a, thickness h, length L, shape factor alpha.
+    """Compute the vertical stiffness of a cantilever blade from its geometry, N/m.
 
-    alpha = 1 for a rectangular blade (then k = 3 E I / L^3), 1.5 for a triangular one.  Torrie, PhD thesis,
-    University of Glasgow (2001), after Plissi et al., Rev. Sci. Instrum. 71, 2539 (2000).
+    k = E a h^3 / (4 alpha L^3) with base width a, thickness h, length L and shape factor alpha:
+    alpha = 1 for a rectangular blade (then k = 3 E I / L^3), 1.5 for a triangular one. Torrie, PhD
+    thesis, University of Glasgow (2001), after Plissi et al., Rev. Sci. Instrum. 71, 2539 (2000).
     """
-    return youngs_modulus * blade.base_width * blade.thickness**3 / (4 * blade.shape_factor * blade.length**3)
+    return (
+        youngs_modulus
+        * blade.base_width
+        * blade.thickness**3
+        / (4 * blade.shape_factor * blade.length**3)
+    )
 
 
 @dataclass(frozen=True)
 class SetGeometry:
-    """A symmetric set of wires, fully spelled out (all in m; the paper's symbols)."""
+    """Geometry of a symmetric set of wires (all in m; the paper's symbols)."""
 
     count: int
     length: float
@@ -125,7 +147,7 @@ class SetGeometry:
 
     @property
     def height_squared(self) -> float:
-        """Square of the vertical span of a wire in m^2; not positive if the wire is too short for its span."""
+        """Square of the vertical span of a wire, m^2; not positive if the wire is too short."""
         return self.length**2 - (self.t2 - self.t1) ** 2 - (self.s_lower - self.s_upper) ** 2
 
     @property
@@ -136,7 +158,7 @@ class SetGeometry:
 
 
 def set_geometry(wires: WireSet) -> SetGeometry:
-    """The geometry of a symmetric set, defaults filled in."""
+    """Fill in the defaults of the geometry of a symmetric set."""
     s = wires.s or 0.0
     return SetGeometry(
         count=wires.count,
@@ -151,7 +173,7 @@ def set_geometry(wires: WireSet) -> SetGeometry:
 
 
 def com_offset(stage: Stage) -> tuple[float, float, float]:
-    """From the COM above (or the support point) to the nominal COM of a stage, m."""
+    """Compute the vector from the COM above (or support point) to a stage's nominal COM, m."""
     if stage.wires is None:
         assert stage.position is not None
         return stage.position
@@ -160,7 +182,7 @@ def com_offset(stage: Stage) -> tuple[float, float, float]:
 
 
 def com_positions(design: Design) -> dict[str, tuple[float, float, float]]:
-    """Nominal COM of every stage from the suspension point, m."""
+    """Compute the nominal COM of every stage from the suspension point, m."""
     found = {SUPPORT: (0.0, 0.0, 0.0)}
     above = SUPPORT
     for stage in design.stage:
@@ -172,9 +194,10 @@ def com_positions(design: Design) -> dict[str, tuple[float, float, float]]:
 
 
 def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
-    """Loss angle of the stretching of a wire of a loaded length (m), rad: what the design gives its material, 0 if nothing.
+    """Compute the loss angle of the stretching of a wire of a loaded length (m), rad.
 
-    Of several sections, the mean of theirs, each weighted by its share of the compliance.
+    That which the design gives its material, or 0; of several sections the mean, weighted by their
+    compliances.
     """
     if wire.sections is None:
         return 0.0 if wire.material is None else materials.constant_angle(design, wire.material)
@@ -182,17 +205,19 @@ def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
     angles = [materials.constant_angle(design, piece.material or "") for piece in pieces]
     if not any(angles):
         return 0.0
-    shares = [piece.length / (_modulus(design, piece.material or "") * piece.area) for piece in pieces]
-    return sum(share * angle for share, angle in zip(shares, angles, strict=True)) / sum(shares)
+    compliances = [
+        piece.length / (_modulus(design, piece.material or "") * piece.area) for piece in pieces
+    ]
+    return sum(map(operator.mul, compliances, angles)) / sum(compliances)
 
 
 def blade_material(blade: BladeSet | Blade) -> str | None:
-    """What a blade is made of, if the design says."""
+    """Name of the material of a blade, if the design gives it."""
     return blade.material if blade.geometry is None else blade.geometry.material
 
 
 def blade_loss(design: Design, blade: BladeSet | Blade) -> float:
-    """Loss angle of a blade, rad: given, or what the design gives its material, 0 if neither is."""
+    """Look up the loss angle of a blade, rad: its own, or that of its material in the design."""
     if blade.loss_angle is not None:
         return blade.loss_angle
     material = blade_material(blade)

@@ -1,4 +1,4 @@
-"""What a design should become: the file that `pendsus optimise` reads beside it."""
+"""Files of goals: limits and objectives of a design for `pendsus optimise`."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from msgspec import Meta
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import faults, reader
-from suspension_cli.design.faults import suggestion
+from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import Number, Positive
-from suspension_cli.design.quantities import Name, Table
 from suspension_cli.design.schema import Perturbation
-from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.design.units import Name, Table
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 Kind = Literal["band", "separation", "coupling", "isolation", "cross-coupling", "stress", "height"]
 Dof = Literal["x", "y", "z", "roll", "pitch", "yaw"]
@@ -27,8 +27,12 @@ class Free(Table, frozen=True):
     name: Annotated[str, Meta(description="dotted path, as --set takes it")]
     lower: Number
     upper: Number
-    start: Annotated[Number, Meta(description="where to begin; default: the design's value")] | None = None
-    scale: Annotated[Literal["linear", "log"], Meta(description='"log" looks by decades')] = "linear"
+    start: (
+        Annotated[Number, Meta(description="where to begin; default: the design's value")] | None
+    ) = None
+    scale: Annotated[Literal["linear", "log"], Meta(description='"log": steps of equal ratio')] = (
+        "linear"
+    )
 
 
 class Equal(Table, frozen=True):
@@ -42,7 +46,7 @@ class Equal(Table, frozen=True):
 
 
 class Goal(Table, frozen=True):
-    """A limit, or something to make small or large."""
+    """A limit on a quantity, or a quantity to minimise or maximise."""
 
     kind: Kind
     name: Annotated[str, Meta(max_length=100, description="for the report")] = ""
@@ -52,15 +56,64 @@ class Goal(Table, frozen=True):
     minimise: bool = False
     maximise: bool = False
     weight: Positive | None = None
-    dof: Annotated[list[Dof], Meta(min_length=1, description=f"modes of the families that these belong to: {', '.join(DOFS)}")] | None = None
-    lowest: Annotated[int, Meta(ge=1, le=1000, description="of each family, this many of the lowest modes")] | None = None
-    modes: Annotated[list[str], Meta(min_length=1, description="labels in pendsus modes --fidelity string, followed by shapes")] | None = None
-    apart: Annotated[Literal["ratio", "hertz"], Meta(description="how a separation is told")] | None = None
-    response: Annotated[str, Meta(description="OUTPUT/INPUT:FREQUENCY, or OVER/UNDER/INPUT:FREQUENCY of a cross-coupling")] | None = None
-    perturbation: Annotated[list[Perturbation], Meta(min_length=1, description="imperfections with which the response is taken")] | None = None
-    wires: Annotated[list[Name], Meta(min_length=1, description="stages whose wires are meant")] | None = None
-    blades: Annotated[list[Name], Meta(min_length=1, description="stages whose blades are meant")] | None = None
-    stage: Annotated[Name, Meta(description="stage whose depth below the suspension point is meant")] | None = None
+    dof: (
+        Annotated[
+            list[Dof],
+            Meta(
+                min_length=1,
+                description=f"modes of the families that these belong to: {', '.join(DOFS)}",
+            ),
+        ]
+        | None
+    ) = None
+    lowest: (
+        Annotated[
+            int, Meta(ge=1, le=1000, description="of each family, this many of the lowest modes")
+        ]
+        | None
+    ) = None
+    modes: (
+        Annotated[
+            list[str],
+            Meta(
+                min_length=1,
+                description="labels in pendsus modes --fidelity string, followed by shapes",
+            ),
+        ]
+        | None
+    ) = None
+    apart: (
+        Annotated[Literal["ratio", "hertz"], Meta(description="measure of a separation")] | None
+    ) = None
+    response: (
+        Annotated[
+            str,
+            Meta(
+                description=(
+                    "OUTPUT/INPUT:FREQUENCY, or OVER/UNDER/INPUT:FREQUENCY of a cross-coupling"
+                )
+            ),
+        ]
+        | None
+    ) = None
+    perturbation: (
+        Annotated[
+            list[Perturbation],
+            Meta(min_length=1, description="imperfections with which the response is taken"),
+        ]
+        | None
+    ) = None
+    wires: (
+        Annotated[list[Name], Meta(min_length=1, description="stages whose wires are meant")] | None
+    ) = None
+    blades: (
+        Annotated[list[Name], Meta(min_length=1, description="stages whose blades are meant")]
+        | None
+    ) = None
+    stage: (
+        Annotated[Name, Meta(description="stage whose depth below the suspension point is meant")]
+        | None
+    ) = None
 
 
 class Goals(Table, frozen=True):
@@ -71,8 +124,20 @@ class Goals(Table, frozen=True):
     equal: list[Equal] = msgspec.field(default_factory=list)
     title: str = ""
     reference: str = ""
-    prefer: Annotated[Literal["near", "margin"], Meta(description="without minimise and maximise: the nearest design, or the largest margins")] = "near"
-    margin: Annotated[float, Meta(ge=1e-7, le=1, description="share of each limit that the search keeps away from it")] = 1e-6
+    prefer: Annotated[
+        Literal["near", "margin"],
+        Meta(
+            description="without minimise and maximise: the nearest design, or the largest margins"
+        ),
+    ] = "near"
+    margin: Annotated[
+        float,
+        Meta(
+            ge=1e-7,
+            le=1,
+            description="distance that the search keeps from each limit, as a fraction of it",
+        ),
+    ] = 1e-6
 
 
 LIMITS = ("at_least", "at_most", "equals")
@@ -88,87 +153,189 @@ TAKES: dict[str, tuple[str, ...]] = {
 }
 """Keys that each kind of goal takes beside `kind`, `name`, `minimise`, `maximise` and `weight`."""
 COMMON = ("kind", "name", "minimise", "maximise", "weight")
-PARTS = {"isolation": (1, "OUTPUT/INPUT:FREQUENCY, test.x/support.x:10"), "cross-coupling": (2, "OVER/UNDER/INPUT:FREQUENCY, test.x/test.z/support.z:50")}
-"""How many slashes the response of a goal has, and an example."""
+PARTS = {
+    "isolation": (1, "OUTPUT/INPUT:FREQUENCY, test.x/support.x:10"),
+    "cross-coupling": (2, "OVER/UNDER/INPUT:FREQUENCY, test.x/test.z/support.z:50"),
+}
+"""Number of slashes in the response of a kind of goal, and an example."""
 
 
 def read(file: str | Path, text: str | None = None) -> Goals:
-    """Read and check a file of goals, or its text if that was read before; raises `InputError` with all its faults."""
-    raw = reader.document(file, text)
-    found = faults.of_table(raw, Goals)
-    if not found:
-        goals = msgspec.convert(raw, Goals)
-        found = [fault for n, item in enumerate(goals.goal, 1) for fault in _of_goal(item, f"goal.{n}")]
-        found += [fault for n, item in enumerate(goals.free, 1) for fault in _of_free(item, f"free.{n}")]
-        found += list(_of_ties(goals))
-        if not found:
-            return goals
-    raise InputError(found, str(file))
+    """Read and check a file of goals, or its text if that was read before.
+
+    Raises
+    ------
+    InputError
+        With all its faults.
+    """
+    raw = reader.read_toml(file, text)
+    with attribute_faults_to(str(file)):
+        goals = faults.convert(raw, Goals)
+        found = [
+            *(
+                fault
+                for n, item in enumerate(goals.goal, 1)
+                for fault in _check_goal(item, f"goal.{n}")
+            ),
+            *(
+                fault
+                for n, item in enumerate(goals.free, 1)
+                for fault in _check_free(item, f"free.{n}")
+            ),
+            *_check_ties(goals),
+        ]
+        if found:
+            raise InputError(found)
+    return goals
 
 
-def _of_goal(item: Goal, path: str) -> Iterator[Fault]:
+def _check_goal(item: Goal, path: str) -> Iterator[Fault]:
     takes = TAKES[item.kind]
-    given = [key for key in item.__struct_fields__ if getattr(item, key) not in (None, False, "") and key not in COMMON]
+    given = [
+        key
+        for key in item.__struct_fields__
+        if getattr(item, key) not in (None, False, "") and key not in COMMON
+    ]
     for key in given:
         if key not in takes:
-            yield Fault(f"{path}.{key}", f"is not for a goal of kind {item.kind}", f"known here: {', '.join(takes)}", shown(getattr(item, key)))
+            yield Fault(
+                f"{path}.{key}",
+                f"is not for a goal of kind {item.kind}",
+                f"known here: {', '.join(takes)}",
+                format_value(getattr(item, key)),
+            )
     limits = [key for key in LIMITS if key in given]
     if item.minimise and item.maximise:
-        yield Fault(path, "minimises and maximises", "keep one of the two")
+        yield Fault(path, "has both minimise and maximise", "keep one of the two")
     elif not limits and not item.minimise and not item.maximise:
-        yield Fault(path, "sets no limit", f"give {' or '.join(key for key in takes if key in LIMITS)}, or minimise or maximise = true")
+        yield Fault(
+            path,
+            "sets no limit",
+            f"give {' or '.join(key for key in takes if key in LIMITS)}, or minimise or maximise ="
+            " true",
+        )
     if item.weight is not None and not (item.minimise or item.maximise):
-        yield Fault(f"{path}.weight", "weighs nothing", "give minimise or maximise too: limits hold without weight", shown(item.weight))
+        yield Fault(
+            f"{path}.weight",
+            "has no effect on a limit",
+            "give minimise or maximise too",
+            format_value(item.weight),
+        )
     if item.equals is not None and len(limits) > 1:
-        yield Fault(f"{path}.equals", "stands beside another limit", "give equals alone", shown(item.equals))
+        yield Fault(
+            f"{path}.equals",
+            "conflicts with another limit",
+            "give equals alone",
+            format_value(item.equals),
+        )
     if item.at_least is not None and item.at_most is not None and item.at_least >= item.at_most:
-        yield Fault(f"{path}.at_least", f"is not below at_most = {item.at_most:g}", "exchange them", shown(item.at_least))
-    yield from _of_kind(item, path)
+        yield Fault(
+            f"{path}.at_least",
+            f"is not below at_most = {item.at_most:g}",
+            "exchange them",
+            format_value(item.at_least),
+        )
+    yield from _check_kind(item, path)
 
 
-def _of_kind(item: Goal, path: str) -> Iterator[Fault]:
-    """What one kind of goal needs."""
+def _check_kind(item: Goal, path: str) -> Iterator[Fault]:
+    """Check the keys that one kind of goal needs."""
     if "dof" in TAKES[item.kind]:
         if (item.dof is None) == (item.modes is None):
-            yield Fault(path, "must say which modes", 'give dof = ["yaw"] or modes = ["test pitch"], one of the two')
+            yield Fault(
+                path,
+                "must say which modes",
+                'give dof = ["yaw"] or modes = ["test pitch"], one of the two',
+            )
         if item.lowest is not None and item.dof is None:
-            yield Fault(f"{path}.lowest", "goes with dof", "give dof too, or name the modes", shown(item.lowest))
+            yield Fault(
+                f"{path}.lowest",
+                "goes with dof",
+                "give dof too, or name the modes",
+                format_value(item.lowest),
+            )
     if item.kind == "coupling" and (item.at_least or 0) > 1:
-        yield Fault(f"{path}.at_least", "is more than all of the kinetic energy", "give a share from 0 to 1, such as 0.01", shown(item.at_least))
+        yield Fault(
+            f"{path}.at_least",
+            "is more than the whole kinetic energy",
+            "give a fraction from 0 to 1, such as 0.01",
+            format_value(item.at_least),
+        )
     if item.kind == "separation":
         if item.minimise or item.maximise:
-            yield Fault(path, "a separation is a limit", "give at_least alone")
+            yield Fault(
+                path, "a separation cannot be minimised or maximised", "give at_least alone"
+            )
         if item.apart != "hertz" and item.at_least is not None and item.at_least <= 1:
-            yield Fault(f"{path}.at_least", "is no ratio above 1", 'give 1.1 for 10 % apart, or apart = "hertz"', shown(item.at_least))
+            yield Fault(
+                f"{path}.at_least",
+                "must be a ratio above 1",
+                'give 1.1 for 10 % apart, or apart = "hertz"',
+                format_value(item.at_least),
+            )
     if item.kind in PARTS:
         slashes, example = PARTS[item.kind]
         if item.response is None:
             yield Fault(f"{path}.response", "missing", f"give {example}")
         elif item.response.partition(":")[0].count("/") != slashes:
-            yield Fault(f"{path}.response", f"is no response for {item.kind}", f"write {example}", shown(item.response))
+            yield Fault(
+                f"{path}.response",
+                f"has the wrong form for {item.kind}",
+                f"write {example}",
+                format_value(item.response),
+            )
 
 
-def _of_free(item: Free, path: str) -> Iterator[Fault]:
+def _check_free(item: Free, path: str) -> Iterator[Fault]:
     if item.lower >= item.upper:
-        yield Fault(f"{path}.lower", f"is not below the upper bound {item.upper:g}", "exchange them", shown(item.lower))
+        yield Fault(
+            f"{path}.lower",
+            f"is not below the upper bound {item.upper:g}",
+            "exchange them",
+            format_value(item.lower),
+        )
     elif item.start is not None and not item.lower <= item.start <= item.upper:
-        yield Fault(f"{path}.start", "lies outside the bounds", "start within them", shown(item.start))
+        yield Fault(
+            f"{path}.start",
+            "lies outside the bounds",
+            "start within them",
+            format_value(item.start),
+        )
     if item.scale == "log" and item.lower <= 0:
-        yield Fault(f"{path}.lower", "has no logarithm", 'give a positive bound, or scale = "linear"', shown(item.lower))
+        yield Fault(
+            f"{path}.lower",
+            "must be positive on a logarithmic scale",
+            'give a positive bound, or scale = "linear"',
+            format_value(item.lower),
+        )
 
 
-def _of_ties(goals: Goals) -> Iterator[Fault]:
+def _check_ties(goals: Goals) -> Iterator[Fault]:
     free, tied = [item.name for item in goals.free], [item.name for item in goals.equal]
     names = free + tied
     for n, name in enumerate(names):
         if name in names[:n]:
             path = f"free.{n + 1}" if n < len(free) else f"equal.{n + 1 - len(free)}"
-            yield Fault(f"{path}.name", "is named twice", "give each number once: free, or equal to others", shown(name))
+            yield Fault(
+                f"{path}.name",
+                "is named twice",
+                "give each number once, as free or equal",
+                format_value(name),
+            )
     for n, item in enumerate(goals.equal, 1):
         for term in item.terms:
             if term in tied:
-                yield Fault(f"equal.{n}.terms", f"{term} follows from others itself", f"write it out; {suggestion(term, free)}")
+                yield Fault(
+                    f"equal.{n}.terms",
+                    f"{term} is itself given by [[equal]]",
+                    f"express it by free numbers; {suggest(term, free)}",
+                )
         if not item.terms:
             yield Fault(f"equal.{n}.terms", "is empty", 'give { "dotted.path" = coefficient }')
         if item.lower is not None and item.upper is not None and item.lower >= item.upper:
-            yield Fault(f"equal.{n}.lower", f"is not below the upper bound {item.upper:g}", "exchange them", shown(item.lower))
+            yield Fault(
+                f"equal.{n}.lower",
+                f"is not below the upper bound {item.upper:g}",
+                "exchange them",
+                format_value(item.lower),
+            )

@@ -1,33 +1,38 @@
-"""TOML in and out: read a file, apply overrides, check it, give a frozen `Design`."""
+"""Reading of design files: TOML, overrides and checks, to a frozen `Design`."""
 
 from __future__ import annotations
 
+import re
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
-from suspension_cli.design import checks, faults
+from suspension_cli.design import checks, faults, paths
+from suspension_cli.design.paths import value_at as value_at
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError, shown
+from suspension_cli.errors import Fault, InputError, format_value
 
 MAX_BYTES = 4_000_000
-"""A design file larger than this is a mistake (a results file, a picture)."""
+"""Size above which a file is taken for something else (a results file, a picture)."""
 
-_TOO_DEEP = Fault("", "tables or arrays are nested too deeply", "write it flatter")
+TEMPLATES = ("single", "double", "triple", "quad", "blades")
+"""Starting designs of `pendsus new`."""
+_EXAMPLES = Path(__file__).parents[1] / "examples"
+
+_TOO_DEEP = Fault("", "tables or arrays are nested too deeply", "use fewer levels")
 
 
 @dataclass(frozen=True)
 class Source:
-    """A design and where it came from.
+    """A design and its source.
 
     Attributes
     ----------
     design : Design
     text : str
-        The whole design as TOML, overrides applied; what results embed.
+        The whole design as TOML, overrides applied, as results embed it.
     file : str
         The path as the user gave it.
     """
@@ -59,56 +64,58 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
     except InputError as error:
         raise error.in_file(name) from None
     try:
-        return Source(design, dump(raw), name)
+        return Source(design, write_toml(raw), name)
     except RecursionError:
         raise InputError([_TOO_DEEP], name) from None
 
 
-def text_of(file: str | Path) -> str:
-    """The text of a file, which may be a pipe and is read once; raises `InputError` if it cannot be read."""
+def read_text(file: str | Path) -> str:
+    """Read the text of a file, which may be a pipe; raises `InputError` if it cannot be read."""
     try:
         return _text(Path(file))
     except InputError as error:
         raise error.in_file(str(file)) from None
 
 
-def document(file: str | Path, text: str | None = None) -> dict[str, Any]:
-    """A TOML file (or its text, if that was read before) as it stands, whatever it should hold; raises `InputError` if it is none."""
+def read_toml(file: str | Path, text: str | None = None) -> dict[str, Any]:
+    """Parse a TOML file, or its text if that was read before, whatever it holds.
+
+    Raises `InputError` if it is no TOML.
+    """
     try:
-        return _parse(_text(Path(file)) if text is None else text, "write tables into it, as docs/ shows")
+        return _parse(
+            _text(Path(file)) if text is None else text, "write tables into it, as docs/ shows"
+        )
     except InputError as error:
         raise error.in_file(str(file)) from None
 
 
 def parse(text: str) -> Design:
-    """A checked design from TOML text."""
+    """Parse and check a design from TOML text."""
     return convert(_parse(text))
 
 
-def overridden(text: str, overrides: tuple[str, ...]) -> Design:
-    """A checked design from TOML text with overrides applied."""
+def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
+    """Parse and check a design from TOML text with overrides applied."""
     raw = _parse(text)
     apply_overrides(raw, overrides)
     return convert(raw)
 
 
 def convert(raw: dict[str, Any]) -> Design:
-    """A checked design from a parsed document; raises `InputError` with all its faults."""
+    """Check a parsed document and convert it to a design; raises `InputError` with all faults."""
     try:
-        found = faults.of_table(raw)
+        design = faults.convert(raw, Design)
     except RecursionError:
-        found = [_TOO_DEEP]
-    if found:
-        raise InputError(found)
-    design = msgspec.convert(raw, Design)
-    found = checks.of_design(design)
+        raise InputError([_TOO_DEEP]) from None
+    found = checks.check_design(design)
     if found:
         raise InputError(found)
     return design
 
 
-def dump(raw: dict[str, Any]) -> str:
-    """A parsed document as TOML text."""
+def write_toml(raw: dict[str, Any]) -> str:
+    """Write a parsed document as TOML text."""
     import tomli_w
 
     return tomli_w.dumps(raw)
@@ -122,9 +129,19 @@ def _text(path: Path) -> str:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError([Fault("", f"cannot be read ({reason})", "check the path and its permissions")]) from None
+        raise InputError(
+            [Fault("", f"cannot be read ({reason})", "check the path and its permissions")]
+        ) from None
     if len(data) > MAX_BYTES:
-        raise InputError([Fault("", f"has more than {MAX_BYTES} bytes, too many for a design", "name a TOML design file")])
+        raise InputError(
+            [
+                Fault(
+                    "",
+                    f"has more than {MAX_BYTES} bytes, too many for a design",
+                    "name a TOML design file",
+                )
+            ]
+        )
     try:
         text = data.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError:
@@ -136,11 +153,13 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> dict
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError([Fault("", f"is not TOML: {error}", "mend the line named")]) from None
+        raise InputError([Fault("", f"is not TOML: {error}", "correct that line")]) from None
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
-    except ValueError:  # all that Python does not read of TOML's numbers
-        raise InputError([Fault("", "is not TOML: a number has thousands of digits", "write it shorter")]) from None
+    except ValueError:  # numbers of TOML that Python refuses
+        raise InputError(
+            [Fault("", "is not TOML: a number has thousands of digits", "write it shorter")]
+        ) from None
     if not raw:
         raise InputError([Fault("", "is empty", remedy)])
     return raw
@@ -154,65 +173,91 @@ def apply_overrides(raw: dict[str, Any], overrides: tuple[str, ...]) -> None:
     raw : dict
     overrides : tuple of str
         ``stage.test.wires.d=0.002``: a dotted path, members of lists by their name or their number
-        from 1, then a TOML value (a bare word is taken as a string).  Tables on the way are made
-        where they are missing; a missing member of a list is a fault.
+        from 1, then a TOML value (a bare word is taken as a string). Missing tables are added; a
+        missing member of a list is a fault.
     """
     for override in overrides:
         if any("\ud800" <= letter <= "\udfff" for letter in override):
-            raise InputError([Fault("--set", "holds bytes that are no text", "write it in UTF-8", shown(override))])
+            raise InputError(
+                [
+                    Fault(
+                        "--set",
+                        "contains bytes that are not text",
+                        "write it in UTF-8",
+                        format_value(override),
+                    )
+                ]
+            )
         path, equals, value = override.partition("=")
         keys = [key.strip() for key in path.split(".")]
         if not equals or not all(keys):
-            raise InputError([Fault("--set", "is not of the form path=value", "write for example --set stage.test.wires.d=0.002", shown(override))])
+            raise InputError(
+                [
+                    Fault(
+                        "--set",
+                        "is not of the form path=value",
+                        "write for example --set stage.test.wires.d=0.002",
+                        format_value(override),
+                    )
+                ]
+            )
         try:
             parsed = tomllib.loads(f"value = {value}")["value"]
         except (tomllib.TOMLDecodeError, RecursionError, ValueError):
             parsed = value.strip()
-        _assign(raw, keys, parsed, override)
-
-
-def _assign(node: Any, keys: list[str], value: Any, override: str) -> None:
-    place: Any = ""
-    for depth, key in enumerate(keys):
-        last = depth == len(keys) - 1
-        place = key
-        if isinstance(node, list):
-            place = _member(node, key, override)
-        elif not isinstance(node, dict):
-            raise InputError([Fault("--set", f"{'.'.join(keys[:depth])} is a value, not a table", "shorten the path", shown(override))])
-        elif not last and key not in node:
-            node[key] = {}
-        if not last:
-            node = node[place]
-    node[place] = value
-
-
-def _member(items: list[Any], key: str, override: str) -> int:
-    """Position of the member of a list that goes by this name or number."""
-    for position, item in enumerate(items):
-        if isinstance(item, dict) and item.get("name") == key:
-            return position
-    if key.isascii() and key.isdigit() and 1 <= int(key) <= len(items):
-        return int(key) - 1
-    names = [str(item.get("name", n)) if isinstance(item, dict) else str(n) for n, item in enumerate(items, 1)]
-    raise InputError([Fault("--set", f"there is no {key!r} here", faults.suggestion(key, names), shown(override))])
-
-
-def value_at(raw: dict[str, Any], path: str) -> Any:
-    """What a parsed document holds at a dotted path (as `apply_overrides` takes it); None if it holds nothing there."""
-    node: Any = raw
-    for key in path.split("."):
-        if isinstance(node, list):
-            place = next((n for n, item in enumerate(node) if isinstance(item, dict) and item.get("name") == key), None)
-            if place is None and key.isascii() and key.isdigit() and 1 <= int(key) <= len(node):
-                place = int(key) - 1
-            node = None if place is None else node[place]
-        else:
-            node = node.get(key) if isinstance(node, dict) else None
-    return node
+        paths.assign(raw, keys, parsed, override)
 
 
 def template(kind: str, name: str) -> str:
-    """A starting design as TOML text, under its own name."""
+    """Return a starting design as TOML text, under its own name.
+
+    Raises
+    ------
+    InputError
+        If there is no such template.
+    """
     path = Path(__file__).parent / "templates" / f"{kind}.toml"
+    if kind not in TEMPLATES:
+        remedy = faults.suggest(kind, list(TEMPLATES))
+        raise InputError([Fault("kind", "is no template", remedy, format_value(kind))])
     return path.read_text(encoding="utf-8").replace('name = "NAME"', f'name = "{name}"', 1)
+
+
+def examples() -> list[str]:
+    """List the designs that come with the program, by name."""
+    files = _EXAMPLES.rglob("*.toml")
+    return sorted(file.relative_to(_EXAMPLES).with_suffix("").as_posix() for file in files)
+
+
+def example(name: str) -> Source:
+    """Read a design that comes with the program; raises `InputError` if there is none."""
+    return read(_example(name))
+
+
+def example_text(name: str, new_name: str) -> str:
+    """Return a design that comes with the program as TOML text, under a new name."""
+    text = _example(name).read_text(encoding="utf-8")
+    return re.sub(r'(?m)^name = ".*"', f'name = "{new_name}"', text, count=1)
+
+
+def _example(name: str) -> Path:
+    known = examples()
+    if name not in known:
+        raise InputError(
+            [Fault("example", "is not there", faults.suggest(name, known), format_value(name))]
+        )
+    return _EXAMPLES / f"{name}.toml"
+
+
+def replaced(source: Source, changes: Mapping[str, Any]) -> Source:
+    """Read a design again with other values at dotted paths.
+
+    Raises
+    ------
+    InputError
+        If a path leads nowhere or the new design has faults.
+    """
+    raw = tomllib.loads(source.text)
+    for path, value in changes.items():
+        paths.assign(raw, path.split("."), value, path)
+    return Source(convert(raw), write_toml(raw), source.file)

@@ -1,21 +1,23 @@
-"""The design file, as frozen types: what may be written, in which unit, within which bounds.
+"""Design file format as frozen types: keys, units and bounds.
 
-These types are the file format.  `pendsus schema` prints them as JSON Schema, the reader checks files
-against them (`faults.py`), and what one type cannot say about another stands in `checks.py`.
+`pendsus schema` prints these types as JSON Schema; `faults.py` checks files against it. Rules that
+involve several tables are in `checks.py`.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
+import msgspec
 from msgspec import Meta, field
 
-from suspension_cli.design.quantities import (
+from suspension_cli.design import imperfections
+from suspension_cli.design.units import (
     NAMES,
+    Acceleration,
     Conductivity,
     Density,
     Expansion,
-    Factor,
     Frequency,
     Hold,
     Inertia,
@@ -23,16 +25,18 @@ from suspension_cli.design.quantities import (
     Length,
     LossAngle,
     Mass,
+    MassOrZero,
     Matrix6,
     Modulus,
     ModulusSlope,
     MolarMass,
+    MomentOrZero,
     Name,
     Poisson,
-    Position,
+    PositiveLossAngle,
     Pressure,
-    Rotation,
     Row3,
+    Separation,
     SpecificHeat,
     StageName,
     Stem,
@@ -40,64 +44,94 @@ from suspension_cli.design.quantities import (
     Strength,
     Table,
     Vector,
+    WireName,
     Wrench,
 )
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 
 
 class Header(Table, frozen=True):
-    """What the design is called and where it comes from."""
+    """Name and origin of the design."""
 
     name: Stem
-    title: Annotated[str, Meta(description="a title for people")] = ""
-    reference: Annotated[str, Meta(description="where the design comes from, for people")] = ""
+    title: Annotated[str, Meta(description="title, for tables and pictures")] = ""
+    reference: Annotated[str, Meta(description="where the design comes from")] = ""
 
 
 class Constants(Table, frozen=True):
-    """Surroundings."""
+    """Gravity and temperature."""
 
-    gravity: Annotated[float, Meta(gt=0, le=1e3, description="acceleration due to gravity in m/s^2")] = 9.81
-    temperature: Annotated[Kelvin, Meta(description="temperature in K of everything that has none of its own")] = 290.0
+    gravity: Annotated[Acceleration, Meta(description="acceleration due to gravity in m/s^2")] = (
+        9.81
+    )
+    temperature: Annotated[
+        Kelvin, Meta(description="temperature in K of everything for which none is given")
+    ] = 290.0
 
 
 class LossTable(Table, frozen=True):
-    """Loss angle against frequency: straight lines in the logarithms, constant outside."""
+    """Loss angle by frequency: interpolated linearly in the logarithms, constant outside."""
 
-    frequency: Annotated[list[Frequency], Meta(min_length=1, max_length=10000, description="ascending frequencies in Hz")]
+    frequency: Annotated[
+        list[Frequency],
+        Meta(min_length=1, max_length=10000, description="ascending frequencies in Hz"),
+    ]
     angle: Annotated[
-        list[Annotated[float, Meta(gt=0, lt=1, description="loss angle in rad, above zero")]],
-        Meta(min_length=1, max_length=10000, description="loss angle in rad at each of the frequencies"),
+        list[PositiveLossAngle],
+        Meta(
+            min_length=1,
+            max_length=10000,
+            description="loss angle in rad at each of the frequencies",
+        ),
     ]
 
 
 class MaterialLoss(Table, frozen=True):
-    """What makes a material lossy beyond a constant loss angle; acts where wires bend."""
+    """Losses of a material, for the models in which wires bend."""
 
-    angle: Annotated[LossAngle, Meta(description="constant loss angle of the bulk in rad")] | None = None
+    angle: (
+        Annotated[LossAngle, Meta(description="constant loss angle of the bulk in rad")] | None
+    ) = None
     table: (
-        Annotated[LossTable, Meta(description="loss angle of the bulk against frequency, instead of a constant one: straight lines in the logarithms")] | None
+        Annotated[
+            LossTable,
+            Meta(
+                description=(
+                    "loss angle of the bulk by frequency, instead of a constant one: interpolated"
+                    " linearly in the logarithms"
+                )
+            ),
+        ]
+        | None
     ) = None
     surface_depth: (
         Annotated[
-            float,
+            Separation,
             Meta(
-                ge=0,
-                le=1e5,
-                description="dissipation depth of the surface in m; 0 if not given. A design that gives another bulk than the built-in one gives it too",
+                description=(
+                    "dissipation depth of the surface in m; default 0, or that of the built-in"
+                    " material unless the design gives another loss of the bulk"
+                ),
             ),
         ]
         | None
     ) = None
     thermoelastic: (
         Annotated[
-            bool, Meta(description="false leaves thermoelastic loss out; it also needs the density and the four thermal values (the slope may be missing)")
+            bool,
+            Meta(
+                description=(
+                    "false omits thermoelastic loss, which needs density, expansion, specific heat"
+                    " and conductivity (the slope of the modulus may be missing)"
+                )
+            ),
         ]
         | None
     ) = None
 
 
 class Material(Table, frozen=True):
-    """A material of wires, blades or bodies; a built-in one of the same name lends what is left out."""
+    """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
     youngs_modulus: Modulus | None = None
     poisson_ratio: Poisson | None = None
@@ -107,9 +141,15 @@ class Material(Table, frozen=True):
     specific_heat: SpecificHeat | None = None
     thermal_conductivity: Conductivity | None = None
     tensile_strength: Strength | None = None
-    loss_angle: Annotated[LossAngle, Meta(description="constant loss angle in rad: short for angle in the table loss")] | None = None
+    loss_angle: (
+        Annotated[
+            LossAngle,
+            Meta(description="constant loss angle in rad: short for angle in the table loss"),
+        ]
+        | None
+    ) = None
     loss: MaterialLoss | None = None
-    source: Annotated[str, Meta(description="where the numbers come from, for people")] = ""
+    source: Annotated[str, Meta(description="where the numbers come from")] = ""
 
 
 class Gas(Table, frozen=True):
@@ -117,7 +157,12 @@ class Gas(Table, frozen=True):
 
     pressure: Pressure
     molar_mass: MolarMass = 0.028
-    temperature: Annotated[Kelvin, Meta(description="temperature of the gas in K; default that of [constants]")] | None = None
+    temperature: (
+        Annotated[
+            Kelvin, Meta(description="temperature of the gas in K; default that of [constants]")
+        ]
+        | None
+    ) = None
 
 
 class Body(Table, frozen=True):
@@ -125,33 +170,65 @@ class Body(Table, frozen=True):
 
     mass: Mass | None = None
     inertia: (
-        Annotated[list[Inertia | Row3], Meta(min_length=3, max_length=3, description="moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2")]
+        Annotated[
+            list[Inertia | Row3],
+            Meta(
+                min_length=3,
+                max_length=3,
+                description="moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2",
+            ),
+        ]
         | None
     ) = None
-    shape: Annotated[Literal["cylinder", "box"], Meta(description="homogeneous, instead of moments of inertia")] | None = None
+    shape: (
+        Annotated[
+            Literal["cylinder", "box"],
+            Meta(description="homogeneous, instead of moments of inertia"),
+        ]
+        | None
+    ) = None
     axis: Annotated[Literal["x", "y", "z"], Meta(description="axis of a cylinder")] | None = None
     radius: Annotated[Length, Meta(description="radius of a cylinder, m")] | None = None
-    inner_radius: Annotated[Length, Meta(description="inner radius of a hollow cylinder, m")] | None = None
+    inner_radius: (
+        Annotated[Length, Meta(description="inner radius of a hollow cylinder, m")] | None
+    ) = None
     length: Annotated[Length, Meta(description="length of a cylinder, m")] | None = None
-    size: Annotated[tuple[Length, Length, Length], Meta(description="sides of a box along x, y and z, m")] | None = None
-    density: Annotated[Density, Meta(description="density of a shape in kg/m^3, instead of a mass")] | None = None
+    size: (
+        Annotated[
+            tuple[Length, Length, Length], Meta(description="sides of a box along x, y and z, m")
+        ]
+        | None
+    ) = None
+    density: (
+        Annotated[Density, Meta(description="density of a shape in kg/m^3, instead of a mass")]
+        | None
+    ) = None
 
 
 class Spring(Table, frozen=True):
     """A linear spring between this body and the one it hangs from: a flexure, a cable."""
 
-    stiffness: Annotated[Matrix6, Meta(description="x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad")]
+    stiffness: Annotated[
+        Matrix6,
+        Meta(description="x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"),
+    ]
     at: Annotated[Vector, Meta(description="the point, from this body's COM, m")] = (0.0, 0.0, 0.0)
-    damping: Annotated[Matrix6, Meta(description="six elements or a full 6x6: N s/m, N m s/rad")] | None = None
-    preload: Annotated[Wrench, Meta(description="force (N) and torque (N m) on this body in the nominal pose")] = field(default_factory=lambda: [0.0] * 6)
-    loss_angle: Annotated[LossAngle, Meta(description="loss angle of the stiffness in rad")] | None = None
+    damping: (
+        Annotated[Matrix6, Meta(description="six elements or a full 6x6: N s/m, N m s/rad")] | None
+    ) = None
+    preload: Annotated[
+        Wrench, Meta(description="force (N) and torque (N m) on this body in the nominal pose")
+    ] = field(default_factory=lambda: [0.0] * 6)
+    loss_angle: (
+        Annotated[LossAngle, Meta(description="loss angle of the stiffness in rad")] | None
+    ) = None
 
 
 Viscous = Annotated[float, Meta(ge=0, le=1e12, description="viscous damping in N s/m or N m s/rad")]
 
 
 class Damping(Table, frozen=True):
-    """Viscous damping of a body's motion relative to another body (or the support), at its COM."""
+    """Viscous damping of a body's motion relative to another body or the support, at its COM."""
 
     x: Viscous = 0.0
     y: Viscous = 0.0
@@ -159,7 +236,9 @@ class Damping(Table, frozen=True):
     roll: Viscous = 0.0
     pitch: Viscous = 0.0
     yaw: Viscous = 0.0
-    against: Annotated[Name, Meta(description=f'"support", or the name of a stage above: {NAMES}')] = "support"
+    against: Annotated[
+        Name, Meta(description=f'"support", or the name of a stage above: {NAMES}')
+    ] = "support"
 
 
 class Compliance(Table, frozen=True):
@@ -185,13 +264,19 @@ class FrameDamping(Table, frozen=True):
 
 
 class Support(Table, frozen=True):
-    """A support structure that is not rigid: it stands on the ground, and the suspension point moves with it."""
+    """An elastic support structure between the ground and the suspension point."""
 
     stiffness: Compliance
-    mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with the suspension point, kg")] = 0.0
+    mass: Annotated[
+        MassOrZero, Meta(description="mass that moves with the suspension point, kg")
+    ] = 0.0
     inertia: Annotated[
-        list[Annotated[float, Meta(ge=0, le=1e15)]],
-        Meta(min_length=3, max_length=3, description="moments of inertia about x, y, z at the suspension point, kg m^2"),
+        list[MomentOrZero],
+        Meta(
+            min_length=3,
+            max_length=3,
+            description="moments of inertia about x, y, z at the suspension point, kg m^2",
+        ),
     ] = field(default_factory=lambda: [0.0] * 3)
     damping: FrameDamping = FrameDamping()
     loss_angle: Annotated[LossAngle, Meta(description="loss angle of the stiffness in rad")] = 0.0
@@ -202,43 +287,75 @@ class Stage(Table, frozen=True):
 
     name: Name
     body: Body
-    hangs_from: Annotated[Name, Meta(description=f'"support" or an earlier stage, which makes a tree; default the stage before ({NAMES})')] | None = None
+    hangs_from: (
+        Annotated[
+            Name,
+            Meta(
+                description=(
+                    '"support" or an earlier stage, which makes a tree; default the stage before'
+                    f" ({NAMES})"
+                )
+            ),
+        ]
+        | None
+    ) = None
     position: (
-        Annotated[Vector, Meta(description="nominal COM from the COM above (or support point), m; implied by a symmetric set, needed otherwise")] | None
+        Annotated[
+            Vector,
+            Meta(
+                description=(
+                    "nominal COM from the COM above (or support point), m; implied by a symmetric"
+                    " set, needed otherwise"
+                )
+            ),
+        ]
+        | None
     ) = None
     wires: WireSet | None = None
-    wire: Annotated[list[Wire], Meta(description="wires anywhere, instead of a symmetric set")] = field(default_factory=list)
+    wire: Annotated[list[Wire], Meta(description="wires anywhere, instead of a symmetric set")] = (
+        field(default_factory=list)
+    )
     blades: BladeSet | None = None
-    blade: Annotated[list[Blade], Meta(description="blades for wires that name them")] = field(default_factory=list)
-    spring: Annotated[list[Spring], Meta(description="linear springs to the body above")] = field(default_factory=list)
+    blade: Annotated[list[Blade], Meta(description="blades for wires that name them")] = field(
+        default_factory=list
+    )
+    spring: Annotated[list[Spring], Meta(description="linear springs to the body above")] = field(
+        default_factory=list
+    )
     damping: Damping | None = None
 
 
-class Perturbation(Table, frozen=True):
-    """What an imperfect build did to one wire or one body."""
+class _Imperfect(Table, frozen=True):
+    wire: (
+        Annotated[WireName, Meta(description="a stage's name and a wire's number: test.1")] | None
+    ) = None
+    body: (
+        Annotated[Name, Meta(description=f"a stage's name, instead of a wire: {NAMES}")] | None
+    ) = None
 
-    wire: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$", description="a stage's name and a wire's number: test.1")] | None = None
-    body: Annotated[Name, Meta(description=f"a stage's name, instead of a wire: {NAMES}")] | None = None
-    k_factor: Annotated[Factor, Meta(description="factor on the wire's spring constant")] | None = None
-    upper_offset: Annotated[Vector, Meta(description="of the wire's upper end along x, y, z, m")] | None = None
-    lower_offset: Annotated[Vector, Meta(description="of the wire's lower end along x, y, z, m")] | None = None
-    length_change: Annotated[Position, Meta(description="change of the unstretched length, m")] | None = None
+
+class Perturbation(imperfections.with_perturbations(_Imperfect)):
+    """Imperfections of one wire or one body in this build."""
+
     hold: Hold = "loaded-length"
-    com_offset: Annotated[Vector, Meta(description="where the COM went, relative to the attachments, m")] | None = None
-    rotation: Annotated[Rotation, Meta(description="how the mass is turned relative to the attachments, rad")] | None = None
 
 
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
 Root = Annotated[
     list[Hertz | Annotated[list[Hertz], Meta(min_length=2, max_length=2)]],
-    Meta(description="roots in Hz, positive for the left half plane, or [re, im] for a conjugate pair"),
+    Meta(
+        description=(
+            "roots in Hz, positive for the left half plane, or [re, im] for a conjugate pair"
+        )
+    ),
 ]
 
 
 class Loop(Table, frozen=True):
-    """One local control loop: a sensor, an actuator, and what drives it: u = -H(f) y.
+    """One local control loop from a sensor y to an actuator u = -H(f) y.
 
-    H is a velocity damper, or gain times the product of (i f + z) over zeros z divided by that of (i f + p) over poles p.
+    H is a velocity damper, or gain times the product of (i f + z) over zeros z divided by that of
+    (i f + p) over poles p.
     """
 
     name: Name
@@ -246,23 +363,48 @@ class Loop(Table, frozen=True):
     actuator: Annotated[str, Meta(description="a force or torque on a stage: upper.force_x")]
     reference: Annotated[
         Literal["support", "inertial"],
-        Meta(description='"support": sensor and actuator sit between body and support structure; "inertial": neither refers to anything'),
+        Meta(
+            description=(
+                '"support": sensor and actuator act between body and support structure;'
+                ' "inertial": against inertial space'
+            )
+        ),
     ] = "support"
-    damper: Annotated[float, Meta(ge=-1e12, le=1e12, description="force per velocity, N s/m (N m s/rad): H = 2 pi i f times this")] | None = None
+    damper: (
+        Annotated[
+            float,
+            Meta(
+                ge=-1e12,
+                le=1e12,
+                description="force per velocity, N s/m (N m s/rad): H = 2 pi i f times this",
+            ),
+        ]
+        | None
+    ) = None
     gain: (
         Annotated[
             float,
             Meta(
                 ge=-1e20,
                 le=1e20,
-                description="H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad) times Hz to the number of poles less that of zeros",
+                description=(
+                    "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
+                    " times Hz to the number of poles less that of zeros"
+                ),
             ),
         ]
         | None
     ) = None
     zeros: Root = field(default_factory=list)
     poles: Root = field(default_factory=list)
-    sensor_noise: Annotated[float, Meta(ge=0, le=1e3, description="amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz), flat")] = 0.0
+    sensor_noise: Annotated[
+        float,
+        Meta(
+            ge=0,
+            le=1e3,
+            description="amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz), flat",
+        ),
+    ] = 0.0
 
 
 class Control(Table, frozen=True):
@@ -275,44 +417,44 @@ Spread = Annotated[float, Meta(ge=0, le=1e3)]
 
 
 class Distribution(Table, frozen=True):
-    """How builds scatter about the nominal value, independently of each other."""
+    """Scatter of builds about the nominal value, independent from build to build."""
 
     normal: Annotated[Spread, Meta(description="standard deviation")] | None = None
     uniform: Annotated[Spread, Meta(description="half width")] | None = None
-    truncate: Annotated[Spread, Meta(description="largest deviation of a normal distribution")] | None = None
+    truncate: (
+        Annotated[Spread, Meta(description="largest deviation of a normal distribution")] | None
+    ) = None
 
 
-class WireTolerance(Table, frozen=True):
-    """Scatter of one wire, or of every wire of a stage by itself."""
+class _WireScatter(Table, frozen=True):
+    stage: (
+        Annotated[Name, Meta(description=f"a stage's name, for each of its wires: {NAMES}")] | None
+    ) = None
+    wire: Annotated[WireName, Meta(description="one wire, instead of a stage: test.1")] | None = (
+        None
+    )
 
-    stage: Annotated[Name, Meta(description=f"a stage's name, for every wire by itself: {NAMES}")] | None = None
-    wire: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$", description="one wire, instead of a stage: test.1")] | None = None
-    k: Annotated[Distribution, Meta(description="of the spring constant, as a share of it")] | None = None
-    radius: Annotated[Distribution, Meta(description="of the radius, as a share of it; k goes with its square")] | None = None
-    length: Annotated[Distribution, Meta(description="of the unstretched length after trimming, m")] | None = None
-    upper: Annotated[Distribution, Meta(description="of the upper attachment along x, y and z each, m")] | None = None
-    lower: Annotated[Distribution, Meta(description="of the lower attachment along x, y and z each, m")] | None = None
+
+class _PartScatter(Table, frozen=True):
+    stage: StageName
+
+
+class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distribution)):
+    """Scatter of one wire, or independently of every wire of a stage."""
+
     hold: Hold = "loaded-length"
 
 
-class BodyTolerance(Table, frozen=True):
+class BodyTolerance(imperfections.with_spreads(_PartScatter, "body", Distribution)):
     """Scatter of one body."""
 
-    stage: StageName
-    mass: Annotated[Distribution, Meta(description="as a share of the mass")] | None = None
-    inertia: Annotated[Distribution, Meta(description="of each moment, as a share of it")] | None = None
-    com: Annotated[Distribution, Meta(description="of the COM along x, y and z each, m")] | None = None
 
-
-class BladeTolerance(Table, frozen=True):
-    """Scatter of every blade of a stage by itself."""
-
-    stage: StageName
-    stiffness: Annotated[Distribution, Meta(description="as a share of the stiffness")]
+class BladeTolerance(imperfections.with_spreads(_PartScatter, "blade", Distribution)):
+    """Scatter of every blade of a stage, independently."""
 
 
 class Tolerance(Table, frozen=True):
-    """What builds get wrong."""
+    """Scatter of wires, bodies and blades from build to build."""
 
     wire: list[WireTolerance] = field(default_factory=list)
     body: list[BodyTolerance] = field(default_factory=list)
@@ -331,13 +473,15 @@ class Design(Table, frozen=True):
     control: Control | None = None
     tolerance: Tolerance | None = None
     perturbation: list[Perturbation] = field(default_factory=list)
-    analysis: Annotated[dict[str, dict[str, Any]], Meta(description="defaults for a command's options, under the options' own names")] = field(
-        default_factory=dict
-    )
+    analysis: Annotated[
+        dict[str, dict[str, Any]],
+        Meta(description="defaults for a command's options, under the options' own names"),
+    ] = field(default_factory=dict)
 
 
 def json_schema() -> dict[str, Any]:
-    """The file format as JSON Schema (draft 2020-12)."""
-    import msgspec.json
-
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "pendsus design file"} | msgspec.json.schema(Design)
+    """Make the JSON Schema of the file format (draft 2020-12)."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "pendsus design file",
+    } | msgspec.json.schema(Design)

@@ -1,4 +1,4 @@
-"""Wires and blades of the design file, as frozen types: what a stage hangs on."""
+"""Wires and blades of the design file format as frozen types."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design.quantities import (
+from suspension_cli.design.units import (
     NAMES,
     Direction,
     Frequency,
     Kelvin,
     Length,
     LossAngle,
+    MassOrZero,
     MaterialName,
     Name,
     Position,
@@ -25,8 +26,28 @@ from suspension_cli.design.quantities import (
     Vector,
 )
 
-WireMaterial = Annotated[MaterialName, Meta(description=f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E A / l")]
+WireMaterial = Annotated[
+    MaterialName,
+    Meta(
+        description=(
+            f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E"
+            " A / l"
+        )
+    ),
+]
 Radius = Annotated[Length, Meta(description="radius of a round wire, m")]
+
+
+WireTorsion = Annotated[
+    Torsion,
+    Meta(
+        description=(
+            "torsional stiffness of the wire about its axis, N m/rad; default: none in the models"
+            " up to string; in beam and violin that of its cross-section, material and tension,"
+            " (G J + T I_p / A) / l"
+        )
+    ),
+]
 
 
 class Section(Table, frozen=True):
@@ -36,30 +57,67 @@ class Section(Table, frozen=True):
     thickness: Annotated[Length, Meta(description="along x, m")]
 
 
-Radii = Annotated[list[Length], Meta(min_length=2, max_length=2, description="radius in m at the upper and at the lower end of a taper")]
+Radii = Annotated[
+    list[Length],
+    Meta(
+        min_length=2,
+        max_length=2,
+        description="radius in m at the upper and at the lower end of a taper",
+    ),
+]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
-Steps = Annotated[int, Meta(ge=1, le=256, description="number of uniform steps that stand for a taper; 16 if not given")]
+Steps = Annotated[
+    int,
+    Meta(
+        ge=1,
+        le=256,
+        description="number of uniform steps that approximate a taper; 16 if not given",
+    ),
+]
 
 
 class WireSection(Table, frozen=True):
     """A stretch of a wire: uniform, or tapered linearly from one radius to another."""
 
     length: (
-        Annotated[Length, Meta(description="loaded length, m; one section may leave it out and takes the rest, otherwise they sum to the wire's")] | None
+        Annotated[
+            Length,
+            Meta(
+                description=(
+                    "loaded length, m; one section may leave it out and takes the rest, otherwise"
+                    " they sum to the wire's"
+                )
+            ),
+        ]
+        | None
     ) = None
-    radius: Annotated[Length | Radii, Meta(description="radius of a round stretch, m; [upper, lower] of a tapered one")] | None = None
+    radius: (
+        Annotated[
+            Length | Radii,
+            Meta(description="radius of a round stretch, m; [upper, lower] of a tapered one"),
+        ]
+        | None
+    ) = None
     section: Section | None = None
-    material: Annotated[Name, Meta(description=f"name of a material; default the wire's ({NAMES})")] | None = None
+    material: (
+        Annotated[Name, Meta(description=f"name of a material; default the wire's ({NAMES})")]
+        | None
+    ) = None
     steps: Steps | None = None
 
 
 Sections = Annotated[
-    list[WireSection], Meta(min_length=1, max_length=100, description="stretches from the upper to the lower end, instead of radius and section")
+    list[WireSection],
+    Meta(
+        min_length=1,
+        max_length=100,
+        description="stretches from the upper to the lower end, instead of radius and section",
+    ),
 ]
 
 
 class Clamp(Table, frozen=True):
-    """Directions of the wire where its clamps hold it, both told from the upper towards the lower end."""
+    """Directions of the wire at its clamps, both from the upper towards the lower end."""
 
     upper: Direction | None = None
     lower: Direction | None = None
@@ -73,14 +131,28 @@ class EndTemperatures(Table, frozen=True):
 
 
 Clamped = Annotated[
-    Annotated[Literal["wire", "bending-point"], Meta(description='"wire", "bending-point", or a table of directions { upper = [x, y, z], lower = [x, y, z] }')]
+    Annotated[
+        Literal["wire", "bending-point"],
+        Meta(
+            description=(
+                '"wire", "bending-point", or a table of directions { upper = [x, y, z], lower = [x,'
+                " y, z] }"
+            )
+        ),
+    ]
     | Clamp,
     Meta(
-        description='how the ends are held: "wire" (along the nominal wire), "bending-point" (the ends are where the wire seems to bend, its clamps '
-        "beyond), or directions { upper = [x, y, z], lower = [x, y, z] }"
+        description=(
+            'how the ends are held: "wire" (along the nominal wire), "bending-point" (the ends are'
+            " the effective bending points, the clamps lie beyond), or directions"
+            " { upper = [x, y, z], lower = [x, y, z] }"
+        )
     ),
 ]
-Temperature = Annotated[Kelvin | EndTemperatures, Meta(description="temperature in K, or { upper, lower }; default that of [constants]")]
+Temperature = Annotated[
+    Kelvin | EndTemperatures,
+    Meta(description="temperature in K, or { upper, lower }; default that of [constants]"),
+]
 
 
 class WireSet(Table, frozen=True):
@@ -88,58 +160,88 @@ class WireSet(Table, frozen=True):
 
     count: Annotated[Literal[1, 2, 4], Meta(description="number of wires")]
     l: Annotated[Length, Meta(description="loaded length of each wire, m")]
-    s: Annotated[Separation, Meta(description="half separation in x at both ends, m (four wires)")] | None = None
-    s_upper: Annotated[Separation, Meta(description="half separation in x at the upper end, m")] | None = None
-    s_lower: Annotated[Separation, Meta(description="half separation in x at the lower end, m")] | None = None
-    t1: Annotated[Separation, Meta(description="half separation in y at the upper end, m")] | None = None
-    t2: Annotated[Separation, Meta(description="half separation in y at the lower end, m")] | None = None
-    d: Annotated[Position, Meta(description="height of the lower end above the COM of this body, m")] = 0.0
-    d_upper: Annotated[Position, Meta(description="depth of the upper end below the COM of the body above, m")] = 0.0
+    s: (
+        Annotated[Separation, Meta(description="half separation in x at both ends, m (four wires)")]
+        | None
+    ) = None
+    s_upper: (
+        Annotated[Separation, Meta(description="half separation in x at the upper end, m")] | None
+    ) = None
+    s_lower: (
+        Annotated[Separation, Meta(description="half separation in x at the lower end, m")] | None
+    ) = None
+    t1: (
+        Annotated[Separation, Meta(description="half separation in y at the upper end, m")] | None
+    ) = None
+    t2: (
+        Annotated[Separation, Meta(description="half separation in y at the lower end, m")] | None
+    ) = None
+    d: Annotated[
+        Position, Meta(description="height of the lower end above the COM of this body, m")
+    ] = 0.0
+    d_upper: Annotated[
+        Position, Meta(description="depth of the upper end below the COM of the body above, m")
+    ] = 0.0
     material: WireMaterial | None = None
     radius: Radius | None = None
     section: Section | None = None
     sections: Sections | None = None
     k: (
-        Annotated[Stiffness, Meta(description="spring constant of one wire, N/m, instead of material and cross-section; beside them it overrides E A / l")]
-        | None
-    ) = None
-    torsion: (
         Annotated[
-            Torsion,
+            Stiffness,
             Meta(
-                description="torsional stiffness of one wire about its own line, N m/rad; if not given, none on the models up to string, and that of its "
-                "cross-section, material and tension, (G J + T I_p / A) / l, on beam and violin"
+                description=(
+                    "spring constant of one wire, N/m, instead of material and cross-section;"
+                    " beside them it overrides E A / l"
+                )
             ),
         ]
         | None
     ) = None
+    torsion: WireTorsion | None = None
     clamp: Clamped = "wire"
     temperature: Temperature | None = None
 
 
 class Wire(Table, frozen=True):
-    """One wire anywhere: its ends in the frames of the two bodies, from their COMs (or the support point)."""
+    """One wire, its ends in the frames of the two bodies, from their COMs or the support point."""
 
-    upper: Annotated[Vector, Meta(description="upper end, from the COM above or the support point, m")]
+    upper: Annotated[
+        Vector, Meta(description="upper end, from the COM above or the support point, m")
+    ]
     lower: Annotated[Vector, Meta(description="lower end, from this body's COM, m")]
     material: WireMaterial | None = None
     radius: Radius | None = None
     section: Section | None = None
     sections: Sections | None = None
-    k: Annotated[Stiffness, Meta(description="spring constant, N/m, as in [stage.wires]; default E A over the nominal span")] | None = None
-    torsion: (
+    k: (
         Annotated[
-            Torsion,
+            Stiffness,
             Meta(
-                description="torsional stiffness of the wire about its own line, N m/rad; if not given, none on the models up to string, and that of its "
-                "cross-section, material and tension, (G J + T I_p / A) / l, on beam and violin"
+                description=(
+                    "spring constant, N/m, as in [stage.wires]; default E A over the nominal span"
+                )
             ),
         ]
         | None
     ) = None
-    natural_length: Annotated[Length, Meta(description="unstretched length, m; the pose is then solved for")] | None = None
-    tension: Annotated[Tension, Meta(description="tension in the nominal pose, N, instead of a natural length")] | None = None
-    blade: Annotated[Name, Meta(description=f"name of a [[stage.blade]] that carries the upper end: {NAMES}")] | None = None
+    torsion: WireTorsion | None = None
+    natural_length: (
+        Annotated[Length, Meta(description="unstretched length, m; the pose is then solved for")]
+        | None
+    ) = None
+    tension: (
+        Annotated[
+            Tension, Meta(description="tension in the nominal pose, N, instead of a natural length")
+        ]
+        | None
+    ) = None
+    blade: (
+        Annotated[
+            Name, Meta(description=f"name of a [[stage.blade]] that carries the upper end: {NAMES}")
+        ]
+        | None
+    ) = None
     clamp: Clamped = "wire"
     temperature: Temperature | None = None
 
@@ -157,28 +259,66 @@ class BladeGeometry(Table, frozen=True):
 BladeWeight = Annotated[
     Tension,
     Meta(
-        description="weight at which the tip is where the file draws it, N, with that of its tip mass; under more or less it sags or rises, and the pose "
-        "is solved for; default: what it carries in the nominal pose or, if all wires of the stage have natural lengths, in the one solved for"
+        description=(
+            "load in N, tip mass included, at which the tip is at its nominal position; under"
+            " another load it deflects and the pose is solved for; default: its load in the nominal"
+            " pose or, if all wires of the stage have natural lengths, in the pose solved for"
+        )
     ),
 ]
-BladeLoss = Annotated[LossAngle, Meta(description="loss angle in rad; default that of the material, else 0")]
-BladeThickness = Annotated[Length, Meta(description="thickness of the blade in m, for its loss, where no geometry is given")]
-BladeMaterial = Annotated[Name, Meta(description=f"name of the blade's material, for its loss, where no geometry is given: {NAMES}")]
-BladeTemperature = Annotated[Kelvin, Meta(description="temperature of the blade in K; default that of [constants]")]
+BladeLoss = Annotated[
+    LossAngle, Meta(description="loss angle in rad; default that of the material, else 0")
+]
+BladeThickness = Annotated[
+    Length,
+    Meta(description="thickness of the blade in m, for its loss, where no geometry is given"),
+]
+BladeMaterial = Annotated[
+    Name,
+    Meta(
+        description=(
+            f"name of the blade's material, for its loss, where no geometry is given: {NAMES}"
+        )
+    ),
+]
+BladeTemperature = Annotated[
+    Kelvin, Meta(description="temperature of the blade in K; default that of [constants]")
+]
 
 
 class BladeSet(Table, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
 
-    count: Annotated[Literal[1, 2, 4], Meta(description="number of blades; each of two carries the wires on its side of y")]
-    stiffness: Annotated[Stiffness, Meta(description="vertical stiffness of one blade at its tip, N/m")] | None = None
+    count: Annotated[
+        Literal[1, 2, 4],
+        Meta(description="number of blades; each of two carries the wires on its side of y"),
+    ]
+    stiffness: (
+        Annotated[Stiffness, Meta(description="vertical stiffness of one blade at its tip, N/m")]
+        | None
+    ) = None
     uncoupled_frequency: (
-        Annotated[Frequency, Meta(description="frequency f of this stage's mass m alone on the blades, Hz: (2 pi f)^2 m, shared equally")] | None
+        Annotated[
+            Frequency,
+            Meta(
+                description=(
+                    "frequency f of this stage's mass m alone on the blades, Hz: (2 pi f)^2 m,"
+                    " shared equally"
+                )
+            ),
+        ]
+        | None
     ) = None
     geometry: BladeGeometry | None = None
     load: BladeWeight | None = None
-    tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with one tip, kg")] = 0.0
-    lateral_stiffness: Annotated[tuple[Stiffness, Stiffness], Meta(description="stiffness of one tip along x and y, N/m; rigid if not given")] | None = None
+    tip_mass: Annotated[MassOrZero, Meta(description="mass that moves with one tip, kg")] = 0.0
+    lateral_stiffness: (
+        Annotated[
+            tuple[Stiffness, Stiffness],
+            Meta(description="stiffness of one tip along x and y, N/m; rigid if not given"),
+        ]
+        | None
+    ) = None
     loss_angle: BladeLoss | None = None
     material: BladeMaterial | None = None
     thickness: BladeThickness | None = None
@@ -189,15 +329,44 @@ class Blade(Table, frozen=True):
     """One cantilever blade, for wires that name it."""
 
     name: Annotated[Name, Meta(description=f"for the wires to name it: {NAMES}")]
-    at: Annotated[Vector, Meta(description="tip in the frame of the body above, m; default: the mean of its wires' upper ends")] | None = None
-    stiffness: Annotated[Stiffness, Meta(description="vertical stiffness of the blade at its tip, N/m")] | None = None
+    at: (
+        Annotated[
+            Vector,
+            Meta(
+                description=(
+                    "tip in the frame of the body above, m; default: the mean of its wires' upper"
+                    " ends"
+                )
+            ),
+        ]
+        | None
+    ) = None
+    stiffness: (
+        Annotated[Stiffness, Meta(description="vertical stiffness of the blade at its tip, N/m")]
+        | None
+    ) = None
     uncoupled_frequency: (
-        Annotated[Frequency, Meta(description="frequency f of this stage's mass m alone on all its blades, Hz: (2 pi f)^2 m, shared equally")] | None
+        Annotated[
+            Frequency,
+            Meta(
+                description=(
+                    "frequency f of this stage's mass m alone on all its blades, Hz: (2 pi f)^2 m,"
+                    " shared equally"
+                )
+            ),
+        ]
+        | None
     ) = None
     geometry: BladeGeometry | None = None
     load: BladeWeight | None = None
-    tip_mass: Annotated[float, Meta(ge=0, le=1e9, description="mass that moves with the tip, kg")] = 0.0
-    lateral_stiffness: Annotated[tuple[Stiffness, Stiffness], Meta(description="stiffness of the tip along x and y, N/m; rigid if not given")] | None = None
+    tip_mass: Annotated[MassOrZero, Meta(description="mass that moves with the tip, kg")] = 0.0
+    lateral_stiffness: (
+        Annotated[
+            tuple[Stiffness, Stiffness],
+            Meta(description="stiffness of the tip along x and y, N/m; rigid if not given"),
+        ]
+        | None
+    ) = None
     loss_angle: BladeLoss | None = None
     material: BladeMaterial | None = None
     thickness: BladeThickness | None = None

@@ -1,1 +1,1 @@
-"""The rungs of the ladder of models: from closed forms to the general scene, and which one a design needs."""
+"""Models of a suspension, from closed forms to wires with mass, and the choice between them."""

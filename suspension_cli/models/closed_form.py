@@ -1,12 +1,13 @@
-"""The paper's equations for one stage on four wires, symmetric in x and y.
+"""Closed forms for one stage on four wires, symmetric in x and y: the paper's equations 1 to 14.
 
-Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), equations 1 to 14: l the loaded length, s the half separation in x,
-t1 and t2 those in y at the upper and lower end, d the height of the lower ends above the COM, Omega the angle of the
-wires from the vertical, sin(Omega) = (t2 - t1) / l.
+Husman et al., Rev. Sci. Instrum. 71, 2546 (2000): l the loaded length, s the half separation in x,
+t1 and t2 those in y at the upper and lower end, d the height of the lower ends above the COM,
+Omega the angle of the wires from the vertical, sin(Omega) = (t2 - t1) / l.
 
-The paper does not print sideways and roll ("the terms for the other degrees of freedom follow in a similar fashion"):
-they are derived here the same way, see `sideways_roll`.  The paper's tilt is positive against the right-hand rule;
-ours is right-handed, which changes the sign of A12 and A21 and no frequency.
+The paper does not print sideways and roll ("the terms for the other degrees of freedom follow in a
+similar fashion"): they are derived here in the same way, see `sideways_roll`. The paper's tilt is
+positive against the right-hand rule; here it is right-handed, which changes the sign of A12 and
+A21 and no frequency.
 """
 
 from __future__ import annotations
@@ -17,15 +18,23 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.derive import body_inertia, body_mass, com_offset, set_geometry, wire_loss, wire_stiffness
+from suspension_cli.design.derive import (
+    body_inertia,
+    body_mass,
+    com_offset,
+    set_geometry,
+    wire_loss,
+    wire_stiffness,
+)
 from suspension_cli.design.schema import Design
-from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
 from suspension_cli.rotations import cross_matrix
 
 
 @dataclass(frozen=True)
 class FourWires:
-    """One mass on four wires; every number may be an array.
+    """Parameters of one mass on four wires; every number may be an array.
 
     Attributes
     ----------
@@ -36,7 +45,7 @@ class FourWires:
     l, s, t1, t2, d : float
         m.
     k : float
-        Of one wire, N/m.
+        Spring constant of one wire, N/m.
     gravity : float
         m/s^2.
     """
@@ -75,9 +84,10 @@ def rotation(p: FourWires) -> Any:
 
 
 def longitudinal_tilt(p: FourWires) -> Any:
-    """The matrix A of equations 10 to 14 with right-handed pitch: (x, pitch)'' = A (x, pitch); (..., 2, 2), 1/s^2.
+    """The matrix A of equations 10 to 14 with right-handed pitch: (x, pitch)'' = A (x, pitch);
+    (..., 2, 2), 1/s^2.
 
-    For d = 0 its diagonal holds equations 7 and 8 (2 and 3 for vertical wires).
+    For d = 0 its diagonal is that of equations 7 and 8 (2 and 3 for vertical wires).
     """
     inertia = p.inertia[1]
     over = p.gravity / (p.l * p.cos)
@@ -90,19 +100,24 @@ def longitudinal_tilt(p: FourWires) -> Any:
 def sideways_roll(p: FourWires) -> Any:
     """The matrix A with (y, roll)'' = A (y, roll); (..., 2, 2), 1/s^2.
 
-    A wire at (+-s, +-t2, d) below is lengthened by e and swung by w when the mass moves by y and rolls by p,
+    A wire at (+-s, +-t2, d) below is lengthened by e and swung by w when the mass moves by y and
+    rolls by p,
 
-        e = +-(sin(Omega) (y - d p) - cos(Omega) t2 p),    w = cos(Omega) (y - d p) + sin(Omega) t2 p,
+        e = +-(sin(Omega) (y - d p) - cos(Omega) t2 p),    w = cos(Omega) (y - d p) + sin(Omega) t2
+        p,
 
-    and its tension T = m g / (4 cos(Omega)) works on the second-order lift of its lower end, p^2 (d cos - t2 sin) / 2,
-    so the energy is 4 [k e^2 / 2 + (T / l) w^2 / 2 + T p^2 (d cos - t2 sin) / 2].
+    and its tension T = m g / (4 cos(Omega)) works on the second-order lift of its lower end, p^2 (d
+    cos - t2 sin) / 2, so the energy is 4 [k e^2 / 2 + (T / l) w^2 / 2 + T p^2 (d cos - t2 sin) /
+    2].
     """
     tension = p.mass * p.gravity / (4 * p.cos)
     e = (p.sin, -p.d * p.sin - p.t2 * p.cos)
     w = (p.cos, -p.d * p.cos + p.t2 * p.sin)
     k = [[4 * (p.k * e[i] * e[j] + tension / p.l * w[i] * w[j]) for j in (0, 1)] for i in (0, 1)]
     k[1][1] = k[1][1] + 4 * tension * (p.d * p.cos - p.t2 * p.sin)
-    return _matrix(-k[0][0] / p.mass, -k[0][1] / p.mass, -k[1][0] / p.inertia[0], -k[1][1] / p.inertia[0])
+    return _matrix(
+        -k[0][0] / p.mass, -k[0][1] / p.mass, -k[1][0] / p.inertia[0], -k[1][1] / p.inertia[0]
+    )
 
 
 def _matrix(a11: Any, a12: Any, a21: Any, a22: Any) -> Any:
@@ -111,7 +126,7 @@ def _matrix(a11: Any, a12: Any, a21: Any, a22: Any) -> Any:
 
 
 def unsuited(design: Design) -> str:
-    """Why the closed forms do not hold for a design; empty if they do."""
+    """Why the closed forms are not valid for a design; "" if they are."""
     stage = design.stage[0]
     if len(design.stage) > 1:
         return "it has more than one stage"
@@ -132,7 +147,7 @@ def unsuited(design: Design) -> str:
 
 
 def four_wires(design: Design, *, lossy: bool = False) -> FourWires:
-    """The parameters of a design for which `unsuited` finds nothing; with complex k if `lossy`."""
+    """Parameters of a design for which the closed forms are valid; with complex k if `lossy`."""
     stage = design.stage[0]
     assert stage.wires is not None
     shape, inertia = set_geometry(stage.wires), body_inertia(stage.body)
@@ -140,16 +155,26 @@ def four_wires(design: Design, *, lossy: bool = False) -> FourWires:
     if lossy:
         k = k * (1 + 1j * wire_loss(design, stage.wires, stage.wires.l))
     moments = (inertia[0][0], inertia[1][1], inertia[2][2])
-    return FourWires(body_mass(stage.body), moments, shape.length, shape.s_upper, shape.t1, shape.t2, shape.d, k, design.constants.gravity)
+    return FourWires(
+        body_mass(stage.body),
+        moments,
+        shape.length,
+        shape.s_upper,
+        shape.t1,
+        shape.t2,
+        shape.d,
+        k,
+        design.constants.gravity,
+    )
 
 
-def linear_model(design: Design) -> LinearModel:
-    """The closed forms as a linear model."""
+def linear_model(design: Design) -> LinearSystem:
+    """Linear model of one stage on four wires, from the closed forms."""
     stage = design.stage[0]
     assert stage.wires is not None
     p = four_wires(design)
     mass = np.diag(np.concatenate([np.zeros(6), [p.mass] * 3, p.inertia]))
-    return LinearModel(
+    return LinearSystem(
         body=(stage.name,),
         coordinate=tuple(f"{body}.{dof}" for body in (SUPPORT, stage.name) for dof in DOFS),
         basis=np.eye(12),
@@ -157,16 +182,18 @@ def linear_model(design: Design) -> LinearModel:
         mass=mass,
         stiffness=_stiffness(p, com_offset(stage)),
         damping=np.zeros((12, 12)),
-        lossy=_stiffness(four_wires(design, lossy=True), com_offset(stage)) if wire_loss(design, stage.wires, stage.wires.l) else None,
-        rigid=np.concatenate([np.eye(6), _together(com_offset(stage))]),
+        lossy=_stiffness(four_wires(design, lossy=True), com_offset(stage))
+        if wire_loss(design, stage.wires, stage.wires.l)
+        else None,
+        rigid=np.concatenate([np.eye(6), _rigid_motion(com_offset(stage))]),
     )
 
 
 def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Any:
     """Stiffness (12, 12) of support and body.
 
-    The coupling to the support follows from the body's own stiffness: moving support and body together as one costs
-    no elastic energy, and turns the force that the wires exert.
+    The coupling to the support follows from the body's own stiffness: moving support and body
+    as one rigid body costs no elastic energy, and turns the force that the wires exert.
     """
     masses = np.array([p.mass, p.mass, p.mass, *p.inertia])
     own = np.zeros((6, 6), dtype=np.result_type(float, np.asarray(p.k)))
@@ -174,15 +201,37 @@ def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Any:
         block = -masses[list(dofs), None] * matrix
         own[np.ix_(dofs, dofs)] = (block + block.T) / 2
     own[2, 2], own[5, 5] = p.mass * vertical(p), p.inertia[2] * rotation(p)
-    together, turned = _together(offset), np.zeros((6, 6))
+    rigid, turned = _rigid_motion(offset), np.zeros((6, 6))
     turned[:3, 3:] = -cross_matrix(np.array([0.0, 0.0, -p.mass * p.gravity]))
-    across = turned - own @ together
-    support = -turned - across.T @ together
+    across = turned - own @ rigid
+    support = -turned - across.T @ rigid
     return np.block([[(support + support.T) / 2, across.T], [across, own]])
 
 
-def _together(offset: tuple[float, float, float]) -> Any:
-    """How the body goes (6, 6) when it moves as one with the support."""
+def _rigid_motion(offset: tuple[float, float, float]) -> Any:
+    """Motion (6, 6) of the body when it moves with the support as one rigid body."""
     result = np.eye(6)
     result[:3, 3:] = -cross_matrix(np.array(offset))
     return result
+
+
+class ClosedForm(Model):
+    """The closed forms: one stage, one design at a time."""
+
+    name = "closed-form"
+    description = "the paper's equations for a single pendulum on four wires"
+    valid_for = "one stage on four symmetric wires"
+    omits = (BLADE_TIPS, BENDING, MASS)
+    cost = 1.0
+    automatic = False
+
+    def unsuitable(self, design: Design) -> str:
+        """Why the closed forms are not valid for a design; "" if they are."""
+        return unsuited(design)
+
+    def suspension(self, design: Design) -> LinearSystem:
+        """The linear model on a rigid support."""
+        return linear_model(design)
+
+
+CLOSED_FORM = ClosedForm()

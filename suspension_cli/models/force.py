@@ -1,37 +1,58 @@
-"""The paper's force model: a chain of symmetric stages on straight wires, in four blocks.
+"""Force model of a chain of symmetric stages on straight wires, in four uncoupled blocks.
 
-Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), sections 3a and 4.  A wire from the upper body (arm a) to the lower one
-(arm b), with unit vector u, tension T and spring constant k, stores for a small relative displacement D of its ends
+Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), sections 3a and 4. A wire from the upper body
+(arm a) to the lower one (arm b), with unit vector u, tension T and spring constant k, stores for a
+small relative displacement D of its ends
 
-    k (u . D)^2 / 2 + (T / l) (|D|^2 - (u . D)^2) / 2 + T u . (second-order displacement of b less that of a).
+    k (u . D)^2 / 2 + (T / l) (|D|^2 - (u . D)^2) / 2 + T u . (second-order displacement of b less
+    that of a).
 
-A wire whose torsion is given adds torsion (u . t)^2 / 2 for a rotation t of the lower body less that of the upper one.
-Summed over the wires of a symmetric set, terms odd in x or y cancel, and the chain falls into four blocks that do not
-couple: longitudinal-pitch, transverse-roll, vertical, yaw.  Blades are the paper's approximation: in series with the
-stretching of the wires, along the wires.  That is exact under vertical wires only (`string` has the tips as coordinates).
-Two wires on one blade stretch it together, so the blade counts only in the motions that pull both alike.
+A wire whose torsion is given adds torsion (u . t)^2 / 2 for a rotation t of the lower body less
+that of the upper one. Summed over the wires of a symmetric set, terms odd in x or y cancel, and the
+chain falls into four blocks that do not couple: longitudinal-pitch, transverse-roll, vertical, yaw.
+Blades are the paper's approximation: in series with the stretching of the wires, along the wires.
+That is exact for vertical wires only (the string model has the tips as coordinates). Two wires on
+one blade stretch it together, so the blade counts only in the motions that pull both alike.
 
-Every number may be an array; all functions work on whole batches of chains.  No code of the general assembly is used.
+Every number may be an array; all functions work on whole batches of chains. No code of the general
+assembly is used.
 """
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.derive import blade_loss, blade_stiffness, body_inertia, body_mass, com_positions, set_geometry, wire_loss, wire_stiffness
+from suspension_cli.design.derive import (
+    blade_loss,
+    blade_stiffness,
+    body_inertia,
+    body_mass,
+    com_positions,
+    set_geometry,
+    wire_loss,
+    wire_stiffness,
+)
 from suspension_cli.design.schema import Design
-from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
+from suspension_cli.models.surroundings import surroundings_key
 from suspension_cli.rotations import cross_matrix
 
-BLOCKS = {"longitudinal-pitch": ("x", "pitch"), "transverse-roll": ("y", "roll"), "vertical": ("z",), "yaw": ("yaw",)}
+BLOCKS = {
+    "longitudinal-pitch": ("x", "pitch"),
+    "transverse-roll": ("y", "roll"),
+    "vertical": ("z",),
+    "yaw": ("yaw",),
+}
 """The four blocks and their coordinates of each body."""
 
 CHUNK = 1024
-"""Chains worked on at once: small enough that their matrices stay in the cache."""
+"""Chains solved at once: few enough that their matrices stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +100,8 @@ class Stage:
         Parameters
         ----------
         together : bool
-            Whether the motion stretches the wires that share a blade alike (else their blade stays at rest).
+            Whether the motion stretches the wires that share a blade alike (else their blade stays
+            at rest).
         """
         if self.blades == 0:
             return self.k
@@ -103,12 +125,28 @@ def stiffness(chain: Chain) -> dict[str, Any]:
     Returns
     -------
     dict of (..., c (n + 1), c (n + 1)) arrays
-        For c coordinates a body, n stages and the support first: N/m, N, N m.
+        For c coordinates per body and n stages, the support first: N/m, N, N m.
     """
     n = len(chain.stages)
-    batch = np.broadcast_shapes(*(np.shape(v) for stage in chain.stages for v in (*vars(stage).values(), *stage.inertia) if not isinstance(v, tuple)))
-    kind = complex if any(np.iscomplexobj(v) for stage in chain.stages for v in (stage.k, stage.blade_stiffness)) else float
-    result = {name: np.zeros((*batch, len(dofs) * (n + 1), len(dofs) * (n + 1)), dtype=kind) for name, dofs in BLOCKS.items()}
+    batch = np.broadcast_shapes(
+        *(
+            np.shape(v)
+            for stage in chain.stages
+            for v in (*vars(stage).values(), *stage.inertia)
+            if not isinstance(v, tuple)
+        )
+    )
+    kind = (
+        complex
+        if any(
+            np.iscomplexobj(v) for stage in chain.stages for v in (stage.k, stage.blade_stiffness)
+        )
+        else float
+    )
+    result = {
+        name: np.zeros((*batch, len(dofs) * (n + 1), len(dofs) * (n + 1)), dtype=kind)
+        for name, dofs in BLOCKS.items()
+    }
     load = 0.0
     for number in range(n, 0, -1):
         load = load + chain.stages[number - 1].mass * chain.gravity
@@ -122,13 +160,14 @@ def stiffness(chain: Chain) -> dict[str, Any]:
 
 
 def _stage_blocks(p: Stage, load: Any) -> dict[str, list[list[Any]]]:
-    """What the wires of one stage add, in the coordinates (upper body, lower body) of each block."""
+    """Stiffness that the wires of one stage add to each block, upper then lower body."""
     height = np.sqrt(p.l**2 - (p.t2 - p.t1) ** 2 - (p.s_lower - p.s_upper) ** 2)
     ux, uy, c = (p.s_lower - p.s_upper) / p.l, (p.t2 - p.t1) / p.l, height / p.l
     swing, lift = load / (c * p.l), load / c  # count T / l and count T
     alike = p.count * p.stretching(together=True) - swing
     apart = p.count * p.stretching(together=False) - swing
-    across = alike if p.count == 4 else apart  # two wires of a pair on one blade pull it apart when the body rolls
+    # two wires of a pair on one blade pull it apart when the body rolls
+    across = alike if p.count == 4 else apart
     s1, s2, t1, t2, d, du = p.s_upper, p.s_lower, p.t1, p.t2, p.d, p.d_upper
     # longitudinal-pitch: horizontal displacement of the ends, and their vertical one (odd in x)
     level, rise = (-1.0, du, 1.0, d), (0.0, -s1, 0.0, s2)
@@ -136,7 +175,8 @@ def _stage_blocks(p: Stage, load: Any) -> dict[str, list[list[Any]]]:
     x_pitch = _sum((apart, along), (swing, level), (swing, rise))
     x_pitch[1][1] = x_pitch[1][1] + lift * (ux * s1 + c * du)
     x_pitch[3][3] = x_pitch[3][3] + lift * (c * d - ux * s2)
-    # transverse-roll: the same seen from the front (right-handed roll lowers the side that pitch lifts)
+    # transverse-roll: the same seen from the front (right-handed roll lowers the side that pitch
+    # lifts)
     level, rise = (-1.0, -du, 1.0, -d), (0.0, -t1, 0.0, t2)
     along = tuple(uy * a - c * b for a, b in zip(level, rise, strict=True))
     y_roll = _sum((across, along), (swing, level), (swing, rise))
@@ -174,7 +214,11 @@ def _sum(*terms: tuple[Any, tuple[Any, ...]]) -> list[list[Any]]:
 def masses(chain: Chain, name: str) -> Any:
     """Masses and moments of inertia (..., c n) of one block's coordinates, kg and kg m^2."""
     moments = {"x": 0, "y": 1, "z": 2, "roll": 0, "pitch": 1, "yaw": 2}
-    values = [stage.mass if dof in "xyz" else stage.inertia[moments[dof]] for stage in chain.stages for dof in BLOCKS[name]]
+    values = [
+        stage.mass if dof in "xyz" else stage.inertia[moments[dof]]
+        for stage in chain.stages
+        for dof in BLOCKS[name]
+    ]
     return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 
@@ -188,15 +232,23 @@ def dynamics(chain: Chain) -> dict[str, Any]:
 
 
 def eigenvalues(chain: Chain) -> dict[str, Any]:
-    """omega^2 of all modes, ascending in each block, (..., c n), (rad/s)^2; negative for an unstable mode.
+    """omega^2 (rad/s)^2 of all modes, ascending in each block, (..., c n); negative if unstable.
 
-    Works through large one-dimensional batches in chunks.
+    Large one-dimensional batches are solved in chunks.
     """
-    sizes = {np.shape(v) for stage in chain.stages for v in (*vars(stage).values(), *stage.inertia) if isinstance(v, np.ndarray) and v.ndim}
+    sizes = {
+        np.shape(v)
+        for stage in chain.stages
+        for v in (*vars(stage).values(), *stage.inertia)
+        if isinstance(v, np.ndarray) and v.ndim
+    }
     if len(sizes) != 1 or len(shape := sizes.pop()) != 1 or shape[0] <= CHUNK:
         return {name: np.linalg.eigvalsh(matrix) for name, matrix in dynamics(chain).items()}
     parts = [
-        {name: np.linalg.eigvalsh(matrix) for name, matrix in dynamics(_part(chain, slice(start, start + CHUNK))).items()}
+        {
+            name: np.linalg.eigvalsh(matrix)
+            for name, matrix in dynamics(_part(chain, slice(start, start + CHUNK))).items()
+        }
         for start in range(0, shape[0], CHUNK)
     ]
     return {name: np.concatenate([part[name] for part in parts]) for name in BLOCKS}
@@ -208,16 +260,22 @@ def _part(chain: Chain, which: slice) -> Chain:
             return tuple(cut(item) for item in value)
         return value[which] if isinstance(value, np.ndarray) and value.ndim else value
 
-    stages = tuple(Stage(**{key: cut(value) for key, value in vars(stage).items()}) for stage in chain.stages)
+    stages = tuple(
+        Stage(**{key: cut(value) for key, value in vars(stage).items()}) for stage in chain.stages
+    )
     return Chain(stages, cut(chain.gravity))
 
 
 def unsuited(design: Design) -> str:
-    """Why a design is no symmetric chain; empty if it is one."""
+    """Why a design is not a symmetric chain; "" if it is one."""
     above = SUPPORT
     for stage in design.stage:
         if stage.wires is None:
-            return f"stage {stage.name} has explicit wires" if stage.wire else f"stage {stage.name} hangs on no wires"
+            return (
+                f"stage {stage.name} has explicit wires"
+                if stage.wire
+                else f"stage {stage.name} hangs on no wires"
+            )
         if stage.hangs_from not in (None, above):
             return "it branches"
         if stage.spring:
@@ -225,7 +283,10 @@ def unsuited(design: Design) -> str:
         if stage.blades is not None and (stage.blades.tip_mass or stage.blades.lateral_stiffness):
             return f"the blades of stage {stage.name} have tip masses or lateral compliance"
         if stage.blades is not None and stage.blades.load is not None:
-            return f"the blades of stage {stage.name} have a given load, so that the pose is solved for"
+            return (
+                f"the blades of stage {stage.name} have a given load, so that the pose is"
+                " solved for"
+            )
         inertia = body_inertia(stage.body)
         if any(inertia[i][j] for i in range(3) for j in range(3) if i != j):
             return f"the inertia of stage {stage.name} has products"
@@ -234,7 +295,7 @@ def unsuited(design: Design) -> str:
 
 
 def series_is_approximate(design: Design) -> list[str]:
-    """Stages whose blades carry angled wires, where blades in series with wires are an approximation."""
+    """Stages whose blades hold angled wires, where blades in series with wires are approximate."""
     found = []
     for stage in design.stage:
         if stage.blades is not None and stage.wires is not None:
@@ -245,11 +306,15 @@ def series_is_approximate(design: Design) -> list[str]:
 
 
 def chain(design: Design, *, lossy: bool = False) -> Chain:
-    """The chain that a design stands for, if `unsuited` finds nothing; with complex spring constants if `lossy`."""
+    """The chain of a design for which `unsuited` is ""; complex spring constants if `lossy`."""
     stages = []
     for stage in design.stage:
         assert stage.wires is not None
-        shape, inertia, mass = set_geometry(stage.wires), body_inertia(stage.body), body_mass(stage.body)
+        shape, inertia, mass = (
+            set_geometry(stage.wires),
+            body_inertia(stage.body),
+            body_mass(stage.body),
+        )
         blades = stage.blades
         k = wire_stiffness(design, stage.wires, shape.length)
         elastic = 1 + 1j * wire_loss(design, stage.wires, shape.length) if lossy else 1.0
@@ -269,7 +334,11 @@ def chain(design: Design, *, lossy: bool = False) -> Chain:
                 k=k * elastic,
                 torsion=(stage.wires.torsion or 0.0) * elastic,
                 blades=0 if blades is None else blades.count,
-                blade_stiffness=per_blade * (1 + 1j * blade_loss(design, blades)) if lossy and blades is not None else per_blade,
+                blade_stiffness=(
+                    per_blade * (1 + 1j * blade_loss(design, blades))
+                    if lossy and blades is not None
+                    else per_blade
+                ),
             )
         )
     return Chain(tuple(stages), design.constants.gravity)
@@ -277,23 +346,28 @@ def chain(design: Design, *, lossy: bool = False) -> Chain:
 
 def lossy(design: Design) -> bool:
     """Whether a chain's wires or blades have loss angles."""
-    return any(wire_loss(design, s.wires, s.wires.l) or (s.blades is not None and blade_loss(design, s.blades)) for s in design.stage if s.wires is not None)
+    return any(
+        wire_loss(design, s.wires, s.wires.l)
+        or (s.blades is not None and blade_loss(design, s.blades))
+        for s in design.stage
+        if s.wires is not None
+    )
 
 
-def linear_model(design: Design) -> LinearModel:
-    """The four blocks of a design's chain as one linear model."""
+def linear_model(design: Design) -> LinearSystem:
+    """Linear model of a symmetric chain: its four blocks in one matrix."""
     return assembled(design, chain(design), chain(design, lossy=True) if lossy(design) else None)
 
 
-def assembled(design: Design, links: Chain, lossy: Chain | None) -> LinearModel:
-    """The linear model of a chain (or a batch of chains) with the names of a design."""
+def assembled(design: Design, links: Chain, lossy: Chain | None) -> LinearSystem:
+    """Linear model of a chain (or a batch of chains) with the names of a design."""
     bodies = (SUPPORT, *(stage.name for stage in design.stage))
     size, stiff = 6 * len(bodies), _whole(links, 6 * len(bodies))
     mass = np.zeros(stiff.shape)
     for name in BLOCKS:
         rows = _rows(name, len(bodies))[len(BLOCKS[name]) :]
         mass[..., rows, rows] = masses(links, name)
-    return LinearModel(
+    return LinearSystem(
         body=bodies[1:],
         coordinate=tuple(f"{body}.{dof}" for body in bodies for dof in DOFS),
         basis=np.eye(size),
@@ -302,7 +376,7 @@ def assembled(design: Design, links: Chain, lossy: Chain | None) -> LinearModel:
         stiffness=stiff,
         damping=np.zeros((size, size)),
         lossy=None if lossy is None else _whole(lossy, size),
-        rigid=_together(design),
+        rigid=_rigid_motion(design),
     )
 
 
@@ -321,10 +395,69 @@ def _whole(links: Chain, size: int) -> Any:
     return result
 
 
-def _together(design: Design) -> Any:
-    """How all coordinates go (N, 6) when everything moves as one with the support: a body below a turning support swings out."""
+def _rigid_motion(design: Design) -> Any:
+    """Motion (N, 6) of all coordinates when everything moves with the support as one rigid body."""
     positions = com_positions(design)
     result = np.concatenate([np.eye(6)] * (len(design.stage) + 1))
     for n, stage in enumerate(design.stage, 1):
         result[6 * n : 6 * n + 3, 3:] = -cross_matrix(np.array(positions[stage.name]))
     return result
+
+
+def stacked(chains: Sequence[Chain]) -> Chain:
+    """Chains of the same stages as one chain of arrays (p,)."""
+    stages = (_stacked_stages(same) for same in zip(*(one.stages for one in chains), strict=True))
+    return Chain(tuple(stages), np.array([one.gravity for one in chains]))
+
+
+def _stacked_stages(stages: Sequence[Stage]) -> Stage:
+    numbers: dict[str, Any] = {
+        name: np.array([vars(stage)[name] for stage in stages])
+        for name in vars(stages[0])
+        if name not in ("count", "blades", "inertia")
+    }
+    x, y, z = np.array([stage.inertia for stage in stages]).T
+    return Stage(count=stages[0].count, blades=stages[0].blades, inertia=(x, y, z), **numbers)
+
+
+class Force(Model):
+    """The paper's force model; arrays of chains are solved at once."""
+
+    name = "force"
+    description = "forces on straight wires of a symmetric chain, in four blocks"
+    valid_for = "symmetric chain"
+    omits = (BLADE_TIPS, BENDING, MASS)
+    cost = 1.0
+
+    def unsuitable(self, design: Design) -> str:
+        """Why a design is not a symmetric chain; "" if it is one."""
+        return unsuited(design)
+
+    def suspension(self, design: Design) -> LinearSystem:
+        """The linear model on a rigid support."""
+        return linear_model(design)
+
+    def approximated_stages(self, design: Design) -> tuple[str, ...]:
+        """Stages whose blades hold angled wires."""
+        return tuple(series_is_approximate(design))
+
+    def batch_key(self, design: Design) -> Hashable:
+        """Counts of wires and blades, whether anything is lossy, dampers and support structure."""
+        sets = tuple(
+            (stage.wires and stage.wires.count, stage.blades and stage.blades.count)
+            for stage in design.stage
+        )
+        return (sets, lossy(design), surroundings_key(design))
+
+    def batch(self, designs: Sequence[Design]) -> LinearSystem:
+        """Chains of the same topology as one linear model, designs as the first axis."""
+        links = stacked([chain(design) for design in designs])
+        with_loss = (
+            stacked([chain(design, lossy=True) for design in designs])
+            if lossy(designs[0])
+            else None
+        )
+        return assembled(designs[0], links, with_loss)
+
+
+FORCE = Force()

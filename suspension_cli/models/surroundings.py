@@ -1,4 +1,4 @@
-"""What a design adds around its bodies on every rung: viscous dampers, and a support structure that gives way."""
+"""Viscous dampers and a compliant support structure, added to the linear model of any model."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.scene import Array
 from suspension_cli.design.schema import Design, Support
-from suspension_cli.mechanics.assorted import Assorted
-from suspension_cli.mechanics.model import LinearModel
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.rotations import cross_matrix
+from suspension_cli.scene.scene import Array
 
 FRAME = "frame"
-"""The support structure's own motion relative to the ground, where it is not rigid: ``frame.z`` and so on."""
+"""Name of the motion of a compliant support structure relative to the ground: ``frame.z`` ..."""
 
 
-def surrounded(model: LinearModel, design: Design) -> LinearModel:
-    """The model with the design's dampers and its support structure."""
+def surrounded(model: LinearSystem, design: Design) -> LinearSystem:
+    """A linear model with the design's dampers and its support structure."""
     return with_frame(with_dampers(model, design), design)
 
 
-def with_dampers(model: LinearModel, design: Design) -> LinearModel:
-    """Add `[stage.damping]`: forces -c times the velocity of a body relative to another, at the body's COM.
+def with_dampers(model: LinearSystem, design: Design) -> LinearSystem:
+    """Add `[stage.damping]`: forces -c v, for the velocity v of a COM relative to another body.
 
-    The other body (or the support) is taken as one rigid thing that reaches there, so that moving everything as one
-    costs nothing.
+    The other body (or the support) is extended rigidly to that COM, so that a rigid motion of
+    everything is not damped.
     """
     if all(stage.damping is None for stage in design.stage):
         return model
@@ -50,32 +50,41 @@ def with_dampers(model: LinearModel, design: Design) -> LinearModel:
     return replace(model, damping=(damping + np.swapaxes(damping, -1, -2)) / 2)
 
 
-def with_frame(model: LinearModel, design: Design) -> LinearModel:
-    """Add `[support]`: the suspension point moves by what the ground does plus its own deflection.
+def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
+    """Add `[support]`: the suspension point moves with the ground and by its own deflection.
 
-    ``support.x`` stays the input, now the motion of the ground; ``frame.x`` is the deflection, for every direction
-    that has a stiffness.  Husman et al. (2000), section 4c: their frame "still couples with the pendulum".
+    ``support.x`` stays the input, now the motion of the ground; ``frame.x`` is the deflection, in
+    every direction that has a stiffness. Husman et al. (2000), section 4c: their frame "still
+    couples with the pendulum".
     """
     support = design.support
     if support is None:
         return model
-    moving = _yielding(support)
+    moving = _compliant(support)
     names = [DOFS[n] for n in moving]
     size, count = model.size, len(moving)
     spread = _spreading(size, moving)
     weights = np.array([support.mass] * 3 + list(support.inertia))
     mass = np.zeros((size, size), dtype=weights.dtype)
     mass[np.arange(6), np.arange(6)] = weights
-    own = {"stiffness": [getattr(support.stiffness, d) for d in names], "damping": [getattr(support.damping, d) for d in names]}
+    own = {
+        "stiffness": [getattr(support.stiffness, d) for d in names],
+        "damping": [getattr(support.damping, d) for d in names],
+    }
 
     def widened(matrix: Any, diagonal: Any) -> Any:
-        wide = (spread.T @ matrix @ spread).astype(np.result_type(matrix, np.asarray(diagonal), float))
+        wide = (spread.T @ matrix @ spread).astype(
+            np.result_type(matrix, np.asarray(diagonal), float)
+        )
         wide[..., size + np.arange(count), size + np.arange(count)] += np.asarray(diagonal)
         return wide
 
     lossy = model.lossy
     if support.loss_angle or lossy is not None:
-        lossy = widened(model.stiffness.astype(complex) if lossy is None else lossy, np.array(own["stiffness"]) * (1 + 1j * support.loss_angle))
+        lossy = widened(
+            model.stiffness.astype(complex) if lossy is None else lossy,
+            np.array(own["stiffness"]) * (1 + 1j * support.loss_angle),
+        )
     basis = np.eye(size + count)
     basis[:size, :size] = model.basis
     return replace(
@@ -90,25 +99,36 @@ def with_frame(model: LinearModel, design: Design) -> LinearModel:
         low=None if model.low is None else spread.T @ model.low @ spread,
         stretched=None if model.stretched is None else model.stretched.spread(spread),
         terms=tuple(term.spread(spread) for term in model.terms),
-        rigid=None if model.rigid is None else np.concatenate([model.rigid, np.zeros((*model.rigid.shape[:-2], count, 6))], axis=-2),
+        rigid=None
+        if model.rigid is None
+        else np.concatenate([model.rigid, np.zeros((*model.rigid.shape[:-2], count, 6))], axis=-2),
     )
 
 
-def framed(terms: tuple[Assorted, ...], size: int, design: Design) -> tuple[Assorted, ...]:
-    """What depends on frequency in a model of many builds of `size` coordinates, for those of `with_frame`."""
+def framed(terms: tuple[BatchTerm, ...], size: int, design: Design) -> tuple[BatchTerm, ...]:
+    """Frequency-dependent terms of builds of `size` coordinates, in those of `with_frame`."""
     if design.support is None:
         return terms
-    spread = _spreading(size, _yielding(design.support))
+    spread = _spreading(size, _compliant(design.support))
     return tuple(term.spread(spread) for term in terms)
 
 
-def _yielding(support: Support) -> list[int]:
-    """In which directions the support structure gives way."""
+def _compliant(support: Support) -> list[int]:
+    """Directions in which the support structure is compliant."""
     return [n for n, dof in enumerate(DOFS) if getattr(support.stiffness, dof) is not None]
 
 
 def _spreading(size: int, moving: list[int]) -> Array:
-    """The coordinates without the frame's (rows) from those with them."""
+    """Matrix from the coordinates with the frame's to those without (rows)."""
     spread = np.eye(size, size + len(moving))
     spread[moving, size + np.arange(len(moving))] = 1.0
     return spread
+
+
+def surroundings_key(design: Design) -> tuple[str, ...]:
+    """Support structure, dampers and their positions, equal for all designs of one batch."""
+    dampers = tuple(stage.damping for stage in design.stage)
+    if all(own is None for own in dampers):
+        return (repr(design.support),)
+    # repr of floats is exact
+    return (repr(design.support), repr(dampers), repr(com_positions(design)))

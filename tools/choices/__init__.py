@@ -1,1 +1,1 @@
-"""Whether `auto` keeps its promise: random suspensions, what is asked of them, its error and its cost."""
+"""Error and cost of `auto` on random suspensions and quantities of interest."""

@@ -1,4 +1,4 @@
-"""One random suspension: the error and the cost of what `auto` takes, and of the cheapest rung that would have done."""
+"""Error and cost of `auto` for one random suspension, and cost of the cheapest accurate model."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from choices.asked import TOP, Question
+from tools.choices.quantities import REFERENCE, Question
 
 REPETITIONS = 3
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One scene.
+    """Result for one random suspension.
 
     Attributes
     ----------
@@ -25,15 +25,15 @@ class Trial:
     quantity : str
     tolerance : float
     level : str
-        The rung that `auto` took.
+        Model that `auto` chose.
     error : float
-        Against the top rung, relative.
+        Relative, against the reference model.
     cost : float
-        Of `auto`, decision and all, over that of the top rung: medians of turns.
+        Time of `auto`, choice included, over that of the reference model: medians of repetitions.
     best : float
-        The same of the cheapest rung whose error is within the tolerance, were it known beforehand.
+        The same for the cheapest model within the tolerance, if that were known beforehand.
     seconds : float
-        Of the top rung.
+        Time of the reference model.
     """
 
     seed: int
@@ -47,18 +47,33 @@ class Trial:
     seconds: float
 
 
-def tried(seed: int, stages: int, quantity: str, tolerance: float, question: Question) -> Trial:
-    """`auto` and every rung, in turns."""
-    works: dict[str, Callable[[], Any]] = {"auto": question.decided}
-    works |= {level: lambda level=level: question.on(level) for level in (*question.lower, TOP)}
+def run_trial(seed: int, stages: int, quantity: str, tolerance: float, question: Question) -> Trial:
+    """Run `auto` and all models in turns."""
+    works: dict[str, Callable[[], Any]] = {"auto": question.solve_auto}
+    works |= {
+        level: lambda level=level: question.solve_on(level)
+        for level in (*question.cheaper, REFERENCE)
+    }
     times: dict[str, list[float]] = {name: [] for name in works}
-    answers = {name: work() for name, work in works.items()}
+    results = {name: work() for name, work in works.items()}
     for _ in range(REPETITIONS):
         for name, work in works.items():
             start = time.perf_counter()
             work()
             times[name].append(time.perf_counter() - start)
     cost = {name: float(np.median(row)) for name, row in times.items()}
-    right = [cost[level] for level in question.lower if question.apart(answers[level]) <= tolerance]
-    level, answer = answers["auto"]
-    return Trial(seed, stages, quantity, tolerance, level, question.apart(answer), cost["auto"] / cost[TOP], min([*right, cost[TOP]]) / cost[TOP], cost[TOP])
+    accurate = [
+        cost[level] for level in question.cheaper if question.error(results[level]) <= tolerance
+    ]
+    level, result = results["auto"]
+    return Trial(
+        seed,
+        stages,
+        quantity,
+        tolerance,
+        level,
+        question.error(result),
+        cost["auto"] / cost[REFERENCE],
+        min([*accurate, cost[REFERENCE]]) / cost[REFERENCE],
+        cost[REFERENCE],
+    )

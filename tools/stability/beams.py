@@ -1,4 +1,4 @@
-"""Beam functions of a wire under tension: overflow where it is slender, cancellation where it is stiff and slow."""
+"""Beam functions of a wire under tension: overflow if slender, cancellation if stiff and slow."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from stability import naive
-from stability.row import SHIPPED, Row, relative
-from suspension_cli.mechanics import beam, joined
+from suspension_cli.elements import beam, joined_sections
+from tools.stability import naive
+from tools.stability.row import SHIPPED, Row, relative
 
 LENGTH, TENSION, MASS, FREQUENCY = 0.28, 13.7, 1.08e-4, 0.1
-"""m, N, kg/m and Hz: a fibre of Figure 6 of Husman et al. (2000), far below its pendulum mode."""
+"""m, N, kg/m and Hz: a wire of Figure 6 of Husman et al. (2000), far below its pendulum mode."""
 DIGITS = 120
 SLENDERNESS = np.geomspace(1e-3, 1e5, 65)
 
@@ -24,11 +24,23 @@ def exact(rigidity: float) -> Any:
     ei, length = m.mpf(rigidity), m.mpf(LENGTH)
     tau, load = m.mpf(TENSION) / ei, m.mpf(MASS) * (2 * m.pi * m.mpf(FREQUENCY)) ** 2 / ei
     root = m.sqrt(tau**2 + 4 * load)
-    waves = [m.sqrt((tau + root) / 2), -m.sqrt((tau + root) / 2), m.mpc(0, m.sqrt((root - tau) / 2)), m.mpc(0, -m.sqrt((root - tau) / 2))]
-    # w = sum of c exp(r x); a growing wave is told from the end at which it is 1
+    waves = [
+        m.sqrt((tau + root) / 2),
+        -m.sqrt((tau + root) / 2),
+        m.mpc(0, m.sqrt((root - tau) / 2)),
+        m.mpc(0, -m.sqrt((root - tau) / 2)),
+    ]
+    # w = sum of c exp(r x); growing waves are scaled to 1 at the far end
     start = [m.exp(-r * length) if m.re(r) > 0 else m.mpf(1) for r in waves]
     stop = [m.mpf(1) if m.re(r) > 0 else m.exp(r * length) for r in waves]
-    ends = m.matrix([start, [r * a for r, a in zip(waves, start, strict=True)], stop, [r * b for r, b in zip(waves, stop, strict=True)]])
+    ends = m.matrix(
+        [
+            start,
+            [r * a for r, a in zip(waves, start, strict=True)],
+            stop,
+            [r * b for r, b in zip(waves, stop, strict=True)],
+        ]
+    )
     force = m.matrix(
         [
             [(r**3 - tau * r) * a for r, a in zip(waves, start, strict=True)],
@@ -42,21 +54,27 @@ def exact(rigidity: float) -> Any:
 
 
 def shipped(rigidity: float) -> Any:
-    """The same by `mechanics.beam`, between its two ends."""
+    """Dynamic stiffness (4, 4) of the wire by `elements.beam`, between its two ends."""
     omega = np.array([2 * np.pi * FREQUENCY])
-    elements = beam.stiffness(rigidity, beam.waves(rigidity, TENSION, MASS, LENGTH / 2, omega))[:, 0]
+    elements = beam.stiffness(rigidity, beam.waves(rigidity, TENSION, MASS, LENGTH / 2, omega))[
+        :, 0
+    ]
     matrix = np.zeros((4, 4, 1))
-    for (i, j), value in zip(beam.PLACE, elements, strict=True):
+    for (i, j), value in zip(beam.ELEMENT_PLACES, elements, strict=True):
         matrix[i, j] = matrix[j, i] = value
-    return joined.ends(matrix)[..., 0]
+    return joined_sections.to_ends(matrix)[..., 0]
 
 
 def row(slenderness: Any = SLENDERNESS) -> Row:
-    """Errors of the dynamic stiffness along L sqrt(T / EI)."""
+    """Compute errors of the dynamic stiffness along L sqrt(T / EI)."""
     methods = {
         f"{SHIPPED}: halves, scaled, series": shipped,
-        "cosh and sinh, 4 × 4 solve": lambda ei: naive.textbook_beam(ei, TENSION, MASS, LENGTH, 2 * np.pi * FREQUENCY),
-        "cosh and sinh, closed form": lambda ei: naive.howson_williams(ei, TENSION, MASS, LENGTH, 2 * np.pi * FREQUENCY),
+        "cosh and sinh, 4 × 4 solve": lambda ei: naive.textbook_beam(
+            ei, TENSION, MASS, LENGTH, 2 * np.pi * FREQUENCY
+        ),
+        "cosh and sinh, closed form": lambda ei: naive.howson_williams(
+            ei, TENSION, MASS, LENGTH, 2 * np.pi * FREQUENCY
+        ),
     }
     error: dict[str, list[float]] = {name: [] for name in methods}
     for value in slenderness:
@@ -71,8 +89,9 @@ def row(slenderness: Any = SLENDERNESS) -> Row:
         value=np.asarray(slenderness),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "cosh and sinh of the whole wire overflow in a slender one, and their differences cancel in one that is stiff and slow. "
-            "The program splits the motion into even and odd halves, uses tanh alone and sums a series where waves cancel."
+            "cosh and sinh of the whole wire overflow in a slender one, and their differences"
+            " cancel in one that is stiff and slow. The program splits the motion into even and odd"
+            " halves, uses tanh alone and sums a series where waves cancel."
         ),
         limit="none found",
         mark={"overflow of cosh": 710.0},

@@ -1,4 +1,4 @@
-"""Blades far softer than the wires that hang from them."""
+"""Stability row: blades far softer than the wires that hang from them."""
 
 from __future__ import annotations
 
@@ -6,29 +6,36 @@ from typing import Any
 
 import numpy as np
 
-from stability import naive
-from stability.references import column, design
-from stability.row import SHIPPED, Row, relative
-from suspension_cli.analysis import response, signals
-from suspension_cli.models import fidelity
+from suspension_cli.linear import response, signals
+from suspension_cli.models import registry
+from tools.stability import naive
+from tools.stability.references import column, design
+from tools.stability.row import SHIPPED, Row, relative
 
 RATIO = 10.0 ** np.arange(0, 15)
 FREQUENCY = np.array([0.3, 1.0, 10.0])
 MODELS = {"string": False, "beam": False, "violin": True}
-"""Models, and whether wires have mass on them."""
+"""Models, and whether wires have mass in them."""
 
 
 def row(ratio: Any = RATIO) -> Row:
-    """Vertical motion of two masses on blades and vertical wires."""
+    """Compute errors of the vertical response of two masses on blades and vertical wires."""
     error: dict[str, list[float]] = {}
     for value in ratio:
         for level, massive in MODELS.items():
             raw, exact = column(float(value), massive=massive, lossy=level != "string")
-            model = fidelity.linear_model(design(raw), level)
+            model = registry.by_name(level).system(design(raw))
             reference = np.array([exact.response(f) for f in FREQUENCY])
-            known = signals.bodies(model)
-            into, out = signals.drive("support.z", known), signals.motion("test.z", known)
-            found = {f"{SHIPPED}: {level}": response.solve(model, FREQUENCY, [into], [out]).value[:, 0, 0]}
+            known = signals.bodies_with_signals(model)
+            into, out = (
+                signals.parse_input("support.z", known),
+                signals.parse_output("test.z", known),
+            )
+            found = {
+                f"{SHIPPED}: {level}": (
+                    response.solve(model, FREQUENCY, [into], [out]).value[:, 0, 0]
+                )
+            }
             if level == "string":
                 found |= {
                     "tips with the stage below": naive.upward(model, FREQUENCY, into, out),
@@ -43,9 +50,11 @@ def row(ratio: Any = RATIO) -> Row:
         value=np.asarray(ratio, dtype=float),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "A nearly rigid wire on a soft blade leaves k − k²/(k + k_b) of its stiffness, and the sum in one double has already lost k_b; eliminating the "
-            "tip together with the body below squares that loss. The program keeps what is rounded away, and where stiffness depends on frequency it "
-            "takes the wires' tensions as coordinates, so that compliances add."
+            "A nearly rigid wire on a soft blade leaves k − k²/(k + k_b) of its stiffness, and the"
+            " sum in one double has already lost k_b; eliminating the tip together with the body"
+            " below squares that loss. The program keeps what is rounded away, and where stiffness"
+            " depends on frequency it takes the wires' tensions as coordinates, so that compliances"
+            " add."
         ),
         limit="none found; many builds at once (`sweep`, `xcouple`, `tolerance`) lose ε × ratio",
     )

@@ -1,4 +1,4 @@
-"""Cross-coupling of one imperfect wire, from imperfections of an atom's size to those of a hand's breadth."""
+"""Cross-coupling by one imperfect wire, for offsets from 1e-14 m to 0.15 m."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from stability.energy import Stage
-from stability.references import INERTIA, MASS, SHAPE, design, document, precise
-from stability.row import SHIPPED, Row, relative
-from suspension_cli.analysis import coupling, signals
-from suspension_cli.analysis.axes import Axis
-from suspension_cli.mechanics.nominal import expand
+from suspension_cli.analyses.xcouple import solve as coupling
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear import signals
+from suspension_cli.studies.axes import Axis
+from tools.stability.energy import Stage
+from tools.stability.references import INERTIA, MASS, SHAPE, design, document, imperfect_stage_mp
+from tools.stability.row import SHIPPED, Row, relative
 
 TINY = 10.0 ** np.arange(-3, -15, -1)
 LARGE = np.geomspace(1e-5, 0.15, 24)
@@ -20,16 +21,16 @@ FREQUENCY, POINT = 50.0, (0.0, 0.0, -0.001)
 
 
 def _shipped(offset: Any, name: str = "lower_offset") -> Any:
-    """The ratio for every offset of an end of wire 1 along x, as `pendsus xcouple` computes it."""
+    """Ratios for offsets of an end of wire 1 along x, as `pendsus xcouple` computes them."""
     raw = document()
     bodies = ("support", "test")
-    question = coupling.Question(
+    question = coupling.CouplingRequest(
         wire=0,
         body=1,
         hold="loaded-length",
-        input=signals.drive("support.z", bodies),
-        over=signals.motion("test.x@0,0,-0.001", bodies),
-        under=signals.motion("test.z@0,0,-0.001", bodies),
+        input=signals.parse_input("support.z", bodies),
+        over=signals.parse_output("test.x@0,0,-0.001", bodies),
+        under=signals.parse_output("test.z@0,0,-0.001", bodies),
         frequency=(FREQUENCY,),
     )
     sweep = coupling.Sweep(tomli_w.dumps(raw), (Axis(name, tuple(map(float, offset))),), question)
@@ -37,22 +38,32 @@ def _shipped(offset: Any, name: str = "lower_offset") -> Any:
 
 
 def _exact(offset: float, name: str = "lower_offset") -> float:
-    return float(precise.ratio(MASS, INERTIA, SHAPE, FREQUENCY, POINT, **{name: (float(offset), 0, 0)}))
+    return float(
+        imperfect_stage_mp.ratio(
+            MASS, INERTIA, SHAPE, FREQUENCY, POINT, **{name: (float(offset), 0, 0)}
+        )
+    )
 
 
 def _built(offset: float) -> Stage:
-    """The imperfect stage, drawn."""
+    """The imperfect stage in its nominal pose."""
     item = {"wire": "test.1", "lower_offset": [float(offset), 0.0, 0.0]}
-    return Stage.drawn(expand(design(document() | {"perturbation": [item]})))
+    return Stage.nominal(expand(design(document() | {"perturbation": [item]})))
 
 
 def tiny(offset: Any = TINY) -> Row:
-    """Vertical to longitudinal at 50 Hz for an ever smaller offset of one wire."""
-    reference, second = (np.array([_exact(value, name) for value in offset]) for name in ("lower_offset", "offset"))
-    settled = [_built(value).settled() for value in offset]
+    """Compute errors of vertical to longitudinal coupling for small offsets of one wire."""
+    reference, second = (
+        np.array([_exact(value, name) for value in offset]) for name in ("lower_offset", "offset")
+    )
+    equilibria = [_built(value).balanced() for value in offset]
     methods = {
-        "lengths from coordinates": [one.ratio(FREQUENCY, POINT, one.stiffness) for one in settled],
-        "difference quotients of energy": [one.ratio(FREQUENCY, POINT, one.quotients()) for one in settled],
+        "lengths from coordinates": [
+            one.ratio(FREQUENCY, POINT, one.stiffness) for one in equilibria
+        ],
+        "difference quotients of energy": [
+            one.ratio(FREQUENCY, POINT, one.quotients()) for one in equilibria
+        ],
     }
     return Row(
         title="Tiny couplings",
@@ -65,21 +76,25 @@ def tiny(offset: Any = TINY) -> Row:
         }
         | {name: relative(values, reference) for name, values in methods.items()},
         finding=(
-            "A coupling of 10⁻¹⁰ is far below the rounding of lengths that are told by the coordinates of their ends, and difference quotients "
-            "lose half of all digits before. "
-            "The program counts elongations from the nominal pose, in which nothing cancels, and keeps exact zeros where a symmetry forbids a coupling."
+            "A coupling of 10⁻¹⁰ is far below the rounding of lengths that are told by the"
+            " coordinates of their ends, and difference quotients lose half of all digits before."
+            " The program counts elongations from the nominal pose, in which nothing cancels, and"
+            " keeps exact zeros where a symmetry forbids a coupling."
         ),
-        limit="the last bit of a point, 10⁻¹⁸ m, over the offset; of couplings of second order ratios below 10⁻¹⁷ are rounding, and `xcouple` warns there",
+        limit=(
+            "the last bit of a point, 10⁻¹⁸ m, over the offset; of couplings of second order ratios"
+            " below 10⁻¹⁷ are rounding, and `xcouple` warns there"
+        ),
     )
 
 
 def large(offset: Any = LARGE) -> Row:
-    """The same for a large offset, where the body hangs elsewhere than drawn."""
+    """Compute errors of the same coupling for large offsets, where the equilibrium pose differs."""
     reference = np.array([_exact(value) for value in offset])
     drawn = [_built(value) for value in offset]
     slope = _exact(1e-9) / 1e-9
-    once = [one.moved(np.linalg.solve(one.stiffness, -one.gradient)) for one in drawn]
-    newton = [one.settled() for one in drawn]
+    once = [one.displaced(np.linalg.solve(one.stiffness, -one.gradient)) for one in drawn]
+    newton = [one.balanced() for one in drawn]
     methods = {
         "in proportion to the offset": slope * np.asarray(offset),
         "about the nominal pose": [one.ratio(FREQUENCY, POINT, one.stiffness) for one in drawn],
@@ -91,11 +106,13 @@ def large(offset: Any = LARGE) -> Row:
         driver="offset of one end of one wire (m)",
         quantity="vertical to longitudinal at 50 Hz",
         value=np.asarray(offset),
-        error={SHIPPED: relative(_shipped(offset), reference)} | {name: relative(values, reference) for name, values in methods.items()},
+        error={SHIPPED: relative(_shipped(offset), reference)}
+        | {name: relative(values, reference) for name, values in methods.items()},
         finding=(
-            "An imperfect body hangs elsewhere than drawn, and a model about the nominal pose, or in proportion to the imperfection, answers "
-            "for a suspension that is not there: "
-            "already at 10 μm here. The program finds the pose with exact finite rotations and linearises there."
+            "An imperfect body hangs elsewhere than drawn, and a model about the nominal pose, or"
+            " in proportion to the imperfection, answers for a suspension that is not there:"
+            " already at 10 μm here. The program finds the pose with exact finite rotations and"
+            " linearises there."
         ),
         limit="none found; where a build has no equilibrium on taut wires it says so",
     )

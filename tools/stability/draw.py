@@ -1,4 +1,4 @@
-"""The chart of the atlas: one panel a row, errors against the parameter that drives them."""
+"""Chart of the atlas: one panel per row, errors against the parameter that drives them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from stability.row import BROKEN, Row
-from suspension_cli.plots.style import INK, NOTE, PALE, PALETTE, new_figure
+from suspension_cli.drawing.style import INK, NOTE, PALE, PALETTE, new_figure
+from tools.stability.row import BROKEN, Row
 
 OURS, *THEIRS = (colour for colour in PALETTE if colour != "#56b4e9")  # another blue
 SAME = {
@@ -25,19 +25,19 @@ SAME = {
     "lengths from coordinates": THEIRS[2],
     "dense solve": THEIRS[3],
 }
-"""Colours of methods that stand in several panels."""
+"""Colours of methods that appear in several panels."""
 EPS = 2.0**-53
 FLOOR, CEILING = 1e-17, 1e2
-"""What is below or above is drawn at the edge."""
+"""Errors beyond these are drawn at the edge."""
 CLEAR, EDGE = 6.0, 2.5
-"""Distance of names from lines that is enough, and from the frame at least, points."""
+"""Sufficient distance of a legend from lines, and least distance from the frame, points."""
 COLUMNS = 3
 WIDTH, HEIGHT = 3.5, 2.75
-"""Of a panel, inches."""
+"""Size of a panel, inches."""
 
 
 def draw(rows: list[Row]) -> Figure:
-    """All rows as small multiples."""
+    """Draw all rows as small multiples."""
     lines = -(-(len(rows) + 1) // COLUMNS)
     figure = new_figure(COLUMNS * WIDTH, lines * HEIGHT + 0.35)
     axes = figure.subplots(lines, COLUMNS).ravel()
@@ -59,12 +59,28 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
     axes.set(xscale="log", yscale="log", ylim=(FLOOR / 1.5, CEILING * 1.5))
     span = (row.value.min(), row.value.max())
     margin = (span[1] / span[0]) ** 0.03
-    axes.set_xlim(*((span[1] * margin, span[0] / margin) if backwards else (span[0] / margin, span[1] * margin)))
+    axes.set_xlim(
+        *(
+            (span[1] * margin, span[0] / margin)
+            if backwards
+            else (span[0] / margin, span[1] * margin)
+        )
+    )
     axes.axhspan(FLOOR / 10, EPS, color=PALE, alpha=0.35, linewidth=0)
     axes.axhline(BROKEN, color=NOTE, linewidth=0.5, linestyle=(0, (1, 2)))
     for name, at in row.mark.items():
         axes.axvline(at, color=NOTE, linewidth=0.5, linestyle=(0, (4, 2)))
-        axes.annotate(name, (at, CEILING), (-1.5, -4), textcoords="offset points", rotation=90, fontsize=5.6, color=NOTE, ha="right", va="top")
+        axes.annotate(
+            name,
+            (at, CEILING),
+            (-1.5, -4),
+            textcoords="offset points",
+            rotation=90,
+            fontsize=5.6,
+            color=NOTE,
+            ha="right",
+            va="top",
+        )
     for name, dash in zip(row.shipped, ("-", (0, (4, 1.2)), (0, (1, 1))), strict=False):
         _line(axes, row, name, color=OURS, linewidth=2.0, linestyle=dash, zorder=5)
     free = [colour for colour in THEIRS if colour not in [SAME.get(name) for name in row.others]]
@@ -78,18 +94,33 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
     axes.xaxis.set_minor_locator(NullLocator())
     if span[1] < 100 * span[0]:
         axes.set_xticks(row.value[::3], [f"{value:g}" for value in row.value[::3]])
-    key = axes.legend(fontsize=5.6, handlelength=1.4, handletextpad=0.5, labelspacing=0.2, borderpad=0.1, borderaxespad=0.0, framealpha=0.85)
+    key = axes.legend(
+        fontsize=5.6,
+        handlelength=1.4,
+        handletextpad=0.5,
+        labelspacing=0.2,
+        borderpad=0.1,
+        borderaxespad=0.0,
+        framealpha=0.85,
+    )
     key.get_frame().set_linewidth(0.0)
     key.set_zorder(10)
 
 
 def _place_key(axes: Axes, row: Row) -> None:
-    """Put the names where no line runs, as clear of all as need be, and else as close to a corner as can be."""
+    """Place the legend where no line runs, clear of lines, and then close to a corner."""
     key: Any = axes.get_legend()
     renderer = key.figure.canvas.get_renderer()
-    frame, box, pixel = axes.get_window_extent(renderer), key.get_window_extent(renderer), key.figure.dpi / 72
+    frame, box, pixel = (
+        axes.get_window_extent(renderer),
+        key.get_window_extent(renderer),
+        key.figure.dpi / 72,
+    )
     lines = [np.column_stack(_drawn(row, row.error[name])) for name in row.error]
-    lines += [np.column_stack([np.full(200, at), np.geomspace(FLOOR, CEILING, 200)]) for at in row.mark.values()]
+    lines += [
+        np.column_stack([np.full(200, at), np.geomspace(FLOOR, CEILING, 200)])
+        for at in row.mark.values()
+    ]
     x, y = axes.transData.transform(np.concatenate(lines)).T
     words = [text.get_window_extent(renderer) for text in axes.texts]
     x, y = (
@@ -101,26 +132,46 @@ def _place_key(axes: Axes, row: Row) -> None:
     best = (-np.inf, -np.inf, -np.inf), (0.0, 0.0)
     for across, up in product(np.linspace(0, 1, 61), repeat=2):
         left, low = frame.x0 + edge + across * free[0], frame.y0 + edge + up * free[1]
-        apart = np.hypot(np.maximum.reduce([left - x, x - left - box.width, 0 * x]), np.maximum.reduce([low - y, y - low - box.height, 0 * y]))
+        apart = np.hypot(
+            np.maximum.reduce([left - x, x - left - box.width, 0 * x]),
+            np.maximum.reduce([low - y, y - low - box.height, 0 * y]),
+        )
         corner = -np.hypot(*(free * [min(across, 1 - across), min(up, 1 - up)]))
-        best = max(best, ((-float((apart == 0).sum()), min(float(apart.min()), CLEAR * pixel), corner), (left, low)))
+        best = max(
+            best,
+            (
+                (-float((apart == 0).sum()), min(float(apart.min()), CLEAR * pixel), corner),
+                (left, low),
+            ),
+        )
     key.set_loc(tuple(axes.transAxes.inverted().transform(best[1])))
 
 
 def _drawn(row: Row, error: Any) -> tuple[Any, Any]:
-    """Points along the line of a method, close to each other."""
+    """Sample the line of a method densely."""
     along = np.linspace(0, len(error) - 1, 20 * len(error))
-    value, shown = (np.exp(np.interp(along, np.arange(len(error)), np.log(part))) for part in (row.value, _shown(error)))
+    value, shown = (
+        np.exp(np.interp(along, np.arange(len(error)), np.log(part)))
+        for part in (row.value, _shown(error))
+    )
     return value, shown
 
 
 def _line(axes: Axes, row: Row, name: str, **look: Any) -> None:
-    """One method, with a cross where it breaks."""
+    """Draw one method, with a cross where it breaks."""
     error, at = _shown(row.error[name]), row.broken_at(name)
     axes.plot(row.value, error, label=name, **look)
     if at is not None:
         size = 3.5 + look["linewidth"]
-        axes.plot(at, error[list(row.value).index(at)], "x", color=look["color"], markersize=size, markeredgewidth=1.2, zorder=look["zorder"] + 1)
+        axes.plot(
+            at,
+            error[list(row.value).index(at)],
+            "x",
+            color=look["color"],
+            markersize=size,
+            markeredgewidth=1.2,
+            zorder=look["zorder"] + 1,
+        )
 
 
 def _shown(error: Any) -> Any:
@@ -128,14 +179,30 @@ def _shown(error: Any) -> Any:
 
 
 def _key(axes: Axes) -> None:
-    """What lines and marks mean."""
+    """Draw the key of lines and marks."""
     axes.set(xlim=(0, 1), ylim=(0, 1))
     items = [
         ((0.0, 0.12), {"color": OURS, "linewidth": 2.0}, "pendsus"),
-        ((0.0, 0.12), {"color": THEIRS[0], "linewidth": 0.9}, "other methods, as people write them"),
-        ((0.06, 0.06), {"color": THEIRS[0], "marker": "x", "markersize": 4.5, "markeredgewidth": 1.1}, "broken from here on"),
-        ((0.0, 0.12), {"color": NOTE, "linewidth": 0.5, "linestyle": (0, (1, 2))}, "0.1 %: what counts as broken"),
-        ((0.0, 0.12), {"color": PALE, "linewidth": 6, "alpha": 0.6}, "rounding of double precision"),
+        (
+            (0.0, 0.12),
+            {"color": THEIRS[0], "linewidth": 0.9},
+            "other methods, as people write them",
+        ),
+        (
+            (0.06, 0.06),
+            {"color": THEIRS[0], "marker": "x", "markersize": 4.5, "markeredgewidth": 1.1},
+            "broken from here on",
+        ),
+        (
+            (0.0, 0.12),
+            {"color": NOTE, "linewidth": 0.5, "linestyle": (0, (1, 2))},
+            "0.1 %: what counts as broken",
+        ),
+        (
+            (0.0, 0.12),
+            {"color": PALE, "linewidth": 6, "alpha": 0.6},
+            "rounding of double precision",
+        ),
     ]
     for n, (across, look, text) in enumerate(items):
         y = 0.85 - 0.13 * n
@@ -144,7 +211,8 @@ def _key(axes: Axes) -> None:
     axes.text(
         0.0,
         0.85 - 0.13 * len(items) - 0.04,
-        "Trouble grows to the right (in c to both sides);\nwhat is beyond the frame is drawn at its edge.",
+        "Trouble grows to the right (in c to both sides);\nwhat is beyond the frame is drawn at its"
+        " edge.",
         fontsize=7,
         va="center",
         color=INK,

@@ -1,4 +1,4 @@
-"""Responses that fall by many powers of ten: far above the modes, and down long chains."""
+"""Responses that fall by many powers of ten, far above the modes and down long chains."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from stability import naive
-from stability.references import ROOT, compare, design
-from stability.row import SHIPPED, Row, relative
-from suspension_cli.analysis import export, modes, response, signals, statespace
+from suspension_cli.analyses.export import solve as export
 from suspension_cli.design import reader
-from suspension_cli.mechanics.model import LinearModel
-from suspension_cli.models import fidelity
+from suspension_cli.linear import eigenmodes, response, signals, statespace
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from tests.support.paths import CONFIGS
+from tools.stability import naive
+from tools.stability.references import compare, design
+from tools.stability.row import SHIPPED, Row, relative
 
 FREQUENCY = np.geomspace(0.1, 1e5, 31)
 STAGES = np.array([1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30])
@@ -20,26 +22,28 @@ CHAIN_FREQUENCY = 30.0
 """Hz; above all longitudinal modes of the chain."""
 
 
-def quadruple() -> LinearModel:
-    """The quadruple pendulum of `configs/quadruple.toml`."""
-    return fidelity.linear_model(reader.parse((ROOT / "configs" / "quadruple.toml").read_text()), "string")
+def quadruple() -> LinearSystem:
+    """Build the quadruple pendulum of `configs/quadruple.toml`."""
+    return registry.STRING.system(reader.parse((CONFIGS / "quadruple.toml").read_text()))
 
 
-def chain(stages: int) -> LinearModel:
-    """Equal masses on four wires each, attached at the height of the COM, so that x does not couple to pitch."""
+def chain(stages: int) -> LinearSystem:
+    """Build a chain of equal masses on four wires each, attached at COM height: x is uncoupled."""
     body = {"mass": 10.0, "inertia": [0.05, 0.05, 0.05]}
     wires = {"count": 4, "l": 0.3, "s": 0.03, "t1": 0.1, "t2": 0.1, "d": 0.0, "k": 2e5}
     every = [{"name": f"mass{n}", "body": body, "wires": wires} for n in range(1, stages + 1)]
-    return fidelity.linear_model(design({"design": {"name": "chain"}, "stage": every}), "string")
+    return registry.STRING.system(design({"design": {"name": "chain"}, "stage": every}))
 
 
-def _signals(model: LinearModel) -> tuple[signals.Signal, signals.Signal]:
-    known = signals.bodies(model)
-    return signals.drive("support.x", known), signals.motion(f"{model.body[-1]}.x", known)
+def _signals(model: LinearSystem) -> tuple[signals.Signal, signals.Signal]:
+    known = signals.bodies_with_signals(model)
+    return signals.parse_input("support.x", known), signals.parse_output(
+        f"{model.body[-1]}.x", known
+    )
 
 
 def roll_off(frequency: Any = FREQUENCY) -> Row:
-    """From the support to the mirror of a quadruple pendulum."""
+    """Compute errors of the response from support to mirror of a quadruple pendulum."""
     model = quadruple()
     into, out = _signals(model)
     compared = compare(model, frequency, [into], [out])
@@ -47,7 +51,7 @@ def roll_off(frequency: Any = FREQUENCY) -> Row:
     system = statespace.build(model, [into], [out])
     found = {
         f"{SHIPPED} export: state space": system.at(frequency)[:, 0, 0],
-        f"{SHIPPED} export: zpk": export.zero_pole_gain(system).at(frequency)[:, 0, 0],
+        f"{SHIPPED} export: zpk": export.compute_zero_pole_gain(system).at(frequency)[:, 0, 0],
         "modal sum": naive.modal_sum(model, frequency, into, out),
         "zpk, roots of polynomials": naive.polynomials(system, frequency),
         "state space in SI": naive.unbalanced(system, frequency),
@@ -58,18 +62,20 @@ def roll_off(frequency: Any = FREQUENCY) -> Row:
         driver="frequency (Hz)",
         quantity="support.x to mirror x, quadruple",
         value=np.asarray(frequency),
-        error={f"{SHIPPED}: body by body": compared.error[:, 0, 0]} | {name: relative(value, reference) for name, value in found.items()},
+        error={f"{SHIPPED}: body by body": compared.error[:, 0, 0]}
+        | {name: relative(value, reference) for name, value in found.items()},
         finding=(
-            "A response that falls as 1/f⁸ is the tiny difference of the modes' contributions, or a product over zeros that are known only to the rounding of "
-            "the largest one. Solving the stages one after the other multiplies their transmissions, and nothing cancels."
+            "A response that falls as 1/f⁸ is the tiny difference of the modes' contributions, or a"
+            " product over zeros that are known only to the rounding of the largest one. Solving"
+            " the stages one after the other multiplies their transmissions, and nothing cancels."
         ),
         limit="none found; `export` tells the band in which a state space or zpk is right",
-        mark={"highest mode": float(modes.solve(model).frequency[-1])},
+        mark={"highest mode": float(eigenmodes.solve(model).frequency[-1])},
     )
 
 
 def long_chain(stages: Any = STAGES) -> Row:
-    """From the support to the last of many equal masses."""
+    """Compute errors of the response from support to the last of many equal masses."""
     error: dict[str, list[float]] = {}
     for count in stages:
         model = chain(int(count))
@@ -92,9 +98,9 @@ def long_chain(stages: Any = STAGES) -> Row:
         value=np.asarray(stages, dtype=float),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "Thirty stages transmit 10⁻⁵⁸ of the support's motion, which a sum over modes cannot resolve, and transfer matrices carried from "
-            "the top grow by as "
-            "much as the motion falls. Eliminating from the mirror up keeps the digits of every stage."
+            "Thirty stages transmit 10⁻⁵⁸ of the support's motion, which a sum over modes cannot"
+            " resolve, and transfer matrices carried from the top grow by as much as the motion"
+            " falls. Eliminating from the mirror up keeps the digits of every stage."
         ),
         limit="none found; below 10⁻³⁰⁸ a response is 0",
     )

@@ -1,4 +1,4 @@
-"""Geometries at the edge: pitch about to tip over, wires about to go slack, wires that hardly slope."""
+"""Extreme geometries: pitch about to tip over, wires about to go slack, nearly horizontal wires."""
 
 from __future__ import annotations
 
@@ -7,57 +7,77 @@ from typing import Any
 
 import numpy as np
 
-from stability import naive
-from stability.energy import Stage
-from stability.references import INERTIA, MASS, MP, SHAPE, design, document, omega_squared, stage
-from stability.row import SHIPPED, Row, relative
-from suspension_cli.analysis import modes, statics
+from suspension_cli.analyses.check import statics
 from suspension_cli.design.schema import Design
-from suspension_cli.mechanics.nominal import expand
-from suspension_cli.models import fidelity
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear import eigenmodes
+from suspension_cli.models import registry
+from tools.stability import naive
+from tools.stability.energy import Stage
+from tools.stability.references import (
+    INERTIA,
+    MASS,
+    MP,
+    SHAPE,
+    design,
+    document,
+    omega_squared,
+    stage,
+)
+from tools.stability.row import SHIPPED, Row, relative
 
 DISTANCE = 10.0 ** np.arange(1, -15, -1)
 SLOPE = 10.0 ** np.arange(-0.25, -5.9, -0.25)
 LEFT = 10.0 ** np.arange(0, -14.1, -1)
 SIZE = 10.0 ** np.arange(-2, -12.1, -0.5)
 CLOSE = 5e-4
-"""m; half the distance of the wires in x where pitch is to be soft."""
+"""Half the distance of the wires in x for soft pitch, m."""
 WIDE = 0.01
-"""m; half the distance of the lower ends in y of wires that hardly slope."""
+"""Half the distance of the lower ends in y of nearly horizontal wires, m."""
 
 
 def tipping_height(s: float = CLOSE) -> Any:
-    """d (m) below which a mass on four vertical wires tips over in pitch, in 60 digits.
+    """Height d (m) below which a mass on four vertical wires tips over in pitch, in 60 digits.
 
-    By equations 10 to 14 of Husman et al. (2000) a pitch p with x free to follow costs (K_pp - K_xp^2 / K_xx) p^2 / 2 with K_xx = m g / l,
-    K_xp = m g d / l and K_pp = 4 k s^2 + m g d + m g d^2 / l.  That is 4 k s^2 + m g d, which vanishes at d = -4 k s^2 / (m g).
+    By equations 10 to 14 of Husman et al. (2000) a pitch p with x free to follow costs (K_pp -
+    K_xp^2 / K_xx) p^2 / 2 with K_xx = m g / l, K_xp = m g d / l and K_pp = 4 k s^2 + m g d + m g
+    d^2 / l. That is 4 k s^2 + m g d, which vanishes at d = -4 k s^2 / (m g).
     """
     return -4 * MP.mpf(SHAPE["k"]) * MP.mpf(s) ** 2 / (MP.mpf(MASS) * MP.mpf(9.81))
 
 
 def lowest(d: float, s: float = CLOSE) -> Any:
-    """The smaller omega^2 of longitudinal and pitch from those equations, in 60 digits."""
-    weight, length, height, half = MP.mpf(MASS) * MP.mpf(9.81), MP.mpf(SHAPE["l"]), MP.mpf(d), MP.mpf(s)
+    """Smaller omega^2 of longitudinal and pitch from these equations, in 60 digits."""
+    weight, length, height, half = (
+        MP.mpf(MASS) * MP.mpf(9.81),
+        MP.mpf(SHAPE["l"]),
+        MP.mpf(d),
+        MP.mpf(s),
+    )
     x = weight / length / MP.mpf(MASS)
-    pitch = (4 * MP.mpf(SHAPE["k"]) * half**2 + weight * height + weight * height**2 / length) / MP.mpf(INERTIA[1])
+    pitch = (
+        4 * MP.mpf(SHAPE["k"]) * half**2 + weight * height + weight * height**2 / length
+    ) / MP.mpf(INERTIA[1])
     across = (weight * height / length) ** 2 / (MP.mpf(MASS) * MP.mpf(INERTIA[1]))
     return (x + pitch - MP.sqrt((x - pitch) ** 2 + 4 * across)) / 2
 
 
 def soft_pitch(distance: Any = DISTANCE) -> Row:
-    """The lowest omega^2 of longitudinal and pitch, on both sides of where pitch tips over."""
+    """Compute errors of the lowest omega^2 of x and pitch, on both sides of tipping over."""
     critical, error = tipping_height(), {}
     for value in distance:
         for side, sign in (("still stable", -1), ("tipped over", 1)):
             d = float(critical * (1 + sign * MP.mpf(float(value))))
             one = design(document(s=CLOSE, d=d))
-            model = fidelity.linear_model(one, "string")
-            found = modes.solve(model)
+            model = registry.STRING.system(one)
+            found = eigenmodes.solve(model)
             mine = found.omega_squared[(found.energy[:, 0, 0] + found.energy[:, 0, 4]) > 0.5].min()
             answers = {f"{SHIPPED}: {side}": mine}
             if sign < 0:
                 answers["difference quotients of energy"] = _softest(one)
-                answers["eigenvalues of M⁻¹K"] = np.linalg.eigvals(model.stiffness[6:, 6:] / np.diag(model.mass)[6:, None]).real.min()
+                answers["eigenvalues of M⁻¹K"] = np.linalg.eigvals(
+                    model.stiffness[6:, 6:] / np.diag(model.mass)[6:, None]
+                ).real.min()
             for name, omega2 in answers.items():
                 error.setdefault(name, []).append(float(relative(omega2, float(lowest(d)))))
     return Row(
@@ -67,28 +87,42 @@ def soft_pitch(distance: Any = DISTANCE) -> Row:
         value=np.asarray(distance),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            f"At d = −4 k s² / (m g) (here −{-1e3 * float(critical):.4f} mm) stretch and gravity cancel, and what is left of the restoring "
-            "torque keeps as many digits "
-            "fewer as it is smaller: of difference quotients none at 10⁻⁵. The program's closed forms tell stable from unstable down to 10⁻¹³ of that height."
+            f"At d = −4 k s² / (m g) (here −{-1e3 * float(critical):.4f} mm) stretch and gravity"
+            " cancel, and what is left of the restoring torque keeps as many digits fewer as it is"
+            " smaller: of difference quotients none at 10⁻⁵. The program's closed forms tell"
+            " stable from unstable down to 10⁻¹³ of that height."
         ),
-        limit="ε / distance, from 10⁻¹³ on told as rigid; `modes` warns where lowering wires by less than 0.1 mm would tip a body over",
+        limit=(
+            "ε / distance, from 10⁻¹³ on told as rigid; `modes` warns where lowering wires by less"
+            " than 0.1 mm would tip a body over"
+        ),
     )
 
 
 def narrow(size: Any = SIZE) -> Row:
-    """The same where the wires' distance in x and their height above the COM both go to 0, and pitch costs nothing in the end."""
+    """Compute errors of the same omega^2 as the wires' distance in x and height d go to 0."""
     error: dict[str, list[float]] = {}
     for value in size:
-        for name, s, d in (("distance and height", value, value), ("distance alone, d = 0", value, 0.0), ("height alone, s = 0", 0.0, value)):
+        for name, s, d in (
+            ("distance and height", value, value),
+            ("distance alone, d = 0", value, 0.0),
+            ("height alone, s = 0", 0.0, value),
+        ):
             one = design(document(s=float(s), d=float(d)))
-            model = fidelity.linear_model(one, "string")
-            found = modes.solve(model)
-            answers = {f"{SHIPPED}: {name}": found.omega_squared[(found.energy[:, 0, 0] + found.energy[:, 0, 4]) > 0.5].min()}
+            model = registry.STRING.system(one)
+            found = eigenmodes.solve(model)
+            answers = {
+                f"{SHIPPED}: {name}": (
+                    found.omega_squared[(found.energy[:, 0, 0] + found.energy[:, 0, 4]) > 0.5].min()
+                )
+            }
             if s and d:
                 answers["difference quotients of energy"] = _softest(one)
                 answers["eigenvalues of M⁻¹K"] = naive.unscaled(model).min()
             for method, omega2 in answers.items():
-                error.setdefault(method, []).append(float(relative(omega2, float(lowest(float(d), float(s))))))
+                error.setdefault(method, []).append(
+                    float(relative(omega2, float(lowest(float(d), float(s)))))
+                )
     return Row(
         title="Pitch: wires ever closer to the COM",
         driver="distance of the wires in x, height above the COM (m)",
@@ -96,22 +130,26 @@ def narrow(size: Any = SIZE) -> Row:
         value=np.asarray(size),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "Wires that end in the COM leave pitch free, and what holds it close by drowns in difference quotients of an energy whose other parts stay. "
-            "In the program's closed forms of wires and weight each part shrinks with it, so that nothing cancels."
+            "Wires that end in the COM leave pitch free, and what holds it close by drowns in"
+            " difference quotients of an energy whose other parts stay. In the program's closed"
+            " forms of wires and weight each part shrinks with it, so that nothing cancels."
         ),
-        limit="none found; `modes` warns where lowering wires by less than 0.1 mm would tip a body over, and tells a mode that costs nothing as rigid",
+        limit=(
+            "none found; `modes` warns where lowering wires by less than 0.1 mm would tip a body"
+            " over, and tells a mode that costs nothing as rigid"
+        ),
     )
 
 
 def _softest(one: Design) -> float:
-    """The lowest omega^2 of longitudinal and pitch by difference quotients of the energy."""
+    """Lowest omega^2 of longitudinal and pitch by difference quotients of the energy."""
     block = np.array([0, 4])
-    quotients = Stage.drawn(expand(one)).quotients()[np.ix_(block, block)]
+    quotients = Stage.nominal(expand(one)).quotients()[np.ix_(block, block)]
     return float(np.linalg.eigvals(quotients / np.array([MASS, INERTIA[1]])[:, None]).real.min())
 
 
 def nearly_slack(left: Any = LEFT) -> Row:
-    """The smallest tension of four wires one of which is a little too long."""
+    """Compute errors of the smallest tension of four wires of which one is too long."""
     critical, error = slack_length(), {}
     nominal = MP.mpf(MASS) * MP.mpf(9.81) / 4
     slope = (_tension(critical * MP.mpf("1e-6")) - nominal) / (critical * MP.mpf("1e-6"))
@@ -119,7 +157,7 @@ def nearly_slack(left: Any = LEFT) -> Row:
         change = float(critical * (1 - MP.mpf(float(value))))
         exact = float(_tension(change))
         one = design(document() | {"perturbation": [{"wire": "test.1", "length_change": change}]})
-        settled = Stage.drawn(expand(one)).settled()
+        settled = Stage.nominal(expand(one)).balanced()
         answers = {
             SHIPPED: min(wire.tension for wire in statics.solve(one).wires),
             "lengths from coordinates": settled.wires[3].min(),
@@ -134,16 +172,20 @@ def nearly_slack(left: Any = LEFT) -> Row:
         value=np.asarray(left),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            f"A wire that is {1e3 * float(critical):.3f} mm too long carries nothing; close to that its tension is a difference of lengths, and "
-            "a linear estimate is off by the rest. "
-            "The program balances with exact rotations and elongations counted from the nominal pose, so that its tension ends in rounding alone."
+            f"A wire that is {1e3 * float(critical):.3f} mm too long carries nothing; close to that"
+            " its tension is a difference of lengths, and a linear estimate is off by the rest."
+            " The program balances with exact rotations and elongations counted from the nominal"
+            " pose, so that its tension ends in rounding alone."
         ),
-        limit="ε / tension left; `check` and `modes` warn below 1 % of the mean of the stage, and a slack wire is refused",
+        limit=(
+            "ε / tension left; `check` and `modes` warn below 1 % of the mean of the stage, and a"
+            " slack wire is refused"
+        ),
     )
 
 
 def _tension(change: Any) -> Any:
-    """The smallest tension (60 digits) where wire 1 is longer than drawn by `change` (m)."""
+    """Smallest tension (60 digits) with wire 1 longer than drawn by `change` (m)."""
     one = stage(length=change).settle()
     result = []
     for wire in one.wires:
@@ -154,7 +196,7 @@ def _tension(change: Any) -> Any:
 
 @cache
 def slack_length() -> Any:
-    """The change of length (m) at which the first wire goes slack, by secants in 60 digits."""
+    """Change of length (m) at which the first wire goes slack, by secants in 60 digits."""
     a, b = MP.mpf("1e-3"), MP.mpf("2e-3")
     at, bt = _tension(a), _tension(b)
     for _ in range(20):
@@ -166,17 +208,24 @@ def slack_length() -> Any:
 
 
 def nearly_horizontal(slope: Any = SLOPE) -> Row:
-    """All modes of a mass on four wires that rise by only `slope` of their length."""
+    """Compute errors of all modes of a mass on four wires that rise by `slope` of their length."""
     error: dict[str, list[float]] = {}
     for value in slope:
         length = SHAPE["l"]
-        shape = {"t1": WIDE + length * float(np.sqrt((1 - value) * (1 + value))), "t2": WIDE, "s": 0.05, "k": float(5e3 / value)}
+        shape = {
+            "t1": WIDE + length * float(np.sqrt((1 - value) * (1 + value))),
+            "t2": WIDE,
+            "s": 0.05,
+            "k": float(5e3 / value),
+        }
         exact = np.array([float(v) for v in omega_squared(stage(shape=shape))])
         one = design(document(**shape))
-        general = fidelity.linear_model(one, "string")
+        general = registry.STRING.system(one)
         answers = {
-            f"{SHIPPED}: string": np.sort(modes.solve(general).omega_squared),
-            f"{SHIPPED}: force": np.sort(modes.solve(fidelity.linear_model(one, "force")).omega_squared),
+            f"{SHIPPED}: string": np.sort(eigenmodes.solve(general).omega_squared),
+            f"{SHIPPED}: force": np.sort(
+                eigenmodes.solve(registry.FORCE.system(one)).omega_squared
+            ),
             "closed form, cos² = 1 − sin²": _textbook(shape, exact),
             "eigenvalues of M⁻¹K": naive.unscaled(general),
             "difference quotients of energy": _quotients(one),
@@ -190,9 +239,10 @@ def nearly_horizontal(slope: Any = SLOPE) -> Row:
         value=np.asarray(slope),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "The height of the suspension is the small difference of the wires' length and their span, so that the last bit of either is ε / slope² of it, and "
-            "difference quotients amplify what is left by the wires' stiffness. The program takes l² − span², which loses less than twice "
-            "what the file's own last bit does."
+            "The height of the suspension is the small difference of the wires' length and their"
+            " span, so that the last bit of either is ε / slope² of it, and difference quotients"
+            " amplify what is left by the wires' stiffness. The program takes l² − span², which"
+            " loses less than twice what the file's own last bit does."
         ),
         limit="ε / slope²; a rise of less than 10⁻⁶ of the length is refused",
     )
@@ -200,13 +250,16 @@ def nearly_horizontal(slope: Any = SLOPE) -> Row:
 
 def _quotients(one: Design) -> Any:
     """omega^2 by difference quotients of the energy, ascending."""
-    stage_ = Stage.drawn(expand(one))
+    stage_ = Stage.nominal(expand(one))
     root = np.sqrt(np.concatenate([[MASS] * 3, INERTIA]))
     return np.linalg.eigvalsh(stage_.quotients() / root[:, None] / root)
 
 
 def _textbook(shape: dict[str, float], exact: Any) -> Any:
-    """The given values with the vertical one replaced by equation 6 as printed: 4 k cos^2 / m + g sin^2 / (l cos)."""
+    """Replace the vertical mode in `exact` by equation 6 as printed.
+
+    4 k cos^2 / m + g sin^2 / (l cos).
+    """
     sine = (shape["t2"] - shape["t1"]) / SHAPE["l"]
     with np.errstate(all="ignore"):
         cosine = np.sqrt(1 - sine**2)

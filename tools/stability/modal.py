@@ -1,4 +1,4 @@
-"""Modes that are far apart, close together, or hardly damped."""
+"""Modes that are far apart, nearly equal, or weakly damped."""
 
 from __future__ import annotations
 
@@ -8,35 +8,50 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from stability import naive
-from stability.references import INERTIA, MASS, SHAPE, design, document, given_omega_squared, omega_squared, stage
-from stability.row import SHIPPED, Row, relative
-from suspension_cli.analysis import damped, modes, signals, statespace
-from suspension_cli.mechanics import assemble
-from suspension_cli.mechanics.model import LinearModel
-from suspension_cli.mechanics.nominal import expand
-from suspension_cli.models import fidelity
+from suspension_cli.analyses.modes import damped
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear import eigenmodes, signals, statespace
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.models import string as string_model
+from tools.stability import naive
+from tools.stability.references import (
+    INERTIA,
+    MASS,
+    SHAPE,
+    design,
+    document,
+    given_omega_squared,
+    omega_squared,
+    stage,
+)
+from tools.stability.row import SHIPPED, Row, relative
 
 STIFFNESS_RATIO = 10.0 ** np.arange(1, 16)
 DETUNING = 10.0 ** np.arange(0, -16, -1)
 LOSS = 10.0 ** np.arange(-2, -15, -1)
 SOFT = 2
-"""Longitudinal and transverse: the modes that live of the tension alone."""
+"""Number of modes restored by tension alone: longitudinal and transverse."""
 TENSION = MASS * 9.81 / 4
 CHAIN = 4
 
 
 def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
-    """Soft modes of one stage whose wires are `ratio` times stiffer along than across."""
+    """Compute errors of soft modes on wires `ratio` times stiffer along than across."""
     error: dict[str, list[float]] = {}
     for value in ratio:
         k = float(value * TENSION / SHAPE["l"])
         for kind, more in (("", {}), (", wires at 3°", {"t1": 0.0815})):
-            model = fidelity.linear_model(design(document(k=k, **more)), "string")
-            reference = np.array([float(v) for v in omega_squared(stage(shape={"k": k, **more}))[:SOFT]])
-            found = {f"{SHIPPED}{kind}": np.sort(modes.solve(model).omega_squared)[:SOFT]}
+            model = registry.STRING.system(design(document(k=k, **more)))
+            reference = np.array(
+                [float(v) for v in omega_squared(stage(shape={"k": k, **more}))[:SOFT]]
+            )
+            found = {f"{SHIPPED}{kind}": np.sort(eigenmodes.solve(model).omega_squared)[:SOFT]}
             if not kind:
-                found |= {"eigenvalues of M⁻¹K": naive.unscaled(model)[:SOFT], "symmetric eigenvalues": naive.symmetric(model)[:SOFT]}
+                found |= {
+                    "eigenvalues of M⁻¹K": naive.unscaled(model)[:SOFT],
+                    "symmetric eigenvalues": naive.symmetric(model)[:SOFT],
+                }
             for name, omega2 in found.items():
                 error.setdefault(name, []).append(float(relative(omega2, reference).max()))
     return Row(
@@ -46,23 +61,26 @@ def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
         value=np.asarray(ratio),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "Eigenvalue solvers leave rounding errors of the largest ω² in the smallest. The program projects on the soft modes and solves "
-            "them again by themselves; "
-            "where wires lean, the sums in the stiffness matrix round the soft part away before any solver sees it, so what they round is "
-            "kept and projected too."
+            "Eigenvalue solvers leave rounding errors of the largest ω² in the smallest. The"
+            " program projects on the soft modes and solves them again by themselves; where wires"
+            " lean, the sums in the stiffness matrix round the soft part away before any solver"
+            " sees it, so what they round is kept and projected too."
         ),
-        limit="none found on `string`, `beam` and `violin`; `force` with wires that lean: ε × ratio, and `modes` warns where that passes 10⁻⁴",
+        limit=(
+            "none found on `string`, `beam` and `violin`; `force` with wires that lean: ε × ratio,"
+            " and `modes` warns where that passes 10⁻⁴"
+        ),
     )
 
 
 def graded_chain(ratio: Any = STIFFNESS_RATIO) -> Row:
-    """All modes of a chain of stages, several soft ones in each block."""
+    """Compute errors of all modes of a chain, with several soft modes per block."""
     error: dict[str, list[float]] = {}
     for value in ratio:
-        model = fidelity.linear_model(_chain(float(value)), "string")
+        model = registry.STRING.system(_chain(float(value)))
         reference = given_omega_squared(model)
         found = {
-            SHIPPED: np.sort(modes.solve(model).omega_squared),
+            SHIPPED: np.sort(eigenmodes.solve(model).omega_squared),
             "eigenvalues of M⁻¹K": naive.unscaled(model),
             "symmetric eigenvalues": naive.symmetric(model),
         }
@@ -75,8 +93,9 @@ def graded_chain(ratio: Any = STIFFNESS_RATIO) -> Row:
         value=np.asarray(ratio),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "In a chain several soft modes share a block with stiff ones, and rounding mixes them with each other too. "
-            "The program takes the stiff modes out first, so that each group is solved at its own scale."
+            "In a chain several soft modes share a block with stiff ones, and rounding mixes them"
+            " with each other too. The program takes the stiff modes out first, so that each group"
+            " is solved at its own scale."
         ),
         limit="none found",
     )
@@ -93,15 +112,20 @@ def _chain(ratio: float) -> Any:
 
 
 def equal_modes(detuning: Any = DETUNING) -> Row:
-    """How much the shares by which modes are labelled move when every number of K moves by its last bit."""
+    """Compute changes of the energy fractions that label modes, for changes of K by last bits."""
     error: dict[str, list[float]] = {}
     for value in detuning:
         scene = expand(design(document(s=0.05, t1=0.05, t2=0.05, d=0.0)))
-        for name, angle, split in ((f"{SHIPPED}: symmetric design", 0.0, True), (f"{SHIPPED}: no symmetry left", 0.4, False)):
-            model = _detuned(assemble.linear_model(scene, split=split), float(value), angle)
-            error.setdefault(name, []).append(_moved(model, _shipped_shares))
-        model = _detuned(assemble.linear_model(scene, split=False), float(value), 0.4)
-        error.setdefault("symmetric eigenvectors", []).append(_moved(model, _eigh_shares))
+        for name, angle, split in (
+            (f"{SHIPPED}: symmetric design", 0.0, True),
+            (f"{SHIPPED}: no symmetry left", 0.4, False),
+        ):
+            model = _detuned(string_model.linear_model(scene, split=split), float(value), angle)
+            error.setdefault(name, []).append(_sensitivity_to_rounding(model, _shipped_fractions))
+        model = _detuned(string_model.linear_model(scene, split=False), float(value), 0.4)
+        error.setdefault("symmetric eigenvectors", []).append(
+            _sensitivity_to_rounding(model, _eigh_fractions)
+        )
     return Row(
         title="Nearly equal modes and their labels",
         driver="relative difference of two ω²",
@@ -109,16 +133,17 @@ def equal_modes(detuning: Any = DETUNING) -> Row:
         value=np.asarray(detuning),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "Eigenvectors of nearly equal modes turn by rounding over the gap, so that labels depend on the last bit. "
-            "The program solves what a symmetry keeps apart by itself, and gives modes that agree to 10⁻⁹ the basis that lives in as few "
-            "coordinates as possible."
+            "Eigenvectors of nearly equal modes turn by rounding over the gap, so that labels"
+            " depend on the last bit. The program solves what a symmetry keeps apart by itself, and"
+            " gives modes that agree to 10⁻⁹ the basis that lives in as few coordinates as"
+            " possible."
         ),
         limit="modes that differ by less than 10⁻⁹ are told as degenerate",
     )
 
 
-def _detuned(model: LinearModel, difference: float, angle: float) -> LinearModel:
-    """The model with a spring that raises omega^2 along a horizontal direction at `angle` (rad) from x."""
+def _detuned(model: LinearSystem, difference: float, angle: float) -> LinearSystem:
+    """Add a spring that raises omega^2 along the horizontal direction at `angle` (rad) from x."""
     x, y = model.index("test", "x"), model.index("test", "y")
     stiffness = model.stiffness.copy()
     direction = np.zeros(model.size)
@@ -127,42 +152,46 @@ def _detuned(model: LinearModel, difference: float, angle: float) -> LinearModel
     return replace(model, stiffness=stiffness)
 
 
-def _shipped_shares(model: LinearModel) -> Any:
-    found = modes.solve(model)
+def _shipped_fractions(model: LinearSystem) -> Any:
+    found = eigenmodes.solve(model)
     return np.sort(found.energy[found.omega_squared.argsort(kind="stable")[:SOFT], 0, 0])
 
 
-def _eigh_shares(model: LinearModel) -> Any:
+def _eigh_fractions(model: LinearSystem) -> Any:
     from scipy import linalg
 
     _, shapes = linalg.eigh(model.stiffness[6:, 6:], model.mass[6:, 6:])
     return np.sort((shapes[0] ** 2 * model.mass[6, 6])[:SOFT])
 
 
-def _moved(model: LinearModel, shares: Any) -> float:
-    """Largest change of shares over some random changes of the last bits of K."""
+def _sensitivity_to_rounding(model: LinearSystem, fractions: Any) -> float:
+    """Largest change of energy fractions over random changes of the last bits of K."""
     rng, found = np.random.default_rng(3), []
     for _ in range(8):
         noise = np.triu(rng.choice([-1.0, 0.0, 1.0], model.stiffness.shape)) * np.finfo(float).eps
         factor = 1 + noise + np.triu(noise, 1).T
-        found.append(shares(replace(model, stiffness=model.stiffness * factor)))
+        found.append(fractions(replace(model, stiffness=model.stiffness * factor)))
     return float(np.ptp(np.array(found), axis=0).max())
 
 
 def quality(loss: Any = LOSS) -> Row:
-    """Q of the longitudinal mode, whose wires stretch a little as it tilts."""
+    """Compute errors of Q of the longitudinal mode, in which tilt stretches the wires a little."""
     error: dict[str, list[float]] = {}
     value = []
     for phi in loss:
         raw = document(d=0.005)
         raw["materials"] = {"glass": {"youngs_modulus": 7e10, "loss_angle": float(phi)}}
         raw["stage"][0]["wires"]["material"] = "glass"
-        model = fidelity.linear_model(design(raw), "string")
+        model = registry.STRING.system(design(raw))
         block = next(group for group in model.blocks if model.index("test", "x") in group)
         reference = _exact_q(model, block)
-        found = damped.solve(model, modes.solve(model))
+        found = damped.solve(model, eigenmodes.solve(model))
         where = [home[1] for home in found.home].index("x")
-        answers = {SHIPPED: found.q[where], "poles of a state space": _pole_q(model), "width of the resonance": _width(model, block)}
+        answers = {
+            SHIPPED: found.q[where],
+            "poles of a state space": _pole_q(model),
+            "width of the resonance": _width(model, block),
+        }
         for name, q in answers.items():
             error.setdefault(name, []).append(float(relative(q, reference)))
         value.append(reference)
@@ -173,25 +202,32 @@ def quality(loss: Any = LOSS) -> Row:
         value=np.array(value),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "A pole holds 1/Q in its real part, below the rounding of its imaginary one as Q nears 10¹⁵, and the width of a resonance drowns sooner. "
-            "The program takes the poles in the basis of the modes without loss, and their decay from what their motion dissipates: all digits at any Q."
+            "A pole holds 1/Q in its real part, below the rounding of its imaginary one as Q nears"
+            " 10¹⁵, and the width of a resonance drowns sooner. The program takes the poles in the"
+            " basis of the modes without loss, and their decay from what their motion dissipates:"
+            " all digits at any Q."
         ),
         limit="none found; sweeps and sensitivities take Q to first order, which is off by φ²",
     )
 
 
-def _pole_q(model: LinearModel) -> float:
-    """|p| / (-2 Re p) of the slowest pole of x' = A x, with the viscous damping that gives each mode its loss."""
-    known = signals.bodies(model)
-    system = statespace.build(model, [signals.drive("support.x", known)], [signals.motion("test.x", known)])
+def _pole_q(model: LinearSystem) -> float:
+    """Q of the slowest pole of a state space with equivalent viscous damping, |p| / (-2 Re p)."""
+    known = signals.bodies_with_signals(model)
+    system = statespace.build(
+        model, [signals.parse_input("support.x", known)], [signals.parse_output("test.x", known)]
+    )
     poles = np.linalg.eigvals(system.a)
     slowest = poles[np.abs(poles).argmin()]
     with np.errstate(divide="ignore"):
         return float(np.abs(slowest) / (-2 * slowest.real))
 
 
-def _exact_q(model: LinearModel, block: Any) -> float:
-    """Im s / (-2 Re s) of the lowest pole s = i omega of a block of two, from the quadratic equation in omega^2 in 60 digits."""
+def _exact_q(model: LinearSystem, block: Any) -> float:
+    """Q = Im s / (-2 Re s) of the lowest pole s = i omega of a block of two, in 60 digits.
+
+    From the quadratic equation in omega^2.
+    """
     m = mpmath.mp.clone()
     m.dps = 60
     mass = [m.mpf(float(v)) for v in np.diag(model.mass)[block]]
@@ -203,13 +239,16 @@ def _exact_q(model: LinearModel, block: Any) -> float:
     return float(m.re(omega) / (2 * m.im(omega)))
 
 
-def _width(model: LinearModel, block: Any) -> float:
-    """Q from where |H|^2 falls to half, read off a fine grid around the resonance that the lossless eigenvalues give."""
+def _width(model: LinearSystem, block: Any) -> float:
+    """Q from the half-power width of |H|^2 about the resonance of the lossless eigenvalues."""
     mass, stiffness = model.mass[np.ix_(block, block)], model.lossy[np.ix_(block, block)]
     centre = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness.real)).real.min())
     low, high = 1e-18, 1e-1
     for _ in range(200):
         middle = np.sqrt(low * high)
-        peak, side = (np.abs(np.linalg.inv(stiffness - (centre * (1 + off)) ** 2 * mass)[0, 0]) for off in (0.0, middle))
+        peak, side = (
+            np.abs(np.linalg.inv(stiffness - (centre * (1 + off)) ** 2 * mass)[0, 0])
+            for off in (0.0, middle)
+        )
         low, high = (middle, high) if side > peak / np.sqrt(2) else (low, middle)
     return 1 / (2 * low)

@@ -1,4 +1,4 @@
-"""What a row of the stability atlas is: errors of several methods along the parameter that drives them wrong."""
+"""Row of the stability atlas: errors of several methods along the parameter that drives them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 BROKEN = 1e-3
-"""Relative error above which a method has broken: no engineer would want less than three digits."""
+"""Relative error above which a method counts as broken: fewer than three correct digits."""
 SHIPPED = "pendsus"
-"""Start of the name of a method that is the program's own, called through its public functions."""
+"""Prefix of the names of the program's own methods, called through its public functions."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Errors of several methods for the same question along one parameter.
+    """Errors of several methods for one quantity along one parameter.
 
     Attributes
     ----------
@@ -26,15 +26,15 @@ class Row:
     driver : str
         The parameter, with its unit.
     quantity : str
-        Of what the error is.
+        Quantity that the error is of.
     value : (n,) array
-        Of the parameter, from where all is well towards where it is not.
+        Values of the parameter, from harmless to extreme.
     error : mapping of str to (n,) array
-        Relative errors by method; infinite where a method gives nothing.
+        Relative errors by method; infinite where a method gives no result.
     finding : str
         Two sentences: why methods fail, and what the program does.
     limit : str
-        Where the program's own method ends, and what it says there.
+        Limit of the program's own method, and its message there.
     mark : mapping of str to float
         Values of the parameter worth a line in the chart, by their label.
     """
@@ -50,27 +50,27 @@ class Row:
 
     @property
     def shipped(self) -> list[str]:
-        """The program's own methods."""
+        """Names of the program's own methods."""
         return [name for name in self.error if name.startswith(SHIPPED)]
 
     @property
     def others(self) -> list[str]:
-        """What people use, and what fails."""
+        """The other methods."""
         return [name for name in self.error if not name.startswith(SHIPPED)]
 
     def broken_at(self, method: str) -> float | None:
-        """Value of the parameter from which on a method has broken: None if it holds to the end."""
+        """Value of the parameter from which a method stays broken; None if valid to the end."""
         good = np.flatnonzero(self.error[method] <= BROKEN)
         last = int(good[-1]) if len(good) else -1
         return None if last + 1 == len(self.value) else float(self.value[last + 1])
 
     def worst(self, method: str) -> float:
-        """Largest error of a method along the row."""
+        """Return the largest error of a method along the row."""
         return float(self.error[method].max())
 
 
 def relative(found: object, exact: object) -> Array:
-    """|found - exact| / |exact|, element by element; infinite where nothing was found."""
+    """Relative errors |found - exact| / |exact|; infinite where nothing was found."""
     with np.errstate(all="ignore"):
         result = np.abs(np.asarray(found) - np.asarray(exact)) / np.abs(np.asarray(exact))
     return np.where(np.isfinite(result), result, np.inf)

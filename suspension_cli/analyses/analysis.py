@@ -1,0 +1,341 @@
+"""One record per analysis, from which the command line, the Python API and results files follow."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import html
+import math
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from suspension_cli.errors import Fault, InputError, PendsusWarning, attribute_faults_to
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.design.reader import Source
+    from suspension_cli.design.schema import Design
+    from suspension_cli.files.hdf5 import Provenance
+    from suspension_cli.models.registry import Choice
+
+Progress = Callable[[int, int, float], None]
+"""Called with (points done, points in all, points per second)."""
+
+
+class Log:
+    """Messages of a run: silent but for warnings, which become Python warnings."""
+
+    def say(self, text: str) -> None:
+        """Report a step that was done."""
+
+    def detail(self, text: str) -> None:
+        """Report what only a user who wants details reads."""
+
+    def warn(self, text: str) -> None:
+        """Report what must not be missed."""
+        warnings.warn(text, PendsusWarning, stacklevel=6)
+
+    @contextlib.contextmanager
+    def progress(self) -> Iterator[Progress]:
+        """Show the progress of a long computation."""
+        yield lambda _done, _count, _rate: None
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """One analysis of one design, about to be computed.
+
+    Attributes
+    ----------
+    source : Source
+        The design, its TOML text and the name of its file.
+    setting : dict
+        A value for every parameter of the analysis.
+    log : Log
+    folder : Path
+        Where an analysis that writes while it computes puts its file.
+    command : str
+        The command line that results record.
+    inputs : dict
+        What `Analysis.read` read beside the design, by names of its own.
+    """
+
+    source: Source
+    setting: dict[str, Any]
+    log: Log
+    folder: Path
+    command: str
+    inputs: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+    @property
+    def design(self) -> Design:
+        """The design."""
+        return self.source.design
+
+    @property
+    def name(self) -> str:
+        """Name of the design, which begins the names of its files."""
+        return self.design.design.name
+
+    def faults(self) -> contextlib.AbstractContextManager[None]:
+        """Attribute faults that are found while solving to the design's file."""
+        return attribute_faults_to(self.source.file)
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """What an analysis found, with the design and the model that it was found with.
+
+    Fields of `data` are attributes of the result too: ``result.frequency``.
+
+    Attributes
+    ----------
+    analysis : Analysis
+    source : Source
+        The design, its TOML text (overrides applied) and the name of its file.
+    choice : Choice
+        The model, why it was chosen, and its estimated error.
+    data : object
+        The arrays: the result type of the analysis.
+    extra : dict
+        What text and JSON report beyond the arrays; empty after reading from a file.
+    file : Path or None
+        The file that the analysis filled while it ran.
+    """
+
+    analysis: Analysis
+    source: Source
+    choice: Choice
+    data: Any
+    extra: dict[str, Any] = dataclasses.field(default_factory=dict)
+    file: Path | None = None
+    command: str = ""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name == "data":
+            raise AttributeError(name)
+        return getattr(self.data, name)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *(n for n in dir(self.data) if n[0] != "_")})
+
+    @property
+    def design(self) -> Design:
+        """The design."""
+        return self.source.design
+
+    @property
+    def name(self) -> str:
+        """Name of the design."""
+        return self.design.design.name
+
+    @property
+    def title(self) -> str:
+        """Title of the design, or its name."""
+        return self.design.design.title or self.name
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.choice.level
+
+    @property
+    def estimated_error(self) -> float:
+        """Relative error of the model, estimated; NaN where it cannot be."""
+        return self.choice.error
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document that ``pendsus ... --json`` prints."""
+        head: dict[str, Any] = {"command": self.analysis.command_name, "design": self.name}
+        if not self.analysis.has_model:
+            return head | self.analysis.document(self)
+        error = {"estimated_error": as_number(self.estimated_error)}
+        return head | {"fidelity": self.model} | self.analysis.document(self) | error
+
+    def figures(self, **setting: Any) -> dict[str, Figure]:
+        """Draw all pictures: the end of each file name, and the figure."""
+        return self.analysis.figures(self, setting)
+
+    def plot(self, **setting: Any) -> Figure:
+        """Draw the picture that the command writes.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        for figure in self.figures(**setting).values():
+            return figure
+        raise InputError([Fault("", f"{self.analysis.name} has no picture", "print the result")])
+
+    def save(self, path: str | Path) -> None:
+        """Write the results file (HDF5, see docs/format.md), whole or not at all."""
+        self.analysis.save(Path(path), self)
+
+    def to_xarray(self) -> Any:
+        """Return the contents of the results file as an `xarray.Dataset` (needs xarray)."""
+        from suspension_cli.analyses.labelled import to_xarray
+
+        return to_xarray(self)
+
+    @property
+    def provenance(self) -> Provenance:
+        """What a results file records of its origin."""
+        from suspension_cli.files.hdf5 import Provenance
+
+        choice = self.choice
+        return Provenance(
+            self.source.text, self.command, choice.level, choice.reason, error=choice.error
+        )
+
+    def __str__(self) -> str:
+        return self.analysis.text(self)
+
+    def __repr__(self) -> str:
+        return f"<pendsus {self.analysis.name} of {self.name}, {self.model} model>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+class Analysis(ABC):
+    """An analysis of a design: its parameters, its physics, its file, its picture, its words.
+
+    Attributes
+    ----------
+    name : str
+        Of the HDF5 group and, unless `command_name` says otherwise, of the command.
+    arguments, parameters : tuple
+        Click's arguments and options; their defaults are those of the Python API too.
+    has_model : bool
+        Whether results come from one model, which JSON then names with its estimated error.
+    """
+
+    name: ClassVar[str]
+    has_model: ClassVar[bool] = True
+    arguments: ClassVar[tuple[Any, ...]] = ()
+    parameters: ClassVar[tuple[Any, ...]] = ()
+
+    @property
+    def command_name(self) -> str:
+        """Name of the command, and ``command`` of its JSON document."""
+        return self.name
+
+    @property
+    def stem(self) -> str:
+        """End of the stem of the results file: ``NAME-modes.h5``."""
+        return self.name
+
+    def prepare(self) -> None:  # noqa: B027
+        """Prepare the process of a command, before anything heavy is imported."""
+
+    @abstractmethod
+    def solve(self, run: Run) -> Result:
+        """Compute the result.
+
+        Raises
+        ------
+        InputError
+            With the faults of the design or of a setting.
+        """
+
+    @abstractmethod
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return the JSON document but for its head (command, design, model, estimated error)."""
+
+    @abstractmethod
+    def text(self, result: Result) -> str:
+        """Return the table or summary that the command prints."""
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the result into the open results file."""
+        raise NotImplementedError
+
+    def load(self, file: h5py.File) -> Any:
+        """Read `Result.data` from an open results file."""
+        raise NotImplementedError
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw the pictures: the end of each file name (before .png), and the figure."""
+        return {}
+
+    def swept_names(self) -> tuple[str, ...]:
+        """Return the keys of `[analysis.NAME]` that are no options: parameters with their grids."""
+        return ()
+
+    def path(self, result: Result, folder: Path) -> Path:
+        """Return the path of the results file."""
+        return folder / f"{result.name}-{self.stem}.h5"
+
+    def save(self, path: Path, result: Result) -> None:
+        """Write the results file."""
+        import shutil
+
+        from suspension_cli.files import hdf5
+
+        if result.file is None:
+            hdf5.write(path, result.provenance, lambda file: self.fill(file, result))
+        elif path != result.file:
+            shutil.copyfile(result.file, path)
+
+    def others(self, result: Result, path: Path) -> list[Path]:
+        """Write files beside the results file at `path`, and return their paths."""
+        return []
+
+    def exit_code(self, result: Result) -> int:
+        """Return 1 where what was found must stop a script that goes on; 0 elsewhere."""
+        return 0
+
+    def read(self, ask: Callable[..., Run], files: dict[str, Any]) -> Sequence[Run]:
+        """Read the files that the arguments name.
+
+        Parameters
+        ----------
+        ask : callable
+            Reads one design: ``ask(file, overrides=())``.
+        files : dict
+            The command's arguments by name.
+        """
+        return [ask(files["design"])]
+
+
+def plain(values: Any) -> Any:
+    """Convert numbers for JSON: lists, with null for what is not finite."""
+    import numpy as np
+
+    return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def as_number(value: float) -> float | None:
+    """Convert one number for JSON: null if it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def only_one(values: list[dict[str, Any]], name: str) -> dict[str, Any]:
+    """Return the keys of the only one of several documents, or all of them under `name`."""
+    return values[0] if len(values) == 1 else {name: values}
+
+
+def reading_all(ask: Callable[..., Run], files: Sequence[str]) -> list[Run]:
+    """Read several designs; faults of all are reported at once, as are two of one name."""
+    from suspension_cli.errors import format_value, join_errors
+
+    runs, errors = [], []
+    for file in files:
+        try:
+            runs.append(ask(file))
+        except InputError as error:
+            errors.append(error)
+    if errors:
+        raise join_errors(errors)
+    names = [run.name for run in runs]
+    for n, name in enumerate(names):
+        if name in names[:n]:
+            problem = "is the name of another design of this run"
+            fault = Fault("design.name", problem, "give each a name of its own", format_value(name))
+            raise InputError([fault], runs[n].source.file)
+    return runs

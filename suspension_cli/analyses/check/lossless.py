@@ -1,0 +1,148 @@
+"""Wires, blades, springs and supports without loss, which add no thermal noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design import materials
+from suspension_cli.design.derive import blade_loss, blade_material
+from suspension_cli.design.schema import Design, Spring, Stage
+from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
+from suspension_cli.models import registry
+
+BENDING = tuple(model.name for model in registry.MODELS if model.bends_wires)
+"""Names of the models in which wires bend, with the losses of their materials."""
+
+
+@dataclass(frozen=True)
+class Lossless:
+    """A part without bulk loss.
+
+    Attributes
+    ----------
+    part : str
+        ``test.wires``, ``upper.blades``, ``marionette.springs``, ``support``; a single wire
+        (``bench.3``) or blade where others of its stage have loss.
+    material : tuple of str
+        Its materials without bulk loss; empty where the design names none.
+    thermoelastic : bool
+        Whether it has thermoelastic loss where it bends.
+    """
+
+    part: str
+    material: tuple[str, ...] = ()
+    thermoelastic: bool = False
+
+
+def find_lossless(design: Design, level: str) -> list[Lossless]:
+    """Find the parts of a design without bulk loss.
+
+    Parameters
+    ----------
+    design : Design
+    level : str
+        Name of the model. Models in which wires bend use all losses of materials; others only
+        constant loss angles given in the design.
+
+    Returns
+    -------
+    list of Lossless
+        From top to bottom.
+    """
+    found: list[Lossless] = []
+    if (
+        design.support is not None
+        and not design.support.loss_angle
+        and not any(getattr(design.support.damping, dof) for dof in DOFS)
+    ):
+        found.append(Lossless(SUPPORT))
+    for stage in design.stage:
+        blades = [stage.blades] if stage.blades is not None else stage.blade
+        names = ["" if isinstance(blade, BladeSet) else blade.name for blade in blades]
+        found += _merge_parts(
+            stage, "blades", names, [_check_blade(design, blade, level) for blade in blades]
+        )
+        wires = [stage.wires] if stage.wires is not None else stage.wire
+        found += _merge_parts(
+            stage,
+            "wires",
+            [str(n) for n, _ in enumerate(wires, 1)],
+            [_check_wire(design, wire, level) for wire in wires],
+        )
+        if any(_is_lossless(spring) for spring in stage.spring):
+            found.append(Lossless(f"{stage.name}.springs"))
+    return found
+
+
+def _merge_parts(
+    stage: Stage, word: str, names: list[str], lacking: Sequence[Lossless | None]
+) -> Iterator[Lossless]:
+    """Parts of one kind of a stage, as one where all lack the same."""
+    first = lacking[0] if lacking else None
+    if first is not None and all(one == first for one in lacking):
+        yield replace(first, part=f"{stage.name}.{word}")
+        return
+    for name, one in zip(names, lacking, strict=True):
+        if one is not None:
+            yield replace(one, part=f"{stage.name}.{name}")
+
+
+def _check_wire(design: Design, wire: WireSet | Wire, level: str) -> Lossless | None:
+    """A wire (its name left empty) if it has no bulk loss."""
+    given = {wire.material, *(piece.material for piece in wire.sections or ())}
+    names = tuple(sorted(name for name in given if name is not None))
+    if not registry.by_name(level).bends_wires:
+        lossy = any(materials.constant_angle(design, name) for name in names)
+        return None if lossy else Lossless("", names)
+    lacking = tuple(name for name in names if not _has_bulk_loss(design, name))
+    if not lacking:
+        return None
+    thermoelastic = any(_has_thermoelastic_loss(design, name) for name in names)
+    return Lossless("", lacking, thermoelastic or len(lacking) < len(names))
+
+
+def _check_blade(design: Design, blade: BladeSet | Blade, level: str) -> Lossless | None:
+    """A blade (its name left empty) if it has no bulk loss."""
+    name = blade_material(blade)
+    given = () if name is None else (name,)
+    if not registry.by_name(level).bends_wires:
+        return None if blade_loss(design, blade) else Lossless("", given)
+    if blade.loss_angle or (blade.loss_angle is None and name and _has_bulk_loss(design, name)):
+        return None
+    thick = blade.thickness is not None or blade.geometry is not None
+    thermoelastic = name is not None and thick and _has_thermoelastic_loss(design, name)
+    return Lossless("", given, thermoelastic)
+
+
+def _is_lossless(spring: Spring) -> bool:
+    """Whether a spring is elastic and dissipates nothing."""
+    stiff, damped = (_nonzero(matrix) for matrix in (spring.stiffness, spring.damping))
+    return stiff and not damped and not spring.loss_angle
+
+
+def _nonzero(matrix: list[float | list[float]] | None) -> bool:
+    return any(any(row) if isinstance(row, list) else bool(row) for row in matrix or ())
+
+
+def _has_bulk_loss(design: Design, name: str) -> bool:
+    """Whether a material has a bulk loss angle."""
+    loss = materials.resolve(design, name).loss
+    return loss is not None and bool(loss.table is not None or loss.angle)
+
+
+def _has_thermoelastic_loss(design: Design, name: str) -> bool:
+    """Whether a material has thermoelastic loss: its thermal constants, and not switched off."""
+    material = materials.resolve(design, name)
+    needed = (
+        material.density,
+        material.thermal_expansion,
+        material.specific_heat,
+        material.thermal_conductivity,
+    )
+    return (
+        None not in needed
+        and material.thermal_expansion != 0
+        and not (material.loss is not None and material.loss.thermoelastic is False)
+    )

@@ -1,0 +1,210 @@
+"""Implausible loads and instability of a design; `design.plausibility` checks its numbers alone."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from suspension_cli.analyses.check import statics
+from suspension_cli.analyses.check.statics import BladeLoad, Statics, WireLoad, list_wire_tables
+from suspension_cli.design import plausibility
+from suspension_cli.design.plausibility import ImplausibleNumber, suggest_unit
+from suspension_cli.design.schema import Design, Stage
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.models import auto
+from suspension_cli.models.quantity_of_interest import Frequencies
+from suspension_cli.models.registry import Choice
+
+STRAIN = 0.03
+"""Largest plausible strain of a wire: steel breaks at 1 %, pristine silica at 5 %, and wires are
+used well below that."""
+SAG = 5.0
+"""Largest plausible sag of a blade, m."""
+
+
+def find_implausible_loads(design: Design, carried: Statics) -> list[ImplausibleNumber]:
+    """Find implausible stress, strain and sag of wires and blades, the worst of each stage.
+
+    Parameters
+    ----------
+    design : Design
+    carried : Carried
+        The statics of the design.
+    """
+    found: list[ImplausibleNumber] = []
+    for stage in design.stage:
+        wires = [wire for wire in carried.wires if _stage_of(wire.label) == stage.name]
+        blades = [blade for blade in carried.blades if _stage_of(blade.label) == stage.name]
+        path = f"stage.{stage.name}"
+        found += _check_stress(
+            design, wires, f"{path}.{'wires' if stage.wires is not None else 'wire'}", "wire"
+        )
+        found += _check_strain(stage, wires, path)
+        found += _check_stress(
+            design, blades, f"{path}.{'blades' if stage.blades is not None else 'blade'}", "blade"
+        )
+        found += _check_sag(stage, blades, path)
+    return found
+
+
+def _stage_of(label: str) -> str:
+    return label.rsplit(".", 1)[0]
+
+
+def _check_stress(
+    design: Design, parts: list[WireLoad] | list[BladeLoad], key: str, word: str
+) -> Iterator[ImplausibleNumber]:
+    """Report the part with the largest stress over strength, if above 1."""
+    worst = max(
+        (part for part in parts if part.share is not None),
+        key=lambda part: part.share or 0.0,
+        default=None,
+    )
+    if worst is None or worst.share is None or worst.strength is None or worst.share <= 1:
+        return
+    ratio = worst.share
+    given = (
+        design.materials[worst.material].tensile_strength
+        if worst.material in design.materials
+        else None
+    )
+    hint = (
+        suggest_unit(1.0, lambda v: ratio / v <= 1, (("MPa", 1e6), ("GPa", 1e9)))
+        if given is not None and given < 1e6
+        else ""
+    )
+    stress = ratio * worst.strength
+    problem = (
+        f"{word} {worst.label} is under {_format_stress(stress)}, {ratio:.3g} times the strength of"
+        f" {worst.material} ({_format_stress(worst.strength)})"
+    )
+    remedy = (
+        f"tensile_strength = {given:g}: {hint}"
+        if hint
+        else (
+            f"check its dimensions (m) and the masses (kg) that it carries, or make the {word}"
+            " thicker"
+        )
+    )
+    yield ImplausibleNumber(Fault(key, problem, remedy), serious=True)
+
+
+def _format_stress(stress: float) -> str:
+    return f"{stress / 1e9:.3g} GPa" if stress >= 1e9 else f"{stress / 1e6:.3g} MPa"
+
+
+def _check_strain(stage: Stage, wires: list[WireLoad], path: str) -> Iterator[ImplausibleNumber]:
+    """Report the wire with the largest strain, if above `STRAIN`."""
+    strained = [
+        (wire.stretch / wire.length, wire, table)
+        for wire, table in zip(wires, list_wire_tables(stage), strict=True)
+    ]
+    strain, wire, table = max(strained, key=lambda item: item[0], default=(0.0, None, None))
+    if wire is None or table is None or strain <= STRAIN:
+        return
+    key = (
+        f"{path}.wires"
+        if stage.wires is not None
+        else f"{path}.wire.{wire.label.rsplit('.', 1)[1]}"
+    )
+    problem = (
+        f"wire {wire.label} is stretched by {100 * strain:.3g} % of its length, too far for a wire"
+    )
+    if table.k is not None:
+        hint = suggest_unit(1.0, lambda v: strain / v <= STRAIN, (("N/mm", 1e3),))
+        yield ImplausibleNumber(
+            Fault(f"{key}.k", problem, hint or "give k in N/m", format_value(table.k)),
+            serious=wire.stress is not None,
+        )
+        return
+    hint = (
+        suggest_unit(1.0, lambda v: strain / v <= 0.5, (("MPa", 1e6), ("GPa", 1e9)))
+        if strain > 1e3
+        else ""
+    )
+    remedy = (
+        f"Young's modulus of {wire.material}: {hint}"
+        if hint
+        else "check its cross-section, Young's modulus (Pa) and the masses (kg) that it carries"
+    )
+    yield ImplausibleNumber(Fault(key, problem, remedy), serious=True)
+
+
+def _check_sag(stage: Stage, blades: list[BladeLoad], path: str) -> Iterator[ImplausibleNumber]:
+    """Report the blade with the largest sag, if above `SAG` or its length."""
+    worst = max(blades, key=lambda blade: blade.sag, default=None)
+    if worst is None:
+        return
+    if stage.blades is not None:
+        table, key = stage.blades, f"{path}.blades"
+    else:
+        name = worst.label.rsplit(".", 1)[1]
+        table = next(blade for blade in stage.blade if blade.name == name)
+        key = f"{path}.blade.{name}"
+    length = None if table.geometry is None else table.geometry.length
+    if worst.sag <= SAG and (length is None or worst.sag <= length):
+        return
+    against = "" if length is None else f" (its length is {length:g} m)"
+    problem = f"blade {worst.label} sags by {worst.sag:.3g} m under {worst.load:.3g} N{against}"
+    units = {"stiffness": (("N/mm", 1e3),), "uncoupled_frequency": (("kHz", 1e6),)}
+    given = next((name for name in units if getattr(table, name) is not None), "")
+    hint = suggest_unit(1.0, lambda v: worst.sag / v <= 1.0, units[given]) if given else ""
+    remedy = hint or "check its stiffness (N/m), or its dimensions (m) and Young's modulus (Pa)"
+    yield ImplausibleNumber(
+        Fault(
+            f"{key}.{given}" if given else key,
+            problem,
+            remedy,
+            format_value(getattr(table, given)) if given else None,
+        ),
+        serious=worst.sag > SAG,
+    )
+
+
+def solve_stability(design: Design) -> tuple[Choice, Modes] | None:
+    """Solve for the modes of the static stiffness, in the model that `auto` chooses for them.
+
+    Returns
+    -------
+    choice : Choice
+    found : Modes
+        Both as a tuple; None if the model cannot be built.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            decision = auto.decide(design, lambda _: Frequencies())
+            return decision.choice, eigenmodes.solve(replace(decision.model, terms=()))
+    except (InputError, np.linalg.LinAlgError, ArithmeticError):
+        return None
+
+
+def find_instability(choice: Choice, found: Modes) -> list[ImplausibleNumber]:
+    """Report an unstable equilibrium, with the growth rate of its fastest mode."""
+    if found.stable:
+        return []
+    worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
+    return [
+        ImplausibleNumber(
+            Fault(
+                "stage",
+                f"the equilibrium is unstable in the {choice.level} model: {worst}",
+                "attach the wires higher above the COM (raise d)",
+            )
+        )
+    ]
+
+
+def find_serious(design: Design) -> list[ImplausibleNumber]:
+    """Find what makes results meaningless: serious implausible numbers and loads.
+
+    Loads are skipped for a design without equilibrium.
+    """
+    found = plausibility.find_implausible(design)
+    with contextlib.suppress(InputError):
+        found += find_implausible_loads(design, statics.solve(design))
+    return [item for item in found if item.serious]

@@ -1,0 +1,293 @@
+"""Statics of a design: tensions, stretch, sag, stress, height, displacement by imperfections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from suspension_cli.design import materials
+from suspension_cli.design.schema import Body, Design, Stage
+from suspension_cli.design.sections import area
+from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.equilibrium.solve import solve as balance
+from suspension_cli.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class WireLoad:
+    """Load of one wire.
+
+    Attributes
+    ----------
+    label : str
+    tension : float
+        N.
+    stretch : float
+        Elongation from its natural length, m.
+    length : float
+        Loaded, m.
+    stress : float or None
+        At its thinnest section, Pa; None where only k is known.
+    strength : float or None
+        Tensile strength of `material`, Pa; None where no strength is known.
+    share : float or None
+        Largest ratio of stress to strength of its sections.
+    material : str
+        Material of that section; "" where none is named.
+    """
+
+    label: str
+    tension: float
+    stretch: float
+    length: float
+    stress: float | None
+    strength: float | None
+    share: float | None
+    material: str
+
+
+@dataclass(frozen=True)
+class BladeLoad:
+    """Load of one blade.
+
+    Attributes
+    ----------
+    label : str
+    load : float
+        Vertical force at its tip, N.
+    sag : float
+        Deflection of its tip under the load, m.
+    stress : float or None
+        Largest, at its base, Pa; None where its geometry is not known.
+    strength, share : float or None
+        As in `WireLoad`.
+    material : str
+    """
+
+    label: str
+    load: float
+    sag: float
+    stress: float | None
+    strength: float | None
+    share: float | None
+    material: str
+
+
+@dataclass(frozen=True)
+class BodyPose:
+    """Displacement (m) and rotation vector (rad) of one body from its nominal pose."""
+
+    name: str
+    shift: tuple[float, float, float]
+    rotation: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Lowest:
+    """Lowest point of a stage.
+
+    Attributes
+    ----------
+    name : str
+        Of the stage.
+    z : float
+        From the suspension point, m.
+    point : str
+        "body", "wires" or "centre of mass".
+    """
+
+    name: str
+    z: float
+    point: str
+
+
+@dataclass(frozen=True)
+class Statics:
+    """Statics of one design.
+
+    Attributes
+    ----------
+    wires : tuple of WireLoad
+    blades : tuple of BladeLoad
+    bodies : tuple of BodyPose
+    lowest : tuple of Lowest
+        One per stage.
+    top : float
+        z of the highest end of a wire, m.
+    residual : float
+        Of the equilibrium, over the weight.
+    """
+
+    wires: tuple[WireLoad, ...]
+    blades: tuple[BladeLoad, ...]
+    bodies: tuple[BodyPose, ...]
+    lowest: tuple[Lowest, ...]
+    top: float
+    residual: float
+
+    @property
+    def height(self) -> float:
+        """From the highest to the lowest point, m."""
+        return self.top - min(stage.z for stage in self.lowest)
+
+
+def solve(design: Design) -> Statics:
+    """Solve the equilibrium of a design for its loads.
+
+    Raises
+    ------
+    InputError
+        If it cannot balance or a wire is slack.
+    """
+    scene = expand(design)
+    balanced = balance(scene)
+    balanced.demand(scene)
+    tables = [table for stage in design.stage for table in list_wire_tables(stage)]
+    rows = zip(
+        tables,
+        scene.wires.label,
+        balanced.tension.tolist(),
+        scene.wires.stiffness.tolist(),
+        scene.wires.length.tolist(),
+        strict=True,
+    )
+    pose = balanced.pose
+    bodies = tuple(
+        BodyPose(name, _vector(pose.shift[n]), _vector(_rotation_vector(pose.rotation[n])))
+        for n, name in enumerate(scene.bodies.name, 1)
+    )
+    ends = _end_heights(scene, balanced)
+    return Statics(
+        wires=tuple(
+            _wire_load(design, table, label, tension, tension / k, length)
+            for table, label, tension, k, length in rows
+        ),
+        blades=tuple(_blade_load(design, *blade) for blade in _blade_rows(design, scene, balanced)),
+        bodies=bodies,
+        lowest=tuple(
+            _find_lowest(stage.body, n, scene, balanced, ends[n])
+            for n, stage in enumerate(design.stage, 1)
+        ),
+        top=max((max(heights, default=-np.inf) for heights in ends), default=0.0)
+        if scene.wires.label
+        else 0.0,
+        residual=float(balanced.residual),
+    )
+
+
+def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
+    """List the table of each wire of a stage."""
+    return [stage.wires] * stage.wires.count if stage.wires is not None else stage.wire
+
+
+def _wire_load(
+    design: Design, table: WireSet | Wire, label: str, tension: float, stretch: float, length: float
+) -> WireLoad:
+    """Load of a wire; strength counts where the stress comes nearest to it."""
+    pieces = (
+        [(piece, piece.material or table.material) for piece in table.sections]
+        if table.sections is not None
+        else [(table, table.material)]
+    )
+    found: list[tuple[float, float | None, str]] = []
+    for piece, name in pieces:
+        if piece.radius is None and piece.section is None:
+            continue
+        thinnest = min(piece.radius) if isinstance(piece.radius, list) else piece.radius
+        found.append((tension / area(thinnest, piece.section), _strength(design, name), name or ""))
+    known = [
+        (stress / strength, strength, name)
+        for stress, strength, name in found
+        if strength is not None
+    ]
+    share, strength, material = max(
+        known, default=(None, None, max(found)[2] if found else table.material or "")
+    )
+    largest = max((stress for stress, _, _ in found), default=None)
+    return WireLoad(label, tension, stretch, length, largest, strength, share, material)
+
+
+def _strength(design: Design, name: str | None) -> float | None:
+    return None if name is None else materials.resolve(design, name).tensile_strength
+
+
+def _blade_rows(
+    design: Design, scene: Scene, balanced: Equilibrium
+) -> list[tuple[BladeSet | Blade, str, float, float]]:
+    """Table, label, vertical force on the tip (N) and vertical stiffness (N/m) of every blade."""
+    tables = [
+        table
+        for stage in design.stage
+        for table in (
+            [stage.blades] * stage.blades.count if stage.blades is not None else stage.blade
+        )
+    ]
+    k = scene.blades.stiffness[:, 2]
+    load = scene.blades.load[:, 2] - k * balanced.pose.deflection[:, 2]
+    return list(zip(tables, scene.blades.label, load.tolist(), k.tolist(), strict=True))
+
+
+def _blade_load(
+    design: Design, table: BladeSet | Blade, label: str, load: float, stiffness: float
+) -> BladeLoad:
+    """Load of a blade of length L, base width b and thickness h.
+
+    The largest stress under F, at its base, is 6 F L / (b h^2): beam theory, the moment F L over
+    the section modulus b h^2 / 6.
+    """
+    shape = table.geometry
+    if shape is None:
+        return BladeLoad(label, load, load / stiffness, None, None, None, table.material or "")
+    stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
+    strength = _strength(design, shape.material)
+    share = None if strength is None else stress / strength
+    return BladeLoad(label, load, load / stiffness, stress, strength, share, shape.material)
+
+
+def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:
+    """List the heights z (m) of the ends of wires on each body, the support first."""
+    heights: list[list[float]] = [[] for _ in range(len(scene.bodies.name) + 1)]
+    z, rotation = scene.bodies.position[:, 2] + balanced.pose.shift[:, 2], balanced.pose.rotation
+    for body, points in (
+        (scene.wires.upper, scene.wires.upper_point),
+        (scene.wires.lower, scene.wires.lower_point),
+    ):
+        for n, point in zip(body.tolist(), points, strict=True):
+            heights[n].append(float(z[n] + rotation[n, 2] @ point))
+    return heights
+
+
+def _find_lowest(
+    body: Body, n: int, scene: Scene, balanced: Equilibrium, ends: list[float]
+) -> Lowest:
+    """Find the lowest point of a body and of the wires' ends on it."""
+    z = float(scene.bodies.position[n, 2] + balanced.pose.shift[n, 2])
+    points = [(z, "centre of mass"), *((end, "wires") for end in ends)]
+    if body.shape is not None:
+        points = [(z - _half_height(body, balanced.pose.rotation[n, 2]), "body"), *points]
+    lowest = min(points, key=lambda point: point[0])
+    return Lowest(scene.bodies.name[n - 1], *lowest)
+
+
+def _half_height(body: Body, up: np.ndarray) -> float:
+    """Half the extent (m) of a shape along `up`, a unit vector in its own axes."""
+    if body.shape == "box":
+        return float(np.abs(up) @ np.array(body.size) / 2)
+    assert body.radius is not None and body.length is not None
+    along = abs(float(up["xyz".index(body.axis or "x")]))
+    return body.length / 2 * along + body.radius * float(np.sqrt(max(1 - along**2, 0.0)))
+
+
+def _rotation_vector(rotation: np.ndarray) -> np.ndarray:
+    """Rotation vector (rad) of a rotation matrix, for angles below pi."""
+    skew = (rotation - rotation.T)[[2, 0, 1], [1, 2, 0]] / 2
+    sine = np.sqrt((skew**2).sum())
+    angle = np.arctan2(sine, (np.trace(rotation) - 1) / 2)
+    return skew * (angle / sine if sine > 0 else 1.0)
+
+
+def _vector(values: np.ndarray) -> tuple[float, float, float]:
+    return (float(values[0]), float(values[1]), float(values[2]))

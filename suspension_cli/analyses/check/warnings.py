@@ -1,0 +1,112 @@
+"""Warnings about implausible designs and designs near a limit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Log
+    from suspension_cli.analyses.check.limits import Limits, NearLimit
+    from suspension_cli.analyses.check.lossless import Lossless
+    from suspension_cli.design.schema import Design
+    from suspension_cli.linear.eigenmodes import Modes
+    from suspension_cli.linear.system import LinearSystem
+    from suspension_cli.models.base import Model
+
+
+def warn_implausible(design: Design, log: Log) -> None:
+    """Warn of implausible numbers that make results meaningless; `pendsus check` lists all."""
+    from suspension_cli.analyses.check import plausible
+
+    for item in plausible.find_serious(design):
+        log.warn(f"{design.design.name}: {item.line}")
+
+
+def warn(design: Design, model: LinearSystem, found: Modes, log: Log) -> None:
+    """Warn of implausible numbers of a design and of limits that it is near."""
+    from suspension_cli.analyses.check import limits
+
+    warn_implausible(design, log)
+    for line in describe_limits(limits.find_limits(design, model, found)):
+        log.warn(f"{design.design.name}: {line}")
+
+
+def warn_of_modes(design: Design, model: Model, found: Modes, log: Log) -> None:
+    """Warn of a design near a limit, given its modes in a model."""
+    from suspension_cli.models import registry
+
+    simpler = registry.BEAM if model.has_wire_mass else model
+    warn(design, simpler.system(design), found, log)
+
+
+def describe_limits(near: Limits) -> list[str]:
+    """Describe each limit in one line."""
+    lines = []
+    if near.digits is not None:
+        lines.append(
+            f"stiff wires leave soft modes few digits: the frequency of {near.digits.name} has a"
+            f" relative error of up to {near.digits.value:.1e}"
+        )
+    if near.tipping is not None:
+        lines.append(
+            f"{near.tipping.name} is close to unstable: attaching the wires"
+            f" {1e3 * near.tipping.value:.2g} mm lower makes it unstable; raise d"
+        )
+    if near.slack is not None:
+        lines.append(describe_slack(near.slack))
+    if near.balance:
+        lines.append(
+            f"the equilibrium has a residual of {near.balance:.0e} of the weight, from rounding of"
+            " the lengths of its stiffest wires"
+        )
+    return lines
+
+
+def describe_slack(near: NearLimit) -> str:
+    """Describe a wire about to go slack in one line."""
+    return (
+        f"wire {near.name} is about to go slack: it carries {100 * near.value:.2g} % of the mean"
+        " tension of its stage"
+    )
+
+
+def describe_lossless(found: list[Lossless], level: str) -> list[str]:
+    """Describe parts without loss in the model `level`.
+
+    One line for parts without any loss, one for parts with thermoelastic loss alone.
+    """
+    from suspension_cli.models import registry
+
+    lines = []
+    nothing = [one for one in found if not one.thermoelastic]
+    thermoelastic = [one for one in found if one.thermoelastic]
+    if nothing:
+        own = (
+            ""
+            if registry.by_name(level).bends_wires
+            else f" in the {level} model, which uses only loss angles given in the design"
+        )
+        lines.append(
+            f"no loss{own}: {_parts(nothing)}; they add no thermal noise and do not limit Q;"
+            f" {_remedy(nothing)}"
+        )
+    if thermoelastic:
+        lines.append(
+            f"no bulk loss, only thermoelastic loss where they bend: {_parts(thermoelastic)};"
+            f" thermal noise is too low and Q too high; {_remedy(thermoelastic)}"
+        )
+    return lines
+
+
+def _remedy(found: list[Lossless]) -> str:
+    """Name the keys that give a loss to parts without."""
+    made = sorted({f"materials.{name}.loss_angle" for one in found for name in one.material})
+    others = [one.part for one in found if not one.material]
+    return "give " + " and ".join(made + ([f"loss_angle of {', '.join(others)}"] if others else []))
+
+
+def _parts(found: list[Lossless]) -> str:
+    """List parts with their materials: ``upper.blades, test.wires (steel302)``."""
+    return ", ".join(
+        one.part + (f" ({', '.join(one.material)})" if one.material else "") for one in found
+    )

@@ -1,0 +1,1 @@
+"""Close control loops: poles, margins, impulse response, sensor noise."""

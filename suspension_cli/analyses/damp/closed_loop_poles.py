@@ -1,0 +1,297 @@
+"""Closed-loop poles refined with frequency-dependent losses, accurate in their decay rates.
+
+With filters x_f' = A_f x_f + B_f y, u = -(C_f x_f + D_f y), and losses at the frequency Im s of the
+pole, a pole s is a root of
+
+    [ K + i K''(Im s) + s C + s^2 M + P D_f S    P C_f    ] [ x   ]
+    [ -B_f S                                     s - A_f  ] [ x_f ] = T(s) v = 0,
+
+which Newton's method finds from the poles of the state space, where losses are constant matrices
+(inverse iteration, s - (w^T v)/(w^T y) with T y = T' v; Ruhe, SIAM J. Numer. Anal. 10, 674 (1973)).
+Loss angles do not act on a pole that does not oscillate.
+
+The real part of such a root carries the rounding error of the stiffness, which hides a Q of 1e10.
+The shape x of a pole s = sigma + i omega, Z(s) x = 0, also satisfies x^H Z x = 0, whose imaginary
+part gives the decay from dissipation and feedback alone,
+
+    -2 sigma omega x^H M x = x^H K'' x + omega x^H C x + Im(sum over loops of H(s) (x^H push) (sense
+    x)),
+
+as M, K and C are symmetric: the stiffness drops out, and the relative error of sigma is about that
+of x.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp.control import Plant
+from suspension_cli.linear.poles import Poles
+from suspension_cli.linear.quality import NOTHING
+
+SLOW = 1e-3
+"""Decay rate over frequency below which it is computed from the dissipation."""
+NEWTON = 30
+"""Most steps of Newton's method; about 4 are enough."""
+CONVERGED = 1e-13
+"""Relative step at which Newton's method ends; it also ends where steps no longer shrink."""
+UNCHANGED = 1e-10
+"""Relative change of a frequency up to which its losses are not evaluated again."""
+RENEWALS = 20
+"""Most evaluations of the losses per pole; two are enough."""
+STEPS = 4
+"""Steps of inverse iteration for a shape."""
+NEAR = 1e-9
+"""Change of a pole over its frequency that may be a rounding error."""
+ASIDE = 1e-12
+"""Relative distance from a pole at which its shape is solved for: at the pole Z is singular."""
+
+
+def refine(found: Poles, plant: Plant) -> Poles:
+    """Refine the closed-loop poles of a state space on the plant with frequency-dependent losses.
+
+    Parameters
+    ----------
+    found : Poles
+        Poles (p,) of the state space, whose losses may be approximated by constant matrices.
+    plant : Plant
+        With the model's own losses.
+
+    Returns
+    -------
+    Poles
+        (p,), rad/s, ascending in modulus; exactly imaginary where nothing dissipates or feeds.
+    """
+    model = plant.model
+    values = _drop_rounding(found.value, found.rounding)
+    joined = np.abs(model.damping)
+    for pushed, sensed in zip(plant.pushed, plant.sensed, strict=True):
+        joined = joined + np.abs(np.outer(pushed, sensed))
+    groups = replace(model, damping=joined).blocks
+    known = {name: n for n, name in enumerate(model.coordinate)} | {
+        f"loop {loop.name}": int(np.flatnonzero(pushed[6:])[0]) + 6
+        for loop, pushed in zip(plant.loops, plant.pushed, strict=True)
+    }
+    member = np.array([_find_block(state, known, groups) for state in found.state], dtype=np.intp)
+    for number in set(member.tolist()):
+        here = np.flatnonzero(member == number)
+        block = _Block.of(plant, groups[number])
+        starts = values[here]
+        pairs = zip(starts, block.dispersive(starts.imag), strict=True)
+        solved = [_find_root(complex(start), block, lossy) for start, lossy in pairs]
+        roots: Any = np.array([root for root, _ in solved])
+        # a root nearer to another start has converged to another pole
+        own = np.abs(roots[:, None] - starts).argmin(1) == np.arange(len(here))
+        values[here[own]] = _drop_rounding(roots, found.rounding)[own]
+        slow = np.flatnonzero(own & (roots.imag > 0) & (np.abs(roots.real) <= SLOW * np.abs(roots)))
+        if len(slow):
+            shapes = np.array([_solve_shape(solved[n][0], block, solved[n][1]) for n in slow])
+            decay = _compute_decays(roots[slow], block, shapes.T)
+            # a larger change: two poles at one frequency, whose shapes mix
+            alone = np.abs(decay - roots[slow].real) <= NEAR * np.abs(roots[slow])
+            values[here[slow[alone]]] = decay[alone] + 1j * roots[slow[alone]].imag
+    order = np.argsort(np.abs(values), kind="stable")
+    return Poles(values[order], tuple(found.state[n] for n in order))
+
+
+def _drop_rounding(values: Any, rounding: float) -> Any:
+    """Set real parts of poles (p,) that may be rounding errors to 0."""
+    return np.where(np.abs(values.real) <= rounding * np.abs(values), 1j * values.imag, values)
+
+
+def _find_block(state: str, known: dict[str, int], groups: Any) -> int:
+    """Find the block of a state, such as ``upper.x``, ``frame.x momentum`` or ``loop roll 2``."""
+    place = known[state if state in known else state.rpartition(" ")[0]]
+    return next(n for n, group in enumerate(groups) if place in group)
+
+
+@dataclass(frozen=True)
+class _Block:
+    """A block: coordinates (c,) uncoupled from all others, with the loops that act on them.
+
+    Attributes
+    ----------
+    plant : Plant
+        These loops alone, with `sensed` and `pushed` (l, c).
+    mass, stiffness, damping, lossy : (c, c) arrays
+        M, K, C and the K'' of constant loss angles.
+    terms : tuple of Term
+        Losses that depend on frequency.
+    filters : tuple of (q, q), (q, l), (l, q), (l, l) arrays
+        A_f, B_f, C_f, D_f of all filters, without velocity dampers.
+    resisting : (c, c) array
+        C with velocity dampers.
+    """
+
+    plant: Plant
+    mass: Any
+    stiffness: Any
+    damping: Any
+    lossy: Any
+    terms: tuple[Any, ...]
+    filters: tuple[Any, ...]
+    resisting: Any
+
+    @staticmethod
+    def of(plant: Plant, group: Any) -> _Block:
+        """Cut a block of coordinates (c,) out of a plant."""
+        model, rows = plant.model, np.ix_(group, group)
+        keep = [
+            n
+            for n in range(len(plant.loops))
+            if plant.pushed[n, group].any() or plant.sensed[n, group].any()
+        ]
+        acting = plant.with_loops(keep)
+        acting = replace(acting, pushed=acting.pushed[:, group], sensed=acting.sensed[:, group])
+        damping = model.damping[rows]
+        resisting, filters = damping, []
+        for loop, pushed, sensed in zip(acting.loops, acting.pushed, acting.sensed, strict=True):
+            if loop.damper is None:
+                filters.append(control.realise_filter(loop))
+            else:
+                resisting = resisting + loop.damper * np.outer(pushed, sensed)
+                filters.append(
+                    (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 1)))
+                )
+        return _Block(
+            acting,
+            model.mass[rows],
+            model.stiffness[rows],
+            damping,
+            np.zeros(damping.shape) if model.lossy is None else model.lossy[rows].imag,
+            tuple(term.within(group) for term in model.terms),
+            # the first, empty block: block_diag() of nothing has a row
+            tuple(block_diag(np.zeros((0, 0)), *(one[n] for one in filters)) for n in range(4)),
+            resisting,
+        )
+
+    def dispersive(self, omega: Any) -> Any:
+        """i K'' (p, c, c) of all losses at frequencies (p,), rad/s; 0 at 0, without oscillation."""
+        result = np.zeros((len(omega), *self.mass.shape), dtype=complex)
+        moving = omega > 0
+        result[moving] = 1j * self.lossy
+        for term in self.terms if moving.any() else ():
+            result[moving] += np.einsum(
+                "nf,nij->fij", term.at(omega[moving]).all_functions(), term.all_matrices
+            )
+        return result
+
+    def dissipated(self, x: Any, omega: Any) -> Any:
+        """x^H K'' x + omega x^H C x (p,) of motions x (c, p) at frequencies omega (p,), rad/s."""
+        lost = (
+            np.einsum("ip,ij,jp->p", x.conj(), self.lossy, x).real
+            + omega * np.einsum("ip,ij,jp->p", x.conj(), self.damping, x).real
+        )
+        return lost + sum(
+            value for term in self.terms for value in term.at(omega).dissipated(x).values()
+        )
+
+
+def _find_root(start: complex, block: _Block, lossy: Any) -> tuple[complex, Any]:
+    """Find a root of T(s) near a start, with the losses (c, c) there, from those at the start.
+
+    The start itself where Newton's method does not converge.
+    """
+    if start == 0:  # a free coordinate
+        return start, lossy
+    s = start
+    for _ in range(RENEWALS):
+        last, s = s, _iterate_newton(s, block, lossy)
+        if not np.isfinite(s) or s.imag < 0 or (start.imag > 0) != (s.imag > 0):
+            return start, lossy
+        if abs(s.imag - last.imag) <= UNCHANGED * abs(s):
+            return s, lossy
+        lossy = block.dispersive(np.array([s.imag]))[0]
+    return start, lossy
+
+
+def _iterate_newton(s: complex, block: _Block, lossy: Any) -> complex:
+    """Find a root of T(s) with given losses (c, c) by Newton's method; NaN without convergence."""
+    a, b, c, d = block.filters
+    size, count = len(block.mass), len(block.mass) + len(a)
+    pushed, sensed = block.plant.pushed, block.plant.sensed
+    slope, matrix = np.eye(count, dtype=complex), np.zeros((count, count), dtype=complex)
+    matrix[:size, size:], matrix[size:, :size] = pushed.T @ c, -b @ sensed
+    last, constant, real = np.inf, block.stiffness + lossy + pushed.T @ d @ sensed, s.imag == 0
+    shape = np.random.default_rng(0).normal(size=count).astype(complex)
+    for step in range(NEWTON):
+        matrix[:size, :size] = constant + s * block.resisting + s**2 * block.mass
+        matrix[size:, size:] = s * np.eye(len(a)) - a
+        slope[:size, :size] = block.resisting + 2 * s * block.mass
+        row, column = _equilibrate(matrix)
+        try:
+            scaled = np.linalg.solve(row[:, None] * matrix * column, row * (slope @ shape))
+        except np.linalg.LinAlgError:  # singular: s is the root to the last bit
+            return s
+        lead = int(np.abs(scaled).argmax())
+        found = column * scaled
+        if step > 0:  # the first step only finds the shape
+            change = shape[lead] / found[lead]
+            s = s - (complex(change.real) if real else change)
+            if abs(change) <= CONVERGED * abs(s) or last / 2 <= abs(change) <= NEAR * abs(s):
+                return s
+            last = abs(change)
+        shape = found / abs(scaled[lead])
+    return complex(np.nan)
+
+
+def _equilibrate(matrix: Any) -> tuple[Any, Any]:
+    """Factors (c,) of rows and columns that bring their largest elements near 1."""
+    size = np.abs(matrix)
+    row, column = np.ones(len(size)), np.ones(len(size))
+    for _ in range(3):
+        now = row[:, None] * size * column
+        row, column = row / np.sqrt(_largest(now, 1)), column / np.sqrt(_largest(now, 0))
+    return row, column
+
+
+def _largest(size: Any, axis: int) -> Any:
+    """Largest element along an axis; 1 where all are 0."""
+    largest = size.max(axis, initial=0.0)
+    return np.where(largest > 0, largest, 1.0)
+
+
+def _solve_shape(s: complex, block: _Block, lossy: Any) -> Any:
+    """Solve for the shape (c,) of a pole s by inverse iteration."""
+    pushed, sensed = block.plant.pushed, block.plant.sensed
+    root = np.sqrt(np.abs(np.diag(block.stiffness)) + abs(s) ** 2 * np.diag(block.mass))
+    near = s * (1 + ASIDE)
+    dynamic = (
+        block.stiffness
+        + lossy
+        + near * block.damping
+        + near**2 * block.mass
+        + (pushed.T * _filter_responses(np.array([near]), block)[:, 0]) @ sensed
+    )
+    shape = np.random.default_rng(0).normal(size=len(root)).astype(complex)
+    for _ in range(STEPS):
+        shape = np.linalg.solve(dynamic / np.outer(root, root), shape)
+        shape = shape / np.abs(shape).max()
+    return shape / root
+
+
+def _filter_responses(s: Any, block: _Block) -> Any:
+    """H (l, p) of all loops at complex s (p,), rad/s."""
+    return np.array(
+        [control.evaluate_filter(loop, s / (2j * np.pi)) for loop in block.plant.loops],
+        dtype=complex,
+    ).reshape(-1, len(s))
+
+
+def _compute_decays(s: Any, block: _Block, x: Any) -> Any:
+    """Compute the real parts (p,) of poles (p,) from their shapes (c, p)."""
+    weight = np.einsum("ip,ij,jp->p", x.conj(), block.mass, x).real
+    gain = (
+        (_filter_responses(s, block) * (block.plant.pushed @ x.conj()) * (block.plant.sensed @ x))
+        .sum(0)
+        .imag
+    )
+    acting = block.dissipated(x, s.imag) + gain
+    return np.where(
+        np.abs(acting) > NOTHING * s.imag**2 * weight, -acting / (2 * s.imag * weight), 0.0
+    )

@@ -1,0 +1,203 @@
+"""`pendsus damp`: local control."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number
+from suspension_cli.analyses.options import option
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.damp.solve import LocalControl
+
+
+class DampAnalysis(Analysis):
+    """Close the loops of the design's [control] table.
+
+    Prints poles with their Q, gain and phase margins, the impulse response and the sensor noise at
+    the test mass. A closed loop that is unstable is reported first, with its growth rate; it has no
+    margins. Writes DIR/NAME-damp.h5 and .png.
+
+    Example: pendsus damp configs/triple-damped.toml
+    """
+
+    name = "damp"
+    arguments = (options.DESIGN,)
+    parameters = (
+        option(
+            "--output",
+            metavar="SIGNAL",
+            help="The motion that is observed.  [default: x of the last stage]",
+        ),
+        option(
+            "--impulse",
+            metavar="SIGNAL",
+            help=(
+                "The force that gives a unit impulse (1 N s)."
+                "  [default: the force on the observed motion]"
+            ),
+        ),
+        option(
+            "--duration",
+            type=click.FloatRange(1e-3, 1e6),
+            default=60.0,
+            show_default=True,
+            help="Length of the impulse response, s.",
+        ),
+        option(
+            "--frequency",
+            default="0.1:100:2000",
+            show_default=True,
+            metavar="GRID",
+            help="Frequencies of loop gains and noise, Hz.",
+        ),
+        options.ALLOW_UNSTABLE,
+        options.ACCURACY,
+        *options.WRITING,
+    )
+
+    def solve(self, run: Run) -> Result:
+        """Close all loops."""
+        import numpy as np
+
+        from suspension_cli.analyses import model_choice
+        from suspension_cli.analyses.damp import solve as damp
+        from suspension_cli.conventions import DOFS
+        from suspension_cli.grids import parse_grid
+        from suspension_cli.linear.signals import FORCES
+
+        setting = run.setting
+        decision = model_choice.without_wire_mass(
+            run.source, setting["fidelity"], setting["tolerance"]
+        )
+        choice = decision.choice
+        model = model_choice.stable_system(
+            run.source, choice, setting["allow_unstable"], run.log, decision.model, bends=True
+        )
+        output = setting["output"] or f"{model.body[-1]}.x"
+        body, dof = output.partition("@")[0].rpartition(".")[::2]
+        push: str = setting["impulse"] or (
+            f"{body}.{FORCES[DOFS.index(dof)]}"
+            if dof in DOFS and body in model.body
+            else "support.x"
+        )
+        frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+        found = damp.solve(run.design, model, output, push, frequency, setting["duration"])
+        if not found.stable:
+            run.log.warn(f"the closed loop is unstable: {growth(found)}")
+        return Result(self, run.source, choice, found, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return poles, margins and sensor noise."""
+        answer: LocalControl = result.data
+        closed = answer.closed
+        poles = []
+        for f, q, growth, p, state in zip(
+            closed.frequency, closed.q, closed.growth_rate, closed.value, closed.state, strict=True
+        ):
+            pole = {
+                "frequency_hz": float(f),
+                "q": None if growth else as_number(q),
+                "real_per_s": float(p.real),
+                "imag_per_s": float(p.imag),
+                "state": state,
+            }
+            poles.append(pole | ({"growth_rate_per_s": float(growth)} if growth else {}))
+        margins = None
+        if answer.margin is not None:
+            pairs = zip(answer.loop, answer.margin, strict=True)
+            margins = [
+                {"loop": loop} | {key: as_number(value) for key, value in vars(margin).items()}
+                for loop, margin in pairs
+            ]
+        noise = (answer.noise**2).sum(1) ** 0.5
+        return {
+            "stable": answer.stable,
+            "output": answer.output,
+            "impulse": answer.drive,
+            "poles": poles,
+            "margins": margins,
+            "frequency_hz": answer.frequency.tolist(),
+            "sensor_noise_asd": noise.tolist(),
+        }
+
+    def text(self, result: Result) -> str:
+        """Return tables of poles and margins."""
+        answer: LocalControl = result.data
+        lines = [] if answer.stable else [f"UNSTABLE: {growth(answer)}", ""]
+        lines += [
+            result.choice.line,
+            "",
+            "  closed-loop pole       Q  lives in",
+        ]
+        closed = answer.closed
+        for frequency, q, rate, state in zip(
+            closed.frequency, closed.q, closed.growth_rate, closed.state, strict=True
+        ):
+            size = "grows" if rate else "undamped" if q == float("inf") else f"{q:.4g}"
+            lines.append(
+                f"  {frequency:#11.5g} Hz  {size:>8}  {state}"
+                + (f", {rate:.4g} 1/s" if rate else "")
+            )
+        if answer.margin is None:
+            return "\n".join([*lines, "", "  An unstable loop has no margins."])
+        lines += [
+            "",
+            "  loop           phase margin             gain margin          nearest to -1",
+        ]
+        for loop, m in zip(answer.loop, answer.margin, strict=True):
+            phase = (
+                f"{m.phase:.0f} degrees at {m.phase_frequency:.3g} Hz"
+                if m.phase < float("inf")
+                else "gain below 1"
+            )
+            gain = " and ".join(
+                part
+                for part in (
+                    f"x {m.gain_up:.3g}" if m.gain_up < float("inf") else "",
+                    f"x {m.gain_down:.3g}" if m.gain_down else "",
+                )
+                if part
+            )
+            lines.append(f"  {loop:12}  {phase:24} {gain or 'without limit':20} {m.distance:.3g}")
+        return "\n".join(lines)
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the group `damp`."""
+        from suspension_cli.analyses.damp import file as stored
+
+        stored.fill(file.create_group("damp"), result.data)
+
+    def load(self, file: h5py.File) -> LocalControl:
+        """Read the group `damp`."""
+        from suspension_cli.analyses.damp import file as stored
+
+        return stored.load(file["damp"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw poles, impulse response, loop gains and sensor noise."""
+        from suspension_cli.analyses.damp import picture
+
+        return {"": picture.draw(result.data, result.title)}
+
+
+def growth(answer: LocalControl) -> str:
+    """The pole that grows fastest, and what to do about it."""
+    closed = answer.closed
+    worst = int(closed.growth_rate.argmax())
+    others = int((closed.growth_rate > 0).sum()) - 1
+    more = f" (and {others} more)" if others else ""
+    where = (
+        f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at"
+        f" {closed.growth_rate[worst]:.4g} 1/s"
+    )
+    return f"{where}{more}; lower the gain of the loops that drive it, or their phase lag there"
+
+
+ANALYSIS = DampAnalysis()

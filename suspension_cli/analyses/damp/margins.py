@@ -1,0 +1,256 @@
+"""Gain, phase and modulus margins of loops, on an adaptive frequency grid.
+
+A loop gain L scaled by a real kappa has a closed-loop pole at i omega where 1 + kappa L(i omega) =
+0, so gain margins are -1/L where L is real and negative; phase margins are read where |L| is 1
+(Astrom and Murray, Feedback Systems, 2nd ed., section 10.3). Around a resonance of quality factor Q
+the curve L(i omega) runs through a circle within 1/Q of its frequency, which a fixed grid misses.
+From given frequencies (poles, zeros, ...) the grid is refined until L and 1 + L change little
+between neighbours; crossings of the real axis and of the unit circle, and the points closest to -1,
+are then found to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.scene.scene import Array
+
+Gain = Callable[[Array], Any]
+"""Loop gains (f, l) at frequencies (f,) in Hz."""
+
+STEP = 0.5
+"""Largest change of log L and log(1 + L) between neighbours."""
+QUARTERS = np.array([0.25, 0.5, 0.75])
+"""Where an interval is divided, on a log scale."""
+CLOSEST = 1e-14
+"""Relative width of the narrowest interval: a change within it is a pole or zero without loss."""
+BEYOND = 1e3
+"""Factor by which the grid extends beyond the outermost given frequencies."""
+ITERATIONS = 60
+"""Most steps of regula falsi; about 6 are enough."""
+FOUND = 1e-12
+"""Value of the measure at which a crossing is found."""
+ROUNDING = 4 * np.finfo(float).eps
+"""Relative distance of frequencies that count as different."""
+GOLDEN = (np.sqrt(5.0) - 1) / 2
+"""Golden section: factor by which each step of the search narrows an interval."""
+NARROWINGS = 28
+"""Steps of the search: 0.618^28 is 1e-6, and the error of the minimum is the square of that."""
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Stability margins of a loop, broken at its actuator with the others closed.
+
+    Attributes
+    ----------
+    phase : float
+        Phase margin, degrees: the smallest of all unity-gain frequencies; inf if there is none.
+    phase_frequency : float
+        Its unity-gain frequency, Hz; NaN if there is none.
+    gain_up, gain_down : float
+        Gain margins: factors by which the gain may grow or shrink before a pole reaches the
+        imaginary axis; inf and 0 without limit.
+    distance : float
+        Modulus margin: smallest |1 + L|.
+    """
+
+    phase: float
+    phase_frequency: float
+    gain_up: float
+    gain_down: float
+    distance: float
+
+
+def compute_margins(gain: Gain, frequency: Array, static: Array | None = None) -> list[Margins]:
+    """Compute the margins of each loop of a stable closed-loop system.
+
+    Parameters
+    ----------
+    gain : callable
+        Loop gains L (f, l) at ascending frequencies (f,) in Hz.
+    frequency : (n,) array
+        Hz, at which the gains may have poles and zeros, and a width to either side of each.
+    static : (l,) array, optional
+        Real gains at 0 Hz, infinite where the gain there is not real. A loop with L < 0, scaled by
+        -1/L, has a pole at 0.
+
+    Returns
+    -------
+    list of Margins
+        One per loop (l).
+
+    Examples
+    --------
+    >>> def loop(f):
+    ...     s = 2j * np.pi * f[:, None]
+    ...     return 1 / (s * (s + 1) * (s + 2))
+    >>> round(compute_margins(loop, np.array([0.1, 1.0]))[0].gain_up, 6)
+    6.0
+    """
+    frequency, value = refine_grid(gain, frequency)
+    unity, lag = _find_crossings(
+        gain, frequency, value, lambda z: np.log(_size(z)), lambda z: np.ones(z.shape, dtype=bool)
+    )
+    _, size = _find_crossings(gain, frequency, value, lambda z: np.angle(-z), lambda z: z.real < 0)
+    nearest = _smallest_distance(gain, frequency, value)
+    result = []
+    for n in range(value.shape[1]):
+        factors = 1 / np.abs(size[n])
+        if static is not None and static[n] < 0:
+            factors = np.append(factors, -1 / static[n])
+        phases = np.abs(np.degrees(np.angle(-lag[n])))
+        where = int(phases.argmin()) if len(phases) else 0
+        result.append(
+            Margins(
+                phase=float(phases[where]) if len(phases) else np.inf,
+                phase_frequency=float(unity[n][where]) if len(phases) else np.nan,
+                gain_up=float(factors[factors > 1].min(initial=np.inf)),
+                gain_down=float(factors[factors < 1].max(initial=0.0)),
+                distance=float(nearest[n]),
+            )
+        )
+    return result
+
+
+def refine_grid(gain: Gain, frequency: Array) -> tuple[Array, Any]:
+    """Refine frequencies until gains change little between neighbours.
+
+    Parameters
+    ----------
+    gain : callable
+    frequency : (n,) array
+        Hz.
+
+    Returns
+    -------
+    frequency : (f,) array
+        Hz, ascending.
+    value : (f, l) complex array
+        Gains there.
+    """
+    known = np.unique(frequency[frequency > 0])
+    known = np.concatenate([[known[0] / BEYOND], known, [known[-1] * BEYOND]])
+    value = gain(known)
+    while True:
+        change = np.maximum(_change(value), _change(1 + value)).max(1, initial=0.0)
+        wide = np.flatnonzero((change > STEP) & (np.diff(known) > CLOSEST * known[1:]))
+        if not len(wide):
+            return known, value
+        between = known[wide, None] * (known[wide + 1] / known[wide])[:, None] ** QUARTERS
+        new = np.setdiff1d(between, known)
+        if not len(new):
+            return known, value
+        place = np.searchsorted(known, new)
+        known, value = np.insert(known, place, new), np.insert(value, place, gain(new), axis=0)
+
+
+def _size(value: Any) -> Any:
+    """Modulus, above 0 for its logarithm."""
+    return np.maximum(np.abs(value), np.finfo(float).tiny)
+
+
+def _change(value: Any) -> Any:
+    """Modulus of the logarithm of the ratio of neighbours, (f - 1, l)."""
+    return np.hypot(np.diff(np.log(_size(value)), axis=0), np.angle(value[1:] * value[:-1].conj()))
+
+
+def _find_crossings(
+    gain: Gain,
+    frequency: Array,
+    value: Any,
+    measure: Callable[[Any], Any],
+    counts: Callable[[Any], Any],
+) -> tuple[list[Array], list[Any]]:
+    """Find where a measure of each loop's gain is 0: frequencies (c,) and gains (c,) per loop.
+
+    Points count where `counts` is true of the gain. An interval across which the curve jumps (a
+    pole or zero without loss) is not a crossing.
+    """
+    level, good = measure(value), counts(value)
+    crossed = (
+        ((level[:-1] > 0) != (level[1:] > 0)) & good[:-1] & good[1:] & (_change(value) < 2 * STEP)
+    )
+    at, loop = np.nonzero(crossed)
+    low, high = frequency[at], frequency[at + 1]
+    low_value, high_value = value[at, loop], value[at + 1, loop]
+    at_low, at_high = level[at, loop], level[at + 1, loop]
+    before = np.zeros(len(at))
+    for _ in range(ITERATIONS if len(at) else 0):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            middle = low - at_low * (high - low) / (at_high - at_low)
+        close = np.minimum(ROUNDING * high, (high - low) / 2)
+        middle = np.clip(np.where(np.isfinite(middle), middle, low), low + close, high - close)
+        now = _evaluate_each(gain, middle, loop)
+        seen = measure(now)
+        same = (seen > 0) == (at_low > 0)
+        low, low_value, high_value = (
+            np.where(same, middle, low),
+            np.where(same, now, low_value),
+            np.where(same, high_value, now),
+        )
+        side = np.where(same, 1.0, -1.0)
+        # Illinois variant: halve the value at an end kept twice (Dowell and Jarratt, BIT 11, 168,
+        # 1971)
+        stays = np.where(side == before, 0.5, 1.0)
+        at_low, at_high, high = (
+            np.where(same, seen, stays * at_low),
+            np.where(same, stays * at_high, seen),
+            np.where(same, high, middle),
+        )
+        before = side
+        if ((np.abs(seen) < FOUND) | (high - low < 3 * ROUNDING * high)).all():
+            break
+    # interpolate: between these frequencies the circle of a Q of 1e9 still turns by 1e-7
+    at_low, at_high = measure(low_value), measure(high_value)
+    weight = np.where(
+        at_low == at_high, 0.0, at_low / np.where(at_low == at_high, 1.0, at_low - at_high)
+    )
+    found, where = low_value * (high_value / low_value) ** weight, low + weight * (high - low)
+    every = range(value.shape[1])
+    return [where[loop == n] for n in every], [found[loop == n] for n in every]
+
+
+def _evaluate_each(gain: Gain, frequency: Array, loop: Any) -> Any:
+    """Evaluate the gain (c,) of one loop (c,) at each frequency (c,)."""
+    order = np.argsort(frequency, kind="stable")
+    result = np.empty(len(frequency), dtype=complex)
+    result[order] = gain(frequency[order])[np.arange(len(frequency)), loop[order]]
+    return result
+
+
+def _smallest_distance(gain: Gain, frequency: Array, value: Any) -> Array:
+    """Find the smallest |1 + L| (l,) of each loop, by golden section search around local minima."""
+    distance, change = np.abs(1 + value), _change(1 + value)
+    smallest = distance.min(0)
+    # lower bound of the curve between the neighbours
+    least = distance[1:-1] * np.exp(-np.maximum(change[:-1], change[1:]))
+    low_point = (
+        (distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:]) & (least < smallest)
+    )
+    at, loop = np.nonzero(low_point)
+    low, high = frequency[at], frequency[at + 2]
+
+    def distance_at(where: Array) -> Array:
+        return np.abs(1 + _evaluate_each(gain, where, loop))
+
+    if len(at):
+        a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        at_a, at_b = distance_at(a), distance_at(b)
+        for _ in range(NARROWINGS):
+            left = at_a < at_b
+            np.minimum.at(smallest, loop, np.minimum(at_a, at_b))
+            low, high = np.where(left, low, a), np.where(left, b, high)
+            new = np.where(left, high - GOLDEN * (high - low), low + GOLDEN * (high - low))
+            at_new = distance_at(new)
+            a, b, at_a, at_b = (
+                np.where(left, new, b),
+                np.where(left, a, new),
+                np.where(left, at_new, at_b),
+                np.where(left, at_a, at_new),
+            )
+    return smallest

@@ -1,0 +1,194 @@
+"""Local control of a suspension: poles, margins, impulse response, sensor noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from suspension_cli.analyses.damp import closed_loop_poles, control, margins
+from suspension_cli.analyses.damp.control import Plant
+from suspension_cli.analyses.damp.margins import Margins
+from suspension_cli.analyses.export import solve as export
+from suspension_cli.design.schema import Design
+from suspension_cli.linear import poles, signals
+from suspension_cli.linear.constant_loss import with_constant_loss
+from suspension_cli.linear.poles import Poles
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array
+
+STILL = 1e-6
+"""Fraction of the lowest frequency of a pole or zero at which gains are static, to 1e-12."""
+REAL = 1e-3
+"""Imaginary over real part up to which a static loop gain counts as real."""
+
+
+@dataclass(frozen=True)
+class LocalControl:
+    """Poles, margins, impulse response and sensor noise of one design with local control.
+
+    Attributes
+    ----------
+    loop : tuple of str
+        Names of the loops (l).
+    open, closed : Poles
+        With its own losses alone, and with all loops closed; rad/s.
+    margin : tuple of Margins or None
+        Of each loop, the others closed; None if the closed loop is unstable.
+    output, drive : str
+        The observed motion, and the signal that gets the impulse.
+    time : (t,) array
+        s.
+    impulse, undamped : (t,) arrays
+        Response of the output to a unit impulse, with the loops closed and open; SI.
+    frequency : (f,) array
+        Hz.
+    noise : (f, l) array
+        Noise of each sensor at the output, m/sqrt(Hz) or rad/sqrt(Hz).
+    gain : (f, l) complex array
+        Loop gains, the other loops closed.
+    """
+
+    loop: tuple[str, ...]
+    open: Poles
+    closed: Poles
+    margin: tuple[Margins, ...] | None
+    output: str
+    drive: str
+    time: Array
+    impulse: Array
+    undamped: Array
+    frequency: Array
+    noise: Array
+    gain: Array
+
+    @property
+    def stable(self) -> bool:
+        """Whether no closed-loop pole grows."""
+        return self.closed.stable
+
+
+def solve(
+    design: Design,
+    model: LinearSystem,
+    output: str,
+    drive: str,
+    frequency: Array,
+    duration: float,
+    samples: int = 4001,
+) -> LocalControl:
+    """Compute the closed-loop behaviour of a design with local control.
+
+    Poles, margins, loop gains and noise use the losses of the model; impulse responses approximate
+    them by constant matrices (`with_constant_loss`).
+
+    Parameters
+    ----------
+    design : Design
+        With a `[control]` table.
+    model : LinearSystem
+        Without wire mass.
+    output, drive : str
+        Signals: a motion, and the force (or motion of the support) that gets a unit impulse.
+    frequency : (f,) array
+        For noise and loop gains, Hz.
+    duration : float
+        Of the impulse response, s.
+    samples : int
+        Of the impulse response.
+    """
+    plant, constant = (
+        control.build_plant(design, model),
+        control.build_plant(design, with_constant_loss(model)),
+    )
+    known = signals.bodies_with_signals(model)
+    observed, driven = signals.parse_output(output, known), signals.parse_input(drive, known)
+    every = _all_motions(model)
+    closed, opened = (
+        closed_loop_poles.refine(poles.poles(control.build_closed_loop(fixed, [], every)), exact)
+        for fixed, exact in ((constant, plant), (constant.with_loops([]), plant.with_loops([])))
+    )
+    answer = control.solve_responses(plant, frequency, [driven], [observed])
+    corners = find_corner_frequencies(constant, closed)
+    time = np.linspace(0.0, duration, samples)
+    impulse, undamped = (
+        poles.impulse(control.build_closed_loop(fixed, [driven], [observed]), time)[:, 0, 0]
+        for fixed in (constant, constant.with_loops([]))
+    )
+    return LocalControl(
+        loop=tuple(loop.name for loop in plant.loops),
+        open=opened,
+        closed=closed,
+        margin=tuple(
+            margins.compute_margins(
+                partial(control.compute_loop_gains, plant),
+                corners,
+                _static_gains(plant, corners[0]),
+            )
+        )
+        if closed.stable
+        else None,
+        output=output,
+        drive=drive,
+        time=time,
+        impulse=impulse,
+        undamped=undamped,
+        frequency=frequency,
+        noise=answer.noise[:, 0],
+        gain=answer.loop_gain,
+    )
+
+
+def _all_motions(model: LinearSystem) -> list[signals.Signal]:
+    """List every motion of every body, which together show all modes."""
+    known = signals.bodies_with_signals(model)
+    return [
+        signals.parse_output(f"{body}.{dof}", known) for body in model.body for dof in signals.DOFS
+    ]
+
+
+def find_corner_frequencies(plant: Plant, closed: Poles) -> Array:
+    """Find frequencies (n,) in Hz where loop gains L have poles or zeros, or 1 + L has zeros.
+
+    Each comes with its width to either side. They are the poles and zeros of the mechanics of each
+    loop (the other loops closed), those of its filter, and the closed-loop poles.
+
+    Parameters
+    ----------
+    plant : Plant
+        With constant matrices.
+    closed : Poles
+        With all loops closed.
+    """
+    found = [closed.value / (2 * np.pi)]
+    for n, loop in enumerate(plant.loops):
+        form = export.compute_zero_pole_gain(control.build_broken_loop(plant, n))
+        found += [form.zeros[0][0] / (2 * np.pi), form.poles[0][0] / (2 * np.pi)]
+        found += [
+            np.array(control.expand_roots(given), dtype=complex)
+            for given in (loop.zeros, loop.poles)
+        ]
+    every = np.concatenate(found)
+    every = every[np.isfinite(every) & (np.abs(every) > 0)]
+    centre, width = np.abs(np.imag(every)), np.abs(np.real(every))
+    return np.unique(
+        np.concatenate(
+            [
+                np.abs(every),
+                *(np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)),
+            ]
+        )
+    )
+
+
+def _static_gains(plant: Plant, lowest: float) -> Array:
+    """Loop gains (l,) far below the lowest pole and zero (Hz); infinite where they are not real.
+
+    Loss angles do not act there and are left out.
+    """
+    found = control.compute_loop_gains(
+        replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest])
+    )[0]
+    real, imag = np.real(found), np.imag(found)
+    return np.where(np.abs(imag) <= REAL * np.abs(real), real, np.inf)

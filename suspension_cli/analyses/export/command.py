@@ -1,0 +1,167 @@
+"""`pendsus export`: the model as state space for control tools."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number
+from suspension_cli.analyses.options import option
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.export.solve import Exported
+
+FORMATS = ("mat", "npz", "hdf5", "zpk", "control")
+"""Keys of `file.FORMATS`, which is not imported just to print help."""
+
+
+class ExportAnalysis(Analysis):
+    """Export the state space of the model as DIR/NAME-statespace.*.
+
+    States, inputs and outputs have names and units. The band in which the export agrees with the
+    direct solution is measured and recorded in the file.
+
+    Example: pendsus export my.toml --format control
+    """
+
+    name = "export"
+    arguments = (options.DESIGN,)
+    parameters = (
+        option(
+            "--format",
+            "form",
+            type=click.Choice(FORMATS),
+            default="mat",
+            show_default=True,
+            help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control.",
+        ),
+        option(
+            "--input",
+            "inputs",
+            multiple=True,
+            metavar="SIGNAL",
+            help=(
+                "An input (repeatable)."
+                "  [default: the support's six motions and six forces on the first stage]"
+            ),
+        ),
+        option(
+            "--output",
+            "outputs",
+            multiple=True,
+            metavar="SIGNAL",
+            help=(
+                "An output (repeatable)."
+                "  [default: the six motions of the first and of the last stage]"
+            ),
+        ),
+        option(
+            "--loss/--no-loss",
+            default=False,
+            show_default=True,
+            help="Include loss angles, as viscous damping of each mode.",
+        ),
+        options.ALLOW_UNSTABLE,
+        options.OVERRIDES,
+        options.OUT,
+        options.FIDELITY,
+        options.ACCURACY,
+        options.AS_JSON_ONLY,
+        options.QUIET,
+        options.VERBOSE,
+    )
+
+    def solve(self, run: Run) -> Result:
+        """Build the state space and measure its band."""
+        from suspension_cli.analyses import model_choice
+        from suspension_cli.analyses.export import solve as export
+        from suspension_cli.linear import signals
+        from suspension_cli.linear.constant_loss import with_constant_loss
+
+        setting = run.setting
+        decision = model_choice.without_wire_mass(
+            run.source, setting["fidelity"], setting["tolerance"]
+        )
+        choice = decision.choice
+        direct = model_choice.stable_system(
+            run.source, choice, setting["allow_unstable"], run.log, decision.model, bends=True
+        )
+        model = with_constant_loss(direct)
+        lossy = model.lossy is not None
+        if not setting["loss"]:
+            model = direct = dataclasses.replace(model, lossy=None)
+        known = signals.bodies_with_signals(model)
+        drives, motions = signals.local_control_signals(model)
+        inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
+        outputs = [signals.parse_output(text, known) for text in setting["outputs"] or motions]
+        made = export.build(model, inputs, outputs, direct, zpk=setting["form"] == "zpk")
+        if lossy and setting["loss"]:
+            run.log.warn(
+                "loss angles are exported as viscous damping of each mode: Q is correct, isolation"
+                " far above the modes is not (see the band)"
+            )
+        elif lossy:
+            run.log.warn(
+                "exported without damping: accurate off resonance; --loss gives correct Q but wrong"
+                " isolation"
+            )
+        extra = {"format": setting["form"]}
+        return Result(self, run.source, choice, made, extra, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return names and the band of agreement."""
+        made: Exported = result.data
+        system = made.system
+        return {
+            "format": result.extra["format"],
+            "file": result.extra.get("file"),
+            "state": list(system.state),
+            "input": list(system.input),
+            "output": list(system.output),
+            "band_hz": list(made.band) if made.band else None,
+            "tolerance": made.tolerance,
+            "worst_error": as_number(made.worst),
+        }
+
+    def text(self, result: Result) -> str:
+        """Return the size of the system and the band of agreement."""
+        made: Exported = result.data
+        system = made.system
+        return (
+            f"{result.choice.line}\n{len(system.state)} states,"
+            f" {len(system.input)} inputs, {len(system.output)} outputs; {agreement(made)}\n"
+            f"(worst {made.worst:.1e}, up to 100 times the highest mode)"
+        )
+
+    def path(self, result: Result, folder: Path) -> Path:
+        """Return the path of the exported file."""
+        from suspension_cli.analyses.export.file import FORMATS
+
+        return folder / f"{result.name}-statespace{FORMATS[result.extra['format']].suffix}"
+
+    def save(self, path: Path, result: Result) -> None:
+        """Write the exported file."""
+        from suspension_cli.analyses.export import file as stored
+
+        stored.save(path, result.extra["format"], result.data, result.provenance)
+        result.extra["file"] = str(path)
+
+
+def agreement(made: Exported) -> str:
+    """The band in which an export agrees with the direct solution, in words."""
+    if made.band is None:
+        return (
+            f"there is no band in which it agrees with the direct solution to {made.tolerance:g}"
+            f" ({made.tried[0]:.3g} to {made.tried[1]:.4g} Hz tried)"
+        )
+    return (
+        f"agrees with the direct solution to {made.tolerance:g} from {made.band[0]:.3g} to"
+        f" {made.band[1]:.4g} Hz"
+    )
+
+
+ANALYSIS = ExportAnalysis()

@@ -1,0 +1,156 @@
+"""Files of state spaces and zero-pole-gain forms, in the formats of `pendsus export`."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from suspension_cli.analyses.export.solve import Exported
+from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.hdf5 import Provenance, add_dataset, add_scale, write
+from suspension_cli.version import __version__
+
+MAT_HEAD = f"MATLAB 5.0 MAT-file, written by pendsus {__version__}".encode().ljust(116)
+"""Header text of a MAT-file, 116 bytes (MAT-File Format, The MathWorks, "Level 5 MAT-File Header").
+It replaces that of scipy, which contains the time of day."""
+
+
+def save(path: Path, form: str, made: Exported, origin: Provenance) -> None:
+    """Write an exported system in one of the `FORMATS`."""
+    FORMATS[form].write(path, made, origin)
+
+
+def _write_hdf5(path: Path, made: Exported, origin: Provenance) -> None:
+    write(path, origin, lambda file: _fill(file, made))
+
+
+def _write_mat(path: Path, made: Exported, origin: Provenance) -> None:
+    from scipy.io import savemat
+
+    cells = {
+        key: np.array(value, dtype=object).reshape(-1, 1) if isinstance(value, tuple) else value
+        for key, value in _fields(made, origin).items()
+    }
+    stream = io.BytesIO()
+    savemat(stream, {"pendsus": cells}, oned_as="column", long_field_names=True)
+    write_bytes(path, MAT_HEAD + stream.getvalue()[len(MAT_HEAD) :])
+
+
+def _write_npz(path: Path, made: Exported, origin: Provenance) -> None:
+    arrays: dict[str, Any] = {key: np.array(v) for key, v in _fields(made, origin).items()}
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    write_bytes(path, stream.getvalue())
+
+
+def _write_control(path: Path, made: Exported, origin: Provenance) -> None:
+    plain = {
+        key: value.tolist() if isinstance(value, np.ndarray) else value
+        for key, value in _fields(made, origin).items()
+    }
+    plain["band_hz"] = made.band
+    plain["worst_error"] = made.worst if np.isfinite(made.worst) else None
+    write_bytes(path, json.dumps(plain, indent=1, allow_nan=False).encode())
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format: the end of the file name, and the function that writes the file."""
+
+    suffix: str
+    write: Callable[[Path, Exported, Provenance], None]
+
+
+FORMATS = {
+    "mat": Format(".mat", _write_mat),
+    "npz": Format(".npz", _write_npz),
+    "hdf5": Format(".h5", _write_hdf5),
+    "zpk": Format("-zpk.h5", _write_hdf5),
+    "control": Format("-control.json", _write_control),
+}
+
+
+def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
+    """Fields of a file: matrices, names, units, band and error, provenance."""
+    system = made.system
+    return {
+        "A": system.a,
+        "B": system.b,
+        "C": system.c,
+        "D": system.d,
+        "state": system.state,
+        "state_unit": system.state_unit,
+        "input": system.input,
+        "input_unit": system.input_unit,
+        "output": system.output,
+        "output_unit": system.output_unit,
+        "band_hz": _band(made),
+        "tolerance": made.tolerance,
+        "worst_error": made.worst,
+        "design": origin.design,
+        "command": origin.command,
+        "fidelity": origin.fidelity,
+        "fidelity_reason": origin.reason,
+    }
+
+
+def _band(made: Exported) -> Any:
+    """Band of agreement (2,), Hz; NaN if there is none."""
+    return np.array(made.band or (np.nan, np.nan))
+
+
+def _fill(file: h5py.File, made: Exported) -> None:
+    group = file.create_group("statespace" if made.zpk is None else "zpk")
+    group.attrs["band_hz"] = _band(made)
+    group.attrs["tolerance"] = made.tolerance
+    group.attrs["worst_error"] = made.worst
+    system = made.system
+    into = add_scale(group, "input", list(system.input), "name")
+    out = add_scale(group, "output", list(system.output), "name")
+    add_dataset(group, "input_unit", list(system.input_unit), "name", into)
+    add_dataset(group, "output_unit", list(system.output_unit), "name", out)
+    if made.zpk is not None:
+        add_dataset(group, "gain", made.zpk.gain, "SI, with roots in rad/s", out, into)
+        for o, output in enumerate(system.output):
+            for i, drive in enumerate(system.input):
+                pair = group.create_group(f"{output} from {drive}".replace("/", "_"))
+                for name, values in (
+                    ("zeros", made.zpk.zeros[o][i]),
+                    ("poles", made.zpk.poles[o][i]),
+                ):
+                    number = add_scale(pair, name[:-1], np.arange(1, len(values) + 1), "1")
+                    add_dataset(pair, name, values, "rad/s", number)
+        return
+    state = add_scale(group, "state", list(system.state), "name")
+    add_dataset(group, "state_unit", list(system.state_unit), "name", state)
+    for name, matrix, axes in (
+        ("A", system.a, (state, state)),
+        ("B", system.b, (state, into)),
+        ("C", system.c, (out, state)),
+        ("D", system.d, (out, into)),
+    ):
+        add_dataset(group, name, matrix, "SI, see the units of states, inputs and outputs", *axes)
+
+
+def python_control(path: str | Path) -> Any:
+    """Read a `control.StateSpace` from a file of ``pendsus export --format control``.
+
+    Needs python-control, which rejects dots in names: they become underscores.
+    """
+    import control  # pyright: ignore[reportMissingImports]
+
+    given = json.loads(Path(path).read_text())
+    n, i, o = (len(given[key]) for key in ("state", "input", "output"))
+    shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i)}
+    matrices = [np.array(given[name]).reshape(shape) for name, shape in shapes.items()]
+    states, inputs, outputs = (
+        [name.replace(".", "_") for name in given[key]] for key in ("state", "input", "output")
+    )
+    return control.ss(*matrices, states=states, inputs=inputs, outputs=outputs)

@@ -1,0 +1,193 @@
+"""State space and zero-pole-gain forms for control tools, with their band of agreement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear import statespace
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array
+
+
+@dataclass(frozen=True)
+class ZeroPoleGain:
+    """Responses as gain times the product of (s - z) over that of (s - p), in rad/s.
+
+    Attributes
+    ----------
+    zeros, poles : [output][input] nested tuples of complex arrays
+    gain : (o, i) array
+    """
+
+    zeros: tuple[tuple[Any, ...], ...]
+    poles: tuple[tuple[Any, ...], ...]
+    gain: Array
+
+    def at(self, frequency: Array) -> Any:
+        """Evaluate the transfer matrix (f, o, i) at frequencies (f,) in Hz."""
+        s = 2j * np.pi * np.asarray(frequency)
+        result = np.empty((len(s), *self.gain.shape), dtype=complex)
+        for o, row in enumerate(self.zeros):
+            for i, zeros in enumerate(row):
+                poles = self.poles[o][i]
+                value = np.full(s.shape, complex(self.gain[o, i]))
+                for n in range(max(len(zeros), len(poles))):  # alternately, to avoid overflow
+                    value = (
+                        value
+                        * ((s - zeros[n]) if n < len(zeros) else 1.0)
+                        / ((s - poles[n]) if n < len(poles) else 1.0)
+                    )
+                result[:, o, i] = value
+        return result
+
+
+@dataclass(frozen=True)
+class Exported:
+    """An exported system with its error against the direct solution.
+
+    Attributes
+    ----------
+    system : StateSpace
+    zpk : ZeroPoleGain or None
+    band : tuple of float or None
+        Frequencies in Hz between which it agrees with the direct solution to `tolerance`; None if
+        there are no two neighbouring ones.
+    tolerance : float
+        Relative.
+    worst : float
+        Largest relative error at the frequencies compared.
+    tried : tuple of float
+        Lowest and highest frequency compared, Hz: 1/100 of the lowest mode's and 100 times the
+        highest one's.
+    """
+
+    system: statespace.StateSpace
+    zpk: ZeroPoleGain | None
+    band: tuple[float, float] | None
+    tolerance: float
+    worst: float
+    tried: tuple[float, float]
+
+
+TOLERANCE = 1e-9
+"""Relative error of a state space in its band."""
+TOLERANCE_ZPK = 1e-3
+"""Relative error of a zero-pole-gain form in its band: the eigenvalue problem of its zeros has
+rounding errors relative to the largest one."""
+TOLERANCE_LOSSY = 1e-2
+"""Relative error with loss angles, which a finite state space cannot represent: viscous damping
+gives each mode the same Q."""
+
+
+def build(
+    model: LinearSystem,
+    inputs: list[Signal],
+    outputs: list[Signal],
+    direct: LinearSystem | None = None,
+    *,
+    zpk: bool = False,
+) -> Exported:
+    """Build the system from inputs to outputs, with its band of agreement.
+
+    Parameters
+    ----------
+    model : LinearSystem
+        With constant matrices.
+    inputs, outputs : list of Signal
+    direct : LinearSystem, optional
+        Model of the direct solution to compare with; `model` by default.
+    zpk : bool
+        Compute the zero-pole-gain form too, and compare this one.
+    """
+    system = statespace.build(model, inputs, outputs)
+    form = compute_zero_pole_gain(system) if zpk else None
+    tolerance = TOLERANCE_LOSSY if model.lossy is not None else TOLERANCE_ZPK if zpk else TOLERANCE
+    band, worst, tried = statespace.agreement_band(
+        form or system, direct or model, inputs, outputs, tolerance
+    )
+    return Exported(system, form, band, tolerance, worst, tried)
+
+
+def compute_zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:
+    """Compute zeros, poles and gain of every input-output pair.
+
+    Poles are eigenvalues of A; zeros are the finite generalised eigenvalues of [[A, b], [c, d]]
+    (Emami-Naeini and Van Dooren, Automatica 18, 415 (1982)), of which there are as many as the
+    relative degree leaves; the gain is the first non-zero Markov parameter.
+    """
+    rows_z, rows_p = [], []
+    gain = np.zeros((len(system.c), system.b.shape[1]))
+    for o in range(len(system.c)):
+        zeros_row, poles_row = [], []
+        for i in range(system.b.shape[1]):
+            a, b, c = restrict_states(system, o, i)
+            degree, gain[o, i] = _leading(a, b, c, system.d[o, i])
+            zeros = _zeros(a, b, c, system.d[o, i], degree)
+            while not np.isfinite(zeros).all():  # its Markov parameter was a rounding error
+                degree, gain[o, i] = _leading(a, b, c, 0.0, degree)
+                zeros = _zeros(a, b, c, 0.0, degree) if gain[o, i] else zeros[:0]
+            zeros_row.append(zeros)
+            poles_row.append(np.linalg.eigvals(a) if gain[o, i] else np.zeros(0, dtype=complex))
+        rows_z.append(tuple(zeros_row))
+        rows_p.append(tuple(poles_row))
+    return ZeroPoleGain(tuple(rows_z), tuple(rows_p), gain)
+
+
+def restrict_states(system: statespace.StateSpace, o: int, i: int) -> tuple[Array, Array, Array]:
+    """Restrict A, b, c to the states that input i drives and output o observes."""
+    linked = (system.a != 0) | (system.a != 0).T
+
+    def connected(states: Any) -> Any:
+        while (more := states | linked[states].any(0)).sum() > states.sum():
+            states = more
+        return states
+
+    both = connected(system.b[:, i] != 0) & connected(system.c[o] != 0)
+    return system.a[np.ix_(both, both)], system.b[both, i], system.c[o, both]
+
+
+def _leading(a: Array, b: Array, c: Array, d: float, beyond: int = 0) -> tuple[int, float]:
+    """Relative degree k above `beyond`, and its Markov parameter c A^(k-1) b.
+
+    The first one that exceeds its rounding errors; 0, 0.0 if there is none.
+    """
+    if d != 0:
+        return 0, d
+    vector, size = b, np.abs(b)
+    for degree in range(1, len(a) + 1):
+        value, bound = float(c @ vector), float(np.abs(c) @ size)
+        if degree > beyond and abs(value) > 1e-9 * bound:
+            return degree, value
+        vector, size = a @ vector, np.abs(a) @ size
+    return 0, 0.0
+
+
+def _zeros(a: Array, b: Array, c: Array, d: float, degree: int) -> Any:
+    """Finite eigenvalues (n - degree,) of the pencil [[A, b], [c, d]], rad/s.
+
+    The pencil is balanced first, with b and c scaled to the norm of A.
+    """
+    from scipy.linalg import eig, matrix_balance
+
+    count = len(a) - degree
+    if count <= 0 or (degree == 0 and d == 0):
+        return np.zeros(0, dtype=complex)
+    scale = matrix_balance(a, permute=False, separate=True)[1][0]
+    a, b, c = a * scale / scale[:, None], b / scale, c * scale
+    size = np.linalg.norm(a)
+    size_b, size_c = size / np.linalg.norm(b), size / np.linalg.norm(c)
+    pencil = np.block(
+        [[a, size_b * b[:, None]], [size_c * c[None, :], np.array([[size_b * size_c * d]])]]
+    )
+    unit = np.zeros_like(pencil)
+    unit[: len(a), : len(a)] = np.eye(len(a))
+    alpha, beta = np.asarray(eig(pencil, unit, right=False, homogeneous_eigvals=True))
+    order = np.argsort(
+        -np.abs(beta) / (np.abs(alpha) / size + np.abs(beta) + 1e-300), kind="stable"
+    )[:count]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return alpha[order] / beta[order]

@@ -1,0 +1,1 @@
+"""Fit numbers of designs to measured mode frequencies."""

@@ -1,0 +1,433 @@
+"""`pendsus fit`: numbers of designs learned from measured modes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, plain
+from suspension_cli.analyses.options import argument, option
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.fit.solve import Fit
+    from suspension_cli.design.measured import Measured
+    from suspension_cli.errors import InputError
+    from suspension_cli.models.registry import Choice
+
+SAME = 1e-3
+"""Relative difference of chi^2 below which two searches ended at the same place."""
+
+LARGEST = 6
+"""Numbers of a combination that are printed."""
+
+
+class FitAnalysis(Analysis):
+    """Fit numbers of designs to measured mode frequencies.
+
+    MEASURED is a TOML file of frequencies with uncertainties and of the free numbers: of DESIGN, or
+    of several designs that it names itself, which may share numbers. Writes DIR/NAME-fit.h5 and
+    .png, and each fitted design as DIR/NAME-fitted.toml; NAME is the design's, or the stem of
+    MEASURED and the experiment's.
+
+    Example: pendsus fit my.toml measured.toml
+    """
+
+    name = "fit"
+    arguments = (argument("files", nargs=-1, required=True, metavar="[DESIGN] MEASURED"),)
+    parameters = (
+        option(
+            "--starts",
+            type=click.IntRange(1, 100_000),
+            default=1,
+            show_default=True,
+            help="Searches, all but the first from random numbers; the best counts.",
+        ),
+        option(
+            "--seed",
+            type=click.IntRange(0, 2**64 - 1),
+            default=1,
+            show_default=True,
+            help="Of the random numbers.",
+        ),
+        *options.WRITING,
+    )
+
+    def read(self, ask: Callable[..., Run], files: dict[str, Any]) -> Sequence[Run]:
+        """Read the measurements, and all designs that were measured, for one run.
+
+        Options come from the first design, where defaults stand in the designs.
+        """
+        from suspension_cli.design import measured, reader
+
+        *designs, file = files["files"]
+        text = reader.read_text(file)
+        given = measured.read(file, text)
+        runs = _designs(ask, designs, file, given)
+        inputs = {"file": file, "text": text, "measured": given, "runs": runs}
+        return [dataclasses.replace(runs[0], inputs=inputs)]
+
+    def solve(self, run: Run) -> Result:
+        """Fit all designs together."""
+        from suspension_cli.analyses.fit import solve as fit
+        from suspension_cli.errors import attribute_faults_to
+
+        given: Measured = run.inputs["measured"]
+        runs: list[Run] = run.inputs["runs"]
+        file, joint = run.inputs["file"], given.experiment is not None
+        choice = _choice(run, runs, given)
+        designs = [one.source.file for one in runs]
+        with attribute_faults_to(file), run.log.progress() as bar:
+            found = fit.solve(
+                [one.source.text for one in runs],
+                given,
+                designs,
+                level=choice.level,
+                starts=run.setting["starts"],
+                seed=run.setting["seed"],
+                tell=bar,
+            )
+        stem = Path(file).stem if joint else found.experiment[0]
+        data = dataclasses.replace(
+            found,
+            design_before=tuple(one.source.text for one in runs),
+            measurements=run.inputs["text"],
+            title=(given.title if joint else run.design.design.title) or stem,
+        )
+        _warn(data, choice, run.log)
+        if run.setting.get("as_json", True):  # printed in the text
+            for line in misfit(data):
+                run.log.warn(line)
+        extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
+        return Result(self, run.source, choice, data, extra, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return what was learned and how modes lie.
+
+        Null stands for an uncertainty that is infinite or that of a number at its bound.
+        """
+        found: Fit = result.data
+        who = found.experiment
+        files = result.extra.get("designs", [None] * len(who))
+        return {
+            "experiments": [
+                {"name": name, "design": file} for name, file in zip(who, files, strict=True)
+            ],
+            "parameters": _learned(found),
+            "covariance": plain(found.scale**2 * found.covariance),
+            "modes": _modes(found),
+            "chi_squared": found.chi_squared,
+            "chi_squared_of_starts": found.ends.tolist(),
+            "degrees_of_freedom": found.freedom,
+            "misfit": found.misfit,
+            "sigma_scale": found.scale,
+            "exchange": _exchange(found),
+            "singular_values": found.singular.tolist(),
+            "directions": found.direction.tolist(),
+        }
+
+    def text(self, result: Result) -> str:
+        """Return what was learned, how modes lie, and what the data cannot tell apart."""
+        found: Fit = result.data
+        lines = [*misfit(found), ""] if found.misfit else []
+        return "\n".join([*lines, *_numbers(found), "", *_residuals(found), "", *_known(found)])
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the group `fit`."""
+        from suspension_cli.analyses.fit import file as stored
+
+        stored.fill(file.create_group("fit"), result.data)
+
+    def load(self, file: h5py.File) -> Fit:
+        """Read the group `fit`."""
+        from suspension_cli.analyses.fit import file as stored
+
+        return stored.load(file["fit"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw modes before and after, and what was learned."""
+        from suspension_cli.analyses.fit import picture
+
+        return {"": picture.draw(result.data, result.data.title)}
+
+    def path(self, result: Result, folder: Path) -> Path:
+        """Return the path of the results file, named after the design or the measurements."""
+        return folder / f"{result.extra.get('stem', result.name)}-{self.stem}.h5"
+
+    def others(self, result: Result, path: Path) -> list[Path]:
+        """Write each fitted design: NAME-fitted.toml, of several NAME-EXPERIMENT-fitted.toml."""
+        from suspension_cli.analyses.fit import file as stored
+
+        found, extra, paths = result.data, result.extra, []
+        for n, (name, file) in enumerate(zip(found.experiment, extra["designs"], strict=True)):
+            stem = f"{extra['stem']}-{name}" if extra["joint"] else extra["stem"]
+            made = path.with_name(f"{stem}-fitted.toml")
+            measured = Path(extra["measured_file"]).name
+            stored.save_design(made, found, n, Path(file).name, measured, result.command)
+            paths.append(made)
+        return paths
+
+
+def _designs(
+    ask: Callable[..., Run], designs: Sequence[str], file: str, given: Measured
+) -> list[Run]:
+    """Read the designs that were measured; faults of all are reported at once."""
+    from suspension_cli.errors import Fault, InputError, format_value, join_errors
+
+    if given.experiment is None:
+        if len(designs) != 1:
+            raise InputError(
+                [
+                    Fault(
+                        "mode",
+                        f"of one design, but {len(designs)} are given",
+                        "write pendsus fit DESIGN MEASURED, or name designs in [[experiment]]",
+                    )
+                ],
+                file,
+            )
+        return [ask(designs[0])]
+    if designs:
+        raise InputError(
+            [
+                Fault(
+                    "experiment",
+                    "names its designs itself",
+                    "write pendsus fit MEASURED",
+                    format_value(designs[0]),
+                )
+            ],
+            file,
+        )
+    runs, bad = [], {}
+    for n, item in enumerate(given.experiment, 1):
+        design, own = str(Path(file).parent / item.design), tuple(item.set)
+        try:
+            runs.append(ask(design, own))
+        except InputError as error:
+            reported = _of_measured(error, n, own, file, lambda design=design: ask(design))
+            bad[str(reported)] = reported
+    if bad:
+        raise join_errors(list(bad.values()))
+    return runs
+
+
+def _of_measured(
+    error: InputError, number: int, own: tuple[str, ...], file: str, without: Callable[[], Run]
+) -> InputError:
+    """Attribute faults of an experiment's overrides to the file of measurements.
+
+    Those that are there without its overrides too are of the command line or the design.
+    """
+    from suspension_cli.errors import Fault, InputError, format_value
+
+    theirs = {format_value(text) for text in own}
+    if any(fault.value in theirs for fault in error.faults):
+        try:
+            without()
+        except InputError as other:
+            theirs -= {fault.value for fault in other.faults}
+    moved = [
+        Fault(f"experiment.{number}.set", fault.problem, fault.remedy, fault.value)
+        for fault in error.faults
+        if fault.value in theirs
+    ]
+    return InputError(moved, file) if moved else error
+
+
+def _choice(run: Run, runs: list[Run], given: Measured) -> Choice:
+    """Choose the model of all designs, with its largest error."""
+    from suspension_cli.analyses import model_choice
+    from suspension_cli.models import registry
+
+    choices = []
+    for one, measured in zip(runs, given.modes, strict=True):
+        with one.faults():
+            decision = model_choice.with_derivatives(
+                run.setting["fidelity"], one.source, _asker({mode.label for mode in measured})
+            )
+        choices.append(decision.choice)
+        model_choice.warn_of_neglected(one.source, decision, run.log, (registry.BEAM,))
+    return max(choices, key=lambda choice: -1.0 if math.isnan(choice.error) else choice.error)
+
+
+def _warn(found: Fit, choice: Choice, log: Log) -> None:
+    """Warn of numbers at their bounds, and of fitted designs that are implausible or unstable."""
+    from suspension_cli.analyses.check import warnings
+    from suspension_cli.design import reader
+    from suspension_cli.linear import eigenmodes
+    from suspension_cli.models import registry
+
+    for label, bound in zip(found.parameters, found.at_bound, strict=True):
+        if bound:
+            log.warn(f"{label} ends at its bound")
+    for name, fitted in zip(found.experiment, found.design, strict=True):
+        design = reader.parse(fitted)
+        warnings.warn_implausible(design, log)
+        states = eigenmodes.solve(registry.by_name(choice.level).system(design))
+        if not states.stable:
+            log.warn(
+                f"{name} as fitted is unstable on {choice.level}: {states.label[0]} grows at"
+                f" {states.growth_rate[0]:.4g} 1/s"
+            )
+
+
+def _asker(labels: set[str | None]) -> Any:
+    """Ask for the modes of these labels; all if some have none."""
+    from suspension_cli.linear import eigenmodes, named_results
+    from suspension_cli.models.quantity_of_interest import Several
+
+    def asked(model: Any) -> Several:
+        found = eigenmodes.solve(dataclasses.replace(model, terms=()))
+        every = tuple(
+            named_results.Mode(name, n) for n, name in enumerate(named_results.labels(found))
+        )
+        return Several(
+            (
+                every
+                if None in labels
+                else tuple(mode for mode in every if mode.text in labels) or every
+            ),
+            found,
+        )
+
+    return asked
+
+
+def _learned(found: Fit) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": label,
+            "start": plain(found.start[n]),
+            "value": plain(found.value[n]),
+            "sigma": plain(found.scale * found.sigma[n]),
+            "at_bound": bool(found.at_bound[n]),
+            "experiments": [
+                name for name, here in zip(found.experiment, found.shared[n], strict=True) if here
+            ],
+        }
+        for n, label in enumerate(found.name)
+    ]
+
+
+def _modes(found: Fit) -> list[dict[str, Any]]:
+    columns = {
+        "measured_hz": found.measured,
+        "uncertainty_hz": found.uncertainty,
+        "before_hz": found.before,
+        "after_hz": found.after,
+        "residual": found.residual,
+    }
+    return [
+        {"experiment": found.experiment[found.of[n]], "label": label}
+        | {key: plain(values[n]) for key, values in columns.items()}
+        for n, label in enumerate(found.label)
+    ]
+
+
+def _exchange(found: Fit) -> dict[str, Any] | None:
+    if found.exchange is None:
+        return None
+    return {
+        "experiment": found.experiment[found.exchange.experiment],
+        "labels": list(found.exchange.labels),
+        "chi_squared": found.exchange.chi_squared,
+    }
+
+
+def misfit(found: Fit) -> list[str]:
+    """Return lines on how far model and measurements disagree, and what would mend it; none if they
+    agree.
+    """
+    if not found.misfit:
+        return []
+    lines = [
+        f"MISFIT: chi^2 is {found.chi_squared:.4g} for {found.freedom} degrees of freedom, so these"
+        f" numbers do not explain the measurements; uncertainties are given {found.scale:.3g} times"
+        " as large"
+    ]
+    if found.exchange is None:
+        lines.append(
+            "no exchange of two labels mends it: free more numbers, or check designs, labels and"
+            " uncertainties"
+        )
+    else:
+        first, second = found.exchange.labels
+        where = (
+            f" in {found.experiment[found.exchange.experiment]}"
+            if len(found.experiment) > 1
+            else ""
+        )
+        lines.append(
+            f'are two labels exchanged? with "{first}" and "{second}" the other way round{where}'
+            f" chi^2 is {found.exchange.chi_squared:.4g}"
+        )
+    return lines
+
+
+def _numbers(found: Fit) -> list[str]:
+    """Return a line for each number."""
+    from suspension_cli.analyses.fit.file import format_uncertainty
+
+    wide = max(len(name) for name in found.parameters)
+    return [
+        f"{name:{wide}}  {found.start[n]:#.6g} ->"
+        f" {found.value[n]:#.6g}{format_uncertainty(found, n)}"
+        for n, name in enumerate(found.parameters)
+    ]
+
+
+def _residuals(found: Fit) -> list[str]:
+    """Return a table of the measured modes."""
+    lines = ["   measured        before    after Hz  residual  mode"]
+    for n, label in enumerate(found.modes):
+        known = f"{found.measured[n]:#9.5g} +- {found.uncertainty[n]:.2g}"
+        before, after = (
+            f"{value:#9.5g}" if math.isfinite(value) else " unstable"
+            for value in (found.before[n], found.after[n])
+        )
+        residual = f"{found.residual[n]:+8.2f}" if math.isfinite(found.residual[n]) else f"{'-':>8}"
+        lines.append(f"{known:18} {before} {after}  {residual}  {label}")
+    return lines
+
+
+def _known(found: Fit) -> list[str]:
+    """Return chi^2, where searches ended, and which combinations the modes determine how well."""
+    lines = [f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
+    if len(found.ends) > 1:
+        same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
+        rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
+        lines.append(f"{same} of {len(found.ends)} searches ended there{rest}")
+    lines += [
+        "",
+        (
+            "what the modes by themselves say, from best to worst known combination of relative"
+            " changes:"
+        ),
+    ]
+    for value, row in zip(found.singular, found.direction, strict=True):
+        largest = sorted(zip(row, found.parameters, strict=True), key=lambda item: -abs(item[0]))[
+            :LARGEST
+        ]
+        parts = " ".join(f"{share:+.2f} {name}" for share, name in largest if abs(share) >= 0.05)
+        lines.append(
+            f"  {f'to {100 / value:.2g} %' if value > 1e-9 * found.singular[0] else 'not at all'}:"
+            f" {parts}"
+        )
+    if len(found.singular) < len(found.name):
+        lines.append(
+            f"  and {len(found.name) - len(found.singular)} not at all: there are more numbers than"
+            " modes"
+        )
+    return lines
+
+
+ANALYSIS = FitAnalysis()

@@ -1,0 +1,230 @@
+"""Mode frequencies of one measured design, with their derivatives by the fitted numbers."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import tomllib
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.sensitivity.solve import differentiate_frequencies
+from suspension_cli.design import paths, reader
+from suspension_cli.design.measured import Mode
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing, named_results
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.scene.scene import Array
+from suspension_cli.studies import differences
+from suspension_cli.studies.parameters import Parameter
+
+FORBIDDEN = 1e6
+"""Cost, in the assignment of modes, of one that a measurement cannot belong to; others cost the
+square of a logarithm of frequencies."""
+
+
+@dataclass
+class Experiment:
+    """A design, its measured modes and its free numbers.
+
+    Attributes
+    ----------
+    text : str
+        The design as TOML.
+    mode : list of Mode
+        The measurements.
+    free : list of str
+        Dotted paths of the free numbers.
+    start : (q,) array
+        Their values where the search starts, SI.
+    where : str
+        Prefix of the key paths of the modes in errors.
+    file : str
+        File of the design, for errors.
+    level : str
+        Name of a model that supports derivatives.
+    cache : dict
+        Frequencies and derivatives by free numbers.
+    """
+
+    text: str
+    mode: list[Mode]
+    free: list[str]
+    start: Array
+    where: str = ""
+    file: str = ""
+    level: str = registry.STRING.name
+    cache: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
+
+    @cached_property
+    def table(self) -> dict[str, Any]:
+        """Parsed TOML of the design."""
+        return tomllib.loads(self.text)
+
+    @cached_property
+    def nominal_system(self) -> LinearSystem:
+        """Linear system of the design where the search starts."""
+        with self.faults():
+            return registry.by_name(self.level).system(self.design(self.start))
+
+    @cached_property
+    def nominal_modes(self) -> eigenmodes.Modes:
+        """Modes of the design where the search starts; measurements refer to their labels."""
+        return eigenmodes.solve(replace(self.nominal_system, terms=()))
+
+    @cached_property
+    def dominant_dof(self) -> list[str]:
+        """Dominant degree of freedom of each nominal mode."""
+        return [dof for _, dof in self.nominal_modes.home]
+
+    @cached_property
+    def shape(self) -> Array:
+        """Mass-normalised shapes (m, c) of the nominal modes, with which others are paired."""
+        return batch_modes.solve_one(self.nominal_system).shape[0]
+
+    @property
+    def frequency(self) -> Array:
+        """Measured frequencies (k,), Hz."""
+        return np.array([item.frequency for item in self.mode])
+
+    @property
+    def uncertainty(self) -> Array:
+        """Standard deviations of the measured frequencies (k,), Hz."""
+        return np.array([item.uncertainty for item in self.mode])
+
+    def faults(self) -> contextlib.AbstractContextManager[None]:
+        """Attribute errors in the design to its file."""
+        return attribute_faults_to(self.file)
+
+    def document(self, x: Array) -> dict[str, Any]:
+        """Parsed TOML of the design with the free numbers x (q,)."""
+        raw = copy.deepcopy(self.table)
+        values = {name: float(value) for name, value in zip(self.free, x, strict=True)}
+        reader.apply_overrides(raw, paths.symmetric_settings(values))
+        return raw
+
+    def design(self, x: Array) -> Design:
+        """Design with the free numbers x (q,)."""
+        return reader.convert(self.document(x))
+
+    def evaluate(self, x: Array) -> tuple[Array, Array]:
+        """Solve for all frequencies (m,), Hz, and their derivatives (m, q); both are cached.
+
+        Modes are in the order of `nominal_modes`; NaN for an unstable mode.
+        """
+        key = np.asarray(x, dtype=float).tobytes()
+        if key not in self.cache:
+            with self.faults():
+                self.cache[key] = self._solve(x)
+        return self.cache[key]
+
+    def _solve(self, x: Array) -> tuple[Array, Array]:
+        design = self.design(x)
+        model = replace(registry.by_name(self.level).system(design), terms=())
+        found, shape = eigenmodes.solve(model), batch_modes.solve_one(model).shape[0]
+        order = mode_pairing.pair_by_shape(self.shape, shape)[0]
+        slope = np.zeros((len(order), len(self.free)))
+        numbers = [Parameter(name, float(value)) for name, value in zip(self.free, x, strict=True)]
+        changes = differences.changes(design, numbers, self.level)[1]
+        for n, name in enumerate(self.free):
+            change = changes[name]
+            if change is None:
+                raise InputError(
+                    [
+                        Fault(
+                            f"parameter {name}",
+                            "changing it alone unbalances the suspension",
+                            "fit another number",
+                        )
+                    ]
+                )
+            slope[:, n] = differentiate_frequencies(found, change)[order]
+        return found.frequency[order], slope
+
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """Model frequencies (k,) of the measured modes, Hz, and their derivatives (k, q).
+
+        Both are 0 for an unstable mode.
+        """
+        (frequency, slope), places = self.evaluate(x), self.assign_modes(x)
+        return np.nan_to_num(frequency[places], nan=0.0), np.nan_to_num(slope[places])
+
+    def assign_modes(self, x: Array) -> list[int]:
+        """Assign a mode to each measurement.
+
+        Labelled measurements take their modes; the others share the remaining modes such that
+        the sum of squared logarithms of measured over computed frequencies is smallest.
+        """
+        from scipy.optimize import linear_sum_assignment
+
+        assigned = dict(self.labelled)
+        remaining = [n for n in range(len(self.mode)) if n not in assigned]
+        frequency, _ = self.evaluate(x)
+        open_modes = [
+            m for m in range(len(frequency)) if m not in assigned.values() and frequency[m] > 0
+        ]
+        if remaining:
+            cost = np.full((len(remaining), max(len(open_modes), len(remaining))), FORBIDDEN)
+            cost[:, : len(open_modes)] = (
+                np.abs(np.log(self.frequency[remaining][:, None] / frequency[open_modes])) ** 2
+            )
+            for row, n in enumerate(remaining):
+                allowed = self.mode[n].dof
+                if allowed is not None:
+                    cost[
+                        row,
+                        [
+                            m
+                            for m, mode in enumerate(open_modes)
+                            if self.dominant_dof[mode] not in allowed
+                        ],
+                    ] = FORBIDDEN
+            rows, columns = linear_sum_assignment(cost)
+            for row, column in zip(rows, columns, strict=True):
+                if cost[row, column] == FORBIDDEN:
+                    raise InputError([self._unassigned(remaining[row], len(frequency))])
+                assigned[remaining[row]] = open_modes[column]
+        return [assigned[n] for n in range(len(self.mode))]
+
+    @cached_property
+    def labelled(self) -> dict[int, int]:
+        """Mode of each measurement that has a label."""
+        assigned: dict[int, int] = {}
+        for n, item in enumerate(self.mode):
+            if item.label is not None:
+                where = f"{self.where}mode.{n + 1}.label"
+                found = named_results.parse([item.label], self.nominal_modes, (), where)
+                numbers = [one.number for one in found if isinstance(one, named_results.Mode)]
+                if len(numbers) != 1 or numbers[0] in assigned.values():
+                    raise InputError(
+                        [
+                            Fault(
+                                where,
+                                "does not name exactly one mode, or repeats one",
+                                f"list labels with pendsus modes --fidelity {self.level}",
+                                format_value(item.label),
+                            )
+                        ]
+                    )
+                assigned[n] = numbers[0]
+        return assigned
+
+    def _unassigned(self, n: int, count: int) -> Fault:
+        allowed = self.mode[n].dof
+        if allowed is None:
+            return Fault(
+                f"{self.where}mode",
+                f"the design has only {count} modes, fewer than were measured",
+                "remove measurements",
+            )
+        return Fault(
+            f"{self.where}mode.{n + 1}.dof",
+            "no unassigned mode moves mainly in these degrees of freedom",
+            f"list modes with pendsus modes --fidelity {self.level}",
+            format_value(allowed),
+        )

@@ -1,0 +1,48 @@
+"""Results as labelled arrays: what a results file holds, as an `xarray.Dataset`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import h5py
+import numpy as np
+
+
+def to_xarray(result: Any) -> Any:
+    """Convert an `analysis.Result`; dimensions and coordinates are the scales of its file.
+
+    Returns
+    -------
+    xarray.Dataset
+        Each array with its `units`; attributes name design, model and estimated error.
+    """
+    import xarray  # pyright: ignore[reportMissingImports]
+
+    if result.file is not None:
+        with h5py.File(result.file, "r") as file:
+            variables = _variables(file[result.analysis.name])
+    else:
+        with h5py.File("memory", "w", driver="core", backing_store=False) as file:
+            result.analysis.fill(file, result)
+            variables = _variables(file[result.analysis.name])
+    about = {
+        "design": result.name,
+        "model": result.model,
+        "estimated_error": result.estimated_error,
+    }
+    return xarray.Dataset(variables, attrs=about)
+
+
+def _variables(group: Any) -> dict[str, Any]:
+    """Return (dimensions, values, attributes) of every dataset of a group."""
+    found = {}
+    for name, data in group.items():
+        if not isinstance(data, h5py.Dataset):
+            continue
+        labels = [data.dims[n].label for n in range(data.ndim)]
+        if data.is_scale:
+            labels = [name]
+        names = [label or f"{name}_{n}" for n, label in enumerate(labels)]
+        values = data.asstr()[...] if h5py.check_string_dtype(data.dtype) else data[...]
+        found[name] = (names, np.asarray(values), {"units": str(data.attrs.get("units", ""))})
+    return found

@@ -1,0 +1,236 @@
+"""The model of an analysis: the choice, what it neglects, and its linear system."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from suspension_cli.analyses.options import TOLERANCE
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Log
+    from suspension_cli.design.reader import Source
+    from suspension_cli.design.schema import Design
+    from suspension_cli.linear.system import LinearSystem
+    from suspension_cli.models.auto import Decision
+    from suspension_cli.models.base import Model
+    from suspension_cli.models.quantity_of_interest import QuantityOfInterest
+    from suspension_cli.models.registry import Choice
+
+    Request = Callable[[LinearSystem], QuantityOfInterest]
+    """The quantity of interest, given any model of the design."""
+
+WARNED_ERROR = 0.01
+"""Relative error of a model that the user did not choose, from which there is a warning."""
+
+
+def choose(
+    source: Source,
+    wanted: str,
+    request: Request | None = None,
+    tolerance: float = TOLERANCE,
+    top: Model | None = None,
+) -> Decision:
+    """Choose the cheapest model that is accurate enough, or take the one that is `wanted`.
+
+    Parameters
+    ----------
+    source : Source
+    wanted : str
+        ``"auto"`` or the name of a model.
+    request : callable, optional
+        The quantity of interest; without, the frequencies of the modes.
+    tolerance : float
+        Relative error that ``"auto"`` may leave.
+    top : Model, optional
+        The most complete model that the analysis can use; without, any.
+
+    Raises
+    ------
+    InputError
+        If the wanted model is not valid for the design.
+    """
+    from suspension_cli.models import auto, registry
+    from suspension_cli.models.quantity_of_interest import Frequencies
+
+    request = request or (lambda _: Frequencies())
+    if wanted == registry.AUTO:
+        limit = registry.MOST_COMPLETE if top is None else top
+        return auto.decide(source.design, request, tolerance, limit.name)
+    return auto.estimate_error(source.design, registry.choose(source.design, wanted), request)
+
+
+def without_wire_mass(source: Source, wanted: str, tolerance: float) -> Decision:
+    """Choose a model whose matrices have a state space of finite order.
+
+    Raises
+    ------
+    InputError
+        If a model with wire mass is wanted.
+    """
+    from suspension_cli.errors import Fault, InputError, format_value
+    from suspension_cli.models import registry
+
+    if wanted != registry.AUTO and registry.by_name(wanted).has_wire_mass:
+        problem = "has no state space of finite order, as its wires have mass"
+        remedy = "take beam, which is valid below the first violin mode"
+        raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
+    return choose(source, wanted, tolerance=tolerance, top=registry.BEAM)
+
+
+def for_builds(source: Source, wanted: str, models: tuple[Model, ...]) -> Choice:
+    """Choose the first of the `models` of imperfect builds, unless another of them is wanted.
+
+    Raises
+    ------
+    InputError
+        If a model is wanted that has no imperfect builds.
+    """
+    from suspension_cli.errors import Fault, InputError, format_value
+    from suspension_cli.models import registry
+
+    names = [model.name for model in models]
+    if wanted not in (registry.AUTO, *names):
+        remedy = f"take {', '.join((registry.AUTO, *names[:-1]))} or {names[-1]}"
+        problem = "is not valid for imperfect builds"
+        raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
+    if wanted in names[1:]:
+        return registry.choose(source.design, wanted)
+    return registry.Choice(names[0], "the cheapest model of imperfect builds")
+
+
+def with_derivatives(wanted: str, source: Source, request: Request) -> Decision:
+    """Choose the model whose derivatives are exact, unless another that has derivatives is wanted.
+
+    Raises
+    ------
+    InputError
+        If a model without derivatives is wanted, or it is not valid for the design.
+    """
+    from suspension_cli.errors import Fault, InputError, format_value
+    from suspension_cli.models import auto, registry
+
+    models = [model for model in registry.MODELS if model.supports_derivatives]
+    if wanted == registry.AUTO:
+        level = next(model.name for model in models if model.exact_derivatives)
+    elif wanted in [model.name for model in models]:
+        level = registry.choose(source.design, wanted).level
+    else:
+        remedy = f"take auto, {' or '.join(model.name for model in models)}"
+        fault = Fault("--fidelity", "has no derivatives", remedy, format_value(wanted))
+        raise InputError([fault], source.file)
+    exact = registry.by_name(level).exact_derivatives
+    reason = "derivatives are exact" if exact else "derivatives by differences"
+    return auto.estimate_error(source.design, registry.Choice(level, reason), request)
+
+
+def named_results(texts: list[str] | tuple[str, ...]) -> Request:
+    """Return the results of these names as quantity of interest; all modes if there are none."""
+    from suspension_cli.linear import eigenmodes, named_results, signals
+    from suspension_cli.models.quantity_of_interest import Several
+
+    def request(system: LinearSystem) -> Several:
+        found = eigenmodes.solve(dataclasses.replace(system, terms=()))
+        names = list(texts) or [named_results.ALL]
+        return Several(
+            named_results.parse(names, found, signals.bodies_with_signals(system)), found
+        )
+
+    return request
+
+
+def stable_system(
+    source: Source,
+    choice: Choice,
+    allow_unstable: bool,
+    log: Log,
+    system: LinearSystem | None = None,
+    *,
+    bends: bool = False,
+) -> LinearSystem:
+    """Return the linear system of a model, with warnings of designs near a limit.
+
+    Parameters
+    ----------
+    source : Source
+    choice : Choice
+    allow_unstable : bool
+        Warn of an unstable equilibrium instead of refusing it.
+    log : Log
+    system : LinearSystem, optional
+        The system, if it is there already.
+    bends : bool
+        Whether the analysis can use wires that bend, which the message about an unstable
+        equilibrium then proposes.
+
+    Raises
+    ------
+    InputError
+        If the equilibrium is unstable and that is not allowed.
+    """
+    from suspension_cli.analyses.check import warnings as near_limits
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.linear import eigenmodes
+
+    name = source.design.design.name
+    system = choice.model.system(source.design) if system is None else system
+    log.detail(f"{name}: {choice.line}; balanced to {system.residual:.0e} of the weight")
+    found = eigenmodes.solve(dataclasses.replace(system, terms=()))
+    if not found.stable:
+        worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
+        if not allow_unstable:
+            way = "make it stable (raise d, for example),"
+            if bends and not choice.model.bends_wires and _stable_with_bending(source.design):
+                way = "take --fidelity beam, whose wires stabilize it by bending,"
+            problem, remedy = (
+                f"the equilibrium is unstable: {worst}",
+                f"{way} or give --allow-unstable",
+            )
+            raise InputError([Fault("stage", problem, remedy)])
+        log.warn(f"{name} is unstable: {worst}")
+    near_limits.warn(source.design, system, found, log)
+    return system
+
+
+def _stable_with_bending(design: Design) -> bool:
+    """Whether wires that bend make the equilibrium stable."""
+    from suspension_cli.errors import InputError
+    from suspension_cli.linear import eigenmodes
+    from suspension_cli.models import registry
+
+    if registry.BEAM.unsuitable(design):
+        return False
+    try:
+        return eigenmodes.solve(registry.BEAM.system(design)).stable
+    except InputError:  # it does not balance
+        return False
+
+
+def warn_of_neglected(
+    source: Source, decision: Decision, log: Log, models: tuple[Model, ...] = ()
+) -> None:
+    """Warn of the error of a model that the user did not choose.
+
+    Parameters
+    ----------
+    source : Source
+    decision : Decision
+    log : Log
+    models : tuple of Model
+        Those that the analysis can use instead.
+    """
+    choice = decision.choice
+    if not choice.error > WARNED_ERROR:
+        return
+    size = f"{100 * choice.error:.2g} %" if choice.error < 1 else "100 % or more"
+    better = decision.needed in [model.name for model in models]
+    remedy = (
+        f"rerun with --fidelity {decision.needed}"
+        if better
+        else "modes, response and thermal have it"
+    )
+    log.warn(
+        f"{source.design.design.name}: the {choice.level} model neglects {decision.physics}, which"
+        f" changes {decision.missed} by {size}; {remedy}"
+    )

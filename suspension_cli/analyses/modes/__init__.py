@@ -1,0 +1,1 @@
+"""Compute the normal modes: frequencies, shapes, Q."""

@@ -1,0 +1,315 @@
+"""`pendsus modes`: frequencies and shapes of the normal modes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Result, Run, reading_all
+from suspension_cli.analyses.options import option
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.linear.eigenmodes import Modes
+    from suspension_cli.models.registry import Choice
+
+HIGHEST = 1000.0
+"""Hz, up to which the violin model lists modes."""
+MOST = 1000
+"""Modes of wires with mass above which a run is refused unless --all is given."""
+MANY = 100
+"""Modes whose number is printed before they are computed."""
+
+
+class ModesAnalysis(Analysis):
+    """Compute the normal modes: frequencies, shapes, Q.
+
+    Prints a table (or JSON), writes DIR/NAME-modes.h5 and .png for each DESIGN. An unstable
+    equilibrium is reported with its growth rates; a rigid mode (a body free to spin on one wire)
+    has frequency 0; an overdamped mode has a decay rate and no frequency.
+
+    With --max-frequency (or --fidelity violin, then up to 1 kHz) the wires have mass: all violin
+    modes are listed with the others. On beam and violin every mode has its Q and its dilution
+    factor.
+
+    Example: pendsus modes my.toml --max-frequency 500
+    """
+
+    name = "modes"
+    arguments = (options.DESIGNS,)
+    parameters = (
+        option(
+            "--max-frequency",
+            type=options.Finite(1e-6, 1e6),
+            metavar="HZ",
+            help="List all modes up to here; with auto and violin, violin modes too.",
+        ),
+        option(
+            "--all",
+            "every",
+            is_flag=True,
+            help=f"Compute all modes of wires with mass, be they more than {MOST}.",
+        ),
+        options.ACCURACY,
+        *options.WRITING,
+    )
+
+    def read(self, ask: Callable[..., Run], files: dict[str, Any]) -> Sequence[Run]:
+        """Read any number of designs."""
+        return reading_all(ask, files["designs"])
+
+    def solve(self, run: Run) -> Result:
+        """Compute the modes of one design."""
+        import numpy as np
+
+        from suspension_cli.analyses.check import warnings
+        from suspension_cli.analyses.check.lossless import find_lossless
+
+        choice, undamped, modes = _solve(run)
+        lossless = find_lossless(run.design, choice.level)
+        _warn_of_series(run, choice, modes)
+        warnings.warn_of_modes(run.design, choice.model, undamped, run.log)
+        if np.isfinite(modes.q).any():
+            for line in warnings.describe_lossless(lossless, choice.level):
+                run.log.warn(f"{run.name}: {line}")
+        for label, rate in zip(modes.label, modes.growth_rate, strict=True):
+            if rate > 0:
+                run.log.warn(f"{run.name} is unstable: {label} grows at {rate:.4g} 1/s")
+        extra = {"without_loss": [part.part for part in lossless]}
+        return Result(self, run.source, choice, modes, extra, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return the modes, ascending."""
+        import numpy as np
+
+        modes: Modes = result.data
+        rows, labels, verdicts = [], modes.label, modes.verdict
+        frequency, growth, top, shares = (
+            modes.frequency,
+            modes.growth_rate,
+            modes.top_share,
+            modes.shares,
+        )
+        for n, (body, dof) in enumerate(modes.home):
+            row: dict[str, Any] = {
+                "frequency_hz": float(frequency[n]) if np.isfinite(frequency[n]) else None,
+                "dof": dof,
+                "stage": body,
+                "q": float(modes.q[n]) if np.isfinite(modes.q[n]) else None,
+            }
+            if np.isfinite(modes.dilution[n]):
+                row["dilution"] = float(modes.dilution[n])
+            if growth[n] > 0:
+                row["growth_rate_per_s"] = float(growth[n])
+            if modes.overdamped[n]:
+                row["decay_rate_per_s"] = float(modes.decay_rate[n])
+            share = {
+                "label": labels[n],
+                "share": float(shares[n].max()),
+                "top_mass_share": float(top[n]),
+                "verdict": verdicts[n],
+            }
+            rows.append(row | share)
+        return {"stable": modes.stable, "modes": rows} | result.extra
+
+    def text(self, result: Result) -> str:
+        """Return a table of the modes."""
+        import numpy as np
+
+        from suspension_cli.linear.eigenmodes import describe
+
+        modes: Modes = result.data
+        lines = [
+            result.title + (f"  [{result.name}]" if result.title != result.name else ""),
+            result.choice.line,
+            "",
+        ]
+        lossy = bool(np.isfinite(modes.q).any())
+        diluted = bool(np.isfinite(modes.dilution).any())
+        columns = ("        Q  " if lossy else "") + ("dilution  " if diluted else "")
+        lines.append(
+            f"  #    frequency  {columns}{'from the top mass':24}  mode, by share of kinetic energy"
+        )
+        verdict, labels, home, every, top_share, frequency = (
+            modes.verdict,
+            modes.label,
+            modes.home,
+            modes.shares,
+            modes.top_share,
+            modes.frequency,
+        )
+        for group in modes.groups:
+            n, shares = group[0], every[group[0]]
+            leading = [
+                i for i in np.argsort(-shares.round(9), kind="stable")[:3] if shares[i] > 0.02
+            ]
+            where = ", ".join(
+                f"{describe(modes.place[i])} {100 * shares[i]:.0f} %" for i in leading
+            )
+            quality = _number(modes.q[n] if modes.q[n] > 0 else np.inf, 9) if lossy else ""
+            quality += _number(modes.dilution[n], 8) if diluted else ""
+            if modes.order[n]:
+                last = group[-1]
+                spread = (
+                    "" if len(group) == 1 else f", {len(group)} modes to {frequency[last]:#.6g} Hz"
+                )
+                lines.append(
+                    f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{'':24} "
+                    f" {_family([labels[k] for k in group], *home[n], modes.order[n])}{spread}"
+                )
+                continue
+            top = f"{100 * top_share[n]:.1f} %, {verdict[n]}"
+            decays = f", decays at {modes.decay_rate[n]:#.4g} 1/s" if modes.overdamped[n] else ""
+            lines.append(
+                f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{top:24}  {where}{decays}"
+            )
+        return "\n".join(lines)
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the group `modes`."""
+        from suspension_cli.analyses.modes import file as stored
+
+        stored.fill(file.create_group("modes"), result.data)
+
+    def load(self, file: h5py.File) -> Modes:
+        """Read the group `modes`."""
+        from suspension_cli.analyses.modes import file as stored
+
+        return stored.load(file["modes"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw every mode, and where wires have mass the Q of all."""
+        from suspension_cli.analyses.modes import picture, quality_picture
+        from suspension_cli.equilibrium.nominal import expand
+
+        figures = {"": picture.draw(result.data, result.design, expand(result.design))}
+        if result.data.wire:
+            figures["-wires"] = quality_picture.draw(result.data, result.design)
+        return figures
+
+
+def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
+    """Say with a number what blades in series with angled wires cost, where that is more than the
+    tolerance.
+    """
+    from suspension_cli.analyses.modes.series_error import estimate_series_error
+
+    apart = (
+        estimate_series_error(run.design, modes)
+        if choice.model.approximated_stages(run.design)
+        else None
+    )
+    if apart is not None and abs(apart.share) > options.TOLERANCE:
+        run.log.warn(
+            f"{run.name}: blades under angled wires are taken in series with them:"
+            f" {apart.label} {apart.quick:.4g} Hz is {apart.general:.4g} Hz with --fidelity string"
+            f" ({100 * apart.share:+.2g} %)"
+        )
+
+
+def _solve(run: Run) -> tuple[Choice, Modes, Modes]:
+    """What was chosen, the modes without damping (with the mass of wires: those with it), and the
+    modes with all losses.
+    """
+    import numpy as np
+
+    from suspension_cli.analyses.modes import damped, wire_modes
+    from suspension_cli.linear import eigenmodes
+    from suspension_cli.models import auto, registry
+    from suspension_cli.models.quantity_of_interest import Frequencies
+
+    source, setting = run.source, run.setting
+    highest, level = setting["max_frequency"], setting["fidelity"]
+    if highest is None and level == registry.AUTO:
+        decision = auto.decide(source.design, lambda _: Frequencies(), setting["tolerance"])
+    else:
+        decision = auto.estimate_error(
+            source.design,
+            registry.choose(
+                source.design, registry.VIOLIN.name if level == registry.AUTO else level
+            ),
+            lambda _: Frequencies(),
+        )
+    model, choice = decision.model, decision.choice
+    if not choice.model.has_wire_mass:
+        found = eigenmodes.solve(model)
+        listed = damped.solve(model, found)
+        if highest is None:
+            return choice, found, listed
+        listed = listed.up_to(highest)
+        if not len(listed.q):
+            raise wire_modes.no_mode_error(highest)
+        return choice, found, listed
+    if level == registry.AUTO and highest is None:
+        # the mass of wires lowers all frequencies: those of the bodies lie below the highest
+        # one without it
+        still = eigenmodes.solve(model)
+        top = float(np.nanmax(still.frequency))
+        cause = (
+            "the highest mode of the bodies without them"
+            f" ({still.label[int(np.nanargmax(still.frequency))]})"
+        )
+    else:
+        top, cause = (
+            HIGHEST if highest is None else highest,
+            "--max-frequency" if highest is not None else "where none is given",
+        )
+        choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
+    _admit(run, wire_modes.count_modes(model, top), top, cause)
+    with run.log.progress() as bar:
+        found = wire_modes.solve(model, top, damping=True, progress=bar)
+    return choice, found, found
+
+
+def _admit(run: Run, number: int, top: float, cause: str) -> None:
+    """Say how many modes there are, where they are many, and refuse more than `MOST` that nobody
+    asked for.
+    """
+    from suspension_cli.errors import Fault, InputError
+
+    if number > MOST and not run.setting["every"]:
+        problem = (
+            f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}), and more than"
+            f" {MOST:,} take long"
+        )
+        raise InputError(
+            [
+                Fault(
+                    "",
+                    problem,
+                    "check the design's numbers, give a lower --max-frequency, or --all to have"
+                    " them all",
+                )
+            ]
+        )
+    if number > MANY:
+        run.log.say(f"{run.name}: {number:,} modes up to {top:.4g} Hz")
+
+
+def _family(labels: list[str], body: str, dof: str, order: int) -> str:
+    """What modes of wires that lie together have in common: all of one label, or those of a body of
+    one order.
+    """
+    return (
+        labels[0]
+        if len(set(labels)) == 1
+        else f"{body} {'violin' if dof.startswith('violin') else dof} {order}"
+    )
+
+
+def _number(value: float, width: int) -> str:
+    return f"{value:{width}.4g}  " if value < float("inf") else f"{'-':>{width}}  "
+
+
+def _frequency(modes: Modes, n: int) -> str:
+    if modes.growth_rate[n] > 0:
+        return "unstable"
+    if modes.omega_squared[n] == 0:
+        return "overdamped" if modes.overdamped[n] else "rigid"
+    return f"{modes.frequency[n]:#.5g} Hz"
+
+
+ANALYSIS = ModesAnalysis()

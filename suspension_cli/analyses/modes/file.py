@@ -1,0 +1,79 @@
+"""HDF5 group `modes` of a results file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import h5py
+import numpy as np
+
+from suspension_cli.conventions import DOFS
+from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.linear.eigenmodes import Modes, decay_rates
+
+
+def fill(group: h5py.Group, modes: Modes) -> None:
+    """Write the modes of one design into a group."""
+    group.attrs["stable"] = modes.stable
+    mode = add_scale(group, "mode", np.arange(1, len(modes.omega_squared) + 1), "1")
+    coordinate = add_scale(group, "coordinate", list(modes.coordinate), "name")
+    body = add_scale(group, "body", list(modes.body), "name")
+    dof = add_scale(group, "degree_of_freedom", list(DOFS), "name")
+    add_dataset(group, "omega_squared", modes.omega_squared, "rad^2/s^2", mode)
+    add_dataset(group, "frequency", modes.frequency, "Hz", mode)
+    add_dataset(group, "growth_rate", modes.growth_rate, "1/s", mode)
+    add_dataset(
+        group,
+        "shape",
+        modes.shape,
+        "kg^-1/2 (displacements), kg^-1/2 m^-1 (rotations)",
+        mode,
+        coordinate,
+    )
+    add_dataset(group, "energy", modes.energy, "1", mode, body, dof)
+    add_dataset(
+        group,
+        "tip_energy",
+        modes.tip_energy,
+        "1",
+        mode,
+        add_scale(group, "tip", list(modes.coordinate[6 * len(modes.body) :]), "name"),
+    )
+    add_dataset(group, "block", modes.block, "1", mode)
+    add_dataset(group, "q", modes.q, "1", mode)
+    add_dataset(group, "decay_rate", modes.decay_rate, "1/s", mode)
+    add_dataset(group, "top_share", modes.top_share, "1", mode)
+    add_dataset(group, "verdict", modes.verdict, "name", mode)
+    add_dataset(group, "dilution", modes.dilution, "1", mode)
+    add_dataset(group, "order", modes.order, "1", mode)
+    if modes.wire:
+        add_dataset(
+            group,
+            "wire_energy",
+            modes.wire_energy,
+            "1",
+            mode,
+            add_scale(group, "wire", list(modes.wire), "name"),
+        )
+    add_dataset(group, "label", modes.label, "name", mode)
+
+
+def load(group: Any) -> Modes:
+    """Read the modes of one design from a group."""
+    count = len(group["q"])
+    squared, q = group["omega_squared"][:], group["q"][:]
+    return Modes(
+        body=tuple(group["body"].asstr()[:]),
+        coordinate=tuple(group["coordinate"].asstr()[:]),
+        omega_squared=squared,
+        shape=group["shape"][:],
+        energy=group["energy"][:],
+        tip_energy=group["tip_energy"][:],
+        block=group["block"][:],
+        q=q,
+        dilution=group["dilution"][:] if "dilution" in group else np.full(count, np.nan),
+        wire=tuple(group["wire"].asstr()[:]) if "wire" in group else (),
+        wire_energy=group["wire_energy"][:] if "wire_energy" in group else np.zeros((count, 0)),
+        order=group["order"][:] if "order" in group else np.zeros(count, dtype=np.intp),
+        decay_rate=group["decay_rate"][:] if "decay_rate" in group else decay_rates(squared, q),
+    )

@@ -1,0 +1,363 @@
+"""Figure of mode shapes, one panel per mode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from suspension_cli.conventions import DOF_NAMES, DOFS
+from suspension_cli.design.schema import Design
+from suspension_cli.drawing import geometry, parts, style
+from suspension_cli.drawing.bodies import outlines, suspension_size
+from suspension_cli.drawing.canvas import Canvas, full_canvas
+from suspension_cli.drawing.geometry import FACE, SIDE, View
+from suspension_cli.drawing.parts import Look, Sketch
+from suspension_cli.drawing.style import DOF_COLOUR, INK, NOTE, PALE
+from suspension_cli.linear.eigenmodes import Modes, describe, place
+from suspension_cli.scene.pose import nominal_pose
+from suspension_cli.scene.scene import Array, Scene
+
+WIDTH = 1.85
+"""Width of a panel, in."""
+GAP = 0.22
+"""Distance between panels, in."""
+HEAD = 0.40
+"""Height of a panel's title, in."""
+BARS = 0.44
+"""Height of the energy bars below a picture, in."""
+FOOT = 0.13
+"""Height of the view's name between picture and bars, in."""
+LEAST = 7.6
+"""Smallest width of a figure, which its key needs, in."""
+TALLEST, LOWEST = 3.3, 1.25
+"""Bounds of the height of a picture, in."""
+TOP = 1.06
+"""Height of the figure's heading, in."""
+THICK = 0.028
+"""Thickness of the support over the size of the suspension."""
+MOST = 120
+"""Largest number of modes drawn: the lowest ones."""
+SHOWN = 3
+"""Largest number of energy bars per mode."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Contents of one panel.
+
+    Attributes
+    ----------
+    number : int
+        Of the mode, from 0.
+    view : View
+    sketch : Sketch
+        The suspension displaced.
+    low, high : (2,) arrays
+        Bounds of the picture, m.
+    """
+
+    number: int
+    view: View
+    sketch: Sketch
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Common scale and height of all pictures of a figure.
+
+    Attributes
+    ----------
+    width, height : float
+        Largest of any picture, m.
+    high : float
+        Upper bound of the pictures in side and face view, m: their supports stand at one height.
+    """
+
+    width: float
+    height: float
+    high: float
+
+
+def draw(modes: Modes, design: Design, scene: Scene) -> Figure:
+    """Draw the modes of a suspension, ascending.
+
+    Parameters
+    ----------
+    modes : Modes
+    design : Design
+        For the shapes of bodies, the title and the lengths of blades.
+    scene : Scene
+        The same design spelled out, without batch axes.
+
+    Returns
+    -------
+    Figure
+        One panel per mode, for the lowest `MOST` (modes of wires alone are in
+        `quality_picture`): the suspension at rest (grey) and displaced, in the view that shows most
+        of the motion. The colour is that of the degree of freedom with most kinetic energy; the
+        stronger it is, the larger the fraction of a body.
+    """
+    with style.house_style():
+        rest = Sketch(
+            design,
+            scene,
+            outlines(design, scene),
+            nominal_pose(scene),
+            THICK * suspension_size(scene),
+        )
+        bodily = np.flatnonzero(modes.order == 0).tolist()
+        panels = [_panel(modes, number, rest) for number in bodily[:MOST]]
+        frame = _frame(panels)
+        tall = float(np.clip((WIDTH - 0.1) * frame.height / frame.width, LOWEST, TALLEST))
+        pitch = HEAD + tall + FOOT + BARS + GAP
+        across = _choose_columns(len(panels), WIDTH + GAP, pitch)
+        figure = style.new_figure(
+            max(across * (WIDTH + GAP) + GAP, LEAST), TOP + -(-len(panels) // across) * pitch
+        )
+        _draw_heading(
+            figure,
+            design,
+            (
+                f"The lowest {len(panels)} of {len(bodily)} modes. "
+                if len(panels) < len(bodily)
+                else ""
+            ),
+        )
+        canvas = full_canvas(figure)
+        for n, panel in enumerate(panels):
+            left = GAP + (n % across) * (WIDTH + GAP)
+            top = figure.get_size_inches()[1] - TOP - (n // across) * pitch
+            _draw_title(canvas, left, top, modes, panel.number)
+            _draw_picture(canvas, (left, top - HEAD), tall, modes, panel, rest, frame)
+            _draw_bars(canvas, left, top - HEAD - tall - FOOT, modes, panel.number)
+        canvas.flush()
+        return figure
+
+
+def choose_view(modes: Modes, number: int, above: View) -> View:
+    """Choose the view that shows most of a mode's kinetic energy.
+
+    Vertical motion shows in both the side and the face view.
+    """
+    energy: dict[str, float] = dict.fromkeys(DOFS, 0.0)
+    for coordinate, fraction in zip(modes.place, modes.shares[number], strict=True):
+        if place(coordinate)[1] in energy:
+            energy[place(coordinate)[1]] += float(fraction)
+    side = energy["x"] + energy["pitch"] + energy["z"]
+    face = energy["y"] + energy["roll"] + energy["z"]
+    if energy["yaw"] > 0.2 and energy["yaw"] + energy["x"] + energy["y"] > max(side, face):
+        return above
+    return SIDE if side >= face - 1e-9 else FACE
+
+
+def format_heading(modes: Modes, number: int) -> str:
+    """Number and frequency of a mode, for the title of its panel."""
+    frequency = float(modes.frequency[number])
+    if modes.overdamped[number]:
+        return (
+            f"{number + 1}  overdamped, decays at"
+            f" {style.format_significant(float(modes.decay_rate[number]))} 1/s"
+        )
+    if np.isnan(frequency):
+        return (
+            f"{number + 1}  unstable, grows at"
+            f" {style.format_significant(float(modes.growth_rate[number]))} 1/s"
+        )
+    return f"{number + 1}  " + (
+        "rigid" if frequency == 0 else f"{style.format_significant(frequency)} Hz"
+    )
+
+
+def format_caption(modes: Modes, number: int) -> str:
+    """Label of a mode, and the percentage of its kinetic energy there."""
+    fraction = float(modes.shares[number].max())
+    return f"{shorten_label(modes.label[number], 27)} {_format_percent(fraction)}"
+
+
+def shorten_label(label: str, most: int) -> str:
+    """Shorten a body and its motion to `most` characters, by the body's name."""
+    body, _, motion = label.rpartition(" ")
+    return f"{style.single_line(body, max(most - 1 - len(motion), 3))} {motion}"
+
+
+def _format_percent(fraction: float) -> str:
+    percent = 100 * fraction
+    if percent >= 9.5 or percent == 0:
+        return f"{percent:.0f} %"
+    return f"{percent:.1f} %" if percent >= 0.05 else "< 0.1 %"
+
+
+def _panel(modes: Modes, number: int, rest: Sketch) -> Panel:
+    scene, bodies = rest.scene, rest.outlines
+    view = choose_view(modes, number, geometry.from_above(scene, bodies))
+    pose = geometry.mode_pose(scene, modes.coordinate, modes.shape[number])
+    sketch = replace(rest, pose=pose)
+    (x0, y0, z0), (x1, y1, z1) = parts.support_box(rest)
+    plate = [
+        [x, y, z]
+        for x in (x0, x1)
+        for y in (y0, y1)
+        for z in ((z0,) if view.normal == 2 else (z0, z1))
+    ]
+    points = np.concatenate([rest.points(view), sketch.points(view), view.see(plate)])
+    return Panel(number, view, sketch, points.min(0), points.max(0))
+
+
+def _frame(panels: list[Panel]) -> Frame:
+    upright = [float(panel.high[1]) for panel in panels if panel.view.normal != 2]
+    high = max(upright, default=0.0)
+    heights = [
+        (float(panel.high[1]) if panel.view.normal == 2 else high) - float(panel.low[1])
+        for panel in panels
+    ]
+    return Frame(max(float(panel.high[0] - panel.low[0]) for panel in panels), max(heights), high)
+
+
+def _choose_columns(count: int, width: float, tall: float) -> int:
+    """Choose the number of columns of panels of some width and height, in.
+
+    One row for up to six, else a figure somewhat wider than tall without a nearly empty last row.
+    """
+    if count <= 6:
+        return count
+
+    def badness(across: int) -> float:
+        down = -(-count // across)
+        shape = abs(np.log((across * width) / (down * tall + TOP) / 1.2))
+        return shape + 1.5 * (across * down - count) / count
+
+    return min(range(1, count + 1), key=badness)
+
+
+def _draw_heading(figure: Figure, design: Design, shown: str) -> None:
+    style.write_title(figure, design.design.title, design.design.name)
+    across, _ = figure.get_size_inches()
+    swatches = [
+        Patch(
+            facecolor=style.with_opacity(DOF_COLOUR[dof], 0.6),
+            edgecolor=DOF_COLOUR[dof],
+            label=DOF_NAMES[dof],
+        )
+        for dof in DOFS
+    ]
+    swatches.insert(
+        0, Patch(facecolor=style.with_opacity(PALE, 0.25), edgecolor=PALE, label="at rest")
+    )
+    figure.legend(
+        handles=swatches,
+        loc="upper left",
+        bbox_to_anchor=(0.12 / across, 1 - 0.52 / figure.get_size_inches()[1]),
+        ncols=7,
+        fontsize=7.5,
+        handlelength=1.2,
+        columnspacing=1.2,
+        handletextpad=0.5,
+        borderpad=0.2,
+    )
+    key = (
+        f"{shown}Colour: degree of freedom with most kinetic energy, stronger where a body has"
+        " more. Bars: fractions of it. Motions exaggerated."
+    )
+    style.write_text(figure, 0.2, 0.78, key, 7.5, NOTE)
+
+
+def _draw_title(canvas: Canvas, left: float, top: float, modes: Modes, number: int) -> None:
+    colour = INK if modes.omega_squared[number] >= 0 else style.PALETTE[1]
+    long = bool(np.isnan(modes.frequency[number]))
+    canvas.text(
+        left,
+        top - 0.02,
+        format_heading(modes, number),
+        va="top",
+        fontsize=6.5 if long else 9,
+        fontweight="bold",
+        color=colour,
+    )
+    canvas.text(left, top - 0.20, format_caption(modes, number), va="top", fontsize=7.5)
+
+
+def _draw_picture(
+    canvas: Canvas,
+    corner: tuple[float, float],
+    tall: float,
+    modes: Modes,
+    panel: Panel,
+    rest: Sketch,
+    frame: Frame,
+) -> None:
+    """Draw the suspension at rest and displaced, at the scale and height of the frame."""
+    scale = min((WIDTH - 0.05) / frame.width, (tall - 0.06) / frame.height)
+    high = float(panel.high[1]) if panel.view.normal == 2 else frame.high
+    origin = (
+        corner[0] + WIDTH / 2 - scale * (panel.low[0] + panel.high[0]) / 2,
+        corner[1] - 0.03 - scale * high,
+    )
+    view = panel.view.at(origin, scale)
+    colour, count = DOF_COLOUR[modes.home[panel.number][1]], len(rest.outlines)
+    still = Look((PALE,) * count, (style.with_opacity(PALE, 0.25),) * count, PALE, 0.7, 1)
+    energy = modes.energy[panel.number].sum(-1)
+    strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
+    moving = Look(
+        (colour,) * count,
+        tuple(style.with_opacity(colour, float(s)) for s in strength),
+        INK,
+        0.7,
+        3,
+    )
+    parts.draw_support(canvas, view, rest)
+    parts.draw_suspension(canvas, view, rest, still)
+    parts.draw_suspension(canvas, view, panel.sketch, moving)
+    _draw_crosses(canvas, view, panel.sketch, colour)
+    canvas.text(
+        corner[0] + WIDTH,
+        corner[1] - tall - 0.01,
+        view.name,
+        ha="right",
+        va="top",
+        fontsize=6,
+        color=NOTE,
+    )
+
+
+def _draw_crosses(canvas: Canvas, view: View, sketch: Sketch, colour: str) -> None:
+    """Draw a cross through each displaced body, to show rotations even of a circle."""
+    for n, body in enumerate(sketch.outlines, 1):
+        for axis in range(3):
+            if axis != view.normal:
+                arm = 0.3 * np.eye(3)[axis] * body.half
+                canvas.line(
+                    view.see(
+                        geometry.position_of(sketch.scene, sketch.pose, n, np.stack([-arm, arm]))
+                    ),
+                    colour,
+                    0.7,
+                    4,
+                )
+
+
+def _draw_bars(canvas: Canvas, left: float, top: float, modes: Modes, number: int) -> None:
+    """Draw the largest fractions of kinetic energy as bars."""
+    fractions = modes.shares[number]
+    for row, n in enumerate(np.argsort(-fractions, kind="stable")[:SHOWN]):
+        fraction, dof = float(fractions[n]), place(modes.place[n])[1]
+        if fraction < 5e-4:
+            break
+        middle = top - (row + 0.5) * BARS / SHOWN
+        start, end = left + 0.60 * WIDTH, left + (0.60 + 0.26 * fraction) * WIDTH
+        box = [
+            [start, middle - 0.045],
+            [end, middle - 0.045],
+            [end, middle + 0.045],
+            [start, middle + 0.045],
+        ]
+        canvas.polygon(box, DOF_COLOUR.get(dof, NOTE), "none", 0.0, 2)
+        canvas.text(
+            left, middle, shorten_label(describe(modes.place[n]), 23), va="center", fontsize=6.2
+        )
+        text = _format_percent(fraction)
+        canvas.text(end + 0.03, middle, text, va="center", fontsize=6.2, color=NOTE)

@@ -1,0 +1,1 @@
+"""Choose numbers of a design so that it meets goals."""

@@ -1,0 +1,371 @@
+"""`pendsus optimise`: numbers of a design chosen so that it meets goals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, as_number
+from suspension_cli.analyses.options import argument, option
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.optimise.optimum import Optimum
+    from suspension_cli.design.goals import Goals
+
+STARTS, SEED = 6, 1
+"""As `optimise.solve` has them, which is not imported just to print help."""
+NEAREST = 3
+"""Limits of each goal that are printed where all are met and none is active: those with the least
+margin."""
+
+
+class OptimiseAnalysis(Analysis):
+    """Choose numbers of a design so that it meets goals.
+
+    GOALS is a TOML file of goals, and of the free numbers with their bounds. Writes the design as
+    DIR/NAME-optimised.toml, and DIR/NAME-optimise.h5 and .png. The written design is checked
+    against every goal by the ordinary analyses; exit code 1 if a limit is not met.
+
+    Example: pendsus optimise my.toml goals.toml
+    """
+
+    name = "optimise"
+    arguments = (options.DESIGN, argument("goals", metavar="GOALS"))
+    parameters = (
+        option(
+            "--starts",
+            type=click.IntRange(1, 64),
+            default=STARTS,
+            show_default=True,
+            help="Designs to search from; the first is the design itself.",
+        ),
+        option(
+            "--seed",
+            type=click.IntRange(0),
+            default=SEED,
+            show_default=True,
+            help="Of the other starts.",
+        ),
+        *options.WRITING,
+    )
+
+    def read(self, ask: Callable[..., Run], files: dict[str, Any]) -> Sequence[Run]:
+        """Read the design and the goals."""
+        from suspension_cli.design import goals, reader
+        from suspension_cli.errors import Fault, InputError, format_value
+        from suspension_cli.models.registry import VIOLIN
+
+        run, file = ask(files["design"]), files["goals"]
+        if run.setting["fidelity"] == VIOLIN.name:
+            raise InputError(
+                [
+                    Fault(
+                        "--fidelity",
+                        "lists the modes of wires too",
+                        "take auto, string or beam",
+                        format_value(VIOLIN.name),
+                    )
+                ],
+                run.source.file,
+            )
+        text = reader.read_text(file)
+        inputs = {"file": file, "text": text, "goals": goals.read(file, text)}
+        return [replace(run, inputs=inputs)]
+
+    def solve(self, run: Run) -> Result:
+        """Search for a design, and check it by the ordinary analyses."""
+        from suspension_cli.analyses.optimise import solve as optimise
+        from suspension_cli.errors import InputError
+        from suspension_cli.models.registry import STRING, Choice
+
+        setting, file = run.setting, run.inputs["file"]
+        with run.log.progress() as bar:
+            try:
+                found = optimise.solve(
+                    run.source.text,
+                    run.inputs["goals"],
+                    level=setting["fidelity"],
+                    starts=setting["starts"],
+                    seed=setting["seed"],
+                    report=bar,
+                )
+            except InputError as error:
+                ours = error.faults[0].key.split(".")[0] in ("goal", "free", "equal")
+                raise error.in_file(file if ours else run.source.file) from None
+        run.log.detail(
+            f"checked on {found.fidelity}: {found.reason}; {found.rounds} corrections of the search"
+            " for it"
+        )
+        _warn(found, run.log)
+        choice = Choice(STRING.name, "derivatives are exact")
+        data = replace(found, goals=run.inputs["text"])
+        return Result(self, run.source, choice, data, {"goals_file": file}, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return numbers, limits, quantities and modes; null for what there is none of."""
+        found: Optimum = result.data
+        return {
+            "checked_on": found.fidelity,
+            "estimated_error": as_number(found.error),
+            "goals_met": found.met,
+            "parameters": _numbers(found),
+            "limits": _limits(found, _goals(found)),
+            "quantities": _quantities(found),
+            "unknown": list(found.unknown),
+            "modes": _modes(found),
+            "starts": [
+                {
+                    "violation_before": as_number(before),
+                    "violation_after": as_number(after),
+                    "arrived_at": int(place),
+                }
+                for before, after, place in zip(
+                    found.starts.before, found.starts.after, found.starts.place, strict=True
+                )
+            ],
+            "objective": found.objective,
+            "stationarity": as_number(found.stationarity),
+        }
+
+    def text(self, result: Result) -> str:
+        """Return what changed, what each goal got, and where the starts arrived."""
+        found: Optimum = result.data
+        numbers, wide = found.numbers, max(len(name) for name in found.numbers.name)
+        lines = []
+        for n, name in enumerate(numbers.name):
+            remark = "  follows" if numbers.tied[n] else ""
+            remark += {-1: "  at its lower bound", 0: "", 1: "  at its upper bound"}[
+                int(numbers.bound[n])
+            ]
+            lines.append(
+                f"{name:{wide}}  {numbers.before[n]:#.6g} -> {numbers.after[n]:#.6g}{remark}"
+            )
+        lines.append("")
+        names = [goal.name or goal.kind for goal in _goals(found).goal]
+        for name in dict.fromkeys(names):
+            lines += _goal(found, [n for n, other in enumerate(names, 1) if other == name], name)
+        for n in [n for n, weight in enumerate(found.quantities.weight) if weight]:
+            word = "small" if found.quantities.weight[n] > 0 else "large"
+            unit = "" if found.quantities.unit[n] == "1" else f" {found.quantities.unit[n]}"
+            lines.append(
+                f"{word:7}  {found.quantities.name[n]}: {found.quantities.after[n]:.6g}{unit}, was"
+                f" {found.quantities.before[n]:.6g}{unit}"
+            )
+        lines += [f"UNKNOWN  {what}" for what in found.unknown]
+        return "\n".join([*lines, "", _verdict(found), *_starts(found)])
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the group `optimise`."""
+        from suspension_cli.analyses.optimise import file as stored
+
+        stored.fill(file.create_group("optimise"), result.data)
+
+    def load(self, file: h5py.File) -> Optimum:
+        """Read the group `optimise`."""
+        from suspension_cli.analyses.optimise import file as stored
+
+        return stored.load(file["optimise"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw modes and limits before and after."""
+        from suspension_cli.analyses.optimise import picture
+
+        return {"": picture.draw(result.data, result.title)}
+
+    def others(self, result: Result, path: Path) -> list[Path]:
+        """Write the design found as NAME-optimised.toml."""
+        from suspension_cli.analyses.optimise import file as stored
+
+        made = path.with_name(f"{result.name}-optimised.toml")
+        design, goals = result.source.file, result.extra.get("goals_file", "goals")
+        stored.save_design(made, result.data, Path(design).name, Path(goals).name, result.command)
+        return [made]
+
+    def exit_code(self, result: Result) -> int:
+        """Return 1 if a limit is not met."""
+        return 0 if result.data.met else 1
+
+
+def _warn(found: Optimum, log: Log) -> None:
+    """Warn of goals that cannot be judged, and of a design that is unstable or not final."""
+    from suspension_cli.analyses.check import warnings
+    from suspension_cli.analyses.optimise.solve import ROUNDS
+    from suspension_cli.design import reader
+
+    warnings.warn_implausible(reader.parse(found.design), log)
+    for what in found.unknown:
+        log.warn(f"not known, so not met: {what}")
+    for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
+        if value == 0:
+            log.warn(
+                f"{name} is 0: the design's symmetry forbids it whatever its numbers are; give the"
+                " goal a perturbation"
+            )
+    unstable = [
+        label
+        for label, after in zip(found.modes.label, found.modes.after, strict=True)
+        if math.isnan(after)
+    ]
+    if unstable:
+        log.warn(
+            f"the design found is unstable: {', '.join(unstable)}; no goal forbids it but a band of"
+            " these modes"
+        )
+    if found.rounds >= ROUNDS:
+        log.warn(
+            f"after {found.rounds} corrections search and check may still differ: limits are told"
+            " as checked, but a better design may be near"
+        )
+
+
+def _goals(found: Optimum) -> Goals:
+    """Read the goals from their text."""
+    from suspension_cli.design import goals
+
+    return goals.read("", found.goals)
+
+
+def _numbers(found: Optimum) -> list[dict[str, Any]]:
+    numbers = found.numbers
+    return [
+        {
+            "name": label,
+            "follows": bool(numbers.tied[n]),
+            "before": float(numbers.before[n]),
+            "after": float(numbers.after[n]),
+            "lower": as_number(numbers.lower[n]),
+            "upper": as_number(numbers.upper[n]),
+            "at_bound": {-1: "lower", 0: None, 1: "upper"}[int(numbers.bound[n])],
+            "multiplier": as_number(numbers.multiplier[n]),
+        }
+        for n, label in enumerate(numbers.name)
+    ]
+
+
+def _limits(found: Optimum, goals: Goals) -> list[dict[str, Any]]:
+    limits, names = found.limits, [goal.name or goal.kind for goal in goals.goal]
+    return [
+        {
+            "goal": names[limits.goal[n] - 1],
+            "limit": text,
+            "value": as_number(limits.value[n]),
+            "margin": as_number(limits.margin[n]),
+            "room": as_number(limits.room[n]),
+            "met": bool(limits.met[n]),
+            "active": bool(limits.active[n]),
+            "multiplier": as_number(limits.multiplier[n]),
+        }
+        for n, text in enumerate(limits.name)
+    ]
+
+
+def _quantities(found: Optimum) -> list[dict[str, Any]]:
+    quantities = found.quantities
+    return [
+        {
+            "name": text,
+            "unit": quantities.unit[n],
+            "before": as_number(quantities.before[n]),
+            "after": as_number(quantities.after[n]),
+        }
+        for n, text in enumerate(quantities.name)
+    ]
+
+
+def _modes(found: Optimum) -> list[dict[str, Any]]:
+    modes = found.modes
+    return [
+        {
+            "name": text,
+            "label": modes.label[n],
+            "before_hz": as_number(modes.before[n]),
+            "after_hz": as_number(modes.after[n]),
+            "top_mass_share_before": as_number(modes.share_before[n]),
+            "top_mass_share_after": as_number(modes.share_after[n]),
+        }
+        for n, text in enumerate(modes.name)
+    ]
+
+
+def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
+    """The goals of one name: what is not met and what is active, or the limits with the least
+    margin.
+    """
+    limits, quantities = found.limits, found.quantities
+    mine = [n for n, goal in enumerate(limits.goal) if goal in numbers]
+    if not mine:
+        return []
+    order = sorted(
+        mine, key=lambda n: limits.margin[n] if math.isfinite(limits.margin[n]) else -math.inf
+    )
+    told = [n for n in order if not limits.met[n] or limits.active[n]]
+    told += [n for n in order if n not in told][: max(NEAREST - len(told), 0)]
+    word = "met" if all(limits.met[n] for n in mine) else "NOT MET"
+    lines = [f"{word:7}  {name}" + (f", {len(mine)} limits" if len(mine) > 1 else "")]
+    for n in told:
+        state = "NOT MET" if not limits.met[n] else "active" if limits.active[n] else ""
+        was = (
+            f", was {_size(float(quantities.before[limits.quantity[n]]))}"
+            if limits.other[n] < 0
+            else ""
+        )
+        room = [_share(limits.room[n])] if math.isfinite(limits.room[n]) else []
+        lines.append(
+            f"         {limits.name[n]}: {_size(limits.value[n])}{was}"
+            f" ({', '.join([*room, *([state] if state else [])])})"
+        )
+    if len(told) < len(mine):
+        lines.append(f"         and {len(mine) - len(told)} with more room")
+    return lines
+
+
+def _size(value: float) -> str:
+    """A value; there is none of a mode that is unstable, or has no counterpart."""
+    return f"{value:.4g}" if math.isfinite(value) else "none"
+
+
+def _share(value: float) -> str:
+    """Room in %, without a minus before a zero."""
+    percent = 100 * value
+    return f"{percent:+.0f} %" if abs(percent) >= 10 else f"{round(percent, 2) + 0.0:+.2f} %"
+
+
+def _verdict(found: Optimum) -> str:
+    """How many limits there are and whether they are met; what is not known is not."""
+    count, missed, unknown = (
+        len(found.limits.name),
+        int((~found.limits.met).sum()),
+        len(found.unknown),
+    )
+    said = (
+        [f"{missed} NOT MET" if missed else "all are met" if count != 1 else "met"] if count else []
+    )
+    said += [f"{unknown} NOT KNOWN"] if unknown else []
+    return ", ".join(
+        [f"{count or 'no'} limit{'' if count == 1 else 's'}", *said, f"checked on {found.fidelity}"]
+    )
+
+
+def _starts(found: Optimum) -> list[str]:
+    """How many starts arrived where."""
+    place, kept = found.starts.place, found.starts.after <= 1e-8
+    if len(place) == 1:
+        return []
+    text = f"{int((place == 1).sum())} of {len(place)} starts arrived at this design"
+    if not kept[place == 1].any():
+        return [text + ", and none keeps to all limits"]
+    others, failed = int(((place > 1) & kept).sum()), int((~kept).sum())
+    text += f", {others} at others that keep to all limits" if others else ""
+    return [text + (f", {failed} at none that does" if failed else "")]
+
+
+ANALYSIS = OptimiseAnalysis()

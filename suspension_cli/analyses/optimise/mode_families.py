@@ -1,0 +1,139 @@
+"""Identification of modes across designs: by family and rank, or followed by shape.
+
+Mirror symmetries split motions into families that do not couple: longitudinal with pitch,
+transverse with roll, vertical, yaw. Within a family, frequencies generally do not cross (von
+Neumann and Wigner, Phys. Z. 30, 467 (1929)), so that its rank there identifies a mode in any
+design, whatever its shape, and its frequency changes smoothly. A mode that is identified by its
+label is followed by shape along the straight line between the two designs (`mode_tracking`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import DOF_NAMES, DOFS, PARITY_X, PARITY_Y
+from suspension_cli.linear import batch_modes
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.mode_pairing import pair_by_overlap, pair_by_shape
+from suspension_cli.models import registry
+from suspension_cli.scene.scene import Array
+from suspension_cli.studies import builds, mode_tracking, variants
+
+PATH_STEPS = 24
+"""Steps on the line from one design to another at which shapes are compared."""
+
+
+@dataclass(frozen=True)
+class Families:
+    """Families of motions that do not couple.
+
+    Attributes
+    ----------
+    member : (6,) int array
+        Family of each degree of freedom.
+    size : (k,) int array
+        Number of modes of each family.
+    """
+
+    member: Any
+    size: Any
+
+    @staticmethod
+    def of(mirrors: Any, energy: Any) -> Families:
+        """Families of a design, from its mirror symmetries and modes.
+
+        Parameters
+        ----------
+        mirrors : (2,) bool array
+            Whether the design is symmetric in x and in y.
+        energy : (m, n, 6) array
+            Fractions of the kinetic energy of each mode, by body and degree of freedom.
+        """
+        parity = [
+            (PARITY_X[n] if mirrors[0] else 0, PARITY_Y[n] if mirrors[1] else 0)
+            for n in range(len(DOFS))
+        ]
+        kinds = list(dict.fromkeys(parity))
+        member = np.array([kinds.index(one) for one in parity])
+        return Families(
+            member, np.bincount(_family_energy(member, energy).argmax(1), minlength=len(kinds))
+        )
+
+    def name(self, family: int) -> str:
+        """Name of a family, ``longitudinal-pitch``."""
+        return "-".join(
+            DOF_NAMES[dof] for dof, own in zip(DOFS, self.member, strict=True) if own == family
+        )
+
+    def ranked(self, energy: Any) -> list[Any]:
+        """Numbers of the modes of each family, in ascending order of frequency.
+
+        Families keep their numbers of modes where imperfections mix them.
+        """
+        energy_by_family = _family_energy(self.member, energy)
+        own = energy_by_family.argmax(1)
+        if (np.bincount(own, minlength=len(self.size)) != self.size).any():
+            slots = np.repeat(np.arange(len(self.size)), self.size)
+            place = pair_by_overlap(energy_by_family[:, slots])
+            own = np.where(place >= 0, slots[place], -1)
+        return [np.flatnonzero(own == family) for family in range(len(self.size))]
+
+
+def _family_energy(member: Any, energy: Any) -> Array:
+    """Fraction of the kinetic energy of each mode in each family (m, k)."""
+    return np.asarray(energy).sum(-2) @ np.eye(int(member.max()) + 1)[member]
+
+
+def energy_fractions(found: batch_modes.Spectrum, bodies: int) -> Any:
+    """Fractions of kinetic energy (p, m, n, 6) of a batch, by mode, body and motion."""
+    squares = np.asarray(found.shape)[..., : 6 * bodies] ** 2
+    return squares.reshape(*squares.shape[:-1], bodies, 6)
+
+
+def follow_modes(
+    text: str,
+    start: dict[str, float],
+    end: dict[str, float],
+    nominal: Array,
+    found: Modes,
+    mass: Any,
+) -> Any:
+    """Follow the modes of a design to another one, along the straight line between the two.
+
+    Parameters
+    ----------
+    text : str
+        Either design as TOML, for all numbers that do not change.
+    start, end : dict of float
+        The numbers that change, by dotted path, at both ends.
+    nominal : (m, c) array
+        Shapes at the start, as in `batch_modes.Spectrum`.
+    found : Modes
+        Modes at the end.
+    mass : (N, N) array
+        Mass matrix at the end.
+
+    Returns
+    -------
+    place : (m,) int array
+        Number among the modes at the end of each mode at the start; -1 where it is unknown.
+    """
+    fraction = np.linspace(0, 1, PATH_STEPS + 1)
+    path = {name: start[name] + fraction * (end[name] - start[name]) for name in start}
+    squared = np.full((PATH_STEPS + 1, len(nominal)), np.nan)
+    shape = np.zeros((PATH_STEPS + 1, *nominal.shape))
+    good = np.zeros(PATH_STEPS + 1, dtype=bool)
+    for batch, here in variants.balanced(text, path, registry.STRING.name, allow_unstable=True):
+        if batch.model.size - 6 != nominal.shape[1]:
+            continue
+        solved = batch_modes.solve(batch.model)
+        squared[here], shape[here] = solved.omega_squared, solved.shape
+        good[here] = batch.status == builds.GOOD
+    if not good[-1]:
+        return np.full(len(nominal), -1)
+    rank, _ = mode_tracking.follow(squared, shape, good, (0,), nominal)
+    mass_normalised = found.shape * np.sqrt(np.diag(mass)[6:])
+    return pair_by_shape(shape[-1], mass_normalised)[0][rank[-1]]

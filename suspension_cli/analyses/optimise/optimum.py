@@ -1,0 +1,210 @@
+"""Result of `pendsus optimise` as plain arrays: numbers, quantities, limits, modes, starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.scene.scene import Array
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Numbers that changed: the free ones, then the dependent ones; (n,) arrays.
+
+    Attributes
+    ----------
+    name : tuple of str
+        Dotted paths.
+    tied : bool array
+        Whether a number depends on others.
+    before, after, lower, upper : arrays
+        Values and bounds, SI; NaN where there is no bound.
+    bound : int array
+        -1 at the lower bound, 1 at the upper one, 0 between them.
+    multiplier : array
+        Decrease of the objective per relaxation of the bound, in units of the range between the
+        bounds; NaN for a dependent number with only one bound.
+    """
+
+    name: tuple[str, ...]
+    tied: Any
+    before: Array
+    after: Array
+    lower: Array
+    upper: Array
+    bound: Any
+    multiplier: Array
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """Quantities that goals refer to; (q,) arrays.
+
+    Attributes
+    ----------
+    name, unit : tuple of str
+    before, after : arrays
+        Values by the ordinary analyses; NaN for an unstable mode.
+    searched : array
+        Values in the search, by the string model.
+    mode : int array
+        Number of the mode of the optimised design that each refers to, from 0; -1 for others.
+    weight : array
+        Weight in the objective: positive for quantities to minimise, negative for those to
+        maximise, 0 for others.
+    """
+
+    name: tuple[str, ...]
+    unit: tuple[str, ...]
+    before: Array
+    after: Array
+    searched: Array
+    mode: Any
+    weight: Array
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits on the quantities; (k,) arrays.
+
+    Attributes
+    ----------
+    name : tuple of str
+        ``yaw 3 <= 5 Hz``.
+    goal : int array
+        Number of the goal in its file, from 1.
+    quantity, other : int arrays
+        Number of the quantity, and of the one that it has to lie apart from (-1: none).
+    sense : tuple of str
+        ``at_least``, ``at_most`` or ``equals``.
+    asked, value : arrays
+        Limit and value; ratios or differences of separations.
+    margin : array
+        Logarithm of value over limit, or of limit over value, negative if the limit is not met;
+        minus the absolute value for an equality.
+    met, active : bool arrays
+        Active limits constrain the optimum.
+    multiplier : array
+        Decrease of the objective per unit of margin given up.
+    """
+
+    name: tuple[str, ...]
+    goal: Any
+    quantity: Any
+    other: Any
+    sense: tuple[str, ...]
+    asked: Array
+    value: Array
+    margin: Array
+    met: Any
+    active: Any
+    multiplier: Array
+
+    @property
+    def room(self) -> Array:
+        """Distance of each value from its limit relative to the limit, negative if it is not met.
+
+        Never positive for an equality.
+        """
+        away = self.value / self.asked - 1
+        sense = np.array(self.sense, dtype=str)
+        # + 0.0 turns -0.0 into 0.0
+        return (
+            np.where(sense == "equals", -np.abs(away), np.where(sense == "at_most", -away, away))
+            + 0.0
+        )
+
+
+@dataclass(frozen=True)
+class ModeTable:
+    """All modes by family and rank; (m,) arrays.
+
+    Attributes
+    ----------
+    name : tuple of str
+        Family and rank, ``longitudinal-pitch 1``.
+    label : tuple of str
+        Label in the optimised design, as in `pendsus modes`.
+    before, after : arrays
+        Frequencies, Hz; NaN for an unstable mode.
+    share_before, share_after : arrays
+        Fraction of the kinetic energy in the top mass.
+    number : int array
+        Number among the modes of the optimised design, from 0.
+    """
+
+    name: tuple[str, ...]
+    label: tuple[str, ...]
+    before: Array
+    after: Array
+    share_before: Array
+    share_after: Array
+    number: Any
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Starts of the search; (s,) arrays, the first is the given design.
+
+    Attributes
+    ----------
+    before, after : arrays
+        Largest violation of a limit (logarithm); NaN for an invalid design.
+    objective : array
+    place : int array
+        Number of the design that each start led to, from 1, equal for equal designs; 0 if none.
+    """
+
+    before: Array
+    after: Array
+    objective: Array
+    place: Any
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A design optimised to meet goals.
+
+    Attributes
+    ----------
+    numbers, quantities, limits, modes, starts
+    unknown : tuple of str
+        Requested quantities that are unknown, and what the design would have to give.
+    objective : str
+        Description of the function that was minimised.
+    stationarity : float
+        Norm of the objective's gradient that the multipliers do not balance, relative to its norm.
+    rounds : int
+        Number of corrections of the search for a more complete model.
+    fidelity, reason : str
+        Model that the modes were checked with, and why.
+    error : float
+        Estimated relative error of that model.
+    design : str
+        The optimised design as TOML.
+    goals : str
+        Text of the file of goals.
+    """
+
+    numbers: Numbers
+    quantities: Quantities
+    limits: Limits
+    modes: ModeTable
+    starts: Starts
+    unknown: tuple[str, ...]
+    objective: str
+    stationarity: float
+    rounds: int
+    fidelity: str
+    reason: str
+    error: float
+    design: str
+    goals: str = ""
+
+    @property
+    def met(self) -> bool:
+        """Whether all limits are met and all requested quantities are known."""
+        return bool(self.limits.met.all()) and not self.unknown

@@ -1,0 +1,265 @@
+"""Optimisation of the numbers of a design to meet goals.
+
+Starts are the design itself and the best of a Sobol sequence between the bounds, which is computed
+as one batch. The search (`constrained_search`) uses the string model, whose derivatives are exact.
+Its result is written as TOML, read back, and every goal is checked by the ordinary analyses
+(`achieved`) with the models that these choose. Where such a model differs, the difference of the
+logarithms is added to those of the search, which continues until the two agree: the limits are then
+met in the more complete model.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.optimise import achieved, mode_families
+from suspension_cli.analyses.optimise.achieved import Achieved
+from suspension_cli.analyses.optimise.constrained_search import (
+    FEASIBLE,
+    Point,
+    Search,
+    signed_margin,
+)
+from suspension_cli.analyses.optimise.free_parameters import FreeDesign
+from suspension_cli.analyses.optimise.mode_families import Families
+from suspension_cli.analyses.optimise.objective import Evaluator, with_imperfections
+from suspension_cli.analyses.optimise.optimum import Optimum, Starts
+from suspension_cli.analyses.optimise.outcome import EQUAL, summarise
+from suspension_cli.analyses.optimise.quantities import Limit, interpret
+from suspension_cli.design import checks
+from suspension_cli.design.goals import Goals
+from suspension_cli.equilibrium.nominal import expand_nominal
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear import eigenmodes, signals
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.symmetry import is_mirror_symmetric
+from suspension_cli.models import registry
+from suspension_cli.scene.scene import Array
+
+STARTS, SEED = 6, 1
+"""Number of starts, and seed of those besides the design itself."""
+SAMPLES = 64
+"""Designs between the bounds that starts are chosen from."""
+ROUNDS = 6
+"""Corrections of the search for a more complete model at most."""
+CONVERGED = 1e-7
+"""Relative change of the correction at which it has converged."""
+SAME = 1e-2
+"""Distance, in fractions of the ranges between the bounds, within which designs count as equal."""
+
+
+def solve(
+    text: str,
+    goals: Goals,
+    *,
+    level: str = "auto",
+    starts: int = STARTS,
+    seed: int = SEED,
+    report: Any = None,
+) -> Optimum:
+    """Optimise the free numbers of a design to meet goals.
+
+    Parameters
+    ----------
+    text : str
+        The design as TOML.
+    goals : Goals
+    level : str
+        Model that the result is checked with, or ``auto``.
+    starts, seed : int
+        Number of starts, and seed of those besides the design itself.
+    report : callable, optional
+        Called with (done, all, rate per second) after each start.
+
+    Raises
+    ------
+    InputError
+        If the design lacks a number or quantity of the goals, or no design was found whose
+        dependent numbers lie within their bounds.
+    """
+    freed = FreeDesign.of(text, goals)
+    values = _values(freed, goals)
+    search = Search(values, goals, np.zeros(len(values.requirements.quantities)))
+    if search.value(search.begin) is None:
+        _check_start(values)
+    points, before = _search_all(search, starts, seed, report)
+    best = min((point for point in points if point is not None), key=lambda point: point.rank)
+    if best.outside > FEASIBLE:
+        raise InputError(_bound_faults(freed, freed.values(freed.numbers(best.fraction))))
+    best, made, rounds = _correct(search, best, level)
+    return summarise(
+        search, best, _achieved(search, freed.start, level), made, _starts(points, before), rounds
+    )
+
+
+def _values(freed: FreeDesign, goals: Goals) -> Evaluator:
+    """Quantities and requirements of the starting design."""
+    design = freed.design(freed.start)
+    for n, goal in enumerate(goals.goal, 1):
+        faults = (
+            []
+            if goal.perturbation is None
+            else checks.check_design(with_imperfections(design, tuple(goal.perturbation)))
+        )
+        if faults:
+            raise InputError(
+                [
+                    Fault(f"goal.{n}.{fault.key}", fault.problem, fault.remedy, fault.value)
+                    for fault in faults
+                ]
+            )
+    model = registry.STRING.system(design)
+    found = eigenmodes.solve(model)
+    families = Families.of(is_mirror_symmetric(expand_nominal(design)), found.energy)
+    requirements = interpret(goals, design, found, families, signals.bodies_with_signals(model))
+    return Evaluator(freed, requirements, families)
+
+
+def _check_start(values: Evaluator) -> None:
+    """Raise `InputError` with the quantities that the starting design has no value of."""
+    log = values.at(values.freed.start).log  # raises if the design is invalid
+    lost = [
+        item.text
+        for item, value in zip(values.requirements.quantities, log, strict=True)
+        if not np.isfinite(value)
+    ]
+    raise InputError(
+        [
+            Fault(
+                "goal",
+                "has no finite value in the starting design",
+                "divide by a response that does not vanish",
+                format_value(text),
+            )
+            for text in lost
+        ]
+    )
+
+
+def _bound_faults(freed: FreeDesign, value: dict[str, float]) -> list[Fault]:
+    """List the bounds that dependent numbers violate."""
+    remedy = "widen its bounds, or those of the numbers that it depends on"
+    found = []
+    for n, item in enumerate(freed.equal, 1):
+        at = value[item.name]
+        for side, bound in (("lower", item.lower), ("upper", item.upper)):
+            if bound is not None and (at < bound if side == "lower" else at > bound):
+                problem = f"{item.name} comes no closer to this bound than {at:g}"
+                found.append(Fault(f"equal.{n}.{side}", problem, remedy, format_value(bound)))
+    return found
+
+
+def _search_all(
+    search: Search, starts: int, seed: int, report: Any
+) -> tuple[list[Point | None], list[float]]:
+    """Search from every start; return the points reached and the violations at the starts."""
+    begins = [search.begin, *_choose_starts(search, starts - 1, seed)]
+    points, before, began = [], [], time.monotonic()
+    for n, fraction in enumerate(begins):
+        now = search.value(fraction)
+        if now is not None:
+            search.pairs = search.order(now.log)
+        begin = None if now is None else search.point(fraction)
+        before.append(np.nan if begin is None else begin.worst)
+        points.append(search.run(fraction))
+        if report is not None:
+            report(n + 1, len(begins), (n + 1) / (time.monotonic() - began))
+    return points, before
+
+
+def _choose_starts(search: Search, count: int, seed: int) -> list[Array]:
+    """Choose the designs of a Sobol sequence between the bounds that violate limits least."""
+    from scipy.stats import qmc
+
+    if count < 1:
+        return []
+    how: Any = {"seed": seed}
+    fractions = qmc.Sobol(len(search.begin), **how).random(SAMPLES)
+    logs = search.values.batch(np.array([search.freed.numbers(fraction) for fraction in fractions]))
+    rows, sides = search.freed.ties()
+    worst = np.full(len(fractions), np.inf)
+    for n, (fraction, log) in enumerate(zip(fractions, logs, strict=True)):
+        if np.isfinite(log).all():
+            margins = [signed_margin(limit, log) for limit in _all_limits(search, log)]
+            dependent = rows @ search.freed.numbers(fraction) + sides
+            worst[n] = max(*(-value for value in margins), *(-dependent), 0.0, 0.0)
+    order = np.argsort(worst, kind="stable")
+    return [fractions[n] for n in order[:count] if np.isfinite(worst[n])]
+
+
+def _correct(search: Search, best: Point, level: str) -> tuple[Point, Achieved, int]:
+    """Correct the search until it agrees with the ordinary analyses.
+
+    Returns the best design, its quantities and the number of corrections. Without agreement, the
+    design is the checked one that violates limits least, the last of several that violate none.
+    """
+    rounds, checked = 0, []
+    while True:
+        made = _achieved(search, search.freed.numbers(best.fraction), level)
+        checked.append((best, made, search.offset))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            offset = np.log(made.value) - (best.log - search.offset)
+        offset = np.where(np.isfinite(offset), offset, 0.0)
+        if (np.abs(offset - search.offset) < CONVERGED).all():
+            return best, made, rounds
+        if rounds == ROUNDS:
+            best, made, search.offset = min(
+                reversed(checked), key=lambda one: _violation(search, one[1])
+            )
+            search.seen.clear()
+            return best, made, rounds
+        rounds += 1
+        search.offset = offset
+        search.seen.clear()
+        best = search.run(best.fraction) or best
+
+
+def _all_limits(search: Search, log: Array) -> tuple[Limit, ...]:
+    """Limits of the goals, then of separations between modes at the logarithms (q,)."""
+    return (*search.requirements.limits, *search.order(log))
+
+
+def _violation(search: Search, made: Achieved) -> float:
+    """Largest violation of a limit by a checked design, as a logarithm; 0 if it meets all."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        log = np.log(made.value)
+        margins = np.array([signed_margin(limit, log) for limit in _all_limits(search, log)])
+    worst = float(np.max(-np.where(np.isnan(margins), -np.inf, margins), initial=0.0))
+    return worst if worst > EQUAL else 0.0
+
+
+def _achieved(search: Search, number: Array, level: str) -> Achieved:
+    """Quantities of a design by the ordinary analyses."""
+    freed, values = search.freed, search.values
+
+    def follow(found: Modes, mass: Array) -> Any:
+        return mode_families.follow_modes(
+            freed.text, freed.values(freed.start), freed.values(number), values.nominal, found, mass
+        )
+
+    return achieved.evaluate(
+        freed.toml(number), values.requirements.quantities, values.families, level, follow
+    )
+
+
+def _starts(points: list[Point | None], before: list[float]) -> Starts:
+    """Number the designs that starts led to from the best, equal ones alike."""
+    place = np.zeros(len(points), dtype=np.int16)
+    seen: list[Point] = []
+    arrived = [(point.rank, n, point) for n, point in enumerate(points) if point is not None]
+    for _, n, point in sorted(arrived, key=lambda item: item[:2]):
+        assert point is not None
+        near = [
+            k for k, one in enumerate(seen, 1) if np.abs(one.fraction - point.fraction).max() < SAME
+        ]
+        if not near:
+            seen.append(point)
+        place[n] = near[0] if near else len(seen)
+
+    def each(name: str) -> Array:
+        return np.array([np.nan if point is None else getattr(point, name) for point in points])
+
+    return Starts(np.array(before), each("worst"), each("objective"), place)

@@ -1,0 +1,251 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+
+from suspension_cli.models.names import AUTO, LEVELS
+
+TOLERANCE = 1e-3
+"""Relative error that `auto` may leave, as `models.auto.TOLERANCE`."""
+
+
+class Finite(click.FloatRange):
+    """A number within bounds; not a number is none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse NaN, which no bound catches."""
+        found = super().convert(value, param, ctx)
+        if found != found:
+            self.fail("nan is no number.", param, ctx)
+        return found
+
+
+class Option(click.Option):
+    """An option with the group under which help lists it."""
+
+    def __init__(self, names: list[str], *, group: str, **how: Any) -> None:
+        super().__init__(names, **how)
+        self.group = group
+
+
+def option(*names: str, group: str = "Options", **how: Any) -> Option:
+    """Declare an option of an analysis, as `click.option` does."""
+    return Option(list(names), group=group, **how)
+
+
+def argument(name: str, **how: Any) -> click.Argument:
+    """Declare an argument of an analysis, as `click.argument` does."""
+    return click.Argument([name], **how)
+
+
+def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
+    """Refuse a file as the folder for results, before anything is computed."""
+    from suspension_cli.errors import Fault, InputError
+
+    if value is None:
+        return value
+    path = Path(value)
+    try:
+        isdir, exists = path.is_dir(), path.exists()
+    except OSError as error:
+        raise InputError(
+            [Fault("--out", f"cannot be written ({error.strerror})", "name another folder", value)]
+        ) from None
+    named = path.suffix.lower() in ENDINGS and not value.endswith("/")
+    if not isdir and (named or exists):
+        remedy = "name a folder; the files in it get their names from the design" + (
+            f" (a folder of this name: {value}/)" if not exists else ""
+        )
+        raise InputError(
+            [Fault("--out", "names a file, but results go into a folder", remedy, value)]
+        )
+    return value
+
+
+ENDINGS = (
+    ".csv",
+    ".h5",
+    ".hdf5",
+    ".jpeg",
+    ".jpg",
+    ".json",
+    ".mat",
+    ".md",
+    ".npz",
+    ".pdf",
+    ".png",
+    ".svg",
+    ".toml",
+    ".txt",
+    ".zip",
+)
+"""What the name of a file ends with, that of a folder hardly ever."""
+
+DESIGN = argument("design", metavar="DESIGN")
+DESIGNS = argument("designs", nargs=-1, required=True, metavar="DESIGN...")
+
+FILES, MODEL, BATCH = "Files and messages", "Model", "Computation"
+"""Groups of options, as help lists them."""
+
+OVERRIDES = option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="PATH=VALUE",
+    help="Change a value of the design: stage.test.wires.d=0.002 (repeatable).",
+    group=FILES,
+)
+OUT = option(
+    "--out",
+    default="results",
+    show_default=True,
+    metavar="DIR",
+    callback=_demand_folder,
+    help="Folder for the files that are written.",
+    group=FILES,
+)
+BESIDE = option(
+    "--out",
+    metavar="DIR",
+    callback=_demand_folder,
+    help="Folder for the PNG.  [default: that of the file]",
+    group=FILES,
+)
+AS_JSON = option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print one JSON document on stdout; draw no picture unless --plot is given.",
+    group=FILES,
+)
+AS_JSON_ONLY = option(
+    "--json", "as_json", is_flag=True, help="Print one JSON document on stdout.", group=FILES
+)
+PLOT = option(
+    "--plot/--no-plot",
+    "plot",
+    default=None,
+    help="Draw the PNG or not.  [default: --plot, with --json --no-plot]",
+    group=FILES,
+)
+QUIET = option("-q", "--quiet", is_flag=True, help="Print only warnings on stderr.", group=FILES)
+VERBOSE = option("-v", "--verbose", is_flag=True, help="Print details on stderr.", group=FILES)
+FIDELITY = option(
+    "--fidelity",
+    type=click.Choice(LEVELS),
+    default=AUTO,
+    show_default=True,
+    help="Model of bodies and wires; auto takes the cheapest that is accurate enough.",
+    group=MODEL,
+)
+ACCURACY = option(
+    "--tolerance",
+    type=Finite(1e-12, 1.0),
+    default=TOLERANCE,
+    show_default=True,
+    help="Relative error that --fidelity auto may leave.",
+    group=MODEL,
+)
+ALLOW_UNSTABLE = option(
+    "--allow-unstable",
+    is_flag=True,
+    help="Continue with an unstable equilibrium.",
+    group=MODEL,
+)
+RESULTS = option(
+    "--result",
+    multiple=True,
+    metavar="NAME",
+    help=(
+        "A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ"
+        " (repeatable).  [default: modes, every mode]"
+    ),
+)
+COUPLING = (
+    option(
+        "--input",
+        "drive",
+        default="support.z",
+        show_default=True,
+        metavar="SIGNAL",
+        help="The input: a motion of the support, or a force.",
+    ),
+    option(
+        "--observe",
+        metavar="STAGE@X,Y,Z",
+        help=(
+            "The point observed: its motion along x over that along z."
+            "  [default: last stage, 1 mm below its COM]"
+        ),
+    ),
+    option("--over", metavar="SIGNAL", help="Numerator of the ratio, instead of the point's x."),
+    option("--under", metavar="SIGNAL", help="Denominator of the ratio, instead of the point's z."),
+    option(
+        "--frequency",
+        default="50",
+        show_default=True,
+        metavar="GRID",
+        help="Frequencies at which the coupling is computed, Hz.",
+    ),
+)
+"""Which cross-coupling is computed."""
+SWEEP = (
+    option(
+        "--workers",
+        type=click.IntRange(1, 4096),
+        default=os.cpu_count() or 1,
+        show_default="all cores",
+        help="Number of processes.",
+        group=BATCH,
+    ),
+    option(
+        "--scheduler",
+        metavar="tcp://HOST:PORT",
+        help="Address of a Dask scheduler that computes instead (pendsus[cluster]).",
+        group=BATCH,
+    ),
+    option(
+        "--chunk",
+        type=click.IntRange(1, 1_000_000),
+        default=512,
+        show_default=True,
+        help="Builds computed at once.",
+        group=BATCH,
+    ),
+    option("--resume", is_flag=True, help="Continue an interrupted run.", group=BATCH),
+)
+"""How a sweep is computed."""
+WRITING = (OVERRIDES, OUT, FIDELITY, AS_JSON, PLOT, QUIET, VERBOSE)
+"""Options of every analysis that writes a results file and a picture."""
+INFO = (
+    option(
+        "--input",
+        "drive",
+        default="support.x",
+        show_default=True,
+        metavar="SIGNAL",
+        help="Input of the response.",
+    ),
+    option(
+        "--output",
+        "output",
+        metavar="SIGNAL",
+        help="Output of the response and of the thermal noise.  [default: x of the last stage]",
+    ),
+    option(
+        "--frequency",
+        default="0.1:100:2000",
+        show_default=True,
+        metavar="GRID",
+        help="Frequencies of both, Hz.",
+    ),
+    ACCURACY,
+    OVERRIDES,
+    AS_JSON_ONLY,
+)
+"""Options of `pendsus info`."""

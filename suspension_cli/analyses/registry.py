@@ -1,0 +1,55 @@
+"""The analyses by name; each is imported only when it is used."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+from suspension_cli.analyses.analysis import Analysis, Result
+from suspension_cli.conventions import ANALYSES
+
+if TYPE_CHECKING:
+    import h5py
+
+GROUPS = (*ANALYSES, "matrix")
+"""Groups of results files, in the order in which they are looked for."""
+
+
+def get(name: str) -> Analysis:
+    """Import an analysis.
+
+    Examples
+    --------
+    >>> get("modes").name
+    'modes'
+    """
+    if name == "matrix":
+        return importlib.import_module("suspension_cli.analyses.xcouple.command").MATRIX
+    return importlib.import_module(f"suspension_cli.analyses.{name}.command").ANALYSIS
+
+
+def loaded(file: h5py.File, name: str) -> Result:
+    """Read a result from an open results file.
+
+    Raises
+    ------
+    InputError
+        If the file holds no result of an analysis.
+    """
+    from suspension_cli.design.reader import Source, parse
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.models.registry import Choice
+
+    text = str(file.attrs["design"])
+    found = next((group for group in GROUPS if group in file), None)
+    if found is None:
+        remedy = f"name a file of pendsus {', '.join(ANALYSES)}"
+        raise InputError([Fault("", "holds nothing that has a plot", remedy)], name)
+    analysis = get(found)
+    choice = Choice(
+        str(file.attrs["fidelity"]),
+        str(file.attrs["fidelity_reason"]),
+        float(str(file.attrs["estimated_error"])),
+    )
+    source = Source(parse(text), text, name)
+    return Result(analysis, source, choice, analysis.load(file), command=str(file.attrs["command"]))

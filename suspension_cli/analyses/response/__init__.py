@@ -1,0 +1,1 @@
+"""Compute transfer functions from the support or a force to any motion."""

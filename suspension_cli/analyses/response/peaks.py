@@ -1,0 +1,117 @@
+"""Peaks of frequency responses, however narrow, between the points of a grid.
+
+Around every mode and every local maximum on the grid, the interval that contains the peak is
+narrowed to rounding. A response that still varies within it has a pole without loss there and is
+infinite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.errors import InputError
+from suspension_cli.linear import eigenmodes, response
+from suspension_cli.linear.response import Response
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array
+
+POINTS = 17
+"""Frequencies per bracket and step; each step divides the width of the bracket by 8."""
+WIDTH = 2e-3
+"""Relative half width of the bracket around a mode."""
+NARROWEST = 1e-13
+"""Relative width of a bracket at which the refinement ends: enough for a Q of about 1e12."""
+STEEP = 2.0
+"""Ratio of the largest to the smallest value on the narrowest bracket of an infinite peak."""
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """Largest magnitude of each response, and its frequency.
+
+    Attributes
+    ----------
+    frequency : (o, i) array
+        Hz.
+    size : (o, i) array
+        Magnitude, SI; infinite at a pole without loss.
+    """
+
+    frequency: Array
+    size: Array
+
+
+def find_peaks(
+    model: LinearSystem, answer: Response, inputs: list[Signal], outputs: list[Signal]
+) -> Peaks:
+    """Find the largest magnitude of every response within the band of its grid.
+
+    Parameters
+    ----------
+    model : LinearSystem
+    answer : Response
+        On the grid.
+    inputs, outputs : list of Signal
+        Of the answer.
+    """
+    size = np.abs(answer.value)
+    top = size.argmax(0)
+    best, where = np.take_along_axis(size, top[None], 0)[0], answer.frequency[top]
+    scale = np.where(best > 0, best, 1.0)
+    low, high = _brackets(model, answer.frequency, (size / scale).max((1, 2)))
+    fraction = np.linspace(0.0, 1.0, POINTS)
+    while len(low):
+        at = low[:, None] + (high - low)[:, None] * fraction
+        value = _magnitudes(model, at, inputs, outputs)
+        if value is None:
+            break
+        flat, reached = value.reshape(-1, *best.shape), value.max((0, 1))
+        better = reached > best
+        where = np.where(better, at.ravel()[flat.argmax(0)], where)
+        best = np.maximum(best, reached)
+        peak = (value / scale).max((2, 3)).argmax(1)
+        rows, last = np.arange(len(low)), POINTS - 1
+        done = high - low <= NARROWEST * high
+        infinite = (
+            done[:, None, None] & (value.max(1) > STEEP * value.min(1)) & (value.max(1) >= best)
+        )
+        best = np.where(infinite.any(0), np.inf, best)
+        low, high = (
+            at[rows, np.maximum(peak - 1, 0)][~done],
+            at[rows, np.minimum(peak + 1, last)][~done],
+        )
+    return Peaks(where, best)
+
+
+def _brackets(model: LinearSystem, frequency: Array, size: Array) -> tuple[Array, Array]:
+    """Ends (n,) in Hz of intervals around modes and maxima on the grid, within its band."""
+    order = np.argsort(frequency)
+    grid, height = frequency[order], size[order]
+    first, last = grid[0], grid[-1]
+    found = eigenmodes.solve(replace(model, terms=())).frequency
+    found = found[(found > first) & (found < last)]
+    padded = np.concatenate([[-np.inf], height, [-np.inf]])
+    tops = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
+    low = np.concatenate([found * (1 - WIDTH), grid[np.maximum(tops - 1, 0)]])
+    high = np.concatenate([found * (1 + WIDTH), grid[np.minimum(tops + 1, len(grid) - 1)]])
+    low, high = np.maximum(low, first), np.minimum(high, last)
+    return low[high > low], high[high > low]
+
+
+def _magnitudes(model: LinearSystem, at: Array, inputs: list[Signal], outputs: list[Signal]) -> Any:
+    """Magnitudes (n, points, o, i) at frequencies (n, points), Hz.
+
+    Taken beside an infinite one; None if those are infinite as well.
+    """
+    for factor in (1.0, 1.0 + 1e-14, 1.0 - 1e-14):
+        try:
+            return np.abs(
+                response.solve(model, at.ravel() * factor, inputs, outputs).value
+            ).reshape(*at.shape, len(outputs), len(inputs))
+        except InputError:
+            continue
+    return None

@@ -1,0 +1,146 @@
+"""`pendsus sensitivity`: derivatives with respect to each number of a design."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.sensitivity.solve import Sensitivity
+
+ACROSS = 8
+"""Columns of one table."""
+LEAST = 0.0005
+"""Change in % below which a row is left out of a table."""
+
+
+class SensitivityAnalysis(Analysis):
+    """Compute the effect of 1 % of every number of a design on modes, responses and couplings.
+
+    These are first derivatives, with the change of the equilibrium. Writes DIR/NAME-sensitivity.h5
+    and .png.
+
+    Example: pendsus sensitivity my.toml --result "test pitch"
+    """
+
+    name = "sensitivity"
+    arguments = (options.DESIGN,)
+    parameters = (options.RESULTS, options.ALLOW_UNSTABLE, *options.WRITING)
+
+    def solve(self, run: Run) -> Result:
+        """Differentiate every result with respect to every number."""
+        from suspension_cli.analyses import model_choice
+        from suspension_cli.analyses.sensitivity import solve as sensitivity
+        from suspension_cli.linear import eigenmodes, named_results, signals
+        from suspension_cli.models import registry
+
+        setting, source = run.setting, run.source
+        decision = model_choice.with_derivatives(
+            setting["fidelity"], source, model_choice.named_results(setting["result"])
+        )
+        choice = decision.choice
+        model = model_choice.stable_system(
+            source, choice, setting["allow_unstable"], run.log, decision.model, bends=True
+        )
+        requested = named_results.parse(
+            list(setting["result"]) or [named_results.ALL],
+            eigenmodes.solve(dataclasses.replace(model, terms=())),
+            signals.bodies_with_signals(model),
+        )
+        found = sensitivity.solve(source.text, requested, choice.level)
+        model_choice.warn_of_neglected(source, decision, run.log, (registry.BEAM,))
+        fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]
+        if fixed:
+            run.log.say(
+                "cannot change alone, as the suspension would not balance as it is drawn:"
+                f" {', '.join(fixed)}"
+            )
+        return Result(self, source, choice, found, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return derivatives, parameters first; null where there is no derivative."""
+        found: Sensitivity = result.data
+        numbers = [
+            {"name": n, "value": float(v), "free": bool(f)}
+            for n, v, f in zip(found.parameter, found.value, found.free, strict=True)
+        ]
+        results = [
+            {"name": n, "unit": u, "nominal": plain(v)}
+            for n, u, v in zip(found.result, found.unit, found.nominal, strict=True)
+        ]
+        return {
+            "parameters": numbers,
+            "results": results,
+            "derivative": plain(found.derivative),
+            "one_percent": plain(found.one_percent),
+        }
+
+    def text(self, result: Result) -> str:
+        """Return tables of the changes, some columns at a time."""
+        import numpy as np
+
+        found: Sensitivity = result.data
+        change = found.one_percent
+        wide = max((len(name) for name in found.parameter), default=0)
+        lines = [
+            result.choice.line,
+            "",
+            "1 % of a number moves a result by so many % (by so much, where the result is 0):",
+        ]
+        for start in range(0, len(found.result), ACROSS):
+            here = range(start, min(start + ACROSS, len(found.result)))
+            lines += [
+                "",
+                *(
+                    f"  [{n + 1}] {found.result[n]}  {found.nominal[n]:#.5g}"
+                    f" {found.unit[n] if found.unit[n] != '1' else ''}".rstrip()
+                    for n in here
+                ),
+            ]
+            lines.append(" " * (wide + 11) + "".join(f"{f'[{n + 1}]':>9}" for n in here))
+            for name, value, row in zip(found.parameter, found.value, change, strict=True):
+                cells = [_cell(row[n], found.nominal[n] == 0) for n in here]
+                if any(
+                    np.isfinite(row[n])
+                    and (abs(row[n]) >= LEAST or (found.nominal[n] == 0 and row[n] != 0))
+                    for n in here
+                ):
+                    lines.append(
+                        f"{name:{wide}} {value:10.4g}" + "".join(f"{cell:>9}" for cell in cells)
+                    )
+        return "\n".join(lines)
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the group `sensitivity`."""
+        from suspension_cli.analyses.sensitivity import file as stored
+
+        stored.fill(file.create_group("sensitivity"), result.data)
+
+    def load(self, file: h5py.File) -> Sensitivity:
+        """Read the group `sensitivity`."""
+        from suspension_cli.analyses.sensitivity import file as stored
+
+        return stored.load(file["sensitivity"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw a coloured table."""
+        from suspension_cli.analyses.sensitivity import picture
+
+        return {"": picture.draw(result.data, result.title, result.model)}
+
+
+def _cell(value: float, absolute: bool) -> str:
+    if value != value:
+        return "-"
+    if absolute:
+        return f"{value:.1e}" if value else "0"
+    return f"{value:+.3f}" if abs(value) >= LEAST else "0"
+
+
+ANALYSIS = SensitivityAnalysis()

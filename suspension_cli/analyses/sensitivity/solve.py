@@ -1,0 +1,171 @@
+"""First derivatives of modes, responses and couplings with respect to the numbers of a design.
+
+They are exact, given the derivatives of the matrices. For a mode K v = lambda M v with v M v = 1:
+
+    dlambda = v (dK - lambda dM) v
+
+(Rayleigh), also with massless coordinates. For modes V that share a lambda, the derivatives are the
+eigenvalues of V (dK - lambda dM) V^T, and its eigenvectors are the modes that split off (Lancaster,
+Numer. Math. 6, 377 (1964)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design import reader
+from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
+from suspension_cli.linear.mode_pairing import pair_by_shape
+from suspension_cli.linear.named_results import Mode, Ratio, Scalar
+from suspension_cli.models import registry
+from suspension_cli.scene.scene import Array
+from suspension_cli.studies import differences, parameters
+from suspension_cli.studies.derivatives import Linear
+from suspension_cli.studies.parameters import Parameter
+from suspension_cli.studies.response_derivatives import Slope
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Derivatives of results with respect to a design's numbers.
+
+    Attributes
+    ----------
+    parameter : tuple of str
+        Dotted paths of the numbers that affect the matrices or cannot change alone.
+    value : (p,) array
+        Their values, SI.
+    free : (p,) bool array
+        Whether each can change alone; changing another one unbalances the nominal suspension.
+    result, unit : tuple of str
+        Names and units of the results, see `scalars`.
+    nominal : (r,) array
+        Results of the unchanged design.
+    derivative : (p, r) array
+        Unit of the result over that of the parameter; NaN where undefined (an unstable or rigid
+        mode, a number that cannot change alone). A magnitude of 0 grows by this much for a change
+        of either sign.
+    """
+
+    parameter: tuple[str, ...]
+    value: Array
+    free: Any
+    result: tuple[str, ...]
+    unit: tuple[str, ...]
+    nominal: Array
+    derivative: Array
+
+    @property
+    def one_percent(self) -> Array:
+        """Change of each result for 1 % of each number, (p, r).
+
+        In % of the result, or in the unit of the result where that is 0.
+        """
+        with np.errstate(invalid="ignore", divide="ignore"):
+            change = self.derivative * self.value[:, None] / 100
+            return np.where(
+                self.nominal == 0,
+                np.abs(change),
+                100 * change / np.where(self.nominal == 0, 1.0, self.nominal),
+            )
+
+
+def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.name) -> Sensitivity:
+    """Differentiate results with respect to every number of a design.
+
+    Parameters
+    ----------
+    text : str
+        The design as TOML.
+    results : tuple of Scalar
+    level : str
+        Name of a model that supports derivatives.
+
+    Examples
+    --------
+    >>> from suspension_cli.linear.named_results import Mode
+    >>> solve(text, (Mode("test pitch", 3),)).one_percent  # doctest: +SKIP
+    """
+    design, numbers = reader.parse(text), parameters.every(text, level)
+    model = registry.by_name(level).system(design)
+    found = eigenmodes.solve(replace(model, terms=()))
+    at = [item.frequency for item in results if isinstance(item, Ratio)]
+    base, changes = differences.changes(
+        design, numbers, level, [2 * np.pi * frequency for frequency in at]
+    )
+    quantities: list[Mode | tuple[Slope, int]] = []
+    for item in results:
+        place = sum(not isinstance(quantity, Mode) for quantity in quantities)
+        quantities.append(
+            (Slope.of(replace(base, linear=differences.at(base.linear, place)), model, item), place)
+            if isinstance(item, Ratio)
+            else item
+        )
+    kept: list[tuple[Parameter, bool, Array]] = []
+    for item in numbers:
+        change = changes[item.name]
+        if change is None:
+            kept.append((item, False, np.full(len(results), np.nan)))
+        elif change.matters:
+            rates = differentiate_frequencies(found, change)
+            row = [
+                rates[quantity.number]
+                if isinstance(quantity, Mode)
+                else quantity[0].of_size(differences.at(change, quantity[1]))
+                for quantity in quantities
+            ]
+            kept.append((item, True, np.array(row)))
+    nominal = [
+        found.frequency[quantity.number] if isinstance(quantity, Mode) else quantity[0].size
+        for quantity in quantities
+    ]
+    return Sensitivity(
+        parameter=tuple(item.name for item, _, _ in kept),
+        value=np.array([item.value for item, _, _ in kept]),
+        free=np.array([free for _, free, _ in kept]),
+        result=tuple(item.text for item in results),
+        unit=tuple(item.unit for item in results),
+        nominal=np.array(nominal),
+        derivative=np.array([row for _, _, row in kept]).reshape(-1, len(results)),
+    )
+
+
+def differentiate_omega_squared(found: Modes, change: Linear) -> Array:
+    """Differentiate omega^2 of every mode, (m,), (rad/s)^2 per unit of the parameter.
+
+    Parameters
+    ----------
+    found : Modes
+    change : Linear
+        Derivative of the matrices with respect to the parameter.
+    """
+    squared, shape = found.omega_squared, found.shape
+    stiffness, mass = change.stiffness[6:, 6:], change.mass[6:, 6:]
+    result = ((shape @ stiffness - squared[:, None] * (shape @ mass)) * shape).sum(1)
+    for group in _degenerate(squared):
+        own = shape[group]
+        matrix = own @ stiffness @ own.T - squared[group].mean() * (own @ mass @ own.T)
+        values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+        result[group] = values[pair_by_shape(np.eye(len(group)), vectors.T)[0]]
+    return result
+
+
+def _degenerate(squared: Array) -> list[Any]:
+    """Indices of the modes of each group with a common omega^2."""
+    close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
+    parts = np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1)
+    return [part for part in parts if len(part) > 1]
+
+
+def differentiate_frequencies(found: Modes, change: Linear) -> Array:
+    """Differentiate the frequency of every mode, (m,), Hz per unit of the parameter.
+
+    See `differentiate_omega_squared`; NaN for rigid and unstable modes.
+    """
+    squared = differentiate_omega_squared(found, change)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(found.omega_squared > 0, squared / (8 * np.pi**2 * found.frequency), np.nan)

@@ -1,0 +1,165 @@
+"""Settings of a command: its options, and defaults from the design's `[analysis]` tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from suspension_cli.design.reader import Source
+
+
+def prepared(
+    ctx: click.Context, file: str, overrides: tuple[str, ...], extra: tuple[str, ...] = ()
+) -> tuple[Source, dict[str, Any]]:
+    """Read a design, and the command's settings with defaults from its `[analysis]` table."""
+    from suspension_cli.design.reader import read
+
+    source = read(file, overrides)
+    check_tables(source.design.analysis, source.file)
+    table = source.design.analysis.get(str(ctx.command.name), {})
+    return source, with_analysis_table(ctx, table, source.file, extra)
+
+
+def with_analysis_table(
+    ctx: click.Context, table: dict[str, Any], file: str, extra: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """The options of a command, with defaults from the design's `[analysis.COMMAND]` table.
+
+    What is given on the command line wins.  Keys in `extra` are the command's own business.
+
+    Raises
+    ------
+    InputError
+        If the table has a key that is no option of the command, or a value that the option does not
+        take.
+    """
+    from suspension_cli.design.faults import step, suggest
+    from suspension_cli.errors import Fault, InputError, format_value
+
+    params = {
+        _long_name(p): p
+        for p in ctx.command.params
+        if isinstance(p, click.Option)
+        and p.name not in ("overrides", "out", "as_json", "quiet", "verbose", "help")
+    }
+    result, faults = dict(ctx.params), []
+    for key, value in table.items():
+        # an imperfection or a dotted path: the grid that it is swept over
+        if key in extra or (extra and "." in key):
+            faults += _grid_faults(step(f"analysis.{ctx.command.name}", key), value)
+            continue
+        where = step(f"analysis.{ctx.command.name}", key)
+        param = params.get(key)
+        if param is None or param.name is None:
+            faults.append(
+                Fault(
+                    where,
+                    "no option of this command",
+                    suggest(key, [*params, *extra]),
+                    format_value(value),
+                )
+            )
+            continue
+        if ctx.get_parameter_source(param.name) is click.core.ParameterSource.COMMANDLINE:
+            continue
+        try:
+            result[param.name] = param.type_cast_value(ctx, _as_typed(param, value))
+        except click.BadParameter as error:
+            faults.append(
+                Fault(
+                    where,
+                    error.message.rstrip("."),
+                    f"see pendsus {ctx.command.name} --help",
+                    format_value(value),
+                )
+            )
+    if faults:
+        raise InputError(faults, file)
+    return result
+
+
+def _grid_faults(key: str, value: Any) -> list[Any]:
+    """What is wrong with a grid in an `[analysis]` table."""
+    from suspension_cli.errors import Fault, InputError, format_value
+    from suspension_cli.grids import parse_grid
+
+    try:
+        parse_grid(",".join(map(str, value)) if isinstance(value, list) else str(value), key)
+    except InputError as error:
+        return [
+            Fault(key, fault.problem, fault.remedy, format_value(value)) for fault in error.faults
+        ]
+    return []
+
+
+def check_tables(tables: dict[str, dict[str, Any]], file: str) -> None:
+    """Check the `[analysis]` tables of all commands.
+
+    Raises
+    ------
+    InputError
+        With the faults of every table.
+    """
+    from suspension_cli.analyses import options, registry
+    from suspension_cli.errors import InputError
+
+    faults = []
+    for name, table in tables.items():
+        if name == "info":
+            parameters, extra = options.INFO, ()
+        else:
+            analysis = registry.get(name)
+            parameters, extra = analysis.parameters, analysis.swept_names()
+        bare = click.Command(name, params=list(parameters))
+        try:
+            with_analysis_table(click.Context(bare), table, file, extra)
+        except InputError as error:
+            faults += error.faults
+    if faults:
+        raise InputError(faults, file)
+
+
+def _as_typed(option: click.Option, value: Any) -> Any:
+    """A value of an `[analysis]` table as it would have come from the command line."""
+    if option.is_flag:
+        if not isinstance(value, bool):
+            raise click.BadParameter("must be true or false")
+        return value
+    items = value if isinstance(value, list) else [value]
+    if any(isinstance(item, (bool, dict, list)) for item in items):
+        raise click.BadParameter("must be a string or a number")
+    texts = [str(item) for item in items]
+    return texts if option.multiple or option.nargs != 1 else ",".join(texts)
+
+
+def _long_name(option: click.Option) -> str:
+    return (
+        max(option.opts, key=len).lstrip("-").replace("-", "_") if option.name != "plot" else "plot"
+    )
+
+
+def command_line(argv: list[str]) -> str:
+    """The command as it was typed, for results to tell: quoted for a shell, with escapes for what
+    is no text.
+    """
+    import shlex
+
+    return shlex.join(["pendsus", *argv[1:]]).encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def folder(path: str) -> Path:
+    """The folder for results, made if it is missing.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    from suspension_cli.files.atomic import writing_to
+
+    with writing_to(path):
+        Path(path).mkdir(parents=True, exist_ok=True)
+    return Path(path)

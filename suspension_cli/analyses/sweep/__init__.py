@@ -1,0 +1,1 @@
+"""Compute modes, responses and couplings over grids of parameters."""

@@ -1,0 +1,190 @@
+"""`pendsus sweep`: modes, responses and couplings over any parameters of a design."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
+from suspension_cli.analyses.options import option
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.sweep.file import SweepResult
+    from suspension_cli.studies.axes import Axis
+
+ALIKE = 0.4
+"""Overlap below which a mode may have become any other; two that mix half and half have 0.5."""
+
+
+class SweepAnalysis(Analysis):
+    """Compute modes, responses and couplings over a grid of a design's parameters.
+
+    One parameter gives lines, two give maps. Modes are followed through crossings by their shapes.
+    Writes DIR/NAME-sweep.h5 and .png.
+
+    Example: pendsus sweep my.toml --vary stage.test.wires.d=1e-3:5e-3:41
+    """
+
+    name = "sweep"
+    arguments = (options.DESIGN,)
+    parameters = (
+        option(
+            "--vary",
+            multiple=True,
+            metavar="PATH=GRID",
+            help=(
+                "A parameter and its values: stage.test.wires.s=1e-3:0.05:50:log (repeatable)."
+                "  [required]"
+            ),
+        ),
+        options.RESULTS,
+        *options.SWEEP,
+        options.ALLOW_UNSTABLE,
+        *options.WRITING,
+    )
+
+    def solve(self, run: Run) -> Result:
+        """Compute all points of the grid, then follow the modes."""
+        from suspension_cli.analyses import model_choice, sweeping
+        from suspension_cli.analyses.check import warnings
+        from suspension_cli.analyses.sweep import file as stored
+        from suspension_cli.analyses.sweep.solve import ParameterSweep
+        from suspension_cli.errors import Fault, InputError, format_value
+        from suspension_cli.linear import eigenmodes, named_results, signals
+        from suspension_cli.models import registry
+
+        setting, source = run.setting, run.source
+        over = axes(list(setting["vary"]))
+        decision = model_choice.choose(
+            source,
+            setting["fidelity"],
+            model_choice.named_results(setting["result"]),
+            top=registry.STRING,
+        )
+        choice, model = decision.choice, decision.model
+        requested = named_results.parse(
+            list(setting["result"]) or [named_results.ALL],
+            eigenmodes.solve(model),
+            signals.bodies_with_signals(model),
+        )
+        if choice.model.has_wire_mass and any(
+            isinstance(item, named_results.Mode) for item in requested
+        ):
+            remedy = "take beam, or ask for responses alone"
+            problem = "has no modes that could be followed"
+            raise InputError([Fault("--fidelity", problem, remedy, format_value(choice.level))])
+        job = ParameterSweep(source.text, over, choice.level, requested, setting["allow_unstable"])
+        job.check()
+        run.log.detail(f"{run.name}: {choice.line}")
+        warnings.warn_implausible(run.design, run.log)
+        if setting["fidelity"] == "auto":
+            model_choice.warn_of_neglected(
+                source, decision, run.log, (registry.BEAM, registry.VIOLIN)
+            )
+        path = sweeping.fill(
+            run,
+            self,
+            job,
+            choice,
+            lambda group: stored.fill(group, job, model),
+            lambda part: stored.complete(part, job),
+        )
+        found = stored.load(path)
+        for reason, count in found.failures.items():
+            run.log.warn(f"{count} of {job.count} points: {reason}")
+        if found.overlap < ALIKE:
+            run.log.warn(
+                "a mode changes its shape from one point to the next (overlap"
+                f" {found.overlap:.2f}), so which is which is a guess there; take a finer grid"
+            )
+        return Result(self, source, choice, found, file=path, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return axes and results, first axis first; null for an unstable mode or failed point."""
+        answer: SweepResult = result.data
+        results = [
+            {
+                "name": name,
+                "unit": answer.unit[n],
+                "nominal": plain(answer.nominal[n]),
+                "values": plain(answer.value[..., n]),
+            }
+            for n, name in enumerate(answer.result)
+        ]
+        swept = [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes]
+        return {"axes": swept, "results": results, "failures": answer.failures}
+
+    def text(self, result: Result) -> str:
+        """Return smallest and largest value of every result, and where it is largest."""
+        import numpy as np
+
+        answer: SweepResult = result.data
+        lines = [result.choice.line]
+        lines += ["", "  as drawn   smallest    largest        result, and where it is largest"]
+        for n, name in enumerate(answer.result):
+            value = answer.value[..., n]
+            if not np.isfinite(value).any():
+                lines.append(
+                    f"{answer.nominal[n]:#10.5g}          -          -        {name}: nowhere on"
+                    " the grid"
+                )
+                continue
+            top = np.unravel_index(int(np.nanargmax(value)), value.shape)
+            where = ", ".join(
+                f"{axis.name} = {axis.values[k]:.4g}"
+                for axis, k in zip(answer.axes, top, strict=True)
+            )
+            lines.append(
+                f"{answer.nominal[n]:#10.5g} {np.nanmin(value):#10.5g} {np.nanmax(value):#10.5g}"
+                f" {answer.unit[n]:6} {name}: {where}"
+            )
+        return "\n".join(lines)
+
+    def load(self, file: h5py.File) -> SweepResult:
+        """Read the group `sweep`."""
+        from suspension_cli.analyses.sweep import file as stored
+
+        return stored.read(file["sweep"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw lines over one parameter, maps over two."""
+        from suspension_cli.analyses.sweep import picture
+
+        return {"": picture.draw(result.data, result.title)}
+
+
+def axes(vary: list[str]) -> tuple[Axis, ...]:
+    """The axes that `--vary` asks for."""
+    from suspension_cli.errors import Fault, InputError, format_value
+    from suspension_cli.grids import parse_grid
+    from suspension_cli.studies.axes import Axis
+
+    example = "write for example --vary stage.test.wires.s=1e-3:0.05:50:log"
+    if not vary:
+        raise InputError([Fault("--vary", "is missing", example)])
+    result = []
+    for text in vary:
+        path, equals, values = (part.strip() for part in text.partition("="))
+        if not equals or not all(part.strip() for part in path.split(".")) or "." not in path:
+            raise InputError(
+                [Fault("--vary", "is not of the form PATH=GRID", example, format_value(text))]
+            )
+        result.append(Axis(path, tuple(parse_grid(values, f"--vary {path}"))))
+    if len({axis.name for axis in result}) < len(result):
+        raise InputError(
+            [
+                Fault(
+                    "--vary",
+                    "names a parameter twice",
+                    "give each once",
+                    format_value(" ".join(vary)),
+                )
+            ]
+        )
+    return tuple(result)
+
+
+ANALYSIS = SweepAnalysis()

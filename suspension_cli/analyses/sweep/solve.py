@@ -1,0 +1,250 @@
+"""Modes, responses and couplings of a design over grids of any of its numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design import reader
+from suspension_cli.errors import InputError
+from suspension_cli.linear import batch_modes, eigenmodes
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.named_results import Mode, Ratio, Scalar
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.scene.scene import Array
+from suspension_cli.studies import builds, variants
+from suspension_cli.studies.axes import Axis, Product, of_option
+from suspension_cli.studies.builds import Builds, Column
+
+OTHER_COORDINATES = len(builds.STATUS)
+STATUS = (*builds.STATUS, "the design has other coordinates than the one swept")
+"""Meaning of the status of a point."""
+
+
+@dataclass(frozen=True)
+class ParameterSweep(Product):
+    """Grid of designs, a job for `studies.run`; the first axis varies slowest.
+
+    Attributes
+    ----------
+    text : str
+        The design as TOML.
+    axes : tuple of Axis
+        Parameters, named by dotted paths, with their values in SI.
+    level : str
+        Name of the model.
+    results : tuple of Scalar
+        Quantities computed at every point.
+    allow_unstable : bool
+        Whether responses about an unstable equilibrium count as valid.
+    """
+
+    text: str
+    axes: tuple[Axis, ...]
+    level: str
+    results: tuple[Scalar, ...]
+    allow_unstable: bool = False
+
+    @property
+    def identity(self) -> str:
+        """Text that differs between different sweeps of one design."""
+        return repr((self.axes, self.level, self.results, self.allow_unstable))
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Datasets of the file: results, status, and modes and responses before tracking.
+
+        `value`, `rank` and `overlap` are filled in by `file.complete`.
+        """
+        count = len(self.nominal.omega_squared)
+        found = [
+            Column(
+                "value",
+                "f8",
+                (len(self.results),),
+                "SI, see result_unit; Hz for modes",
+                ("result",),
+            ),
+            Column("status", "u1", (), "1"),
+        ]
+        if self.ratios:
+            found.append(
+                Column(
+                    "response",
+                    "c16",
+                    (len(self.ratios),),
+                    "SI, see result_unit",
+                    ("response_name",),
+                )
+            )
+        if len(self.ratios) < len(self.results):
+            found += [
+                Column("omega_squared", "f8", (count,), "rad^2/s^2", ("mode_number",)),
+                Column(
+                    "shape",
+                    "f4",
+                    (count, len(self.nominal.coordinate)),
+                    "1",
+                    ("mode_number", "coordinate"),
+                ),
+                Column("rank", "i2", (count,), "1", ("mode",)),
+                Column("overlap", "f8", (count,), "1", ("mode",)),
+            ]
+        return tuple(found)
+
+    @property
+    def ratios(self) -> tuple[Ratio, ...]:
+        """Responses and couplings among the results."""
+        return tuple(result for result in self.results if isinstance(result, Ratio))
+
+    @cached_property
+    def _model(self) -> LinearSystem:
+        """Nominal system, without the frequency-dependent terms.
+
+        Modes and coordinates do not need these, and they cannot be pickled.
+        """
+        return replace(registry.by_name(self.level).system(reader.parse(self.text)), terms=())
+
+    @cached_property
+    def nominal(self) -> Modes:
+        """Modes of the nominal design; results are named by their labels."""
+        return eigenmodes.solve(self._model)
+
+    @cached_property
+    def nominal_shape(self) -> Array:
+        """Shapes (m, N - 6) of the nominal modes, as in `batch_modes.Spectrum`."""
+        return batch_modes.solve_one(self._model).shape[0]
+
+    def check(self) -> None:
+        """Raise `InputError` if a path does not exist or its values give no valid design.
+
+        Tries the first, the middle and the last value of each axis.
+        """
+        for axis in self.axes:
+            errors = []
+            tried = [
+                axis.values[n] for n in sorted({0, len(axis.values) // 2, len(axis.values) - 1})
+            ]
+            for value in tried:
+                try:
+                    registry.choose(variants.overridden(self.text, {axis.name: value}), self.level)
+                except InputError as error:
+                    errors.append(of_option(error, "--vary", axis, value))
+            if len(errors) == len(tried):
+                raise errors[0]
+
+    def compute(self, start: int, stop: int) -> dict[str, Any]:
+        """Compute points start to stop - 1: arrays of that length by the names of `columns`."""
+        values = self.values(start, stop)
+        result = {column.name: blank_values(column, stop - start) for column in self.columns}
+        for found, here in variants.balanced(
+            self.text, values, self.level, allow_unstable=self.allow_unstable
+        ):
+            same = (
+                found.model.coordinate == self._model.coordinate
+                and (found.model.massless == self._model.massless).all()
+            )
+            result["status"][here] = found.status if same else OTHER_COORDINATES
+            if not same:
+                continue
+            if "shape" in result:
+                solvable = has_modes(found.status)
+                solved = batch_modes.solve(select_models(found.model, solvable))
+                result["omega_squared"][here[solvable]] = solved.omega_squared
+                result["shape"][here[solvable]] = solved.shape
+            for n, ratio in enumerate(self.ratios):
+                result["response"][here, n] = evaluate_ratio(found, ratio)
+        return result
+
+
+def has_modes(status: Any) -> Any:
+    """Whether builds have an equilibrium on taut wires, stable or not, from their status."""
+    return (status == builds.GOOD) | (status == builds.UNSTABLE)
+
+
+def select_models(model: LinearSystem, which: Any) -> LinearSystem:
+    """Select the models of a batch by a mask `which` (p,), without their losses."""
+    count = len(which)
+
+    def cut(matrix: Any) -> Any:
+        return np.broadcast_to(matrix, (count, *matrix.shape[-2:]))[which]
+
+    return replace(model, mass=cut(model.mass), stiffness=cut(model.stiffness), lossy=None)
+
+
+def evaluate_ratio(found: Builds, ratio: Ratio) -> Any:
+    """Evaluate a response, or a ratio of two, for a batch of builds: (p,), complex, SI."""
+    outputs = [ratio.over] + ([] if ratio.under is None else [ratio.under])
+    with np.errstate(all="ignore"):
+        value = builds.transfer(found, np.array([ratio.frequency]), [ratio.input], outputs)[
+            :, 0, :, 0
+        ]
+        if ratio.under is None:
+            return value[:, 0]
+        return divide(value[:, 0], value[:, 1])
+
+
+def divide(over: Any, under: Any) -> Any:
+    """Divide complex responses; exactly 0 where a symmetry makes `over` vanish."""
+    with np.errstate(all="ignore"):
+        return np.where((over == 0) & (np.abs(under) > 0), 0.0, over / under)
+
+
+def blank_values(column: Column, count: int) -> Any:
+    """Values (count, ...) of a column for points that are not valid designs or not yet computed."""
+    blank = {"u1": builds.IMPOSSIBLE, "i2": -1, "c16": builds.NOTHING}.get(column.dtype, np.nan)
+    return np.full((count, *column.shape), blank, dtype=column.dtype)
+
+
+def count_failures(status: Any, meaning: tuple[str, ...] = builds.STATUS) -> dict[str, int]:
+    """Count builds by reason of failure.
+
+    >>> count_failures(np.zeros(3, dtype=int))
+    {}
+    """
+    return {
+        reason: int((status == code).sum())
+        for code, reason in enumerate(meaning)
+        if code != builds.GOOD and (status == code).any()
+    }
+
+
+def evaluate_results(
+    results: tuple[Scalar, ...], omega_squared: Any, rank: Any, response: Any
+) -> Array:
+    """Evaluate results (..., r): frequencies in Hz and magnitudes of responses in SI units.
+
+    NaN for an unstable mode.
+
+    Parameters
+    ----------
+    results : tuple of Scalar
+    omega_squared : (..., m) array or None
+        In ascending order, (rad/s)^2.
+    rank : (..., m) int array or None
+        Position in `omega_squared` of each nominal mode; -1 where there is none.
+    response : (..., k) complex array or None
+        Responses among the results, in their order.
+
+    Returns
+    -------
+    (..., r) array
+    """
+    columns, responses = [], 0
+    for result in results:
+        if isinstance(result, Mode):
+            place = rank[..., result.number]
+            squared = np.take_along_axis(
+                omega_squared, np.maximum(place, 0)[..., None].astype(np.intp), -1
+            )[..., 0]
+            columns.append(
+                np.sqrt(np.where((place < 0) | ~(squared >= 0), np.nan, squared)) / (2 * np.pi)
+            )
+        else:
+            columns.append(np.abs(response[..., responses]))
+            responses += 1
+    return np.stack(columns, axis=-1)

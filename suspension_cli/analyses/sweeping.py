@@ -1,0 +1,117 @@
+"""Sweeps: analyses that fill their results file chunk by chunk while they run."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from suspension_cli.analyses.analysis import Analysis, Run
+from suspension_cli.errors import Interrupted, escape_unprintable
+from suspension_cli.files.atomic import writing_to
+from suspension_cli.files.existing import replacing
+from suspension_cli.files.hdf5 import Provenance
+from suspension_cli.studies.run import Plan
+from suspension_cli.studies.run import run as compute
+
+if TYPE_CHECKING:
+    from suspension_cli.models.registry import Choice
+
+UNRECORDED = {
+    "--workers": 1,
+    "--scheduler": 1,
+    "--chunk": 1,
+    "--out": 1,
+    "--resume": 0,
+    "--json": 0,
+    "--plot": 0,
+    "--no-plot": 0,
+    "-q": 0,
+    "--quiet": 0,
+    "-v": 0,
+    "--verbose": 0,
+}
+"""Options that do not change the result, and the number of words that follow each."""
+
+
+def recorded(command: str) -> str:
+    """Return a command line without the options in `UNRECORDED`.
+
+    The same sweep then writes the same file, however it was run.
+
+    Examples
+    --------
+    >>> recorded("pendsus xcouple a.toml --workers 3 --sweep k=1:2:3 -q")
+    'pendsus xcouple a.toml --sweep k=1:2:3'
+    """
+    kept: list[str] = []
+    words = iter(shlex.split(command))
+    for word in words:
+        name, equals, _ = word.partition("=")
+        if name not in UNRECORDED:
+            kept.append(word)
+        elif not equals:
+            for _skipped in range(UNRECORDED[name]):
+                next(words, None)
+    return shlex.join(kept)
+
+
+def fill(
+    run: Run,
+    analysis: Analysis,
+    job: Any,
+    choice: Choice,
+    put: Callable[..., None],
+    after: Any = None,
+) -> Path:
+    """Compute all points of a job into the results file.
+
+    Parameters
+    ----------
+    run : Run
+    analysis : Analysis
+        Its name is that of the group.
+    job : studies.sweep_file.Job
+    choice : Choice
+    put : callable
+        Writes what stands beside the columns into the new group.
+    after : callable, optional
+        Completes the file when all points are there.
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    Interrupted
+        After Ctrl-C; the message says how to continue.
+    """
+    setting, path = run.setting, run.folder / f"{run.name}-{analysis.stem}.h5"
+    origin = Provenance(
+        run.source.text,
+        recorded(run.command),
+        choice.level,
+        choice.reason,
+        sweep=job.identity,
+        error=choice.error,
+    )
+    with writing_to(run.folder):
+        run.folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
+            plan = Plan(
+                setting["workers"],
+                setting["scheduler"],
+                setting["chunk"],
+                setting["resume"],
+                progress,
+            )
+            compute(job, path, analysis.name, origin, plan, put, after)
+    except KeyboardInterrupt:
+        part = path.with_name(f"{path.name}.part")
+        kept = f"; finished points are in {part}; --resume continues" if part.exists() else ""
+        raise Interrupted(escape_unprintable(f"interrupted{kept}")) from None
+    return path

@@ -1,0 +1,1 @@
+"""Compute thermal noise of any motion, split by cause."""

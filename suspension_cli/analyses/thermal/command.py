@@ -1,0 +1,241 @@
+"""`pendsus thermal`: thermal noise, split by what dissipates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, only_one
+from suspension_cli.analyses.options import option
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.thermal.solve import Thermal
+    from suspension_cli.design.reader import Source
+    from suspension_cli.models.registry import Choice
+
+LEADING = 0.01
+"""Fraction of the power from which a cause is named in the summary."""
+NAMED = 3
+"""Causes named at each frequency, at most."""
+
+
+class ThermalAnalysis(Analysis):
+    """Compute thermal noise of motions, split by cause.
+
+    The beam of a long arm is not level where it meets the mirrors, so it sees a little of their
+    vertical motion: --arm. Writes DIR/NAME-thermal.h5 and .png.
+
+    Example: pendsus thermal my.toml --arm 4000
+    """
+
+    name = "thermal"
+    arguments = (options.DESIGN,)
+    parameters = (
+        option(
+            "--output",
+            "outputs",
+            multiple=True,
+            metavar="SIGNAL",
+            help=(
+                "Output: test.x, test.pitch, test.x@0,0,0.001, ... (repeatable)."
+                "  [default: x of the last stage]"
+            ),
+        ),
+        option(
+            "--frequency",
+            default="0.1:1000:2000",
+            show_default=True,
+            metavar="GRID",
+            help="Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.",
+        ),
+        option(
+            "--arm",
+            type=click.FloatRange(0, 1e7),
+            default=0.0,
+            metavar="LENGTH",
+            help="Observe x along the beam of an arm of this length (m), for example 4000.",
+        ),
+        options.ALLOW_UNSTABLE,
+        options.ACCURACY,
+        *options.WRITING,
+    )
+
+    def solve(self, run: Run) -> Result:
+        """Compute the noise of every output."""
+        from suspension_cli.analyses.check import warnings
+        from suspension_cli.analyses.check.lossless import find_lossless
+
+        choice, noises = _solved(run.source, run.setting, run.log)
+        lossless = find_lossless(run.design, choice.level)
+        for line in warnings.describe_lossless(lossless, choice.level):
+            run.log.warn(f"{run.name}: {line}")
+        extra = {"without_loss": [part.part for part in lossless]}
+        return Result(self, run.source, choice, noises, extra, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return the noise of one output flat, that of several in a list."""
+        noises: list[Thermal] = result.data
+        each = [
+            {
+                "output": noise.output,
+                "unit": f"{noise.unit}/sqrt(Hz)",
+                "tilt_rad": noise.tilt,
+                "displacement_asd": noise.amplitude.tolist(),
+                "contributions": {source: part.tolist() for source, part in noise.parts.items()},
+            }
+            for noise in noises
+        ]
+        head = {"frequency_hz": noises[0].frequency.tolist()}
+        return head | only_one(each, "noises") | result.extra
+
+    def text(self, result: Result) -> str:
+        """Return the noise at a few frequencies, and its leading causes there."""
+        lines = [result.choice.line]
+        for noise in result.data:
+            along = f" along a beam that rises by {1e6 * noise.tilt:.3g} urad" if noise.tilt else ""
+            lines.append(
+                f"{noise.output}{along}: thermal noise in {noise.unit}/sqrt(Hz), and the shares of"
+                " its power"
+            )
+            for n in told(noise.frequency):
+                power = noise.density[:, n]
+                order = sorted(range(len(power)), key=lambda s: -power[s])[:NAMED]
+                shares = (
+                    f"{noise.source[s]} {_percent(power[s] / power.sum())}"
+                    for s in order
+                    if power[s] >= LEADING * power.sum()
+                )
+                lines.append(
+                    f"{noise.frequency[n]:>10.4g} Hz  {noise.amplitude[n]:.3e}  {', '.join(shares)}"
+                )
+        return "\n".join(lines)
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the group `thermal`."""
+        from suspension_cli.analyses.thermal import file as stored
+
+        stored.fill(file.create_group("thermal"), result.data)
+
+    def load(self, file: h5py.File) -> list[Thermal]:
+        """Read the group `thermal`."""
+        from suspension_cli.analyses.thermal import file as stored
+
+        return stored.load(file["thermal"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw amplitude spectral densities."""
+        from suspension_cli.analyses.thermal import picture
+
+        return {"": picture.draw(result.data, result.title)}
+
+
+def _solved(source: Source, setting: dict[str, Any], log: Log) -> tuple[Choice, list[Thermal]]:
+    from dataclasses import replace
+
+    import numpy as np
+
+    from suspension_cli.analyses import model_choice
+    from suspension_cli.analyses.thermal import solve as thermal
+    from suspension_cli.errors import Fault, InputError, format_value
+    from suspension_cli.grids import parse_grid
+    from suspension_cli.models import auto
+
+    frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+    choice = auto.for_thermal_noise(
+        source.design, setting["fidelity"], float(frequency.max()), setting["tolerance"]
+    )
+    model = model_choice.stable_system(source, choice, setting["allow_unstable"], log)
+    if not setting["arm"] >= 0:
+        raise InputError(
+            [
+                Fault(
+                    "--arm",
+                    "must be a length",
+                    "give it in m, e.g. 4000",
+                    format_value(setting["arm"]),
+                )
+            ]
+        )
+    tilt = thermal.compute_arm_tilt(setting["arm"])
+    noises = []
+    for text in setting["outputs"] or (f"{model.body[-1]}.x",):
+        signal, row = thermal.parse_motion(model, text, tilt)
+        _demand_observable(signal, tilt)
+        noise = thermal.solve(model, frequency, row, signal, source.design.constants.temperature)
+        _demand_loss(noise)
+        noises.append(replace(noise, tilt=tilt))
+    return choice, noises
+
+
+def _demand_observable(signal: Any, tilt: float) -> None:
+    from suspension_cli.conventions import DOFS, SUPPORT
+    from suspension_cli.errors import Fault, InputError, format_value
+
+    if signal.body == SUPPORT:
+        raise InputError(
+            [
+                Fault(
+                    "--output",
+                    "the support is at rest and has no thermal noise",
+                    "name a stage, for example test.x",
+                    format_value(signal.text),
+                )
+            ]
+        )
+    if tilt and DOFS[signal.dof] != "x":
+        raise InputError(
+            [
+                Fault(
+                    "--arm",
+                    f"is for motion along x, not {signal.text}",
+                    "leave it out, or give outputs along x",
+                )
+            ]
+        )
+
+
+def _demand_loss(noise: Thermal) -> None:
+    from suspension_cli.errors import Fault, InputError, format_value
+
+    if not noise.source:
+        remedy = (
+            "give the materials of its wires a loss (--set materials.NAME.loss_angle=1e-4), or"
+            " blades a loss_angle, [gas] or [stage.damping]"
+        )
+        raise InputError(
+            [
+                Fault(
+                    "--output",
+                    "nothing that moves with it dissipates, so it has no thermal noise",
+                    remedy,
+                    format_value(noise.output),
+                )
+            ]
+        )
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
+
+
+def told(frequency: Any) -> list[int]:
+    """Places in a grid nearest to 1 Hz, 10 Hz and so on, within it; its ends if there are none."""
+    import math
+
+    import numpy as np
+
+    low, high = float(frequency.min()), float(frequency.max())
+    decades = [
+        10.0**n
+        for n in range(math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9) + 1)
+    ]
+    targets = decades or [low, high]
+    return list(dict.fromkeys(int(np.abs(np.log(frequency / at)).argmin()) for at in targets))
+
+
+ANALYSIS = ThermalAnalysis()

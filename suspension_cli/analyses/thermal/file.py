@@ -1,0 +1,61 @@
+"""HDF5 group `thermal` of a results file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import h5py
+import numpy as np
+
+from suspension_cli.analyses.thermal.solve import Thermal, sort_sources
+from suspension_cli.files.hdf5 import add_dataset, add_scale
+
+UNITS = "SI/sqrt(Hz), see unit"
+
+
+def fill(group: h5py.Group, noises: list[Thermal]) -> None:
+    """Write the noise of several motions into a group; sources without part in a motion are 0."""
+    sources = list(dict.fromkeys(name for noise in noises for name in noise.source))
+    parts = np.zeros((len(noises[0].frequency), len(noises), len(sources)))
+    for n, noise in enumerate(noises):
+        parts[:, n, [sources.index(name) for name in noise.source]] = np.sqrt(noise.density).T
+    frequency = add_scale(group, "frequency", noises[0].frequency, "Hz")
+    output = add_scale(group, "output", [noise.output for noise in noises], "name")
+    source = add_scale(group, "source", sources, "name")
+    add_dataset(group, "unit", [f"{noise.unit}/sqrt(Hz)" for noise in noises], "name", output)
+    add_dataset(group, "tilt", [noise.tilt for noise in noises], "rad", output)
+    add_dataset(
+        group,
+        "amplitude",
+        np.stack([noise.amplitude for noise in noises], axis=1),
+        UNITS,
+        frequency,
+        output,
+    )
+    add_dataset(group, "contribution", parts, UNITS, frequency, output, source)
+
+
+def load(group: Any) -> list[Thermal]:
+    """Read the noise of each motion from a group."""
+    source, parts = group["source"].asstr()[:], group["contribution"][:]
+    noises = []
+    for n, (output, unit, tilt) in enumerate(
+        zip(group["output"].asstr()[:], group["unit"].asstr()[:], group["tilt"][:], strict=True)
+    ):
+        densities = {
+            str(name): part**2
+            for name, part in zip(source, parts[:, n].T, strict=True)
+            if part.any()
+        }
+        order = sort_sources(densities)
+        noises.append(
+            Thermal(
+                group["frequency"][:],
+                output,
+                unit.split("/")[0],
+                tuple(order),
+                np.array([densities[name] for name in order]),
+                float(tilt),
+            )
+        )
+    return noises

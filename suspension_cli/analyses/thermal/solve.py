@@ -1,0 +1,240 @@
+"""Thermal noise of any motion, from the power dissipated in each part.
+
+The fluctuation-dissipation theorem (Callen and Welton, Phys. Rev. 83, 34 (1951)) in the form of
+Levin, Phys. Rev. D 57, 659 (1998): let a force F cos(omega t) act on the observed motion r . x, and
+let W be the mean power dissipated. Then
+
+    S(omega) = 8 k T W / (F^2 omega^2),    W = (omega / 2) x^H Im(Z) x  with  Z x = F r,
+
+one-sided, in m^2/Hz. Im(Z) is a sum over lossy parts j, each with its own temperature, and
+x^H Im(Z_j) x a sum of squares, in which nothing cancels. The imaginary part of the susceptibility
+r . Z^-1 r, in contrast, loses the digits of a high Q.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import BOLTZMANN, DOFS
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear import frequency_dependent, signals
+from suspension_cli.linear.frequency_dependent import EvaluatedBlock
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array
+
+EARTH = 6.371e6
+"""Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""
+CHUNK = 1024
+"""Frequencies evaluated at once: their matrices stay in the cache."""
+ROUNDING = 1e-9
+"""Fraction of the sum below which a negative density is a rounding error."""
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """Thermal noise of one motion.
+
+    Attributes
+    ----------
+    frequency : (f,) array
+        Hz.
+    output : str
+        The observed motion.
+    unit : str
+        Of the motion: m or rad.
+    source : tuple of str
+        Sources of dissipation: ``test.bending-upper`` and so on, the strongest (over all
+        frequencies) first.
+    density : (s, f) array
+        One-sided power spectral density by source, unit^2/Hz.
+    tilt : float
+        Angle (rad) by which the observed direction rises above x.
+    """
+
+    frequency: Array
+    output: str
+    unit: str
+    source: tuple[str, ...]
+    density: Array
+    tilt: float = 0.0
+
+    @property
+    def amplitude(self) -> Array:
+        """Amplitude spectral density (f,) of the sum, unit/sqrt(Hz)."""
+        return np.sqrt(self.density.sum(0))
+
+    @property
+    def parts(self) -> dict[str, Array]:
+        """Amplitude spectral density (f,) by source, unit/sqrt(Hz)."""
+        return {name: np.sqrt(row) for name, row in zip(self.source, self.density, strict=True)}
+
+
+def solve(
+    model: LinearSystem, frequency: Array, row: Array, signal: Signal, temperature: float
+) -> Thermal:
+    """Compute the thermal noise of a linear form of the coordinates.
+
+    Parameters
+    ----------
+    model : LinearSystem
+    frequency : (f,) array
+        Hz, above 0.
+    row : (N,) array
+        The linear form; the support is at rest.
+    signal : Signal
+        Its name and unit.
+    temperature : float
+        Of dampers and of the support's loss, K; other sources have their own.
+
+    Returns
+    -------
+    Thermal
+        With the sources that contribute; without loss there are none.
+
+    Raises
+    ------
+    InputError
+        At a resonance without loss, and if a part gives power back (a spring or damper whose matrix
+        is not positive).
+
+    Examples
+    --------
+    >>> from suspension_cli.design import reader
+    >>> from suspension_cli.models import registry
+    >>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
+    >>> signal, row = observed(model, "test.x")
+    >>> noise = solve(model, np.array([10.0]), row, signal, 290.0)
+    >>> noise.unit, noise.density.shape[1]
+    ('m', 1)
+    """
+    omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+    powers: dict[str, Array] = {}
+    for block in frequency_dependent.build_blocks(model):
+        force = row[block.keep][:, None]
+        if not force.any():
+            continue
+        for start in range(0, len(omega), CHUNK):
+            now = slice(start, start + CHUNK)
+            there = block.at(omega[now])
+            motion = there.solve(np.zeros((6, 1)), force)[:, 0]
+            for (cause, warmth), lost in compute_dissipation(there, motion, temperature).items():
+                power = powers.setdefault(cause, np.zeros(len(omega)))
+                power[now] += 4 * BOLTZMANN * warmth * lost / omega[now]
+    powers = {name: power for name, power in powers.items() if power.any()}
+    _check_powers(powers, omega)
+    order = sort_sources(powers)
+    density = np.array([powers[name] for name in order]).reshape(-1, len(omega)).clip(0)
+    return Thermal(np.asarray(frequency), signal.text, signal.unit, tuple(order), density)
+
+
+def sort_sources(densities: dict[str, Array]) -> list[str]:
+    """Sort sources by the mean logarithm of their densities (f,), the strongest first."""
+    return sorted(densities, key=lambda name: -float(np.log(densities[name].clip(1e-300)).mean()))
+
+
+def _check_powers(powers: dict[str, Array], omega: Array) -> None:
+    """Raise `InputError` where a density is infinite or negative."""
+    total = sum(powers.values(), np.zeros(len(omega)))
+    if not np.isfinite(total).all():
+        at = float(omega[~np.isfinite(total)][0]) / (2 * np.pi)
+        remedy = "move it, or give loss_angle or damping"
+        raise InputError(
+            [
+                Fault(
+                    "--frequency",
+                    "is a resonance without loss, where the noise is infinite",
+                    remedy,
+                    format_value(at),
+                )
+            ]
+        )
+    for name, power in powers.items():
+        if (power < -ROUNDING * total).any():
+            remedy = "make its stiffness and damping matrices positive, or its loss angle 0"
+            raise InputError(
+                [
+                    Fault(
+                        name,
+                        "gives power back instead of dissipating it, so it has no thermal noise",
+                        remedy,
+                    )
+                ]
+            )
+
+
+def compute_dissipation(
+    there: EvaluatedBlock, motion: Any, temperature: float
+) -> dict[tuple[str, float], Array]:
+    """Compute x^H Im(Z) x (f,) of motions x (c, f) of a block by source, the support at rest.
+
+    Parameters
+    ----------
+    there : EvaluatedBlock
+        The block at frequencies (f,).
+    motion : (c, f) complex array
+    temperature : float
+        Of dampers and of the support's loss, K.
+
+    Returns
+    -------
+    dict
+        Keys are the name of a source and its temperature (K).
+    """
+    result: dict[tuple[str, float], Array] = {}
+    block = there.block
+    whole = np.concatenate([np.zeros((6, motion.shape[1])), motion])
+    for term in there.terms:
+        for key, lost in term.dissipated(whole).items():
+            result[key] = result.get(key, 0.0) + lost
+    for cause, matrix, factor in (
+        ("damping", block.damping[:, 6:], there.omega),
+        ("support", np.imag(block.constant[:, 6:]), 1.0),
+    ):
+        if matrix.any():
+            power = np.einsum("if,ij,jf->f", np.conj(motion), matrix, motion, optimize=True).real
+            result[cause, temperature] = result.get((cause, temperature), 0.0) + factor * power
+    return result
+
+
+def compute_from_susceptibility(
+    model: LinearSystem, frequency: Array, row: Array, temperature: float
+) -> Array:
+    """Thermal noise from the susceptibility, -(4 k T / omega) Im(r . Z^-1 r): (f,), unit^2/Hz.
+
+    For checks of `solve`: loses the digits of a high Q, and has one temperature (K) for all parts.
+    """
+    omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+    total = np.zeros(len(omega))
+    for block in frequency_dependent.build_blocks(model):
+        force = row[block.keep][:, None]
+        if force.any():
+            total += (force.T @ np.moveaxis(block.at(omega).solve(np.zeros((6, 1)), force), -1, 0))[
+                :, 0, 0
+            ].imag
+    return -4 * BOLTZMANN * temperature / omega * total
+
+
+def parse_motion(model: LinearSystem, text: str, tilt: float = 0.0) -> tuple[Signal, Array]:
+    """Parse a motion; with its linear form (N,).
+
+    A motion along x is taken along a beam that rises by `tilt` (rad) instead.
+    """
+    signal = signals.parse_output(text, signals.bodies_with_signals(model))
+    row = signals.linear_form(signal, model)
+    if tilt and DOFS[signal.dof] == "x":
+        row = np.cos(tilt) * row + np.sin(tilt) * signals.linear_form(
+            replace(signal, dof=DOFS.index("z")), model
+        )
+    return signal, row
+
+
+def compute_arm_tilt(length: float) -> float:
+    """Angle (rad) of a beam of some length (m) to the horizontal at its mirrors.
+
+    The verticals at its two ends meet at the centre of the Earth.
+    """
+    return length / (2 * EARTH)

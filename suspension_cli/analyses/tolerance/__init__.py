@@ -1,0 +1,1 @@
+"""Compute random builds: scatter of modes and cross-coupling, and its causes."""

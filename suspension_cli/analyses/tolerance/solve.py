@@ -1,0 +1,177 @@
+"""Mode frequencies and cross-coupling of random builds.
+
+Each nominal mode is paired with the mode of the build whose shape overlaps it most.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.xcouple.solve import CouplingRequest, quotient_unit
+from suspension_cli.design import reader
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear import eigenmodes, graded_eigenvalues
+from suspension_cli.linear.mode_pairing import pair_by_overlap
+from suspension_cli.linear.static_condensation import condense
+from suspension_cli.models import registry, string
+from suspension_cli.models.surroundings import surrounded
+from suspension_cli.scene.scene import Array, Index, Scene
+from suspension_cli.studies import builds, sampling
+from suspension_cli.studies.builds import Column
+
+
+@dataclass(frozen=True)
+class RandomBuilds:
+    """Random builds of one design, a job for `studies.run`.
+
+    Attributes
+    ----------
+    text : str
+        The design as TOML, with its `[tolerance]` table.
+    count : int
+        Number of builds.
+    seed : int
+        Seed of the random numbers.
+    question : Question
+        The cross-coupling to compute; its wire and body are ignored.
+    allow_unstable : bool
+        Whether a build with an unstable equilibrium counts as valid.
+    level : str
+        Name of a model that supports imperfect builds.
+    """
+
+    text: str
+    count: int
+    seed: int
+    question: CouplingRequest
+    allow_unstable: bool = False
+    level: str = registry.STRING.name
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of builds, the only axis."""
+        return (self.count,)
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """Name of the dataset that numbers the builds."""
+        return ("build",)
+
+    @property
+    def identity(self) -> str:
+        """Text that differs between different jobs of one design."""
+        return repr((self.count, self.seed, self.question, self.allow_unstable, self.level))
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Datasets of the file: number, frequencies, cross-coupling and status of each build."""
+        ratio = quotient_unit(self.question.over, self.question.under)
+        return (
+            Column("build", "u4", (), "1"),
+            Column("frequency", "f8", (len(self.nominal.omega_squared),), "Hz", ("mode",)),
+            Column("ratio", "c16", (len(self.question.frequency),), ratio, ("coupling_frequency",)),
+            Column("residual", "f8", (), "1"),
+            Column("status", "u1", (), "1"),
+            Column("slack_wire", "i2", (), "1"),
+        )
+
+    @cached_property
+    def design(self) -> Any:
+        """Parsed design."""
+        return reader.parse(self.text)
+
+    @cached_property
+    def scene(self) -> Scene:
+        """Scene without random imperfections."""
+        return expand(self.design)
+
+    @cached_property
+    def factors(self) -> tuple[sampling.ScatteredNumber, ...]:
+        """Numbers of the design that vary between builds."""
+        return sampling.factors(self.design, self.scene)
+
+    @cached_property
+    def _start(self) -> tuple[eigenmodes.Modes, Array, Index]:
+        """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
+        # symmetry blocks give the degenerate nominal modes stable labels
+        found = eigenmodes.solve(registry.by_name(self.level).system(self.design))
+        plain = surrounded(string.linear_model(self.scene, split=False), self.design)
+        keep = np.flatnonzero(~plain.massless[6:]) + 6  # coordinates with inertia
+        root = np.linalg.cholesky(plain.mass[np.ix_(keep, keep)])
+        return found, found.shape[:, keep - 6] @ root, keep
+
+    @property
+    def nominal(self) -> eigenmodes.Modes:
+        """Modes of the design without random deviations, but with its own perturbations."""
+        return self._start[0]
+
+    def check(self) -> None:
+        """Raise `InputError` if there is no table of tolerances, or a signal is invalid."""
+        self.compute(0, 1)
+
+    def deviations(self, start: int, stop: int) -> Array:
+        """Random deviations (p, factors) of builds start to stop - 1."""
+        return sampling.deviations(self.factors, self.seed, start, stop)
+
+    def compute(self, start: int, stop: int) -> dict[str, Any]:
+        """Compute builds start to stop - 1: arrays of that length by the names of `columns`."""
+        scene = sampling.imperfect(self.scene, self.factors, self.deviations(start, stop))
+        found = builds.balance(
+            scene, self.design, level=self.level, allow_unstable=self.allow_unstable
+        )
+        with np.errstate(all="ignore"):
+            omega_squared = follow_modes(found, self._start[1], self._start[2])
+            outputs = builds.transfer(
+                found,
+                np.array(self.question.frequency),
+                [self.question.input],
+                [self.question.over, self.question.under],
+            )[..., 0]
+            ratio = outputs[..., 0] / outputs[..., 1]
+            frequency = np.sqrt(
+                omega_squared if self.allow_unstable else np.maximum(omega_squared, 0.0)
+            ) / (2 * np.pi)
+        frequency[found.status != builds.GOOD] = np.nan
+        return {
+            "build": np.arange(start, stop, dtype=np.uint32),
+            "frequency": frequency,
+            "ratio": ratio,
+            "residual": found.residual,
+            "status": found.status,
+            "slack_wire": found.wire,
+        }
+
+
+def follow_modes(found: builds.Builds, shapes: Array, keep: Any) -> Array:
+    """Solve for omega^2 (p, m), (rad/s)^2, of every build in the order of the nominal modes.
+
+    Parameters
+    ----------
+    found : Builds
+    shapes : (m, c) array
+        Nominal modes in coordinates scaled by the root of the mass matrix: orthonormal.
+    keep : (c,) int array
+        Coordinates with inertia, which the shapes refer to.
+    """
+    model = found.model
+    stiffness = condense(
+        model.stiffness[..., 6:, 6:], ~np.isin(np.arange(6, model.size), keep)
+    ).matrix
+    bad = found.status != builds.GOOD
+    mass = np.where(bad[:, None, None], np.eye(len(keep)), model.mass[..., keep[:, None], keep])
+    tension = np.where(
+        bad, 0.0, graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
+    )
+    values, vectors = graded_eigenvalues.solve_batch(
+        mass, np.where(bad[:, None, None], mass, stiffness), tension
+    )
+    overlap = (shapes @ vectors) ** 2  # (p, m, m): nominal, build
+    choice = overlap.argmax(-1)
+    clash = (np.sort(choice, axis=-1) != np.arange(choice.shape[-1])).any(-1)
+    for n in np.flatnonzero(clash).tolist():
+        choice[n] = pair_by_overlap(overlap[n])
+    return np.take_along_axis(values, choice, axis=-1)

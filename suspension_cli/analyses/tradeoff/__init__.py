@@ -1,0 +1,1 @@
+"""Measure speed and accuracy of every model and method."""

@@ -1,0 +1,236 @@
+"""`pendsus tradeoff`: time and error of every model and method for a design."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
+from suspension_cli.analyses.options import option
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.tradeoff.result import Entry, Panel, Tradeoff
+    from suspension_cli.design.schema import Design
+
+NAMES = ("modes", "response", "thermal", "coupling", "equilibrium")
+"""As `comparisons.QUANTITIES`, which is not imported just to print help."""
+REPEAT = 7
+
+
+class TradeoffAnalysis(Analysis):
+    """Measure speed and accuracy of every model and every method, for one design.
+
+    Models are compared with the most complete one that is valid, methods with 50-digit arithmetic
+    on the same model. Times are processor times on one thread, measured in turns. Writes
+    DIR/NAME-tradeoff.h5 and .png.
+
+    Example: pendsus tradeoff my.toml --quantity modes
+    """
+
+    name = "tradeoff"
+    has_model = False
+    arguments = (options.DESIGN,)
+    parameters = (
+        option(
+            "--quantity",
+            "quantities",
+            multiple=True,
+            type=click.Choice(NAMES),
+            help="Compare for this alone (repeatable).  [default: all]",
+        ),
+        option(
+            "--repeat",
+            type=click.IntRange(2, 1000),
+            default=REPEAT,
+            show_default=True,
+            metavar="N",
+            help="Samples of every time.",
+        ),
+        options.OVERRIDES,
+        options.OUT,
+        options.AS_JSON,
+        options.PLOT,
+        options.QUIET,
+        options.VERBOSE,
+    )
+
+    def prepare(self) -> None:
+        """Keep linear algebra to one thread, which it reads when numpy is imported."""
+        for library in ("OPENBLAS", "OMP", "MKL"):
+            os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+    def solve(self, run: Run) -> Result:
+        """Measure every model and method."""
+        from suspension_cli.analyses.check import warnings
+        from suspension_cli.analyses.tradeoff import solve as tradeoff
+        from suspension_cli.models.registry import Choice
+
+        with run.log.progress() as bar:
+            _demand_stable(run.design)
+            began = time.monotonic()
+            found = tradeoff.measure(
+                run.design,
+                run.setting["quantities"],
+                run.setting["repeat"],
+                lambda done, count: bar(done, count, done / max(time.monotonic() - began, 1e-9)),
+            )
+        warnings.warn_implausible(run.design, run.log)
+        choice = Choice("all", "every valid model is compared")
+        return Result(self, run.source, choice, found, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return every comparison with its times, errors and fronts."""
+        found: Tradeoff = result.data
+        return {
+            "repeat": found.repeat,
+            "threads": found.threads,
+            "comparisons": [_comparison(panel) for panel in found.panels],
+        }
+
+    def text(self, result: Result) -> str:
+        """Return a table, one part per comparison."""
+        return table(result.data)
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the group `tradeoff`."""
+        from suspension_cli.analyses.tradeoff import file as stored
+
+        stored.fill(file.create_group("tradeoff"), result.data)
+
+    def load(self, file: h5py.File) -> Tradeoff:
+        """Read the group `tradeoff`."""
+        from suspension_cli.analyses.tradeoff import file as stored
+
+        return stored.load(file["tradeoff"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw errors against times."""
+        from suspension_cli.analyses.tradeoff import picture
+
+        return {"": picture.draw(result.data, result.title)}
+
+
+def _demand_stable(design: Design) -> None:
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.linear import eigenmodes
+    from suspension_cli.models import registry
+
+    found = eigenmodes.solve(registry.STRING.system(design))
+    if not found.stable:
+        problem = (
+            f"the equilibrium is unstable on strings: {found.label[0]} grows at"
+            f" {found.growth_rate[0]:.4g} 1/s"
+        )
+        raise InputError(
+            [
+                Fault(
+                    "stage",
+                    problem,
+                    "make it stable (raise d, say): only then are there responses to compare",
+                )
+            ]
+        )
+
+
+def _comparison(panel: Panel) -> dict[str, Any]:
+    fronts = [
+        {
+            "title": view.title,
+            **{
+                kind: [panel.entries[n].label for n in panel.front(kind, view)]
+                for kind in ("once", "batch")
+            },
+        }
+        for view in panel.views
+    ]
+    return {
+        "quantity": panel.quantity,
+        "compares": panel.compares,
+        "time": panel.start,
+        "item": panel.item,
+        "count": panel.count,
+        "reference": panel.reference,
+        "entries": [_entry(panel, entry) for entry in panel.entries],
+        "left_out": [
+            {"rung": item.rung, "method": item.method, "reason": item.reason} for item in panel.left
+        ],
+        "fronts": fronts,
+    }
+
+
+def _entry(panel: Panel, entry: Entry) -> dict[str, Any]:
+    return {
+        "rung": entry.rung,
+        "method": entry.method,
+        "error": dict(zip(panel.component, plain(entry.error), strict=True)),
+        "once_s": entry.once.tolist(),
+        "batch_s": entry.batch.tolist(),
+        "once_relative": entry.time("once") / panel.fastest("once"),
+        "batch_relative": entry.time("batch") / panel.fastest("batch"),
+        "vectorised": entry.vectorised,
+    }
+
+
+def table(found: Tradeoff) -> str:
+    """Return a table of times and errors, one part per comparison."""
+    threads = f" on {found.threads} thread" + "s" * (found.threads > 1) if found.threads else ""
+    head = (
+        f"median times of {found.repeat} samples{threads},"
+        " relative to the fastest, lower to upper quartile in brackets\n* no other is both faster"
+        " and more accurate    o: no arrays, so a batch is done one by one    errors are relative;"
+        " below 1e-12 they are rounding"
+    )
+    return "\n\n".join([head, *map(_table, found.panels)])
+
+
+def _table(panel: Panel) -> str:
+    from suspension_cli.analyses.tradeoff.result import KINDS, format_error, format_time
+
+    lines = [f"{panel.title}: {panel.compares}"]
+    if panel.entries:
+        fastest = {kind: panel.fastest(kind) for kind in KINDS}
+        fronts = {
+            kind: {n for view in panel.views for n in panel.front(kind, view)} for kind in KINDS
+        }
+        lines.append(f"  error against {panel.reference}")
+        lines.append(
+            f"  time {panel.start}: 1 is {format_time(fastest['once'])};"
+            f" {format_time(fastest['batch'])} a {panel.item} in a batch of {panel.count}"
+        )
+        rows = [["", "once", "in a batch", *panel.component]]
+        for n, entry in enumerate(panel.entries):
+            times = (_time(entry, kind, fastest[kind], n in fronts[kind]) for kind in KINDS)
+            rows.append([entry.label, *times, *map(format_error, entry.error)])
+        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines += [
+            "  "
+            + "  ".join(f"{cell:{'<' if n < 3 else '>'}{wide[n]}}" for n, cell in enumerate(row))
+            for row in rows
+        ]
+    reasons: dict[str, list[str]] = {}
+    for item in panel.left:
+        reasons.setdefault(item.reason, []).append(
+            item.rung if panel.compares == "rungs" else item.method
+        )
+    lines += [f"  left out: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
+    return "\n".join(lines)
+
+
+def _time(entry: Entry, kind: str, fastest: float, best: bool) -> str:
+    """``1.88 (1.82 to 1.93) *``."""
+    low, middle, high = (
+        f"{value:.3g}" if value < 999.5 else f"{float(f'{value:.3g}'):,.0f}"
+        for value in getattr(entry, kind) / fastest
+    )
+    marks = ("*" if best else "") + ("o" if kind == "batch" and not entry.vectorised else "")
+    return f"{middle} ({low} to {high}) {marks}"
+
+
+ANALYSIS = TradeoffAnalysis()

@@ -1,0 +1,112 @@
+"""Definition of a comparison: a quantity, its reference and the methods that compute it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.tradeoff.result import View
+from suspension_cli.analyses.tradeoff.subject import Subject
+
+Once = Callable[[Subject], Any]
+Batch = Callable[[Subject], Callable[[], object]]
+Error = Callable[[Subject, Any, Any], dict[str, float]]
+
+TOP = "top"
+"""In place of a model: the most complete one that is valid for the design."""
+
+
+def suits(_: Subject) -> str:
+    """Return no reason against a method or comparison."""
+    return ""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method that computes a quantity.
+
+    Attributes
+    ----------
+    rung, name : str
+        Name of the model, or `TOP`; and of the method.
+    once : callable
+        Computes the quantity of a subject.
+    batch : callable or None
+        Returns a function that computes a whole batch of a subject; None if this takes a loop.
+    unsuited : callable
+        Returns why the method does not apply where its model does; empty if it applies.
+    """
+
+    rung: str
+    name: str
+    once: Once
+    batch: Batch | None = None
+    unsuited: Callable[[Subject], str] = suits
+
+    def on(self, subject: Subject) -> str:
+        """Name of the model that is used for a subject."""
+        return subject.top if self.rung == TOP else self.rung
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A quantity, its reference and the methods to compare.
+
+    Attributes
+    ----------
+    quantity, compares, title, start, item : str
+        As in `result.Panel`.
+    count : int
+        Items per batch.
+    against : callable
+        Describes the reference of a subject.
+    reference : callable
+        Computes the reference of a subject.
+    error : callable
+        Computes errors by component from a subject, a result and the reference.
+    methods : tuple of Method
+    views : dict
+        Names of components by title of a view; empty for one view of all.
+    unsuited : callable
+        Returns why no method applies; empty if some do.
+    """
+
+    quantity: str
+    compares: str
+    title: str
+    start: str
+    item: str
+    count: int
+    against: Callable[[Subject], str]
+    reference: Once
+    error: Error
+    methods: tuple[Method, ...]
+    views: dict[str, tuple[str, ...]]
+    unsuited: Callable[[Subject], str] = suits
+
+    def select_views(self, components: tuple[str, ...]) -> tuple[View, ...]:
+        """Views of these components."""
+        if not self.views:
+            return (View(self.title, tuple(range(len(components)))),)
+        return tuple(
+            View(title, tuple(components.index(name) for name in names))
+            for title, names in self.views.items()
+        )
+
+
+def hertz(frequency: float) -> str:
+    """Format a frequency: ``50 Hz``, ``1 kHz``."""
+    return f"{frequency / 1000:g} kHz" if frequency >= 1000 else f"{frequency:g} Hz"
+
+
+def relative(frequencies: tuple[float, ...]) -> Error:
+    """Return the error |found - true| / |true| at frequencies (Hz); |found| where true is 0."""
+
+    def error(_: Subject, found: Any, wanted: Any) -> dict[str, float]:
+        values = np.abs(found - wanted) / np.where(wanted == 0, 1.0, np.abs(wanted))
+        return dict(zip(map(hertz, frequencies), values.tolist(), strict=True))
+
+    return error

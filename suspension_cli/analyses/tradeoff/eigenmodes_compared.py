@@ -1,0 +1,199 @@
+"""Mode frequencies by every model, and their errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.analyses.tradeoff.subject import STRING, Subject
+from suspension_cli.conventions import DOFS
+from suspension_cli.linear import batch_modes, eigenmodes
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.mode_pairing import pair_by_overlap
+from suspension_cli.models import closed_form, force, registry
+from suspension_cli.scene import imperfections
+from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.studies import builds
+
+KINDS = {
+    "longitudinal-pitch": ("x", "pitch"),
+    "transverse-roll": ("y", "roll"),
+    "vertical": ("z",),
+    "yaw": ("yaw",),
+}
+DESIGNS = 256
+"""Designs per batch."""
+SCATTER = 0.01
+"""Relative standard deviation of the masses or stiffnesses of a batch."""
+HIGHEST = 1.1
+"""Ratio of the highest frequency searched with wire mass to the highest mode without."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Reference modes of a design.
+
+    Attributes
+    ----------
+    frequency : (m,) array
+        Hz; negative for unstable modes.
+    kind : tuple of str
+        The kind of each mode, see `KINDS`.
+    shape : (m, 6 n) array
+        Mass-normalised motions of the n bodies.
+    """
+
+    frequency: Array
+    kind: tuple[str, ...]
+    shape: Array
+
+
+def signed_frequency(omega_squared: Any) -> Any:
+    """Frequencies in Hz from omega^2; minus the growth rate over 2 pi if unstable."""
+    return np.sign(omega_squared) * np.sqrt(np.abs(omega_squared)) / (2 * np.pi)
+
+
+def mode_kinds(found: Modes) -> tuple[str, ...]:
+    """Kind of each mode: the one of `KINDS` with most kinetic energy."""
+    energy = np.stack(
+        [
+            found.energy[:, :, [DOFS.index(dof) for dof in dofs]].sum((1, 2))
+            for dofs in KINDS.values()
+        ],
+        axis=1,
+    )
+    return tuple(np.array(list(KINDS))[energy.argmax(1)].tolist())
+
+
+def body_shapes(subject: Subject, found: Modes) -> Array:
+    """Mass-normalised motions (m, 6 n) of the bodies; those of one design are orthonormal."""
+    model, size = subject.model(STRING), 6 * len(found.body)
+    mass = model.mass[6 : 6 + size, 6 : 6 + size]
+    return found.shape[:, :size] @ np.linalg.cholesky(mass)
+
+
+def reference(subject: Subject) -> Reference:
+    """Modes of the most complete valid model, without violin modes."""
+    found = (
+        solve_with_wire_mass(subject)
+        if registry.by_name(subject.top).has_wire_mass
+        else solve_blocks(subject, subject.top)
+    )
+    bodies = found.energy.sum((1, 2)) + found.tip_energy.sum(1) > 0.5
+    return Reference(
+        signed_frequency(found.omega_squared)[bodies],
+        tuple(np.array(mode_kinds(found))[bodies].tolist()),
+        body_shapes(subject, found)[bodies],
+    )
+
+
+def error(subject: Subject, found: Modes | dict[str, Array], wanted: Reference) -> dict[str, float]:
+    """Largest relative error of the frequencies of each kind.
+
+    Modes are paired by shape, frequencies without shapes by rank within a kind.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    result = dict.fromkeys(KINDS, 0.0)
+    for kind in KINDS:
+        mine = [n for n, name in enumerate(wanted.kind) if name == kind]
+        true = wanted.frequency[mine]
+        if isinstance(found, dict):
+            # pairs of nearest frequencies, as many as there are of either
+            rows, columns = linear_sum_assignment(np.abs(true[:, None] - found[kind]))
+            pairs = list(zip(found[kind][columns].tolist(), true[rows].tolist(), strict=True))
+        else:
+            partner = pair_by_overlap(np.abs(wanted.shape @ body_shapes(subject, found).T))
+            frequency = signed_frequency(found.omega_squared)
+            pairs = [
+                (float(frequency[partner[n]]), float(wanted.frequency[n]))
+                for n in mine
+                if partner[n] >= 0
+            ]
+        result[kind] = max(
+            (abs(ours - exact) / abs(exact) for ours, exact in pairs if exact != 0), default=0.0
+        )
+    return result
+
+
+def solve_blocks(subject: Subject, level: str) -> Modes:
+    """Modes of a model, built and solved block by block, as in `pendsus modes`."""
+    return eigenmodes.solve(registry.by_name(level).system(subject.design))
+
+
+def solve_with_wire_mass(subject: Subject) -> Modes:
+    """Modes with wire mass: counted, bisected, then solved for their shapes."""
+    model = registry.VIOLIN.system(subject.design)
+    highest = eigenmodes.solve(replace(model, terms=())).frequency[-1]
+    return wire_modes.solve(model, HIGHEST * float(highest))
+
+
+def formulas(subject: Subject, factor: Any = 1.0) -> dict[str, Array]:
+    """Frequencies by kind from the equations of Husman et al., with masses times `factor`."""
+    p = closed_form.four_wires(subject.design)
+    p = replace(p, mass=p.mass * factor)
+    pairs = [
+        _eigenvalues(matrix(p))
+        for matrix in (closed_form.longitudinal_tilt, closed_form.sideways_roll)
+    ]
+    every = (
+        *pairs,
+        closed_form.vertical(p)[..., None]
+        if np.ndim(factor)
+        else np.array([closed_form.vertical(p)]),
+        np.atleast_1d(closed_form.rotation(p)),
+    )
+    return {kind: signed_frequency(values) for kind, values in zip(KINDS, every, strict=True)}
+
+
+def _eigenvalues(matrix: Any) -> Any:
+    """omega^2 (..., 2), ascending, of (..., 2, 2) matrices A with x'' = A x.
+
+    The smaller one is the determinant over the larger one, so that nothing cancels.
+    """
+    a, b, c, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 0], matrix[..., 1, 1]
+    larger = -(a + d) / 2 + np.sqrt(((a - d) / 2) ** 2 + b * c)
+    return np.stack([(a * d - b * c) / larger, larger], axis=-1)
+
+
+def scatter_factors() -> Array:
+    """Factors (p,) between the members of a batch and the design."""
+    return 1 + SCATTER * np.random.default_rng(0).standard_normal(DESIGNS)
+
+
+def formulas_batch(subject: Subject) -> Any:
+    """Prepare the equations of Husman et al. for a batch."""
+    factor = scatter_factors()
+    return lambda: formulas(subject, factor)
+
+
+def force_batch(subject: Subject) -> Any:
+    """Prepare the force model for a batch."""
+    chain, factor = force.chain(subject.design), scatter_factors()
+    last = chain.stages[-1]
+    many = replace(chain, stages=(*chain.stages[:-1], replace(last, mass=last.mass * factor)))
+    return lambda: force.eigenvalues(many)
+
+
+def string_batch(subject: Subject) -> Any:
+    """Prepare the string model for a batch, as in `pendsus sweep`: balanced, solved by blocks."""
+    scene = _scenes(subject)
+    return lambda: batch_modes.solve(builds.balance(scene, subject.design, split=True).model)
+
+
+def beam_batch(subject: Subject) -> Any:
+    """Prepare the beam model for a batch, as in `pendsus xcouple`, without symmetry blocks."""
+    scene = _scenes(subject)
+    return lambda: batch_modes.solve(
+        builds.balance(scene, subject.design, level=registry.BEAM.name).model
+    )
+
+
+def _scenes(subject: Subject) -> Scene:
+    """Scenes of a batch, with different masses of the last body."""
+    return imperfections.scale_mass(
+        subject.scene, len(subject.scene.bodies.name), scatter_factors()
+    )

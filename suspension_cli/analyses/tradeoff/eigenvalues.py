@@ -1,0 +1,139 @@
+"""Eigenvalues of the matrices of the string model by every numerical method."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.tradeoff import eigenmodes_compared, high_precision
+from suspension_cli.analyses.tradeoff.subject import STRING, Subject
+from suspension_cli.conventions import DOFS
+from suspension_cli.linear import batch_modes, eigenmodes, mode_count, signals, statespace
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array
+
+
+def reference(subject: Subject) -> eigenmodes_compared.Reference:
+    """Eigenvalues of the string model in 50 digits, and the kinds of its modes."""
+    model = subject.model(STRING)
+    found = eigenmodes.solve(model)
+    return eigenmodes_compared.Reference(
+        eigenmodes_compared.signed_frequency(high_precision.omega_squared(model)),
+        eigenmodes_compared.mode_kinds(found),
+        found.shape,
+    )
+
+
+def error(_: Subject, found: Array, wanted: eigenmodes_compared.Reference) -> dict[str, float]:
+    """Largest relative error of the frequencies of each kind, paired by rank."""
+    ours = np.sort(eigenmodes_compared.signed_frequency(found))
+    off = {
+        kind: [n for n, name in enumerate(wanted.kind) if name == kind and wanted.frequency[n] != 0]
+        for kind in eigenmodes_compared.KINDS
+    }
+    return {
+        kind: max((abs(ours[n] / wanted.frequency[n] - 1) for n in places), default=0.0)
+        for kind, places in off.items()
+    }
+
+
+def by_block(subject: Subject) -> Array:
+    """omega^2 block by block, soft modes separately, as in `pendsus modes`."""
+    return eigenmodes.solve(subject.fresh(STRING)).omega_squared
+
+
+def whole(subject: Subject) -> Array:
+    """omega^2 as in `by_block`, but with all coordinates in one block."""
+    model = subject.fresh(STRING)
+    # overrides the cached property
+    vars(model)["blocks"] = (np.arange(6, model.size),)
+    return eigenmodes.solve(model).omega_squared
+
+
+def symmetric(subject: Subject) -> Array:
+    """omega^2 as eigenvalues of M^(-1/2) K M^(-1/2), by LAPACK."""
+    return _symmetric(subject.fresh(STRING))
+
+
+def unsymmetric(subject: Subject) -> Array:
+    """omega^2 as eigenvalues of the unsymmetric M^-1 K, by LAPACK."""
+    return _unsymmetric(subject.fresh(STRING))
+
+
+def poles(subject: Subject) -> Array:
+    """omega^2 from the poles of the state space."""
+    model = subject.fresh(STRING)
+    known = signals.bodies_with_signals(model)
+    inputs = [signals.parse_input(f"support.{dof}", known) for dof in DOFS]
+    outputs = [signals.parse_output(f"{body}.{dof}", known) for body in model.body for dof in DOFS]
+    drives, rows = (
+        np.array([signals.linear_form(signal, model) for signal in group])
+        for group in (inputs, outputs)
+    )
+    values = np.linalg.eigvals(
+        statespace.assemble(model, drives, inputs, rows, outputs, undriven=True).a
+    )
+    squares = np.sort(-(values**2).real)
+    return (squares[::2] + squares[1::2]) / 2  # each mode has two poles
+
+
+def bisected(subject: Subject) -> Array:
+    """omega^2 by counting modes and bisection, as in the violin model."""
+    model = subject.fresh(STRING)
+    found = eigenmodes.solve(model).omega_squared
+    omega = np.sqrt(found[found > 0])
+    return np.concatenate(
+        [
+            found[found <= 0],
+            mode_count.frequencies(
+                model,
+                eigenmodes_compared.HIGHEST * float(omega[-1]),
+                float(omega[0]) / eigenmodes_compared.HIGHEST,
+            )
+            ** 2,
+        ]
+    )
+
+
+def _scaled(model: LinearSystem) -> Any:
+    """M^(-1/2) K M^(-1/2)."""
+    _, mass, stiffness, _ = eigenmodes.condense_block(model, np.arange(6, model.size))
+    inverse = np.linalg.inv(np.linalg.cholesky(mass))
+    dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
+    return (dynamic + np.swapaxes(dynamic, -1, -2)) / 2
+
+
+def _symmetric(model: LinearSystem) -> Any:
+    return np.linalg.eigvalsh(_scaled(model))
+
+
+def _unsymmetric(model: LinearSystem) -> Any:
+    _, mass, stiffness, _ = eigenmodes.condense_block(model, np.arange(6, model.size))
+    return np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
+
+
+def _many(subject: Subject) -> LinearSystem:
+    """String model with a batch of stiffnesses."""
+    model = subject.model(STRING)
+    return replace(
+        model, stiffness=model.stiffness * eigenmodes_compared.scatter_factors()[:, None, None]
+    )
+
+
+def batch(solve: Any) -> Any:
+    """Prepare a batched solver."""
+
+    def prepared(subject: Subject) -> Any:
+        model = _many(subject)
+        return lambda: solve(model)
+
+    return prepared
+
+
+BY_BLOCK, WHOLE, SYMMETRIC, UNSYMMETRIC = map(
+    batch,
+    (batch_modes.solve, lambda model: np.linalg.eigh(_scaled(model)), _symmetric, _unsymmetric),
+)
+"""The methods for batches; the first is that of `pendsus sweep`."""

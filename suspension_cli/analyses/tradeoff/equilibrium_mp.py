@@ -1,0 +1,155 @@
+"""Equilibrium of wires and blades in 50 digits.
+
+Newton's method with forces in 50 digits and the stiffness in double precision: each step reduces
+the error some 1e10 times, so a few steps suffice. Forces follow from the definitions of a scene;
+`equilibrium` gives only the stiffness and the starting pose.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.tradeoff.high_precision import context
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.scene.pose import layout
+from suspension_cli.scene.scene import Scene
+
+MAX_STEPS = 12
+CONVERGED = 1e-30
+"""Step (m or rad) at which the iteration ends."""
+
+
+def solve(scene: Scene) -> tuple[Any, Any, Any] | None:
+    """Solve for the equilibrium of a scene without batch axes, rounded to double precision.
+
+    None if there is no equilibrium, or a body can turn freely.
+
+    Returns
+    -------
+    displacement : (n + 1, 3) array
+        Displacements of the COMs from their nominal positions, m.
+    turn : (n + 1, 3, 3) array
+        Rotation matrices less the unit matrix.
+    tension : (w,) array
+        Tensions of the wires, N.
+    """
+    mp, start = context(), equilibrium.solve(scene)
+    numbering = layout(scene)
+    hessian = start.stiffness[6:, 6:]
+    root = np.sqrt(np.abs(np.diag(hessian)))
+    if not np.all(start.converged) or np.linalg.cond(hessian / root[:, None] / root) > 1 / (
+        1e3 * np.finfo(float).eps
+    ):
+        return None
+    shift = [_numbers(row) for row in start.pose.shift]
+    turn = [_orthogonal(matrix) for matrix in start.pose.rotation]
+    bent = [_numbers(row) for row in start.pose.deflection]
+    for _ in range(MAX_STEPS):
+        gradient, _ = _gradient(scene, numbering, shift, turn, bent)
+        step = -np.linalg.solve(hessian, np.array([float(value) for value in gradient[6:]]))
+        for n in range(1, len(shift)):
+            here = step[6 * (n - 1) : 6 * n]
+            shift[n] = shift[n] + _numbers(here[:3])
+            turn[n] = _rotation(_numbers(here[3:])) * turn[n]
+        for n, axis in np.argwhere(scene.blades.axes).tolist():
+            bent[n][axis] += mp.mpf(float(step[numbering.blade[n, axis] - 6]))
+        if np.abs(step).max() < CONVERGED:
+            _, tension = _gradient(scene, numbering, shift, turn, bent)
+            turned = [(matrix - mp.eye(3)).tolist() for matrix in turn]
+            return (
+                np.array([list(row) for row in shift], dtype=float),
+                np.array(turned, dtype=float),
+                np.array(tension, dtype=float),
+            )
+    return None
+
+
+def _gradient(
+    scene: Scene, numbering: Any, shift: Any, turn: Any, bent: Any
+) -> tuple[list[Any], list[Any]]:
+    """Gradient (N,) of the energy, and tensions (w,)."""
+    mp, wires, blades = context(), scene.wires, scene.blades
+    force = [
+        mp.matrix([0, 0, mp.mpf(scene.gravity) * mp.mpf(float(m))])
+        for m in (0.0, *scene.bodies.mass)
+    ]
+    torque = [mp.zeros(3, 1) for _ in force]
+    tip = [_numbers(k) for k in blades.stiffness]
+    tip = [
+        mp.matrix([k[axis] * q[axis] for axis in range(3)]) - _numbers(load)
+        for k, q, load in zip(tip, bent, blades.load, strict=True)
+    ]
+    for n, body in enumerate(blades.body.tolist()):
+        weight, arm = (
+            mp.matrix([0, 0, mp.mpf(scene.gravity) * mp.mpf(float(blades.tip_mass[n]))]),
+            turn[body] * (_numbers(blades.tip[n]) + bent[n]),
+        )
+        force[body], torque[body], tip[n] = (
+            force[body] + weight,
+            torque[body] + _cross(arm, weight),
+            tip[n] + turn[body].T * weight,
+        )
+    tension = []
+    for n, (up, low, blade) in enumerate(
+        zip(wires.upper.tolist(), wires.lower.tolist(), wires.blade.tolist(), strict=True)
+    ):
+        upper, lower, span = (
+            _numbers(values[n]) for values in (wires.upper_point, wires.lower_point, wires.span)
+        )
+        arms = turn[up] * (upper + bent[blade] if blade >= 0 else upper), turn[low] * lower
+        # nominal span plus changes: exactly the nominal one in the nominal pose
+        now = span + shift[low] + arms[1] - lower - shift[up] - arms[0] + upper
+        length = _norm(now)
+        tension.append(
+            mp.mpf(float(wires.tension[n]))
+            + mp.mpf(float(wires.stiffness[n])) * (length - _norm(span))
+        )
+        pull = now * (tension[-1] / length)
+        force[low], torque[low] = force[low] + pull, torque[low] + _cross(arms[1], pull)
+        force[up], torque[up] = force[up] - pull, torque[up] - _cross(arms[0], pull)
+        if blade >= 0:
+            tip[blade] = tip[blade] - turn[up].T * pull
+    gradient = [mp.zero] * numbering.size
+    for n, (f, t) in enumerate(zip(force, torque, strict=True)):
+        gradient[6 * n : 6 * n + 6] = [*f, *t]
+    for n, axis in np.argwhere(blades.axes).tolist():
+        gradient[numbering.blade[n, axis]] = tip[n][axis]
+    return gradient, tension
+
+
+def _numbers(values: Any) -> Any:
+    return context().matrix([context().mpf(float(value)) for value in values])
+
+
+def _norm(vector: Any) -> Any:
+    return context().sqrt(sum(x * x for x in vector))
+
+
+def _cross(a: Any, b: Any) -> Any:
+    return context().matrix(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
+
+
+def _rotation(vector: Any) -> Any:
+    """Rotation matrix of a rotation vector (Rodrigues)."""
+    mp, angle = context(), _norm(vector)
+    if angle == 0:
+        return mp.eye(3)
+    u = vector / angle
+    skew = mp.matrix([[0, -u[2], u[1]], [u[2], 0, -u[0]], [-u[1], u[0], 0]])
+    return mp.eye(3) + mp.sin(angle) * skew + 2 * mp.sin(angle / 2) ** 2 * skew * skew
+
+
+def _orthogonal(matrix: Any) -> Any:
+    """Orthonormalise a rotation matrix of doubles to all digits (Gram and Schmidt)."""
+    mp = context()
+    first = _numbers(matrix[:, 0])
+    first = first / _norm(first)
+    second = _numbers(matrix[:, 1])
+    second = second - first * sum(a * b for a, b in zip(first, second, strict=True))
+    second = second / _norm(second)
+    third = _cross(first, second)
+    return mp.matrix([[first[i], second[i], third[i]] for i in range(3)])

@@ -1,0 +1,155 @@
+"""The group `tradeoff` of a results file, with a group per comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import h5py
+import numpy as np
+
+from suspension_cli.analyses.tradeoff.result import (
+    QUARTILES,
+    Entry,
+    Omission,
+    Panel,
+    Tradeoff,
+    View,
+)
+from suspension_cli.files.hdf5 import add_dataset, add_scale
+
+TEXTS = ("quantity", "compares", "title", "start", "item", "reference")
+"""Attributes of a comparison that are text."""
+
+
+def fill(group: h5py.Group, found: Tradeoff) -> None:
+    """Write the comparisons of a design into the group `tradeoff`."""
+    group.attrs["repeat"] = found.repeat
+    group.attrs["threads"] = found.threads
+    group.attrs["order"] = [panel.key for panel in found.panels]
+    for panel in found.panels:
+        _fill(group.create_group(panel.key), panel)
+
+
+def _words(values: Iterable[str]) -> Any:
+    """Array of strings, also if it is empty."""
+    return np.array(list(values), dtype=str)
+
+
+def _fill(home: h5py.Group, panel: Panel) -> None:
+    for name in TEXTS:
+        home.attrs[name] = getattr(panel, name)
+    home.attrs["count"] = panel.count
+    left = add_scale(
+        home, "left_out", _words(f"{item.rung}, {item.method}" for item in panel.left), "name"
+    )
+    for name in ("rung", "method", "reason"):
+        add_dataset(
+            home,
+            f"left_out_{name}",
+            _words(getattr(item, name) for item in panel.left),
+            "name",
+            left,
+        )
+    entry = add_scale(home, "entry", _words(item.label for item in panel.entries), "name")
+    component = add_scale(home, "component", _words(panel.component), "name")
+    quartile = add_scale(home, "quartile", list(QUARTILES), "name")
+    view = add_scale(home, "view", _words(item.title for item in panel.views), "name")
+    for name in ("rung", "method"):
+        add_dataset(
+            home, name, _words(getattr(item, name) for item in panel.entries), "name", entry
+        )
+    add_dataset(
+        home,
+        "error",
+        np.array([item.error for item in panel.entries]).reshape(
+            len(panel.entries), len(panel.component)
+        ),
+        "1",
+        entry,
+        component,
+    )
+    for name in ("once", "batch"):
+        add_dataset(
+            home,
+            name,
+            np.array([getattr(item, name) for item in panel.entries]).reshape(
+                len(panel.entries), 3
+            ),
+            "s",
+            entry,
+            quartile,
+        )
+    add_dataset(
+        home,
+        "vectorised",
+        np.array([item.vectorised for item in panel.entries], dtype=bool),
+        "1",
+        entry,
+    )
+    judged = np.array(
+        [[n in item.components for n in range(len(panel.component))] for item in panel.views],
+        dtype=bool,
+    )
+    add_dataset(
+        home, "judged", judged.reshape(len(panel.views), len(panel.component)), "1", view, component
+    )
+    for kind in ("once", "batch"):
+        on = [
+            [n in panel.front(kind, item) for n in range(len(panel.entries))]
+            for item in panel.views
+        ]
+        add_dataset(
+            home,
+            f"front_{kind}",
+            np.array(on, dtype=bool).reshape(len(panel.views), len(panel.entries)),
+            "1",
+            view,
+            entry,
+        )
+
+
+def load(group: Any) -> Tradeoff:
+    """Read the comparisons of a design from the group `tradeoff`."""
+    return Tradeoff(
+        tuple(_load(group[name]) for name in group.attrs["order"]),
+        int(group.attrs["repeat"]),
+        int(group.attrs["threads"]),
+    )
+
+
+def _load(home: Any) -> Panel:
+    def names(key: str) -> list[str]:
+        return [str(value) for value in home[key].asstr()[:]]
+
+    rows = zip(
+        names("rung"),
+        names("method"),
+        home["error"][:],
+        home["once"][:],
+        home["batch"][:],
+        home["vectorised"][:],
+        strict=True,
+    )
+    return Panel(
+        component=tuple(names("component")),
+        count=int(home.attrs["count"]),
+        entries=tuple(
+            Entry(rung, method, error, once, batch, bool(many))
+            for rung, method, error, once, batch, many in rows
+        ),
+        left=tuple(
+            Omission(*row)
+            for row in zip(
+                names("left_out_rung"),
+                names("left_out_method"),
+                names("left_out_reason"),
+                strict=True,
+            )
+        ),
+        views=tuple(
+            View(title, tuple(np.flatnonzero(row).tolist()))
+            for title, row in zip(names("view"), home["judged"][:], strict=True)
+        ),
+        **{key: str(home.attrs[key]) for key in TEXTS},
+    )

@@ -1,0 +1,173 @@
+"""Linear algebra in 50 digits, for reference values.
+
+A few frequencies of blocks of a dozen coordinates take tens of milliseconds.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear import frequency_dependent
+from suspension_cli.linear.graded_eigenvalues import RIGID
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array
+
+DIGITS = 50
+
+
+@cache
+def context() -> Any:
+    """Return the mpmath context of `DIGITS` digits."""
+    import mpmath
+
+    numbers = mpmath.mp.clone()
+    numbers.dps = DIGITS
+    return numbers
+
+
+def eliminate(matrix: list[list[Any]], right: list[list[Any]]) -> list[list[Any]]:
+    """Solve linear systems (n, n) and (n, k) by elimination with partial pivoting, skipping zeros.
+
+    Overwrites both arguments.
+    """
+    size = len(matrix)
+    for n in range(size):
+        pivot = max(range(n, size), key=lambda row: abs(matrix[row][n]))
+        matrix[n], matrix[pivot], right[n], right[pivot] = (
+            matrix[pivot],
+            matrix[n],
+            right[pivot],
+            right[n],
+        )
+        beyond = [j for j in range(n + 1, size) if matrix[n][j]]
+        driven = [j for j, value in enumerate(right[n]) if value]
+        for row in range(n + 1, size):
+            if matrix[row][n]:
+                factor = matrix[row][n] / matrix[n][n]
+                for j in beyond:
+                    matrix[row][j] -= factor * matrix[n][j]
+                for j in driven:
+                    right[row][j] -= factor * right[n][j]
+    for n in reversed(range(size)):
+        beyond = [j for j in range(n + 1, size) if matrix[n][j]]
+        for j in range(len(right[n])):
+            value = right[n][j]
+            for m in beyond:
+                if right[m][j]:
+                    value -= matrix[n][m] * right[m][j]
+            right[n][j] = value / matrix[n][n] if value else value
+    return right
+
+
+def dynamic(stiffness: Any, mass: Any, damping: Any, omega: float) -> list[list[Any]]:
+    """Dynamic stiffness K + i omega C - omega^2 M (n, n), omega in rad/s, in 50 digits."""
+    mp = context()
+    w = mp.mpf(float(omega))
+
+    def element(k: complex, m: float, c: float) -> Any:
+        if not k and not m and not c:
+            return mp.zero
+        real, imag = (
+            mp.mpf(float(k.real)) - w * w * mp.mpf(float(m)),
+            mp.mpf(float(k.imag)) + w * mp.mpf(float(c)),
+        )
+        return mp.mpc(real, imag) if imag else real
+
+    return [
+        [element(k, m, c) for k, m, c in zip(*rows, strict=True)]
+        for rows in zip(stiffness, mass, damping, strict=True)
+    ]
+
+
+def to_mp(matrix: Any) -> list[list[Any]]:
+    """Convert a matrix of doubles to mpmath numbers."""
+    mp = context()
+    return [
+        [
+            mp.zero if v == 0 else mp.mpc(complex(v)) if np.imag(v) else mp.mpf(float(np.real(v)))
+            for v in row
+        ]
+        for row in matrix
+    ]
+
+
+def response(model: LinearSystem, omega: Array, drive: Array, row: Array) -> Any:
+    """Response (f,) of a linear form `row` (N,) to a motion `drive` (N,) of the support.
+
+    Solves the unchanged matrices of the model at omega (f,), rad/s.
+    """
+    mp = context()
+    result = np.zeros(len(omega), dtype=complex)
+    for block in frequency_dependent.build_blocks(model):
+        if not row[block.keep].any() or not block.pulled(drive[:6, None]):
+            continue
+        for n, w in enumerate(omega):
+            now = block.at(omega[n : n + 1])
+            whole = (
+                to_mp(now.matrix[..., 0])
+                if block.terms
+                else dynamic(block.constant, block.mass, block.damping, w)
+            )
+            right = [
+                [
+                    -sum(
+                        (
+                            a * mp.mpf(float(s))
+                            for a, s in zip(line[:6], drive[:6], strict=True)
+                            if s
+                        ),
+                        mp.zero,
+                    )
+                ]
+                for line in whole
+            ]
+            moved = eliminate([line[6:] for line in whole], right)[: len(block.keep)]
+            result[n] += complex(
+                sum(
+                    (
+                        mp.mpf(float(c)) * x[0]
+                        for c, x in zip(row[block.keep], moved, strict=True)
+                        if c
+                    ),
+                    mp.zero,
+                )
+            )
+    return result + row[:6] @ drive[:6]
+
+
+def driven_motion(matrix: Any, force: Array) -> Any:
+    """Motion (c,) of a block under a force (c,) on the first c coordinates.
+
+    `matrix` (c + t, c + t) is its dynamic stiffness.
+    """
+    mp = context()
+    moved = eliminate(
+        to_mp(matrix),
+        [[mp.mpf(float(f))] for f in np.append(force, np.zeros(len(matrix) - len(force)))],
+    )
+    return np.array([complex(x[0]) for x in moved[: len(force)]])
+
+
+def omega_squared(model: LinearSystem) -> Array:
+    """Eigenvalues omega^2 (m,) of K and M, ascending, (rad/s)^2; rigid modes are exactly 0."""
+    mp, found = context(), []
+    for block in model.blocks:
+        light = model.massless[block]
+        a, b = block[~light], block[light]
+        if not len(a):
+            continue
+        k, m = (mp.matrix(to_mp(matrix[np.ix_(a, a)])) for matrix in (model.stiffness, model.mass))
+        if len(b):
+            across = to_mp(model.stiffness[np.ix_(b, a)])
+            followed = eliminate(
+                to_mp(model.stiffness[np.ix_(b, b)]), [list(line) for line in across]
+            )
+            k = k - mp.matrix(across).T * mp.matrix(followed)
+        lower = mp.cholesky(m) ** -1
+        values = mp.eigsy(lower * k * lower.T, eigvals_only=True)
+        rounded = np.array([float(value) for value in values])
+        found.append(np.where(np.abs(rounded) < RIGID * np.abs(rounded).max(), 0.0, rounded))
+    return np.sort(np.concatenate(found))

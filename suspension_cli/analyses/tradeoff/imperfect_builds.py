@@ -1,0 +1,237 @@
+"""Equilibrium and cross-coupling of imperfect builds by every model and method."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.tradeoff import equilibrium_mp, high_precision
+from suspension_cli.analyses.tradeoff.subject import COUPLING, K_FACTOR, OFFSET, STRING, Subject
+from suspension_cli.analyses.xcouple.solve import ROUNDING
+from suspension_cli.conventions import SUPPORT
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.linear import signals
+from suspension_cli.linear.symmetry import is_mirror_symmetric
+from suspension_cli.models import registry, string
+from suspension_cli.models.surroundings import surrounded
+from suspension_cli.scene import imperfections
+from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.studies import builds
+
+BUILDS = 256
+"""Builds per batch."""
+STEP = 1e-3
+"""Fraction of the imperfection over which the slope of the coupling is taken, with a relative
+error of order 1e-6."""
+
+
+def imperfect_scene(subject: Subject, fraction: Any = 1.0) -> Scene:
+    """Scene with a fraction of the imperfection: (), (p,), or (p, 2) for stiffness and position."""
+    amount = np.asarray(fraction, dtype=float)
+    stiffer, moved = (amount[..., 0], amount[..., 1]) if amount.ndim == 2 else (amount, amount)
+    offset = moved[..., None] * np.array([OFFSET, 0.0, 0.0])
+    return imperfections.wire(
+        subject.scene, subject.wire, k_factor=1 + (K_FACTOR - 1) * stiffer, upper_offset=offset
+    )
+
+
+def fractions() -> Array:
+    """Fractions (p,) of the imperfection in a batch."""
+    return np.linspace(0.1, 1.0, BUILDS)
+
+
+def no_wire(subject: Subject) -> str:
+    """Return why no wire can be imperfect; empty if one can."""
+    return "" if subject.wire >= 0 else "the last stage hangs on no wire"
+
+
+def unhung(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:
+    """Return why builds have no equilibrium in a valid model; empty if they have in all.
+
+    Checks the smallest and the largest imperfection.
+    """
+    least_and_most = fractions()[[0, -1]]
+    for level in levels:
+        if not subject.unsuited[level]:
+            status = builds.balance(
+                imperfect_scene(subject, least_and_most), subject.design, level=level
+            ).status
+            if status.any():
+                return f"imperfect builds in the {level} model: {builds.STATUS[int(status.max())]}"
+    return ""
+
+
+def uncoupled(subject: Subject) -> str:
+    """Return why there is no coupling to compare; empty if there is."""
+    if no_wire(subject) or unhung(subject):
+        return no_wire(subject) or unhung(subject)
+    size = float(np.abs(string_reference(subject))[0])
+    return "" if size > ROUNDING else f"the imperfection couples nothing ({size:.0e} is rounding)"
+
+
+def incomparable(subject: Subject) -> str:
+    """Return why the coupling cannot be compared between models; empty if it can."""
+    return uncoupled(subject) or unhung(subject, (registry.BEAM.name, registry.VIOLIN.name))
+
+
+def fails(level: str) -> Any:
+    """Return a function that gives why a model is not valid for the imperfect design."""
+    return lambda subject: subject.imperfect.unsuited[level]
+
+
+def reference(subject: Subject) -> Any:
+    """Coupling (1,) of the most complete valid model in its equilibrium, in 50 digits."""
+    return _exact(subject, subject.imperfect.top)
+
+
+def string_reference(subject: Subject) -> Any:
+    """Coupling (1,) of the string model in its equilibrium, in 50 digits."""
+    return _exact(subject, STRING)
+
+
+def _exact(subject: Subject, level: str) -> Any:
+    model = registry.by_name(level).system(subject.imperfect.design)
+    into, out = subject.coupled(model)
+    drive, (over, under) = (
+        signals.linear_form(into, model),
+        (signals.linear_form(signal, model) for signal in out),
+    )
+    omega = 2 * np.pi * np.array([COUPLING])
+    return high_precision.response(model, omega, drive, over) / high_precision.response(
+        model, omega, drive, under
+    )
+
+
+def ratio(subject: Subject, found: builds.Builds) -> Any:
+    """Coupling (p,) of balanced builds."""
+    known = (SUPPORT, *found.model.body)
+    into = signals.parse_input("support.z", known)
+    out = subject.coupled(found.model)[1]
+    moved = builds.transfer(found, np.array([COUPLING]), [into], out)[:, 0, :, 0]
+    return moved[:, 0] / moved[:, 1]
+
+
+def rebuilt(subject: Subject, fraction: Any, level: str = STRING) -> Any:
+    """Coupling (p,) of builds in their equilibria, as in `pendsus xcouple`."""
+    return ratio(
+        subject, builds.balance(imperfect_scene(subject, fraction), subject.design, level=level)
+    )
+
+
+def with_model(level: str) -> Any:
+    """Return `rebuilt` for a model."""
+    return lambda subject, fraction: rebuilt(subject, fraction, level)
+
+
+def after_newton_steps(subject: Subject, fraction: Any, steps: int) -> Any:
+    """Coupling (p,) of builds in the pose after some Newton steps from the nominal one."""
+    scene = imperfect_scene(subject, fraction)
+    found = equilibrium.newton_steps(scene, steps)
+    model = surrounded(string.linear_model(scene, found, split=False), subject.design)
+    status = np.full(scene.batch, builds.GOOD, dtype=np.uint8)
+    turned = builds.oriented(model, found)
+    return ratio(
+        subject,
+        builds.Builds(
+            turned,
+            status,
+            np.full(scene.batch, -1, dtype=np.int16),
+            found.residual,
+            is_mirror_symmetric(scene),
+        ),
+    )
+
+
+def coupling_slopes(subject: Subject) -> Any:
+    """Coupling without imperfection, and its slope (2,) by stiffness and position of the wire."""
+    step = STEP * np.eye(2)
+    found = rebuilt(subject, np.concatenate([np.zeros((1, 2)), step, -step]))
+    return found[0], (found[1:3] - found[3:5]) / (2 * STEP)
+
+
+def perturbed(subject: Subject, fraction: Any) -> Any:
+    """Coupling (p,) to first order in the imperfection."""
+    level, slope = coupling_slopes(subject)
+    amount = np.stack([fraction, fraction], axis=-1)
+    return level + amount @ slope
+
+
+def in_nominal_pose(subject: Subject, fraction: Any) -> Any:
+    """Coupling (p,) in the nominal pose."""
+    return after_newton_steps(subject, fraction, 0)
+
+
+def in_linear_pose(subject: Subject, fraction: Any) -> Any:
+    """Coupling (p,) in the pose of the linear solution."""
+    return after_newton_steps(subject, fraction, 1)
+
+
+def one(solve: Any) -> Any:
+    """Evaluate a method for the whole imperfection."""
+    return lambda subject: solve(subject, np.ones(1))
+
+
+def batch(solve: Any) -> Any:
+    """Prepare a method for a batch."""
+    return lambda subject: lambda: solve(subject, fractions())
+
+
+# Comparison of equilibria.
+
+
+def unbalanced(subject: Subject) -> str:
+    """Return why equilibria cannot be compared; empty if they can."""
+    if no_wire(subject):
+        return no_wire(subject)
+    if subject.scene.springs.label or subject.scene.wires.torsion.any():
+        return "the reference in 50 digits has no springs and no torsion of wires"
+    if unhung(subject):
+        return unhung(subject)
+    return (
+        ""
+        if equilibrium_mp.solve(imperfect_scene(subject)) is not None
+        else "the equilibrium is not unique (a body can turn freely)"
+    )
+
+
+def equilibrium_arrays(found: Equilibrium) -> Any:
+    """Displacements (m), rotation matrices less the unit matrix, and tensions (N)."""
+    return np.array(found.pose.shift), found.pose.rotation - np.eye(3), np.array(found.tension)
+
+
+def equilibrium_reference(subject: Subject) -> Any:
+    """Displacements, rotations and tensions in 50 digits, as `equilibrium_arrays`."""
+    return equilibrium_mp.solve(imperfect_scene(subject))
+
+
+def equilibrium_error(_: Subject, found: Any, wanted: Any) -> dict[str, float]:
+    """Largest errors of displacements, rotations and tensions, relative to the largest of each."""
+    return {
+        name: _largest(a - b) / (_largest(b) or 1.0)
+        for name, a, b in zip(("position", "rotation", "tension"), found, wanted, strict=True)
+    }
+
+
+def _largest(values: Any) -> float:
+    return float(np.abs(values).max())
+
+
+def steps(count: int) -> tuple[Any, Any]:
+    """Return the method of some Newton steps from the nominal pose; 1 is the linear solution."""
+    return (
+        lambda subject: equilibrium_arrays(
+            equilibrium.newton_steps(imperfect_scene(subject), count)
+        ),
+        lambda subject: (
+            lambda: equilibrium.newton_steps(imperfect_scene(subject, fractions()), count)
+        ),
+    )
+
+
+def full() -> tuple[Any, Any]:
+    """Return Newton's method with finite rotations, as in the string and more complete models."""
+    return (lambda subject: equilibrium_arrays(equilibrium.solve(imperfect_scene(subject)))), (
+        lambda subject: lambda: equilibrium.solve(imperfect_scene(subject, fractions()))
+    )

@@ -1,0 +1,191 @@
+"""Results of `pendsus tradeoff`: times and errors of models and methods."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.scene.scene import Array
+
+ROUNDING = 1e-12
+"""Relative error below which results count as equally accurate."""
+LAST_DIGIT = 1.1e-16
+"""Largest relative rounding error of a double."""
+GAIN = 0.01
+"""Relative decrease of an error below which a slower method is no improvement."""
+QUARTILES = ("lower", "median", "upper")
+KINDS = ("once", "batch")
+"""Kinds of time: per evaluation, and per item of a batch."""
+COMPARED = ("rungs", "methods")
+"""A panel compares models (called ``rungs`` in files), which neglect physics, or methods for one
+model, which differ by arithmetic and approximations."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Error and time of one method for one model.
+
+    Attributes
+    ----------
+    rung, method : str
+        Names of the model and of the method.
+    error : (c,) array
+        Relative error by component.
+    once, batch : (3,) arrays
+        Quartiles (lower, median, upper) of the time per evaluation and per item of a batch, s.
+    vectorised : bool
+        Whether the method takes a batch at once; if not, `batch` equals `once`.
+    """
+
+    rung: str
+    method: str
+    error: Array
+    once: Array
+    batch: Array
+    vectorised: bool
+
+    @property
+    def label(self) -> str:
+        """Model and method, ``string, chain``."""
+        return f"{self.rung}, {self.method}"
+
+    def name(self, compares: str) -> str:
+        """Label in a chart: the model or the method."""
+        return self.rung if compares == "rungs" else self.method
+
+    def time(self, kind: str) -> float:
+        """Median time, s, of kind ``once`` or ``batch``."""
+        return float(getattr(self, kind)[1])
+
+
+@dataclass(frozen=True)
+class Omission:
+    """A method that does not apply, and why."""
+
+    rung: str
+    method: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class View:
+    """Components of a quantity that are compared by their largest error."""
+
+    title: str
+    components: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """All models, or all methods for one model, for one quantity.
+
+    Attributes
+    ----------
+    quantity : str
+        ``modes``, ``response``, ``thermal``, ``coupling`` or ``equilibrium``.
+    compares : str
+        One of `COMPARED`.
+    title : str
+    start : str
+        Steps that the time includes, in words.
+    item : str
+        Item of a batch: ``design``, ``frequency``, ``build``.
+    count : int
+        Items per batch.
+    reference : str
+        Reference of the errors, in words.
+    component : tuple of str
+        Names of the components of `Entry.error`: kinds of modes, frequencies, ...
+    entries : tuple of Entry
+    left : tuple of Left
+        Methods that do not apply.
+    views : tuple of View
+    """
+
+    quantity: str
+    compares: str
+    title: str
+    start: str
+    item: str
+    count: int
+    reference: str
+    component: tuple[str, ...]
+    entries: tuple[Entry, ...]
+    left: tuple[Omission, ...]
+    views: tuple[View, ...]
+
+    @property
+    def key(self) -> str:
+        """Name in files, ``modes-rungs``."""
+        return f"{self.quantity}-{self.compares}"
+
+    def fastest(self, kind: str) -> float:
+        """Shortest median time, s, of kind ``once`` or ``batch``."""
+        return min((entry.time(kind) for entry in self.entries), default=np.nan)
+
+    def worst(self, view: View) -> Array:
+        """Largest error of each entry over the components of a view, (e,)."""
+        return np.array([entry.error[list(view.components)].max() for entry in self.entries])
+
+    def front(self, kind: str, view: View) -> list[int]:
+        """Entries of the Pareto front in time and error, fastest first."""
+        return front(np.array([entry.time(kind) for entry in self.entries]), self.worst(view))
+
+
+@dataclass(frozen=True)
+class Tradeoff:
+    """Times and errors of all models and methods for one design.
+
+    Attributes
+    ----------
+    panels : tuple of Panel
+    repeat : int
+        Samples per time.
+    threads : int
+        Threads of linear algebra; 0 if unknown.
+    """
+
+    panels: tuple[Panel, ...]
+    repeat: int
+    threads: int
+
+
+def front(time: Any, error: Any) -> list[int]:
+    """Pareto front: points that no other point matches in one and beats in the other.
+
+    Parameters
+    ----------
+    time, error : (n,) arrays
+        Errors below `ROUNDING`, and errors that differ by less than `GAIN`, count as equal.
+
+    Returns
+    -------
+    list of int
+        In ascending order of time, with strictly decreasing errors.
+
+    Examples
+    --------
+    >>> front([1.0, 2.0, 3.0], [0.1, 0.2, 0.01])
+    [0, 2]
+    """
+    level = np.maximum(np.asarray(error, dtype=float), ROUNDING)
+    kept: list[int] = []
+    for n in np.lexsort((level, time)).tolist():
+        if not kept or level[n] < (1 - GAIN) * level[kept[-1]]:
+            kept.append(n)
+    return kept
+
+
+def format_time(seconds: float) -> str:
+    """Format a time with three digits: ``83 µs``."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"
+
+
+def format_error(error: float) -> str:
+    """Format a relative error: ``3.8e-07``; ``0`` below the rounding error of a double."""
+    return f"{error:.1e}" if error > LAST_DIGIT else "0"

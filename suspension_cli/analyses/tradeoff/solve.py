@@ -1,0 +1,92 @@
+"""Measurement of the errors and times of all methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from suspension_cli.analyses.tradeoff import timing
+from suspension_cli.analyses.tradeoff.comparison import Comparison
+from suspension_cli.analyses.tradeoff.comparisons import COMPARISONS
+from suspension_cli.analyses.tradeoff.result import Entry, Omission, Panel, Tradeoff
+from suspension_cli.analyses.tradeoff.subject import Subject
+from suspension_cli.design.schema import Design
+
+
+def measure(
+    design: Design,
+    quantities: Sequence[str] = (),
+    repeat: int = 7,
+    told: Callable[[int, int], None] = lambda *_: None,
+) -> Tradeoff:
+    """Compare all models and methods for one design.
+
+    Parameters
+    ----------
+    design : Design
+        A stable suspension.
+    quantities : sequence of str
+        Some of `comparisons.QUANTITIES`; empty for all.
+    repeat : int
+        Samples per time.
+    told : callable
+        Called with the numbers of finished and of all comparisons.
+
+    Returns
+    -------
+    Tradeoff
+    """
+    subject, panels = Subject(design), []
+    wanted = [item for item in COMPARISONS if not quantities or item.quantity in quantities]
+    for number, item in enumerate(wanted):
+        told(number, len(wanted))
+        panels.append(_panel(subject, item, repeat))
+    told(len(wanted), len(wanted))
+    return Tradeoff(tuple(panels), repeat, timing.threads())
+
+
+def _panel(subject: Subject, item: Comparison, repeat: int) -> Panel:
+    all_unsuited = item.unsuited(subject)
+    reasons = {
+        method: all_unsuited or subject.unsuited[method.on(subject)] or method.unsuited(subject)
+        for method in item.methods
+    }
+    methods = [method for method, reason in reasons.items() if not reason]
+    found = [method.once(subject) for method in methods]
+    truth = item.reference(subject) if methods else None
+    errors = [item.error(subject, values, truth) for values in found]
+    components = tuple(errors[0]) if errors else ()
+    batches = [method for method in methods if method.batch is not None]
+    works = [lambda method=method: method.once(subject) for method in methods]
+    works += [method.batch(subject) for method in batches if method.batch is not None]
+    times = timing.quartiles(works, repeat)
+    once = dict(zip(methods, times[: len(methods)], strict=True))
+    many = dict(zip(batches, times[len(methods) :] / item.count, strict=True))
+    return Panel(
+        quantity=item.quantity,
+        compares=item.compares,
+        title=item.title,
+        start=item.start,
+        item=item.item,
+        count=item.count,
+        reference=item.against(subject) if methods else "",
+        component=components,
+        entries=tuple(
+            Entry(
+                method.on(subject),
+                method.name,
+                np.array([error[name] for name in components]),
+                once[method],
+                many.get(method, once[method]),
+                method in many,
+            )
+            for method, error in zip(methods, errors, strict=True)
+        ),
+        left=tuple(
+            Omission(method.on(subject), method.name, reason)
+            for method, reason in reasons.items()
+            if reason
+        ),
+        views=item.select_views(components) if components else (),
+    )

@@ -1,0 +1,137 @@
+"""A design with its models, the input of all comparisons, and the quantities to compare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from suspension_cli.design.schema import Design, Perturbation
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear import signals
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.scene.scene import Array, Scene
+
+Answer = Callable[[Array], Any]
+"""Response (f,) as a function of frequency (f,), rad/s."""
+Prepare = Callable[[LinearSystem, Array, Array], Answer]
+"""Prepares it from a model and the linear forms (N,) of input and output."""
+
+MODEL_NAMES = tuple(model.name for model in registry.MODELS)
+STRING = registry.STRING.name
+FREQUENCIES = (1.0, 10.0, 50.0, 100.0, 1000.0)
+"""Frequencies of responses, Hz."""
+NOISE = (10.0, 100.0)
+"""Frequencies of thermal noise, Hz."""
+COUPLING = 50.0
+"""Frequency of the cross-coupling, Hz (Husman et al. 2000, section 6)."""
+K_FACTOR, OFFSET = 1.2, 1e-3
+"""Imperfection of a wire: stiffness factor and offset of the upper end along x, m (in the middle of
+the range of Figure 6 of Husman et al.)."""
+POINT = "0,0,-0.001"
+"""Point where the laser beam hits, from the COM of the last stage, m."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A design with its models and scene, each built once."""
+
+    design: Design
+
+    @cached_property
+    def unsuited(self) -> dict[str, str]:
+        """Reason why each model is not valid; empty if it is."""
+        return {level: registry.by_name(level).unsuitable(self.design) for level in MODEL_NAMES}
+
+    @cached_property
+    def top(self) -> str:
+        """Name of the most complete valid model."""
+        return next(level for level in reversed(MODEL_NAMES) if not self.unsuited[level])
+
+    @cached_property
+    def _models(self) -> dict[str, LinearSystem]:
+        return {}
+
+    def model(self, level: str) -> LinearSystem:
+        """Linear system of a model, built once."""
+        if level not in self._models:
+            self._models[level] = registry.by_name(level).system(self.design)
+        return self._models[level]
+
+    def fresh(self, level: str) -> LinearSystem:
+        """Linear system of a model without cached properties, for timing."""
+        return replace(self.model(level))
+
+    @cached_property
+    def _answers(self) -> dict[Prepare, Answer]:
+        return {}
+
+    def prepared(self, prepare: Prepare) -> Answer:
+        """Response of the string model by a method, prepared once."""
+        if prepare not in self._answers:
+            model = self.model(STRING)
+            self._answers[prepare] = prepare(model, *self.forms(model))
+        return self._answers[prepare]
+
+    @property
+    def last(self) -> str:
+        """Name of the last stage."""
+        return self.design.stage[-1].name
+
+    def forms(self, model: LinearSystem) -> tuple[Array, Array]:
+        """Motions along x of the support and of the last stage, as linear forms (N,)."""
+        known = signals.bodies_with_signals(model)
+        return signals.linear_form(
+            signals.parse_input("support.x", known), model
+        ), signals.linear_form(signals.parse_output(f"{self.last}.x", known), model)
+
+    def coupled(self, model: LinearSystem) -> tuple[signals.Signal, list[signals.Signal]]:
+        """Vertical motion of the support; motions along x and z of `POINT` of the last stage."""
+        known = signals.bodies_with_signals(model)
+        return signals.parse_input("support.z", known), [
+            signals.parse_output(f"{self.last}.{dof}@{POINT}", known) for dof in "xz"
+        ]
+
+    @cached_property
+    def scene(self) -> Scene:
+        """Nominal scene."""
+        return expand(self.design)
+
+    @cached_property
+    def wire(self) -> int:
+        """Number of the first wire of the last stage; -1 if it hangs on none."""
+        return next(
+            (
+                n
+                for n, label in enumerate(self.scene.wires.label)
+                if label.startswith(f"{self.last}.")
+            ),
+            -1,
+        )
+
+    @cached_property
+    def imperfect(self) -> Subject:
+        """Subject with `wire` imperfect."""
+        item = Perturbation(
+            wire=self.scene.wires.label[self.wire],
+            k_factor=K_FACTOR,
+            upper_offset=(OFFSET, 0.0, 0.0),
+        )
+        return Subject(
+            msgspec.structs.replace(self.design, perturbation=[*self.design.perturbation, item])
+        )
+
+    @property
+    def temperature(self) -> float:
+        """Temperature of all parts without their own, K."""
+        return self.design.constants.temperature
+
+    @property
+    def omega(self) -> Array:
+        """Frequencies of responses, rad/s."""
+        return 2 * np.pi * np.array(FREQUENCIES)

@@ -1,0 +1,123 @@
+"""Thermal noise by every model and method."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.analyses.tradeoff import high_precision
+from suspension_cli.analyses.tradeoff.subject import NOISE, Subject
+from suspension_cli.linear import frequency_dependent
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.scene.scene import Array
+
+SWEEP = 500
+"""Frequencies per batch."""
+BAND = (1.0, 1000.0)
+"""Range of these frequencies, Hz."""
+
+
+LOCALISED = tuple(model.name for model in registry.MODELS if model.bends_wires)
+"""Models in which losses act where wires bend."""
+
+
+def not_localised(level: str) -> Any:
+    """Return a function that gives why a model has no thermal noise; empty if it has."""
+    return lambda _: "" if level in LOCALISED else "the model does not localise loss along a wire"
+
+
+def unsuited(subject: Subject) -> str:
+    """Return why there is no thermal noise to compare; empty if there is."""
+    if subject.top not in LOCALISED:
+        return f"no model that localises loss is valid: {subject.unsuited[LOCALISED[0]]}"
+    return "" if reference(subject).all() else "nothing dissipates"
+
+
+def temperatures(subject: Subject) -> set[float]:
+    """Temperatures (K) of all parts that dissipate."""
+    model = subject.model(subject.top)
+    _, row = thermal.parse_motion(model, f"{subject.last}.x")
+    found = set()
+    for block in frequency_dependent.build_blocks(model):
+        if row[block.keep].any():
+            still = np.zeros((len(block.keep), len(NOISE)))
+            found |= {
+                kelvin
+                for _, kelvin in thermal.compute_dissipation(
+                    block.at(2 * np.pi * np.array(NOISE)), still, subject.temperature
+                )
+            }
+    return found
+
+
+def one_temperature(subject: Subject) -> str:
+    """Return why the fluctuation-dissipation theorem needs each part; empty if it does not."""
+    return (
+        ""
+        if temperatures(subject) <= {subject.temperature}
+        else "some lossy part does not have the temperature of [constants]"
+    )
+
+
+def reference(subject: Subject) -> Any:
+    """Amplitude spectral density (f,), m/sqrt(Hz), of the most complete valid model.
+
+    From the power that each part dissipates under a unit force, with the motion in 50 digits.
+    """
+    model = subject.model(subject.top)
+    _, row = thermal.parse_motion(model, f"{subject.last}.x")
+    omega = 2 * np.pi * np.array(NOISE)
+    density = np.zeros(len(omega))
+    for block in frequency_dependent.build_blocks(model):
+        force = row[block.keep]
+        if not force.any():
+            continue
+        there = block.at(omega)
+        motion = np.stack(
+            [
+                high_precision.driven_motion(there.matrix[:, 6:, n], force)
+                for n in range(len(omega))
+            ],
+            axis=-1,
+        )
+        for (_, kelvin), power in thermal.compute_dissipation(
+            there, motion, subject.temperature
+        ).items():
+            density += 4 * thermal.BOLTZMANN * kelvin * power / omega
+    return np.sqrt(density)
+
+
+def dissipation(model: LinearSystem, frequency: Array, subject: Subject) -> Any:
+    """Noise (f,) from the power that each part dissipates, as in `pendsus thermal`."""
+    signal, row = thermal.parse_motion(model, f"{subject.last}.x")
+    return thermal.solve(model, frequency, row, signal, subject.temperature).amplitude
+
+
+def susceptibility(model: LinearSystem, frequency: Array, subject: Subject) -> Any:
+    """Noise (f,) from the imaginary part of the susceptibility; 0 if negative."""
+    _, row = thermal.parse_motion(model, f"{subject.last}.x")
+    return np.sqrt(
+        np.maximum(
+            thermal.compute_from_susceptibility(model, frequency, row, subject.temperature), 0.0
+        )
+    )
+
+
+def with_model(level: str) -> tuple[Any, Any]:
+    """Return `dissipation` from the design on: at `NOISE`, and for a batch of frequencies."""
+    return _timed(lambda subject: registry.by_name(level).system(subject.design), dissipation)
+
+
+def on_matrices(solve: Any) -> tuple[Any, Any]:
+    """Return a method from the matrices of the most complete valid model on."""
+    return _timed(lambda subject: subject.fresh(subject.top), solve)
+
+
+def _timed(model_of: Any, solve: Any) -> tuple[Any, Any]:
+    few, many = np.array(NOISE), np.geomspace(*BAND, SWEEP)
+    return (lambda subject: solve(model_of(subject), few, subject)), (
+        lambda subject: lambda: solve(model_of(subject), many, subject)
+    )

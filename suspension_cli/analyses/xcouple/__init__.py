@@ -1,0 +1,1 @@
+"""Compute the cross-coupling of imperfect builds."""

@@ -1,0 +1,389 @@
+"""`pendsus xcouple`: cross-coupling of imperfect builds."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
+from suspension_cli.analyses.options import option
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.xcouple.file import Coupling
+    from suspension_cli.analyses.xcouple.solve import CouplingRequest
+    from suspension_cli.linear.response import Response
+    from suspension_cli.models.quantity_of_interest import Transfer
+    from suspension_cli.models.registry import Choice
+    from suspension_cli.studies.axes import Axis
+
+DEFAULT_GRID = {"k": "0.6:1.4:41"}
+FACTOR_GRID = "0.9:1.1:41"
+OTHER_GRID = "-2e-3:2e-3:5"
+
+
+class CouplingAnalysis(Analysis):
+    """Compute the cross-coupling of imperfect builds: the fraction of one motion in another.
+
+    Sweeps the product of any number of imperfections; writes DIR/NAME-xcouple.h5 and .png.
+
+    Example: pendsus xcouple my.toml --sweep k=0.9:1.1:21,offset=-1e-3,0,1e-3
+    """
+
+    name = "xcouple"
+    arguments = (options.DESIGN,)
+    parameters = (
+        option(
+            "--sweep",
+            default="k,offset",
+            show_default=True,
+            metavar="NAME[=GRID],...",
+            help="Imperfections (k, offset, lower_offset, length, mass, com, ...) or dotted paths.",
+        ),
+        option(
+            "--wire",
+            metavar="STAGE.N",
+            help="The imperfect wire.  [default: the first of the last stage]",
+        ),
+        option("--body", metavar="STAGE", help="The imperfect body.  [default: the wire's]"),
+        option(
+            "--hold",
+            type=click.Choice(["loaded-length", "natural-length"]),
+            default="loaded-length",
+            show_default=True,
+            help="What stays the same when the wire changes.",
+        ),
+        *options.COUPLING,
+        option(
+            "--tolerance",
+            type=options.Finite(1e-12, 1.0),
+            metavar="SHARE",
+            help=(
+                "Error relative to the largest coupling that strings may leave before auto takes"
+                " beam or violin.  [default: strings, with a warning from 1 %]"
+            ),
+        ),
+        option(
+            "--matrix",
+            is_flag=True,
+            help="The six-by-six table of couplings of this one design instead of a sweep.",
+        ),
+        *options.SWEEP,
+        options.ALLOW_UNSTABLE,
+        *options.WRITING,
+    )
+
+    def swept_names(self) -> tuple[str, ...]:
+        """Return the imperfections, whose grids may stand in `[analysis.xcouple]`."""
+        from suspension_cli.analyses.xcouple.solve import PARAMETERS
+
+        return tuple(PARAMETERS)
+
+    def solve(self, run: Run) -> Result:
+        """Compute the coupling of all builds, or the matrix of one design."""
+        from suspension_cli.analyses import model_choice
+        from suspension_cli.analyses.xcouple.request import parse_request
+        from suspension_cli.linear import signals
+        from suspension_cli.models import registry
+
+        setting = run.setting
+        choice = model_choice.for_builds(run.source, setting["fidelity"], registry.SCENE_MODELS)
+        model = model_choice.stable_system(
+            run.source, choice, setting["allow_unstable"], run.log, bends=True
+        )
+        requested = parse_request(model, setting)
+        if setting["matrix"]:
+            return MATRIX.of(run, choice, signals.bodies_with_signals(model), requested)
+        return self._sweep(run, choice, requested)
+
+    def _sweep(self, run: Run, choice: Choice, requested: CouplingRequest) -> Result:
+        from suspension_cli.analyses import model_choice, sweeping
+        from suspension_cli.analyses.xcouple import file as stored
+        from suspension_cli.analyses.xcouple import model_error
+        from suspension_cli.analyses.xcouple.solve import Sweep
+        from suspension_cli.models import registry
+
+        setting = run.setting
+        table = run.design.analysis.get("xcouple", {})
+        over = axes(setting["sweep"], table)
+        unstable = setting["allow_unstable"]
+        job = Sweep(run.source.text, over, requested, unstable, choice.level)
+        job.check()
+        higher = ""
+        if not choice.model.bends_wires and setting["fidelity"] == registry.AUTO:
+            job, choice, higher = model_error.choose_model(job, choice, setting["tolerance"])
+        path = sweeping.fill(run, self, job, choice, lambda group: stored.fill(group, job))
+        found = stored.load(path)
+        failed = found.failures.items()
+        if failed:
+            run.log.warn(
+                "; ".join(f"{count} of {job.count} builds failed: {why}" for why, count in failed)
+            )
+        if (
+            higher
+            and not choice.model.bends_wires
+            and not choice.error <= model_choice.WARNED_ERROR
+        ):
+            run.log.warn(f"{_changed(higher, choice.error)}; rerun with --fidelity {higher}")
+        _warn_of_faint(run, requested, found)
+        return Result(self, run.source, choice, found, file=path, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return axes and ratios, first axis first; null for a failed build."""
+        answer: Coupling = result.data
+        single = len(answer.frequency) == 1
+        ratio = answer.ratio[..., 0] if single else answer.ratio
+        return {
+            "axes": [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes],
+            "ratio_real": plain(ratio.real),
+            "ratio_imag": plain(ratio.imag),
+            "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
+            "input": answer.input,
+            "over": answer.over,
+            "under": answer.under,
+            "hold": answer.hold,
+            "failures": answer.failures,
+        }
+
+    def text(self, result: Result) -> str:
+        """Return the largest coupling and where it is."""
+        import numpy as np
+
+        answer: Coupling = result.data
+        size = np.abs(answer.ratio)
+        if not np.isfinite(size).any():
+            return "no build has an equilibrium on taut wires"
+        where = np.unravel_index(int(np.nanargmax(size)), size.shape)
+        at = ", ".join(
+            f"{axis.name} = {axis.values[n]:.6g}"
+            for axis, n in zip(answer.axes, where[:-1], strict=True)
+        )
+        of = f" of wire {answer.wire}, {answer.hold} held" if answer.wire else ""
+        return (
+            f"{size[..., 0].size} builds{of}\n|{answer.over} / {answer.under}| for {answer.input}:"
+            f" largest {np.nanmax(size):.4g} at {at},"
+            f" {answer.frequency[where[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
+        )
+
+    def load(self, file: h5py.File) -> Coupling:
+        """Read the group `xcouple`."""
+        from suspension_cli.analyses.xcouple import file as stored
+
+        return stored.read(file["xcouple"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw the coupling against the imperfections, or against frequency."""
+        from suspension_cli.analyses.xcouple import picture
+
+        return {"": picture.draw(result.data, result.title)}
+
+
+class MatrixAnalysis(Analysis):
+    """Coupling of every motion of the support to every motion of one body."""
+
+    name = "matrix"
+
+    @property
+    def command_name(self) -> str:
+        """Name of the command that has the option --matrix."""
+        return "xcouple"
+
+    @property
+    def stem(self) -> str:
+        """End of the stem of the results file."""
+        return "xcouple-matrix"
+
+    def solve(self, run: Run) -> Result:
+        """Refuse: the matrix is an option of `xcouple`."""
+        raise NotImplementedError
+
+    def of(
+        self, run: Run, choice: Choice, known: tuple[str, ...], requested: CouplingRequest
+    ) -> Result:
+        """Compute the matrix of one design."""
+        import numpy as np
+
+        from suspension_cli.linear import response
+        from suspension_cli.models import auto
+
+        setting = run.setting
+        motions, observed = _all_motions(known, requested, setting)
+        if setting["fidelity"] == "auto" and setting["tolerance"] is not None:
+            decision = auto.decide(run.design, lambda _: motions, setting["tolerance"])
+        else:
+            decision = auto.estimate_error(run.design, choice, lambda _: motions)
+        found = response.solve(
+            decision.model, np.array(requested.frequency), motions.inputs, motions.outputs
+        )
+        extra = {"observed": observed}
+        return Result(self, run.source, decision.choice, found, extra, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return a matrix for each frequency."""
+        answer: Response = result.data
+        return {
+            "frequency_hz": answer.frequency.tolist(),
+            "input": answer.input,
+            "output": answer.output,
+            "matrix_real": answer.value.real.tolist(),
+            "matrix_imag": answer.value.imag.tolist(),
+        }
+
+    def text(self, result: Result) -> str:
+        """Return a table for each frequency."""
+        from suspension_cli.conventions import DOFS
+
+        answer: Response = result.data
+        observed = result.extra.get("observed", answer.output[0].rpartition(".")[0])
+        lines = []
+        for frequency, matrix in zip(answer.frequency, answer.value, strict=True):
+            lines += [
+                f"|motion of {observed} for motion of the support| at {frequency:.4g} Hz (SI)",
+                " " * 8 + "".join(f"{dof:>11}" for dof in DOFS),
+            ]
+            for dof, row in zip(DOFS, matrix, strict=True):
+                cells = (f"{'0' if value == 0 else f'{abs(value):.3e}':>11}" for value in row)
+                lines.append(f"{dof:>8}" + "".join(cells))
+        return "\n".join(lines)
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the group `matrix`."""
+        from suspension_cli.analyses.response import file as stored
+
+        stored.fill(file.create_group("matrix"), result.data)
+
+    def load(self, file: h5py.File) -> Response:
+        """Read the group `matrix`."""
+        from suspension_cli.analyses.response import file as stored
+
+        return stored.load(file["matrix"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw the table."""
+        from suspension_cli.analyses.xcouple import matrix_picture
+
+        return {"": matrix_picture.draw(result.data, result.title)}
+
+
+def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:
+    """The axes that `--sweep` asks for; grids left out come from the design's table, then from the
+    defaults.
+    """
+    from suspension_cli.analyses.xcouple.solve import PARAMETERS, UNITS
+    from suspension_cli.design.faults import suggest
+    from suspension_cli.errors import Fault, InputError, format_value
+    from suspension_cli.grids import parse_grid
+    from suspension_cli.studies.axes import Axis
+
+    parts: list[str] = []
+    for piece in text.split(","):
+        if parts and _is_number(piece):
+            parts[-1] += f",{piece}"  # one more value of a list
+        else:
+            parts.append(piece)
+    result = []
+    for part in parts:
+        name, equals, values = (piece.strip() for piece in part.partition("="))
+        if name not in PARAMETERS and "." not in name:
+            raise InputError(
+                [
+                    Fault(
+                        "--sweep",
+                        f"there is no imperfection {name!r}",
+                        suggest(name, list(PARAMETERS)) + " or a dotted path",
+                        format_value(text),
+                    )
+                ]
+            )
+        if "." in name and not equals:
+            raise InputError(
+                [
+                    Fault(
+                        "--sweep",
+                        f"{name} has no grid",
+                        f"write {name}=start:stop:count",
+                        format_value(text),
+                    )
+                ]
+            )
+        factor = UNITS.get(name) == "1"
+        default = DEFAULT_GRID.get(name, FACTOR_GRID if factor else OTHER_GRID)
+        given = values or _grid_text(table.get(name, default))
+        lowest = 0.0 if factor else -math.inf
+        result.append(Axis(name, tuple(parse_grid(given, f"--sweep {name}", lowest=lowest))))
+    if len({axis.name for axis in result}) < len(result):
+        raise InputError(
+            [Fault("--sweep", "names a parameter twice", "give each once", format_value(text))]
+        )
+    return tuple(result)
+
+
+def _grid_text(value: Any) -> str:
+    """A grid of the design's table as it would have come from the command line."""
+    return ",".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _changed(higher: str, error: float) -> str:
+    """Effect on the couplings of the physics in a more complete model, in words."""
+    from suspension_cli.analyses.xcouple.model_error import NEGLECTED
+
+    if math.isnan(error):
+        return (
+            f"the effect of {NEGLECTED[higher]} on these couplings is not known, as not all builds"
+            " at the ends of the axes have an equilibrium in both models"
+        )
+    return (
+        f"{NEGLECTED[higher]} change{'s' if higher == 'beam' else ''} these couplings by"
+        f" {float(f'{100 * error:.2g}'):g} % of the largest"
+    )
+
+
+def _warn_of_faint(run: Run, requested: CouplingRequest, answer: Coupling) -> None:
+    """Warn where couplings are so small that rounding of the attachments' coordinates shows."""
+    import numpy as np
+
+    from suspension_cli.analyses.xcouple.solve import ROUNDING
+
+    size = np.abs(answer.ratio)
+    faint = (size > 0) & (size < ROUNDING)
+    if requested.over.unit == requested.under.unit and faint.any():
+        run.log.warn(
+            f"{int(faint.sum())} of {size.size} couplings are below {ROUNDING:g} (down to"
+            f" {size[faint].min():.1e}), where rounding leaves two digits"
+        )
+
+
+def _all_motions(
+    known: tuple[str, ...], question: CouplingRequest, setting: dict[str, Any]
+) -> tuple[Transfer, str]:
+    """Every motion of the support to every motion of the point watched, and that point."""
+    import numpy as np
+
+    from suspension_cli.conventions import DOFS
+    from suspension_cli.linear import signals
+    from suspension_cli.models.quantity_of_interest import Transfer
+
+    body, _, point = (setting["observe"] or question.over.body).partition("@")
+    at = f"@{point}" if point else ""
+    inputs = [signals.parse_input(f"support.{dof}", known) for dof in DOFS]
+    outputs = [
+        signals.parse_output(f"{body}.{dof}{at if dof in 'xyz' else ''}", known) for dof in DOFS
+    ]
+    return Transfer(inputs, outputs, np.array(question.frequency)), f"{body}{at}"
+
+
+ANALYSIS = CouplingAnalysis()
+MATRIX = MatrixAnalysis()

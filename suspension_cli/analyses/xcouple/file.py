@@ -1,0 +1,88 @@
+"""The group `xcouple` of a results file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from suspension_cli.analyses.sweep.solve import count_failures
+from suspension_cli.analyses.xcouple.solve import UNITS, Sweep
+from suspension_cli.files.hdf5 import add_scale, open_results
+from suspension_cli.scene.scene import Array
+from suspension_cli.studies import builds
+from suspension_cli.studies.axes import Axis, scale_name
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """Cross-coupling over imperfections.
+
+    Attributes
+    ----------
+    axes : tuple of Axis
+        Imperfections and their values.
+    frequency : (f,) array
+        Hz.
+    ratio : (axis 1, axis 2, ..., f) complex array
+        Motion `over` per motion `under`; NaN where a build failed.
+    status : (axis 1, axis 2, ...) array
+        See `builds.STATUS`.
+    wire, hold : str
+        Label of the imperfect wire, and what is kept when it changes.
+    input, over, under : str
+        Names of the signals.
+    """
+
+    axes: tuple[Axis, ...]
+    frequency: Array
+    ratio: Any
+    status: Any
+    wire: str
+    hold: str
+    input: str
+    over: str
+    under: str
+
+    @property
+    def failures(self) -> dict[str, int]:
+        """Number of failed builds by reason."""
+        return count_failures(self.status)
+
+
+def fill(group: h5py.Group, job: Sweep) -> None:
+    """Write everything but the columns: axes, frequencies, wire and signals.
+
+    The columns have the axes in `axis_order`, then frequency.
+    """
+    for axis in job.axes:
+        add_scale(group, scale_name(axis.name), np.array(axis.values), UNITS.get(axis.name, "SI"))
+    add_scale(group, "frequency", np.array(job.question.frequency), "Hz")
+    group.attrs["axis_order"] = [axis.name for axis in job.axes]
+    group.attrs["status_meaning"] = list(builds.STATUS)
+    group.attrs["wire"] = job.wire_label
+    group.attrs["hold"] = job.question.hold
+    for name in ("input", "over", "under"):
+        group.attrs[name] = getattr(job.question, name).text
+
+
+def load(path: Path | str) -> Coupling:
+    """Read a finished sweep from its file."""
+    with open_results(path) as file:
+        return read(file["xcouple"])
+
+
+def read(group: Any) -> Coupling:
+    """Read a finished sweep from the group `xcouple`."""
+    names = [str(name) for name in group.attrs["axis_order"]]
+    axes = tuple(Axis(name, tuple(group[scale_name(name)][:].tolist())) for name in names)
+    return Coupling(
+        axes=axes,
+        frequency=group["frequency"][:],
+        ratio=group["ratio"][:],
+        status=group["status"][:],
+        **{name: str(group.attrs[name]) for name in ("wire", "hold", "input", "over", "under")},
+    )

@@ -1,0 +1,119 @@
+"""Error of couplings in the string model, by the physics that it neglects."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.design import reader
+from suspension_cli.models import registry
+from suspension_cli.models.auto import percent
+from suspension_cli.models.registry import SCENE_MODELS, STRING, Choice
+from suspension_cli.studies.axes import Axis
+from suspension_cli.studies.relative_change import relative_change
+
+PROBED = 3
+"""Axes of a sweep at both ends of which models are compared, so 2 to this power of its builds."""
+FREQUENCIES = 12
+"""Number of frequencies at which models are compared."""
+EDGE = 0.8
+"""Fraction of the tolerance up to which these comparisons accept the string model."""
+NEGLECTED = {
+    model.name: registry.adds(model, STRING) for model in SCENE_MODELS if model.bends_wires
+}
+"""Physics that the string model neglects, by the model that has it."""
+
+
+def estimate_coupling_error(job: Sweep) -> tuple[str, float]:
+    """Estimate the error of a sweep in the string model, from wire bending and wire mass.
+
+    Parameters
+    ----------
+    job : Sweep
+        In the string model.
+
+    Returns
+    -------
+    level : str
+        The most complete model that is valid for the design; "" if only the string model is.
+    error : float
+        Largest change of the coupling by this model, relative to the largest coupling of the builds
+        at the ends of the axes. NaN if unknown: there is no such model, a build has an equilibrium
+        in only one of the models, or no build has one.
+    """
+    design = reader.parse(job.text)
+    bending = [model for model in SCENE_MODELS if model.bends_wires]
+    level = next((m.name for m in reversed(bending) if not m.unsuitable(design)), "")
+    if not level:
+        return "", float("nan")
+    axes = tuple(
+        Axis(
+            axis.name,
+            tuple(
+                dict.fromkeys((axis.values[0] if n < PROBED else axis.values[-1], axis.values[-1]))
+            ),
+        )
+        for n, axis in enumerate(job.axes)
+    )
+    frequency = job.question.frequency
+    some = tuple(
+        frequency[n]
+        for n in np.unique(
+            np.linspace(0, len(frequency) - 1, min(FREQUENCIES, len(frequency))).astype(int)
+        )
+    )
+    probe = replace(job, axes=axes, question=replace(job.question, frequency=some))
+    old, new = (
+        np.asarray(one.compute(0, one.count)["ratio"])
+        for one in (probe, replace(probe, level=level))
+    )
+    return level, (
+        float("nan") if (np.isfinite(new) != np.isfinite(old)).any() else relative_change(old, new)
+    )
+
+
+def choose_model(job: Sweep, choice: Choice, tolerance: float | None) -> tuple[Sweep, Choice, str]:
+    """Choose the string model for a sweep, or a more complete one if the tolerance requires it.
+
+    Parameters
+    ----------
+    job : Sweep
+    choice : Choice
+        Of the string model.
+    tolerance : float or None
+        Relative to the largest coupling; None keeps the string model whatever its error.
+
+    Returns
+    -------
+    job : Sweep
+    choice : Choice
+    higher : str
+        The model with the physics that the string model neglects; "" if none is valid.
+    """
+    higher, error = estimate_coupling_error(job)
+    more = NEGLECTED.get(higher, "")
+    if higher and tolerance is not None and error > EDGE * tolerance:
+        verb = "change" if " and " in more else "changes"
+        reason = (
+            f"{more} {verb} couplings by up to {percent(error)} of the largest; tolerance"
+            f" {100 * tolerance:g} %"
+        )
+        exact = not registry.by_name(higher).omits
+        return (
+            replace(job, level=higher),
+            Choice(higher, reason, 0.0 if exact else math.nan),
+            higher,
+        )
+    if not higher:
+        left = "unknown: wire bending, as wires lack a material or a cross-section"
+    elif math.isnan(error):
+        left = (
+            f"unknown: {more}, as some builds at the ends of the axes have no equilibrium in the"
+            f" {STRING.name} or the {higher} model"
+        )
+    else:
+        left = f"neglected: {more}, {percent(error)} of the largest coupling"
+    return job, replace(choice, error=error, reason=f"{choice.reason}; {left}"), higher

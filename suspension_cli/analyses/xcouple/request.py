@@ -1,0 +1,56 @@
+"""Options of a cross-coupling as a `CouplingRequest`: imperfect wire and body, signals,
+frequencies.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from suspension_cli.analyses.xcouple.solve import CouplingRequest
+from suspension_cli.design.faults import suggest
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.grids import parse_grid
+from suspension_cli.linear import signals
+from suspension_cli.linear.system import LinearSystem
+
+
+def parse_request(model: LinearSystem, setting: dict[str, Any]) -> CouplingRequest:
+    """Interpret the options of a cross-coupling.
+
+    Parameters
+    ----------
+    model : LinearSystem
+        Any model of the design, for the names of wires and bodies.
+    setting : dict
+        Values of the options ``wire``, ``body``, ``observe``, ``hold``, ``drive``, ``over``,
+        ``under`` and ``frequency``.
+
+    Raises
+    ------
+    InputError
+        If an option names no wire, stage or signal.
+    """
+    known, labels = signals.bodies_with_signals(model), list(model.wire)
+    wire = setting.get("wire") or next(
+        (label for label in labels if label.startswith(f"{model.body[-1]}.")), None
+    )
+    if wire is not None and wire not in labels:
+        raise InputError(
+            [Fault("--wire", "names no wire", suggest(wire, labels), format_value(wire))]
+        )
+    body = setting.get("body") or (model.body[-1] if wire is None else wire.rsplit(".", 1)[0])
+    if body not in model.body:
+        raise InputError(
+            [Fault("--body", "names no stage", suggest(body, list(model.body)), format_value(body))]
+        )
+    observed, _, point = (setting["observe"] or f"{model.body[-1]}@0,0,-0.001").partition("@")
+    at = f"@{point}" if point else ""
+    return CouplingRequest(
+        wire=-1 if wire is None else labels.index(wire),
+        body=model.body.index(body) + 1,
+        hold=setting.get("hold", ""),
+        input=signals.parse_input(setting["drive"], known),
+        over=signals.parse_output(setting["over"] or f"{observed}.x{at}", known),
+        under=signals.parse_output(setting["under"] or f"{observed}.z{at}", known),
+        frequency=tuple(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0)),
+    )

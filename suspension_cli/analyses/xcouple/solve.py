@@ -1,0 +1,245 @@
+"""Cross-coupling of imperfect builds (Husman et al. 2000, section 6).
+
+Cross-coupling is the ratio of two motions for one input, by default longitudinal over vertical
+motion for vertical motion of the support. It is computed on grids of any number of imperfections.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.sweep.solve import blank_values, divide
+from suspension_cli.design import reader
+from suspension_cli.design.imperfections import swept
+from suspension_cli.design.schema import Design
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.linear.signals import Signal
+from suspension_cli.models import registry
+from suspension_cli.scene import imperfections as perturb
+from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.studies import builds, variants
+from suspension_cli.studies.axes import Axis, Product, of_option
+from suspension_cli.studies.builds import Column
+
+PARAMETERS = swept()
+"""Imperfection and axis of each short name of a swept parameter; others are dotted paths."""
+
+UNITS = {name: item.unit for name, (item, _) in PARAMETERS.items()}
+
+ROUNDING = 1e-17
+"""Ratio below which rounding dominates: rounded coordinates of attachments couple some 1e-19."""
+
+
+@dataclass(frozen=True)
+class CouplingRequest:
+    """Cross-coupling to compute for every build.
+
+    Attributes
+    ----------
+    wire : int
+        Number of the imperfect wire, from 0; -1 if there is none.
+    body : int
+        Number of the imperfect body, from 1.
+    hold : str
+        What is kept when the wire changes, see `scene.imperfections.wire`.
+    input, over, under : Signal
+        The coupling is the ratio of `over` to `under` for a motion or force `input`.
+    frequency : tuple of float
+        Hz.
+    """
+
+    wire: int
+    body: int
+    hold: str
+    input: Signal
+    over: Signal
+    under: Signal
+    frequency: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Sweep(Product):
+    """Grid of imperfections, a job for `studies.run`; the first axis varies slowest.
+
+    Attributes
+    ----------
+    text : str
+        The design as TOML.
+    axes : tuple of Axis
+        Imperfections (see `PARAMETERS`) or dotted paths, and their values.
+    question : Question
+    allow_unstable : bool
+        Whether a build with an unstable equilibrium counts as valid.
+    level : str
+        Name of a model that supports imperfect builds.
+    """
+
+    text: str
+    axes: tuple[Axis, ...]
+    question: CouplingRequest
+    allow_unstable: bool = False
+    level: str = registry.STRING.name
+
+    @property
+    def identity(self) -> str:
+        """Text that differs between different sweeps of one design."""
+        return repr((self.axes, self.question, self.allow_unstable, self.level))
+
+    @property
+    def wire_label(self) -> str:
+        """Label of the imperfect wire; empty if there is none."""
+        wire = self.question.wire
+        return expand(self._design).wires.label[wire] if wire >= 0 else ""
+
+    def check(self) -> None:
+        """Raise `InputError` if no wire can be imperfect, or a path, value or signal is invalid."""
+        of_wire = [axis.name for axis in self.axes if _part(axis.name) == "wire"]
+        if of_wire and self.question.wire < 0:
+            raise InputError(
+                [
+                    Fault(
+                        "--wire",
+                        f"{of_wire[0]} changes a wire, but the last stage hangs on none",
+                        "name a wire, or sweep mass, com or a path",
+                    )
+                ]
+            )
+        paths = [axis for axis in self.axes if axis.name not in PARAMETERS]
+        for axis in paths:
+            for value in dict.fromkeys((axis.values[0], axis.values[-1])):
+                try:
+                    expand(
+                        reader.parse_with_overrides(self.text, (f"{axis.name}={float(value)!r}",))
+                    )
+                except InputError as error:
+                    raise of_option(error, "--sweep", axis, value) from None
+        self.compute(0, 1)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Datasets of the file: ratio, both motions per input, and the status of each build."""
+        ask, count = self.question, (len(self.question.frequency),)
+        axes = ("frequency",)
+        return (
+            Column("ratio", "c16", count, quotient_unit(ask.over, ask.under), axes),
+            Column("over", "c16", count, quotient_unit(ask.over, ask.input), axes),
+            Column("under", "c16", count, quotient_unit(ask.under, ask.input), axes),
+            Column("residual", "f8", (), "1"),
+            Column("status", "u1", (), "1"),
+            Column("slack_wire", "i2", (), "1"),
+        )
+
+    def compute(self, start: int, stop: int) -> dict[str, Any]:
+        """Compute builds start to stop - 1: arrays of that length by the names of `columns`."""
+        values = self.values(start, stop)
+        imperfections = {name: value for name, value in values.items() if name in PARAMETERS}
+        if len(imperfections) == len(values):
+            return compute_coupling(
+                impose(expand(self._design), values, self.question),
+                self._design,
+                self.question,
+                self.allow_unstable,
+                self.level,
+            )
+        paths = {name: value for name, value in values.items() if name not in PARAMETERS}
+        result = {column.name: blank_values(column, stop - start) for column in self.columns}
+        for scene, design, here in variants.scenes(self.text, paths, self.level):
+            part = {name: value[here] for name, value in imperfections.items()}
+            found = compute_coupling(
+                impose(scene, part, self.question) if part else scene,
+                design,
+                self.question,
+                self.allow_unstable,
+                self.level,
+            )
+            for name, value in found.items():
+                result[name][here] = value
+        return result
+
+    @cached_property
+    def _design(self) -> Any:
+        return reader.parse(self.text)
+
+
+def quotient_unit(out: Signal, into: Signal) -> str:
+    """Unit of the ratio of two signals, ``m/(N m)``."""
+    return "1" if out.unit == into.unit else f"{out.unit}/{into.unit}".replace("/N m", "/(N m)")
+
+
+def impose(scene: Scene, values: dict[str, Array], question: CouplingRequest) -> Scene:
+    """Impose swept imperfections on a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without batch axes, or with the builds along its first axis.
+    values : dict of (p,) arrays
+        Values by name of the imperfection, see `PARAMETERS`.
+    question : Question
+    """
+    for part, number in (("wire", question.wire), ("body", question.body)):
+        amounts: dict[str, Array] = {}
+        for name, value in values.items():
+            item, axis = PARAMETERS[name]
+            if item.part != part:
+                continue
+            if not item.vector:
+                amounts[item.name] = value
+            elif axis is None:
+                amounts[item.name] = value[:, None] * np.ones(3)
+            else:
+                amounts.setdefault(item.name, np.zeros((len(value), 3)))[:, axis] = value
+        if amounts:
+            scene = perturb.impose(scene, part, number, amounts, question.hold)
+    return scene
+
+
+def _part(name: str) -> str:
+    """Part that a swept parameter belongs to, ``wire`` or ``body``; "" for a dotted path."""
+    return PARAMETERS[name][0].part if name in PARAMETERS else ""
+
+
+def compute_coupling(
+    scene: Scene,
+    design: Design,
+    question: CouplingRequest,
+    allow_unstable: bool = False,
+    level: str = registry.STRING.name,
+) -> dict[str, Any]:
+    """Compute the coupling of a batch of builds, with the status of each.
+
+    Parameters
+    ----------
+    scene : Scene
+        The builds, along one batch axis.
+    design : Design
+        The nominal design.
+    question : Question
+    allow_unstable : bool
+        Whether a build with an unstable equilibrium counts as valid.
+    level : str
+        Name of a model that supports imperfect builds.
+
+    Returns
+    -------
+    dict of arrays
+        By the names of `Sweep.columns`; the first axis is the builds, then frequency.
+    """
+    found = builds.balance(scene, design, level=level, allow_unstable=allow_unstable)
+    outputs = builds.transfer(
+        found, np.array(question.frequency), [question.input], [question.over, question.under]
+    )[..., 0]
+    over, under = outputs[..., 0], outputs[..., 1]
+    return {
+        "ratio": divide(over, under),
+        "over": over,
+        "under": under,
+        "residual": found.residual,
+        "status": found.status,
+        "slack_wire": found.wire,
+    }

@@ -1,0 +1,921 @@
+"""The public API: the analyses of the command line as functions, on designs as objects.
+
+Import it as ``import suspension_cli as sus``; docs/api.md has examples of every function.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import re
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from suspension_cli.analyses import registry, settings
+from suspension_cli.analyses.analysis import Analysis, Log, Result, Run
+from suspension_cli.design import reader
+from suspension_cli.design.reader import Source
+from suspension_cli.errors import Fault, InputError
+
+Grid = str | float | Sequence[float] | np.ndarray[Any, Any]
+"""Numbers: ``"0.1:100:2000:log"``, one number, or an array."""
+PathLike = str | Path
+
+
+@dataclasses.dataclass(frozen=True)
+class Design(Source):
+    """A design: a TOML file that was read and checked.
+
+    Attributes
+    ----------
+    design : design.schema.Design
+        The tables of the file as frozen objects; `Design.stage` is ``Design.design.stage``.
+    text : str
+        The whole design as TOML.
+    file : str
+        Name of the file; empty if there is none.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the design."""
+        return self.design.design.name
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name == "design":
+            raise AttributeError(name)
+        return getattr(self.design, name)
+
+    def replace(self, changes: Mapping[str, Any]) -> Design:
+        """Return the design with other values.
+
+        Parameters
+        ----------
+        changes : mapping
+            Dotted paths, as ``--set`` takes them, and their values.
+
+        Raises
+        ------
+        InputError
+            If a path leads nowhere or the new design has faults.
+
+        Examples
+        --------
+        >>> import suspension_cli as sus
+        >>> design = sus.template("double").replace({"stage.test.wires.d": 0.002})
+        >>> design.stage[-1].wires.d
+        0.002
+        """
+        with _python_names():
+            source = reader.replaced(self, changes)
+        return Design(source.design, source.text, source.file)
+
+    def __repr__(self) -> str:
+        stages = ", ".join(stage.name for stage in self.design.stage)
+        return f"<Design {self.name}: {stages}>"
+
+
+def read(file: PathLike, overrides: Sequence[str] = ()) -> Design:
+    """Read and check a design file.
+
+    Parameters
+    ----------
+    file : path
+    overrides : sequence of str
+        Values to change, as ``--set`` takes them: ``"stage.test.wires.d=0.002"``.
+
+    Raises
+    ------
+    InputError
+        With every fault of the file.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.read("my.toml")  # doctest: +SKIP
+    """
+    with _python_names():
+        source = reader.read(file, tuple(overrides))
+    return Design(source.design, source.text, source.file)
+
+
+def parse(text: str) -> Design:
+    """Check a design given as TOML text.
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    InputError
+        With every fault of the text.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.parse('''
+    ... [design]
+    ... name = "pendulum"
+    ... [[stage]]
+    ... name = "test"
+    ... body = { mass = 20.0, inertia = [0.147, 0.117, 0.110] }
+    ... wires = { count = 4, l = 0.4, s = 0.025, t1 = 0.0, t2 = 0.133, k = 4e4 }
+    ... ''')
+    >>> design
+    <Design pendulum: test>
+    """
+    with _python_names():
+        design = reader.parse(text)
+    return Design(design, text, "")
+
+
+def template(kind: str) -> Design:
+    """Return a starting design.
+
+    Parameters
+    ----------
+    kind : {"single", "double", "triple", "quad", "blades"}
+
+    Raises
+    ------
+    InputError
+        If there is no such template.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> [stage.name for stage in sus.template("triple").stage]
+    ['upper', 'middle', 'test']
+    """
+    with _python_names():
+        return parse(reader.template(kind, kind))
+
+
+def example(name: str) -> Design:
+    """Return a design that comes with the program.
+
+    Parameters
+    ----------
+    name : str
+        One of `examples`.
+
+    Raises
+    ------
+    InputError
+        If there is none of this name.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> sus.example("geo-silica-triple").name
+    'geo-silica-triple'
+    """
+    with _python_names():
+        source = reader.example(name)
+    return Design(source.design, source.text, source.file)
+
+
+def examples() -> list[str]:
+    """List the designs that come with the program.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> "husman2000/table2" in sus.examples()
+    True
+    """
+    return reader.examples()
+
+
+def load(file: PathLike) -> Result:
+    """Read a result from a results file.
+
+    Parameters
+    ----------
+    file : path
+        HDF5, as a command or `Result.save` wrote it.
+
+    Raises
+    ------
+    InputError
+        If the file is none, or holds no result.
+    """
+    from suspension_cli.files.hdf5 import open_results
+
+    with _python_names(), open_results(file) as results:
+        return registry.loaded(results, str(file))
+
+
+def modes(
+    design: Design,
+    *,
+    max_frequency: float | None = None,
+    every: bool = False,
+    model: str = "auto",
+    tolerance: float = 1e-3,
+) -> Result:
+    """Compute the normal modes: frequencies, shapes, Q.
+
+    Parameters
+    ----------
+    design : Design
+    max_frequency : float, optional
+        Hz; list all modes up to here, violin modes too.
+    every : bool
+        Compute all modes of wires with mass, be they more than a thousand.
+    model : str
+        ``"auto"`` or the name of a model.
+    tolerance : float
+        Relative error that ``"auto"`` may leave.
+
+    Returns
+    -------
+    Result
+        With the attributes of `linear.eigenmodes.Modes`: `frequency` (m,) in Hz, `q` (m,), `label`,
+        `shape`, ...
+
+    Raises
+    ------
+    InputError
+        If the design does not balance, or the model is not valid for it.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.modes(sus.example("husman2000/table1-case3"), model="string")
+    >>> found.label[0], round(float(found.frequency[0]), 4)
+    ('test transverse', 0.7914)
+    """
+    return _run(
+        "modes", design, model, tolerance=tolerance, max_frequency=max_frequency, every=every
+    )
+
+
+def response(
+    design: Design,
+    *,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    frequency: Grid = "0.1:100:2000",
+    model: str = "auto",
+    tolerance: float = 1e-3,
+    allow_unstable: bool = False,
+) -> Result:
+    """Compute frequency responses.
+
+    Parameters
+    ----------
+    design : Design
+    inputs, outputs : sequences of str
+        Signals: ``"support.x"``, ``"upper.force_x"``; ``"test.x"``, ``"test.x@0,0,0.001"``.
+        Defaults: the support's x, x of the last stage.
+    frequency : grid
+        Hz.
+    model, tolerance
+        As of `modes`.
+    allow_unstable : bool
+        Continue with an unstable equilibrium.
+
+    Returns
+    -------
+    Result
+        With the attributes of `linear.response.Response`: `frequency` (f,) in Hz, `value`
+        (f, outputs, inputs), complex, in SI units.
+
+    Raises
+    ------
+    InputError
+        If a signal does not exist, or the equilibrium is unstable.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.response(sus.example("double"), frequency=[1.0, 10.0], model="string")
+    >>> found.value.shape
+    (2, 1, 1)
+    """
+    return _run(
+        "response",
+        design,
+        model,
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+        frequency=_grid(frequency),
+        tolerance=tolerance,
+        allow_unstable=allow_unstable,
+    )
+
+
+def thermal(
+    design: Design,
+    *,
+    outputs: Sequence[str] = (),
+    frequency: Grid = "0.1:1000:2000",
+    arm: float = 0.0,
+    model: str = "auto",
+    tolerance: float = 1e-3,
+    allow_unstable: bool = False,
+) -> Result:
+    """Compute thermal noise, split by what dissipates.
+
+    Parameters
+    ----------
+    design : Design
+    outputs : sequence of str
+        Motions: ``"test.x"``. Default: x of the last stage.
+    frequency : grid
+        Hz.
+    arm : float
+        Length of an arm in m along whose beam x is observed; 0 for none.
+    model, tolerance, allow_unstable
+        As of `response`.
+
+    Returns
+    -------
+    Result
+        Its `data` is a list of `analyses.thermal.solve.Thermal`, one for each output, with
+        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz) and `parts` by cause.
+
+    Raises
+    ------
+    InputError
+        If nothing that moves with an output dissipates.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.thermal(sus.example("geo-silica-triple"), frequency=[10.0, 100.0])
+    >>> found.data[0].amplitude.shape
+    (2,)
+    """
+    return _run(
+        "thermal",
+        design,
+        model,
+        outputs=tuple(outputs),
+        frequency=_grid(frequency),
+        arm=arm,
+        tolerance=tolerance,
+        allow_unstable=allow_unstable,
+    )
+
+
+def xcouple(
+    design: Design,
+    *,
+    sweep: str | Mapping[str, Grid] = "k,offset",
+    wire: str | None = None,
+    body: str | None = None,
+    hold: str = "loaded-length",
+    input: str = "support.z",
+    observe: str | None = None,
+    over: str | None = None,
+    under: str | None = None,
+    frequency: Grid = 50.0,
+    matrix: bool = False,
+    model: str = "auto",
+    tolerance: float | None = None,
+    workers: int = 1,
+    allow_unstable: bool = False,
+) -> Result:
+    """Compute the cross-coupling of imperfect builds.
+
+    Parameters
+    ----------
+    design : Design
+    sweep : str or mapping
+        Imperfections or dotted paths and their grids: ``{"k": "0.6:1.4:41"}``.
+    wire, body : str, optional
+        What is imperfect: ``"test.1"``, ``"test"``.
+    hold : {"loaded-length", "natural-length"}
+        What stays the same when the wire changes.
+    input : str
+    observe : str, optional
+        The observed point, ``"test@0,0,-0.001"``: its motion along x over that along z.
+    over, under : str, optional
+        Other signals for the ratio.
+    frequency : grid
+        Hz.
+    matrix : bool
+        Compute the six-by-six table of couplings of this design instead of a sweep.
+    model : str
+    tolerance : float, optional
+        Error relative to the largest coupling that ``"auto"`` may leave.
+    workers : int
+        Number of processes.
+    allow_unstable : bool
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.xcouple.file.Coupling`: `axes`, `ratio` (axis 1, axis 2,
+        ..., f), complex.
+
+    Raises
+    ------
+    InputError
+        If a wire, body or imperfection does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> stage = sus.example("husman2000/figure6")
+    >>> found = sus.xcouple(stage, sweep={"k": [0.9, 1.1]}, model="string")
+    >>> found.ratio.shape
+    (2, 1)
+    """
+    if not isinstance(sweep, str):
+        sweep = ",".join(f"{name}={_grid(values)}" for name, values in sweep.items())
+    return _run(
+        "xcouple",
+        design,
+        model,
+        sweep=sweep,
+        wire=wire,
+        body=body,
+        hold=hold,
+        drive=input,
+        observe=observe,
+        over=over,
+        under=under,
+        frequency=_grid(frequency),
+        matrix=matrix,
+        tolerance=tolerance,
+        workers=workers,
+        allow_unstable=allow_unstable,
+    )
+
+
+def tolerance(
+    design: Design,
+    *,
+    builds: int = 10_000,
+    seed: int = 1,
+    limit: float = 1e-3,
+    input: str = "support.z",
+    observe: str | None = None,
+    over: str | None = None,
+    under: str | None = None,
+    frequency: Grid = 50.0,
+    model: str = "auto",
+    workers: int = 1,
+    allow_unstable: bool = False,
+) -> Result:
+    """Compute random builds of the design's ``[tolerance]`` table.
+
+    Parameters
+    ----------
+    design : Design
+    builds, seed : int
+        Number of builds; the same seed gives the same builds.
+    limit : float
+        On the cross-coupling.
+    input, observe, over, under, frequency
+        The cross-coupling, as of `xcouple`.
+    model, workers, allow_unstable
+        As of `xcouple`.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.tolerance.statistics.Summary`: `mean`, `spread`,
+        `quantiles` of mode frequencies in Hz, `under`, ...
+
+    Raises
+    ------
+    InputError
+        If the design has no ``[tolerance]`` table.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.tolerance(sus.example("triple-tolerance"), builds=20, model="string")
+    >>> found.good
+    20
+    """
+    return _run(
+        "tolerance",
+        design,
+        model,
+        builds=builds,
+        seed=seed,
+        limit=limit,
+        drive=input,
+        observe=observe,
+        over=over,
+        under=under,
+        frequency=_grid(frequency),
+        workers=workers,
+        allow_unstable=allow_unstable,
+    )
+
+
+def sweep(
+    design: Design,
+    *,
+    vary: Mapping[str, Grid],
+    result: Sequence[str] = (),
+    model: str = "auto",
+    workers: int = 1,
+    allow_unstable: bool = False,
+) -> Result:
+    """Compute modes, responses and couplings over a grid of parameters.
+
+    Parameters
+    ----------
+    design : Design
+    vary : mapping
+        Dotted paths and their grids: ``{"stage.test.wires.d": "1e-3:5e-3:9"}``.
+    result : sequence of str
+        Modes by label, responses ``"OUTPUT/INPUT:HZ"``, couplings ``"OVER/UNDER/INPUT:HZ"``.
+        Default: every mode.
+    model, workers, allow_unstable
+        As of `xcouple`.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.sweep.file.SweepResult`: `axes`, `result`, `value`
+        (axis 1, axis 2, ..., results).
+
+    Raises
+    ------
+    InputError
+        If a path leads nowhere or a result does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("husman2000/table1-case3")
+    >>> lengths = {"stage.test.wires.l": [0.4, 0.5]}
+    >>> found = sus.sweep(design, vary=lengths, result=["test yaw"], model="string")
+    >>> found.value.shape
+    (2, 1)
+    """
+    return _run(
+        "sweep",
+        design,
+        model,
+        vary=tuple(f"{path}={_grid(values)}" for path, values in vary.items()),
+        result=tuple(result),
+        workers=workers,
+        allow_unstable=allow_unstable,
+    )
+
+
+def sensitivity(
+    design: Design,
+    *,
+    result: Sequence[str] = (),
+    model: str = "auto",
+    allow_unstable: bool = False,
+) -> Result:
+    """Compute first derivatives with respect to every number of a design.
+
+    Parameters
+    ----------
+    design : Design
+    result : sequence of str
+        As of `sweep`.
+    model, allow_unstable
+        As of `response`.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.sensitivity.solve.Sensitivity`: `parameter`, `derivative`
+        (parameters, results).
+
+    Raises
+    ------
+    InputError
+        If a result does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.sensitivity(sus.example("double"), result=["test yaw"], model="string")
+    >>> found.derivative.shape[1]
+    1
+    """
+    return _run("sensitivity", design, model, result=tuple(result), allow_unstable=allow_unstable)
+
+
+def damp(
+    design: Design,
+    *,
+    output: str | None = None,
+    impulse: str | None = None,
+    duration: float = 60.0,
+    frequency: Grid = "0.1:100:2000",
+    model: str = "auto",
+    tolerance: float = 1e-3,
+    allow_unstable: bool = False,
+) -> Result:
+    """Close the loops of the design's ``[control]`` table.
+
+    Parameters
+    ----------
+    design : Design
+    output, impulse : str, optional
+        The observed motion; the force that gives a unit impulse.
+    duration : float
+        Length of the impulse response, s.
+    frequency : grid
+        Of loop gains and sensor noise, Hz.
+    model, tolerance, allow_unstable
+        As of `response`.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin`, `noise`
+        (f, loops), ...
+
+    Raises
+    ------
+    InputError
+        If the design has no loops.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> sus.damp(sus.example("triple-damped"), frequency=[1.0], duration=1.0, model="string").stable
+    True
+    """
+    return _run(
+        "damp",
+        design,
+        model,
+        output=output,
+        impulse=impulse,
+        duration=duration,
+        frequency=_grid(frequency),
+        tolerance=tolerance,
+        allow_unstable=allow_unstable,
+    )
+
+
+def export(
+    design: Design,
+    *,
+    format: str = "mat",
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    loss: bool = False,
+    model: str = "auto",
+    tolerance: float = 1e-3,
+    allow_unstable: bool = False,
+) -> Result:
+    """Build the state space of the model.
+
+    Parameters
+    ----------
+    design : Design
+    format : {"mat", "npz", "hdf5", "zpk", "control"}
+        In which `Result.save` writes it.
+    inputs, outputs : sequences of str
+        Signals, as of `response`.
+    loss : bool
+        Include loss angles, as viscous damping of each mode.
+    model, tolerance, allow_unstable
+        As of `response`.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
+        `b`, `c`, `d`; `band` in Hz.
+
+    Raises
+    ------
+    InputError
+        If a signal does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> sus.export(sus.example("double"), model="string").system.a.shape
+    (24, 24)
+    """
+    return _run(
+        "export",
+        design,
+        model,
+        form=format,
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+        loss=loss,
+        tolerance=tolerance,
+        allow_unstable=allow_unstable,
+    )
+
+
+def fit(
+    measured: PathLike,
+    design: Design | None = None,
+    *,
+    starts: int = 1,
+    seed: int = 1,
+    model: str = "auto",
+) -> Result:
+    """Infer numbers of designs from measured mode frequencies.
+
+    Parameters
+    ----------
+    measured : path
+        TOML file of frequencies with uncertainties and of the free numbers (docs/fit.md).
+    design : Design, optional
+        The design that was measured; None where `measured` names designs itself.
+    starts, seed : int
+        Number of searches, all but the first from random numbers; their seed.
+    model : str
+        As of `modes`.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
+        `residual`, ...
+
+    Raises
+    ------
+    InputError
+        With the faults of `measured` or of the design.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("husman2000/table1-case4")
+    >>> found = sus.fit("measured/husman2000/table1-case4.toml", design)  # doctest: +SKIP
+    >>> found.value, found.sigma  # doctest: +SKIP
+    """
+    designs = () if design is None else (design,)
+    files = {"files": (*designs, str(measured))}
+    return _run("fit", files, model, starts=starts, seed=seed)
+
+
+def optimise(
+    design: Design,
+    goals: PathLike,
+    *,
+    starts: int = 6,
+    seed: int = 1,
+    model: str = "auto",
+) -> Result:
+    """Choose numbers of a design so that it meets goals.
+
+    Parameters
+    ----------
+    design : Design
+    goals : path
+        TOML file of goals, and of the free numbers with their bounds (docs/optimise.md).
+    starts, seed : int
+        Number of designs to search from; seed of all but the first.
+    model : str
+        Model on which the new design is checked.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...
+
+    Raises
+    ------
+    InputError
+        With the faults of `goals` or of the design.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("husman2000/triple-vertical")
+    >>> found = sus.optimise(design, "goals/geo600.toml")  # doctest: +SKIP
+    >>> found.met  # doctest: +SKIP
+    """
+    files = {"design": design, "goals": str(goals)}
+    return _run("optimise", files, model, starts=starts, seed=seed)
+
+
+def tradeoff(design: Design, *, quantities: Sequence[str] = (), repeat: int = 7) -> Result:
+    """Measure time and error of every model and method for one design.
+
+    Parameters
+    ----------
+    design : Design
+    quantities : sequence of str
+        ``"modes"``, ``"response"``, ``"thermal"``, ``"coupling"``, ``"equilibrium"``; default: all.
+    repeat : int
+        Samples of every time.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.tradeoff.result.Tradeoff`: `panels`, ...
+
+    Raises
+    ------
+    InputError
+        If the equilibrium is unstable.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> print(sus.tradeoff(sus.template("single")))  # doctest: +SKIP
+    """
+    return _run("tradeoff", design, None, quantities=tuple(quantities), repeat=repeat)
+
+
+def draw(design: Design) -> Any:
+    """Draw a design to scale, side on and face on, with its dimensions.
+
+    Parameters
+    ----------
+    design : Design
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> figure = sus.draw(sus.template("single"))
+    """
+    from suspension_cli.drawing import draw as drawing
+    from suspension_cli.equilibrium.nominal import expand_nominal
+
+    with _python_names():
+        return drawing.draw(design.design, expand_nominal(design.design))
+
+
+def _grid(values: Grid) -> str:
+    """Return a grid as its text; every number keeps all its digits."""
+    if isinstance(values, str):
+        return values
+    return ",".join(repr(float(value)) for value in np.ravel(values))
+
+
+def _run(name: str, files: Design | dict[str, Any], model: str | None, **given: Any) -> Result:
+    """Run an analysis with its defaults, those of the design's `[analysis]` table and `given`."""
+    analysis = registry.get(name)
+    folder = tempfile.TemporaryDirectory(prefix="pendsus-")
+    if model is not None:
+        given["fidelity"] = model
+
+    def ask(file: Design | PathLike, overrides: tuple[str, ...] = ()) -> Run:
+        design = file if isinstance(file, Design) else read(file, overrides)
+        setting = _setting(analysis, design, given)
+        command = f"suspension_cli.{name}()"
+        return Run(design, setting, Log(), Path(folder.name), command)
+
+    with _python_names():
+        run = ask(files) if isinstance(files, Design) else analysis.read(ask, files)[0]
+        with run.faults():
+            result = analysis.solve(run)
+    object.__setattr__(result, "_folder", folder)  # keeps the file of a sweep until it is saved
+    return result
+
+
+def _setting(analysis: Analysis, design: Design, given: dict[str, Any]) -> dict[str, Any]:
+    command = click.Command(analysis.name, params=list(analysis.parameters))
+    context = command.make_context(analysis.name, [])  # all defaults
+    for param in analysis.parameters:
+        value = given.get(param.name, context.params[param.name])
+        if value != context.params[param.name]:
+            context.set_parameter_source(param.name, click.core.ParameterSource.COMMANDLINE)
+            context.params[param.name] = param.type_cast_value(context, value)
+    context.params["as_json"] = True  # nothing is printed
+    table = design.design.analysis.get(analysis.name, {})
+    return settings.with_analysis_table(context, table, design.file, analysis.swept_names())
+
+
+@contextlib.contextmanager
+def _python_names() -> Iterator[None]:
+    """Report faults under the names of Python arguments instead of those of options."""
+    try:
+        yield
+    except click.BadParameter as error:
+        name = error.param.name if error.param is not None else ""
+        raise InputError([Fault(str(name), error.message, "see help() of the function")]) from None
+    except InputError as error:
+        faults = [
+            dataclasses.replace(fault, key=_plain(fault.key), remedy=_plain(fault.remedy))
+            for fault in error.faults
+        ]
+        raise InputError(faults, error.file) from None
+
+
+def _plain(text: str) -> str:
+    """Return a text with ``tolerance`` for ``--tolerance``, ``model`` for ``--fidelity``."""
+    names = {"fidelity": "model", "set": "changes"}
+    return re.sub(
+        r"--([a-z][a-z-]*)",
+        lambda m: names.get(m[1], m[1]).replace("-", "_"),
+        text,
+    )

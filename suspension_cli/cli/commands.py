@@ -1,0 +1,39 @@
+"""Names of all commands, one line of help for each, and the command itself."""
+
+from __future__ import annotations
+
+import importlib
+
+import click
+
+from suspension_cli.conventions import ANALYSES
+
+OTHERS = {
+    "info": "Estimate how complete a model a design needs.",
+    "check": "Check designs and list what their wires carry.",
+    "draw": "Draw a design to scale, from the side and from the front.",
+    "new": "Start a design from a template or an example.",
+    "schema": "Print the JSON Schema of the design file.",
+    "plot": "Redraw the picture of a results file.",
+}
+"""Commands that are no analyses, and one line of help for each."""
+COMMANDS = (*ANALYSES, *OTHERS)
+"""Names of all commands."""
+
+
+def summary(name: str) -> str:
+    """Return one line of help; for an analysis the docstring of its folder."""
+    if name in OTHERS:
+        return OTHERS[name]
+    text = importlib.import_module(f"suspension_cli.analyses.{name}").__doc__ or ""
+    return " ".join(text.split("\n\n")[0].split())
+
+
+def get(name: str) -> click.Command:
+    """Import a command: that of an analysis, or one of its own module."""
+    if name in ANALYSES:
+        from suspension_cli.analyses import registry
+        from suspension_cli.cli.runner import command
+
+        return command(registry.get(name))
+    return importlib.import_module(f"suspension_cli.cli.{name}").command

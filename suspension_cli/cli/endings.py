@@ -1,0 +1,150 @@
+"""How a run ends that something stops: one line on stderr and an exit code, never a traceback for
+what is no bug.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+
+import click
+
+from suspension_cli.cli import terminal
+from suspension_cli.errors import Interrupted, PendsusError, escape_unprintable
+
+SMALLER = {
+    "--chunk": "a smaller --chunk, fewer --workers",
+    "--frequency": "fewer points in --frequency",
+    "--vary": "shorter grids in --vary",
+    "--sweep": "shorter grids in --sweep",
+    "--builds": "fewer --builds",
+    "--max-frequency": "a lower --max-frequency",
+    "--starts": "fewer --starts",
+}
+"""What to make smaller where memory does not suffice, by the options that a command has."""
+NO_MEMORY = (
+    "failed to map segment",
+    "cannot allocate memory",
+    "can't start new thread",
+    "unable to allocate",
+)
+"""What libraries say when they get no memory."""
+
+
+@contextlib.contextmanager
+def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> Iterator[None]:
+    """End the run with one line on stderr where it is stopped by the input, the user or the system.
+
+    Parameters
+    ----------
+    command : callable, optional
+        Gives the command that runs, whose options say what could be made smaller.
+
+    Raises
+    ------
+    click.exceptions.Exit
+        With exit code 2 for a fault of the input, 130 after Ctrl-C, 1 for anything else.
+    """
+    try:
+        yield
+    except click.ClickException as error:
+        error.message = escape_unprintable(error.message)  # pyright: ignore[reportAttributeAccessIssue]
+        raise
+    except PendsusError as error:
+        _stop(str(error), error.exit_code)
+    except KeyboardInterrupt:
+        _stop("interrupted", Interrupted.exit_code)
+    except (MemoryError, ImportError, RuntimeError) as error:
+        if not _starved(error):
+            raise
+        _stop(_memory(error, command()), 1)
+    except OSError as error:
+        _stop(_memory(error, command()) if error.errno == errno.ENOMEM else _system(error), 1)
+
+
+def _stop(text: str, code: int) -> None:
+    for line in text.split("\n"):
+        terminal.tell(line)
+    raise click.exceptions.Exit(code)
+
+
+def _starved(error: BaseException) -> bool:
+    """Whether an error means that there is no memory left."""
+    return isinstance(error, MemoryError) or any(words in str(error).lower() for words in NO_MEMORY)
+
+
+def _memory(error: BaseException, command: click.Command | None) -> str:
+    given = [name for param in getattr(command, "params", ()) for name in param.opts]
+    smaller = [SMALLER[name] for name in SMALLER if name in given] or [
+        "a design of fewer bodies and wires, or a file of fewer points"
+    ]
+    found = escape_unprintable(str(error).strip().rstrip("."))
+    return f"out of memory{f' ({found})' if found else ''}; ask for less: {', '.join(smaller)}"
+
+
+def _system(error: OSError) -> str:
+    """An error of the system outside the files of results, whose writers say where they stand."""
+    reason = error.strerror or str(error)
+    if error.filename is not None:
+        name = error.filename
+        name = os.fsdecode(name) if isinstance(name, bytes) else name
+        return escape_unprintable(f"{name}: {reason}")
+    _let_go()
+    if error.errno == errno.EPIPE:
+        return (
+            "standard output was closed before everything was printed; files that were written are"
+            " whole"
+        )
+    return f"standard output cannot be written ({reason}); files that were written are whole"
+
+
+def _let_go() -> None:
+    """Send what is still to be printed nowhere, so that Python does not complain of it at the
+    end.
+    """
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        handle = sys.stdout.fileno()
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, handle)
+        os.close(nowhere)
+
+
+def _one_line(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    line: str | None = None,
+) -> str:
+    """A warning of Python as a line of the log."""
+    return (
+        f"warning: {category.__name__}: {' '.join(str(message).split())}"
+        f" ({os.path.basename(filename)}:{lineno})\n"
+    )
+
+
+def guard_streams() -> None:
+    """Put something in place of standard streams that are closed, so that no file of results takes
+    their number.
+
+    Printing to a closed standard output then fails, as it should; what goes to a closed stderr is
+    lost. What the terminal's encoding has no letters for is printed as escapes, and warnings of
+    Python take one line.
+    """
+    for handle, mode in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
+        try:
+            os.fstat(handle)
+        except OSError:
+            os.open(os.devnull, mode)  # takes the lowest number that is free
+    if sys.stdout is None:
+        sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+    warnings.formatwarning = _one_line

@@ -1,0 +1,107 @@
+"""Unknown names in `[control]` and `[analysis]` tables.
+
+These are warnings: only the command that uses a name refuses it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from suspension_cli.analyses.check.statics import list_wire_tables
+from suspension_cli.analyses.damp import control
+from suspension_cli.conventions import SUPPORT
+from suspension_cli.design.faults import suggest
+from suspension_cli.design.plausibility import ImplausibleNumber
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear import named_results, signals
+from suspension_cli.linear.eigenmodes import Modes
+
+NO_TABLE = "does not lead to a table of the design"
+
+
+def find_unknown_names(
+    design: Design, found: Modes | None, paths: Callable[[str], bool]
+) -> list[ImplausibleNumber]:
+    """Find names in `[control]` and `[analysis]` tables that are unknown in a design.
+
+    Parameters
+    ----------
+    design : Design
+    found : Modes or None
+        Its modes, to check labels of modes; None skips these.
+    paths : callable
+        Whether a dotted path leads to a table of the design.
+
+    Returns
+    -------
+    list of ImplausibleNumber
+        One per unknown name.
+    """
+    stages = tuple(stage.name for stage in design.stage)
+    known = (SUPPORT, *stages, *(("frame",) if design.support is not None else ()))
+    unknown: list[ImplausibleNumber] = []
+    for loop in design.control.loop if design.control is not None else ():
+        unknown += _collect_faults(lambda loop=loop: control.parse_sensor(loop, stages, known))
+        unknown += _collect_faults(lambda loop=loop: control.parse_actuator(loop, known))
+    wires = [
+        f"{stage.name}.{n}"
+        for stage in design.stage
+        for n in range(1, len(list_wire_tables(stage)) + 1)
+    ]
+    for command, table in design.analysis.items():
+        for key, value in table.items():
+            where = f"analysis.{command}.{key}"
+            texts = [
+                text
+                for text in (value if isinstance(value, list) else [value])
+                if isinstance(text, str)
+            ]
+            if "." in key and not paths(key.rpartition(".")[0]):
+                remedy = "write the path as in the file: stage.test.wires.d"
+                unknown.append(ImplausibleNumber(Fault(where, NO_TABLE, remedy)))
+            for text in texts:
+                unknown += _check_name(key, text, where, (known, stages, wires), paths, found)
+    return unknown
+
+
+def _check_name(
+    key: str, text: str, where: str, names: Any, paths: Callable[[str], bool], found: Modes | None
+) -> list[ImplausibleNumber]:
+    """Check one name in an `[analysis]` table."""
+    known, stages, wires = names
+    if key in ("input", "output", "over", "under", "impulse"):
+        return _collect_faults(lambda: signals.parse(text, where, known))
+    if key == "observe":
+        return _collect_faults(
+            lambda: signals.parse(f"{text.partition('@')[0]}.x", where, known), text
+        )
+    if key in ("wire", "body"):
+        choices, word = (wires, "wire") if key == "wire" else (list(stages), "stage")
+        if text in choices:
+            return []
+        fault = Fault(where, f"names no {word}", suggest(text, choices), format_value(text))
+        return [ImplausibleNumber(fault)]
+    if key == "vary":
+        if paths(text.partition("=")[0].strip().rpartition(".")[0]):
+            return []
+        return [ImplausibleNumber(Fault(where, NO_TABLE, "write PATH=GRID", format_value(text)))]
+    if key == "result" and found is not None:
+        return _collect_faults(lambda: named_results.parse([text], found, known, where))
+    return []
+
+
+def _collect_faults(
+    parse: Callable[[], object], text: str | None = None
+) -> list[ImplausibleNumber]:
+    """Faults that parsing a name raises, as warnings, with `text` as their value if given."""
+    try:
+        parse()
+    except InputError as error:
+        return [
+            ImplausibleNumber(fault if text is None else replace(fault, value=format_value(text)))
+            for fault in error.faults
+        ]
+    return []

@@ -1,0 +1,95 @@
+"""The one way in which every analysis command runs: read, solve, save, draw, print."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from suspension_cli.analyses import settings
+from suspension_cli.analyses.analysis import Analysis, Result, Run
+from suspension_cli.cli import terminal
+
+
+class Command(click.Command):
+    """A command whose help lists options in groups."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the options group by group."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for param in self.get_params(ctx):
+            record = param.get_help_record(ctx)
+            if isinstance(param, click.Option) and record is not None:
+                groups.setdefault(getattr(param, "group", "Options"), []).append(record)
+        for title in sorted(groups, key=lambda name: name != "Options"):
+            with formatter.section(title):
+                formatter.write_dl(groups[title])
+
+
+def command(analysis: Analysis) -> click.Command:
+    """Make the command of an analysis; its help is the docstring of the class."""
+    return Command(
+        analysis.name,
+        params=[*analysis.arguments, *analysis.parameters],
+        callback=click.pass_context(lambda ctx, **_: run(analysis, ctx)),
+        help=type(analysis).__doc__,
+    )
+
+
+def run(analysis: Analysis, ctx: click.Context) -> None:
+    """Run an analysis with the options of its command."""
+    analysis.prepare()
+    given = ctx.params
+    voice = terminal.Voice(quiet=given["quiet"], verbose=given["verbose"])
+    files = {param.name: given[param.name] for param in analysis.arguments}
+
+    def ask(file: str, overrides: tuple[str, ...] = ()) -> Run:
+        source, setting = settings.prepared(
+            ctx, file, (*overrides, *given["overrides"]), analysis.swept_names()
+        )
+        return Run(source, setting, voice, Path(given["out"]), settings.command_line(sys.argv))
+
+    results: list[Result] = []
+    runs = analysis.read(ask, files)
+    for one in runs:
+        with one.faults():
+            results.append(analysis.solve(one))
+    for number, (one, result) in enumerate(zip(runs, results, strict=True)):
+        path = write(result, settings.folder(given["out"]), voice)
+        if one.setting.get("plot") or (
+            one.setting.get("plot", False) is None and not given["as_json"]
+        ):
+            for end, figure in result.figures(**one.setting).items():
+                draw(figure, path.with_name(f"{path.stem}{end}.png"), voice)
+        if not given["as_json"]:
+            terminal.put(("\n" if number else "") + str(result))
+    if given["as_json"]:
+        documents = [result.document() for result in results]
+        click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
+    ctx.exit(max(result.analysis.exit_code(result) for result in results))
+
+
+def write(result: Result, folder: Path, voice: terminal.Voice) -> Path:
+    """Write the files of a result; return the path of the results file."""
+    from suspension_cli.files.existing import replacing
+
+    path = result.analysis.path(result, folder)
+    if result.file is None:
+        with replacing(path, result.source.text, voice.say):
+            result.analysis.save(path, result)
+    for other in result.analysis.others(result, path):
+        voice.say(f"wrote {other}")
+    return path
+
+
+def draw(figure: Any, path: Path, voice: terminal.Voice) -> None:
+    """Write a picture."""
+    from suspension_cli.drawing.style import save
+    from suspension_cli.files.atomic import writing_to
+
+    with writing_to(path):
+        save(figure, path)
+    voice.say(f"wrote {path}")

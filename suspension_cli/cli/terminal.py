@@ -1,0 +1,56 @@
+"""Text on the terminal: results on stdout, messages and progress on stderr."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+import click
+
+from suspension_cli.analyses.analysis import Log, Progress
+from suspension_cli.cli.progress import Bar
+
+
+def tell(text: str) -> None:
+    """Print one line on stderr, with escapes for what would break it; a stderr that is full or
+    closed stops nothing.
+    """
+    from suspension_cli.errors import escape_unprintable
+
+    with contextlib.suppress(OSError):
+        click.echo(escape_unprintable(text), err=True)
+
+
+def put(text: str) -> None:
+    """Print lines for people on stdout, with escapes for what cannot be printed."""
+    from suspension_cli.errors import escape_unprintable
+
+    click.echo("\n".join(map(escape_unprintable, text.split("\n"))))
+
+
+class Voice(Log):
+    """Messages of a command, one line each on stderr."""
+
+    def __init__(self, *, quiet: bool = False, verbose: bool = False) -> None:
+        self.quiet = quiet
+        self.verbose = verbose
+
+    def say(self, text: str) -> None:
+        """Print unless --quiet is given."""
+        if not self.quiet:
+            tell(text)
+
+    def detail(self, text: str) -> None:
+        """Print if --verbose is given."""
+        if self.verbose:
+            tell(text)
+
+    def warn(self, text: str) -> None:
+        """Print a warning."""
+        tell(f"warning: {text}")
+
+    @contextlib.contextmanager
+    def progress(self) -> Iterator[Progress]:
+        """Draw a progress bar where a computation takes more than a second."""
+        with Bar(enabled=not self.quiet) as bar:
+            yield bar

@@ -1,0 +1,218 @@
+"""Imperfections of builds: the one table from which files, random builds and sweeps take them.
+
+To add an imperfection of a wire or body, add a row to `IMPERFECTIONS` and, in
+`scene.imperfections`, the function (or, for a wire, the argument) of its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, defstruct
+
+from suspension_cli.design.units import Angle, Factor, Position, unit
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Imperfection:
+    """A quantity in which one wire, body or blade of a build differs from the design.
+
+    Attributes
+    ----------
+    name : str
+        The key of `[[perturbation]]`; the name under which `scene.imperfections` applies it.
+    part : {"wire", "body", "blade"}
+    kind : type
+        Type of one number, with its unit and bounds: `Factor` for a relative error.
+    quantity : str
+        The quantity that the factor multiplies, or that the number gives.
+    vector : bool
+        Whether there are three numbers, for x, y and z.
+    perturbation : bool
+        Whether a file can give it in `[[perturbation]]`.
+    spread : str
+        Key of `[[tolerance.wire]]`, `[[tolerance.body]]`, ...; "" if it does not scatter.
+    sweep : str
+        Short name for `pendsus xcouple`; "" if it has none.
+    """
+
+    name: str
+    part: Literal["wire", "body", "blade"]
+    kind: Any
+    quantity: str
+    vector: bool = False
+    perturbation: bool = False
+    spread: str = ""
+    sweep: str = ""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle by name: types with bounds cannot be pickled."""
+        return named, (self.name,)
+
+    @property
+    def unit(self) -> str:
+        """SI unit; ``1`` for a factor."""
+        return unit(self.kind)
+
+    @property
+    def relative(self) -> bool:
+        """Whether it is a factor on a quantity."""
+        return self.unit == "1"
+
+    @property
+    def neutral(self) -> float:
+        """Value that changes nothing: 1 for a factor, else 0."""
+        return 1.0 if self.relative else 0.0
+
+    def help(self, axes: str) -> str:
+        """Describe its value, for the `axes` that are given."""
+        if self.relative:
+            return f"factor on {self.quantity}"
+        along = " about " if self.unit == "rad" else " along "
+        return f"{self.quantity}{(along + axes) * self.vector}, {self.unit}"
+
+
+IMPERFECTIONS = (
+    Imperfection(
+        "k_factor",
+        "wire",
+        Factor,
+        "the wire's spring constant",
+        perturbation=True,
+        spread="k",
+        sweep="k",
+    ),
+    Imperfection(
+        "radius_factor",
+        "wire",
+        Factor,
+        "the wire's radius (its spring constant goes with the square)",
+        spread="radius",
+    ),
+    Imperfection(
+        "length_change",
+        "wire",
+        Position,
+        "change of the wire's unstretched length, after trimming",
+        perturbation=True,
+        spread="length",
+        sweep="length",
+    ),
+    Imperfection(
+        "upper_offset",
+        "wire",
+        Position,
+        "offset of the wire's upper end",
+        vector=True,
+        perturbation=True,
+        spread="upper",
+        sweep="offset",
+    ),
+    Imperfection(
+        "lower_offset",
+        "wire",
+        Position,
+        "offset of the wire's lower end",
+        vector=True,
+        perturbation=True,
+        spread="lower",
+        sweep="lower_offset",
+    ),
+    Imperfection("mass_factor", "body", Factor, "the body's mass", spread="mass", sweep="mass"),
+    Imperfection(
+        "inertia_factor",
+        "body",
+        Factor,
+        "the body's moments of inertia",
+        vector=True,
+        spread="inertia",
+        sweep="inertia",
+    ),
+    Imperfection(
+        "com_offset",
+        "body",
+        Position,
+        "offset of the body's COM relative to the attachments",
+        vector=True,
+        perturbation=True,
+        spread="com",
+        sweep="com",
+    ),
+    Imperfection(
+        "rotation",
+        "body",
+        Angle,
+        "rotation vector of the mass relative to the attachments",
+        vector=True,
+        perturbation=True,
+    ),
+    Imperfection("stiffness_factor", "blade", Factor, "the blade's stiffness", spread="stiffness"),
+)
+
+
+def named(name: str) -> Imperfection:
+    """Find an imperfection by its name."""
+    return next(item for item in IMPERFECTIONS if item.name == name)
+
+
+def swept() -> dict[str, tuple[Imperfection, int | None]]:
+    """Map the short names of sweeps to imperfections and axes.
+
+    Returns
+    -------
+    dict
+        The axis is 0, 1 or 2 for x, y or z (``offset``, ``offset_y``, ``offset_z``), and None for
+        a number, or for a factor on all three.
+    """
+    found: dict[str, tuple[Imperfection, int | None]] = {}
+    for item in IMPERFECTIONS:
+        if item.sweep and item.vector and not item.relative:
+            for axis, suffix in enumerate(("", "_y", "_z")):
+                found[item.sweep + suffix] = (item, axis)
+        elif item.sweep:
+            found[item.sweep] = (item, None)
+    return found
+
+
+def perturbed(part: str) -> tuple[Imperfection, ...]:
+    """List the imperfections that `[[perturbation]]` takes for a wire or a body."""
+    return tuple(item for item in IMPERFECTIONS if item.perturbation and item.part == part)
+
+
+def scattered(part: str) -> tuple[Imperfection, ...]:
+    """List the imperfections that `[tolerance]` takes for a wire, a body or a blade."""
+    return tuple(item for item in IMPERFECTIONS if item.spread and item.part == part)
+
+
+def with_perturbations(base: type[Any]) -> Any:
+    """Derive a table of the file from `base`, with a key per imperfection of a wire or body."""
+    keys = []
+    for item in (*perturbed("wire"), *perturbed("body")):
+        kind = tuple[item.kind, item.kind, item.kind] if item.vector else item.kind
+        keys.append((item.name, kind, item.help("x, y, z")))
+    return _with_keys(base, keys)
+
+
+def with_spreads(base: type[Any], part: str, distribution: type[Any]) -> Any:
+    """Derive a table of the file from `base`, with a distribution per imperfection of a part."""
+    keys = []
+    for item in scattered(part):
+        each = " (each axis)" * item.vector
+        text = f"relative error of {item.quantity}" if item.relative else item.help("x, y and z")
+        keys.append((item.spread, distribution, text + each))
+    return _with_keys(base, keys)
+
+
+def _with_keys(base: type[Any], keys: Sequence[tuple[str, Any, str]]) -> Any:
+    fields: list[Any] = []
+    for key, kind, text in keys:
+        described: Any = Annotated[kind, Meta(description=text)]
+        required = len(keys) == 1  # a table without it would say nothing
+        fields.append((key, described) if required else (key, described | None, None))
+    return defstruct(
+        f"_{base.__name__}", fields, bases=(base,), frozen=True, module=base.__module__
+    )

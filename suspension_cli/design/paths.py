@@ -1,0 +1,157 @@
+"""Dotted paths to the values of a design: get, set and list them.
+
+A path names the keys of tables, and members of lists by their name or their number from 1:
+``stage.test.wires.s``, ``stage.test.body.inertia.2``. It leads through a parsed TOML document
+(dicts and lists) or through a `Design` (structs) alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+import msgspec
+
+from suspension_cli.design import faults
+from suspension_cli.errors import Fault, InputError, format_value
+
+
+def member(items: Sequence[Any], key: str) -> int | None:
+    """Position of the member of a list with a name, or a number from 1; None if there is none.
+
+    >>> member([{"name": "upper"}, {"name": "test"}], "test"), member([1.0, 2.0], "2")
+    (1, 1)
+    """
+    for position, item in enumerate(items):
+        if _name(item) == key:
+            return position
+    if key.isascii() and key.isdigit() and 1 <= int(key) <= len(items):
+        return int(key) - 1
+    return None
+
+
+def _name(item: Any) -> Any:
+    return item.get("name") if isinstance(item, dict) else getattr(item, "name", None)
+
+
+def value_at(document: dict[str, Any], path: str) -> Any:
+    """The value of a parsed document at a dotted path; None if there is none."""
+    node: Any = document
+    for key in path.split("."):
+        if isinstance(node, list):
+            place = member(node, key)
+            node = None if place is None else node[place]
+        else:
+            node = node.get(key) if isinstance(node, dict) else None
+    return node
+
+
+def assign(document: dict[str, Any], keys: list[str], value: Any, override: str) -> None:
+    """Set a value in a parsed document, in place; missing tables on the way are made.
+
+    Parameters
+    ----------
+    document : dict
+    keys : list of str
+        The parts of the path.
+    value : object
+    override : str
+        The whole setting as the user gave it, for errors.
+
+    Raises
+    ------
+    InputError
+        If a list on the way has no such member, or the path leads through a value.
+    """
+    node: Any = document
+    place: Any = ""
+    for depth, key in enumerate(keys):
+        last = depth == len(keys) - 1
+        place = key
+        if isinstance(node, list):
+            place = _existing(node, key, override)
+        elif not isinstance(node, dict):
+            raise InputError(
+                [
+                    Fault(
+                        "--set",
+                        f"{'.'.join(keys[:depth])} is a value, not a table",
+                        "shorten the path",
+                        format_value(override),
+                    )
+                ]
+            )
+        elif not last and key not in node:
+            node[key] = {}
+        if not last:
+            node = node[place]
+    node[place] = value
+
+
+def _existing(items: list[Any], key: str, override: str) -> int:
+    """Position of a member of a list."""
+    place = member(items, key)
+    if place is not None:
+        return place
+    names = [str(_name(item) or n) for n, item in enumerate(items, 1)]
+    remedy = faults.suggest(key, names)
+    raise InputError([Fault("--set", f"there is no {key!r} here", remedy, format_value(override))])
+
+
+def changed(node: Any, keys: Sequence[str], change: Callable[[Any], Any]) -> Any:
+    """A tree of structs and lists with one value replaced by a function of it."""
+    if not keys:
+        return change(node)
+    key, rest = keys[0], keys[1:]
+    if isinstance(node, (list, tuple)):
+        place = member(node, key)
+        return type(node)(
+            changed(item, rest, change) if n == place else item for n, item in enumerate(node)
+        )
+    return msgspec.structs.replace(node, **{key: changed(getattr(node, key), rest, change)})
+
+
+def numbers(path: str, value: Any, skip: Collection[str] = ()) -> Iterator[tuple[str, float]]:
+    """List all numbers below a path of a parsed document, but those of some keys.
+
+    Of a symmetric matrix (3 or 6 rows) only the upper triangle is listed, see `twins`.
+    """
+    if isinstance(value, dict):
+        for key, item in value.items():
+            if key not in skip:
+                yield from numbers(f"{path}.{key}", item, skip)
+    elif isinstance(value, list):
+        square = len(value) in (3, 6) and all(isinstance(row, list) for row in value)
+        for n, item in enumerate(value, 1):
+            if square:
+                for m in range(n, len(value) + 1):
+                    yield f"{path}.{n}.{m}", float(item[m - 1])
+            else:
+                named = isinstance(item, dict) and "name" in item
+                yield from numbers(f"{path}.{item['name'] if named else n}", item, skip)
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield path, float(value)
+
+
+def twins(path: str) -> tuple[str, ...]:
+    """A path, and that of its mirror image where it is an element of a symmetric matrix.
+
+    >>> twins("stage.test.body.inertia.1.2")
+    ('stage.test.body.inertia.1.2', 'stage.test.body.inertia.2.1')
+    """
+    *head, row, column = path.split(".") if path.count(".") > 1 else ("", "", path)
+    return (
+        (path, ".".join([*head, column, row]))
+        if row.isdigit() and column.isdigit() and row != column
+        else (path,)
+    )
+
+
+def settings(values: Mapping[str, float]) -> tuple[str, ...]:
+    """Settings ``path=value`` of numbers, as ``--set`` takes them; exact to the last digit."""
+    return tuple(f"{path}={float(value)!r}" for path, value in values.items())
+
+
+def symmetric_settings(values: Mapping[str, float]) -> tuple[str, ...]:
+    """`settings` that also set the mirror images of elements of symmetric matrices."""
+    return settings({path: value for name, value in values.items() for path in twins(name)})

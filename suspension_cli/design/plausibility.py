@@ -1,0 +1,638 @@
+"""Implausible numbers of a design: millimetres written as metres, grams as kilograms, GPa as Pa.
+
+A design with such numbers is valid, so these give warnings, not faults. Limits are wide: a unit
+that is wrong by a factor of a thousand crosses them, an unusual design does not. The physical ones:
+
+- No solid is denser than osmium, 22,590 kg/m^3 (CRC Handbook of Chemistry and Physics); a body
+  less dense than air, 1.2 kg/m^3, would float.
+- With S the integral of x x^T over the mass, a body of mass m nowhere denser than rho has det S >=
+  m^3 (m/rho)^2 / (5^3 (4 pi/3)^2), that of a homogeneous ellipsoid, the most compact body of given
+  mass and density. So mass and moments of inertia give a lower bound on the largest density.
+- No solid is stiffer than diamond, 1.22 TPa (CRC Handbook).
+- No material breaks above a fifth of Young's modulus: the ideal strength is about a tenth of it
+  (Orowan, Rep. Prog. Phys. 12, 185 (1949)).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from suspension_cli.conventions import SUPPORT
+from suspension_cli.design import imperfections
+from suspension_cli.design.derive import body_inertia, body_mass, com_offset, set_geometry, volume
+from suspension_cli.design.imperfections import Imperfection
+from suspension_cli.design.schema import Body, Design, Material, Perturbation, Stage
+from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
+from suspension_cli.errors import Fault, format_key, format_value
+
+OSMIUM = 22_600.0
+"""kg/m^3; nothing is denser."""
+AIR = 1.2
+"""kg/m^3; a lighter body would float."""
+USUAL = 3000.0
+"""kg/m^3; typical of masses of silica and steel with gaps."""
+FOAM = 25.0
+"""kg/m^3; only aerogels are less dense."""
+STIFFEST, SOFTEST = 1.3e12, 1e7
+"""Young's modulus in Pa: above diamond, and of soft rubber."""
+IDEAL = 0.2
+"""Fraction of Young's modulus that no strength reaches."""
+EXPANSION = 1e-3
+"""1/K; twice that of any solid."""
+LONGEST_WIRE = 50.0
+"""m; mirror suspensions are up to about 10 m tall."""
+LARGEST = 10.0
+"""Largest size of a body or blade, m."""
+THICK = 0.1
+"""Largest thickness of a wire or blade as a fraction of its length."""
+BEYOND = 0.5
+"""Largest distance of a wire's end outside a body (on posts, ears, prisms), as a fraction of the
+body's largest half side."""
+INFERRED = 3.0
+"""Half sides of a body without a given shape, relative to the homogeneous box of its inertia."""
+ABSURD = 5.0
+"""Factor beyond these bounds above which a number is taken for an error."""
+GRAVITY = (1.0, 30.0)
+"""m/s^2; the Moon's is 1.6, Jupiter's 25."""
+BLADE_FREQUENCY = 100.0
+"""Hz; blades that isolate have a few Hz."""
+LARGE_TURN = 0.1
+"""rad; a misalignment of 6 degrees."""
+LARGE_SHIFT = 0.05
+"""Largest error of position or length as a fraction of the wire's length."""
+LARGE_FRACTION = 0.5
+"""Largest relative tolerance."""
+SENSOR_NOISE = 1e-4
+"""m or rad per sqrt(Hz); optical shadow sensors reach 1e-10."""
+
+MILLIMETRES = (("mm", 1e-3), ("um", 1e-6))
+MOMENTS = (("g m^2", 1e-3), ("kg cm^2", 1e-4), ("kg mm^2", 1e-6), ("g mm^2", 1e-9))
+
+
+@dataclass(frozen=True)
+class ImplausibleNumber:
+    """An implausible number.
+
+    Attributes
+    ----------
+    fault : Fault
+        Its place, the problem and the remedy.
+    serious : bool
+        Whether it makes results meaningless, so that analyses warn of it too.
+    """
+
+    fault: Fault
+    serious: bool = False
+
+    @property
+    def line(self) -> str:
+        """The warning as one line of text."""
+        return self.fault.line("")
+
+
+def suggest_unit(
+    value: float, good: Callable[[float], bool], units: tuple[tuple[str, float], ...] = MILLIMETRES
+) -> str:
+    """Suggest the first unit (name, size in SI) in which a value would be `good`.
+
+    Returns ``did you mean mm?``, for example, or "" if there is none.
+    """
+    return next((f"did you mean {name}?" for name, size in units if good(value * size)), "")
+
+
+def find_implausible(design: Design) -> list[ImplausibleNumber]:
+    """Find implausible numbers of a design, from its tables alone."""
+    found = [*_check_surroundings(design)]
+    for name, material in design.materials.items():
+        found += _check_material(material, f"materials.{format_key(name)}")
+    above: Stage | None = None
+    stages: dict[str, Stage | None] = {SUPPORT: None}
+    for stage in design.stage:
+        path = f"stage.{stage.name}"
+        parent = above if stage.hangs_from is None else stages[stage.hangs_from]
+        found += [
+            *_check_body(stage.body, f"{path}.body"),
+            *_check_wires(stage, parent, path),
+            *_check_blades(stage, path),
+        ]
+        for number, spring in enumerate(stage.spring, 1):
+            found += _check_point(
+                stage.body,
+                spring.at,
+                (f"{path}.spring.{number}.at",) * 3,
+                "the point of the spring lies",
+            )
+        stages[stage.name] = above = stage
+    for number, item in enumerate(design.perturbation, 1):
+        found += _check_perturbation(design, item, f"perturbation.{number}")
+    return [*found, *_check_tolerance(design), *_check_noise(design)]
+
+
+def _check_surroundings(design: Design) -> Iterator[ImplausibleNumber]:
+    g = design.constants.gravity
+    if not GRAVITY[0] <= g <= GRAVITY[1]:
+        hint = (
+            suggest_unit(
+                g, lambda v: GRAVITY[0] <= v <= GRAVITY[1], (("cm/s^2", 1e-2), ("mm/s^2", 1e-3))
+            )
+            or "give it in m/s^2: 9.81 on Earth"
+        )
+        low, high = GRAVITY
+        problem = f"is outside {low:g} to {high:g} m/s^2, of small moons to giant planets"
+        yield ImplausibleNumber(Fault("constants.gravity", problem, hint, format_value(g)))
+
+
+def _check_material(material: Material, path: str) -> Iterator[ImplausibleNumber]:
+    """Check the values that a design itself gives a material."""
+    modulus, density, strength = (
+        material.youngs_modulus,
+        material.density,
+        material.tensile_strength,
+    )
+
+    def stiff(value: float) -> bool:
+        return SOFTEST <= value <= STIFFEST
+
+    if modulus is not None and not stiff(modulus):
+        hint = (
+            suggest_unit(modulus, stiff, (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)))
+            or "give it in Pa: 2e11 for steel"
+        )
+        yield ImplausibleNumber(
+            Fault(
+                f"{path}.youngs_modulus",
+                f"is outside {SOFTEST:g} Pa (rubber) to {STIFFEST:g} Pa (diamond)",
+                hint,
+                format_value(modulus),
+            ),
+            serious=True,
+        )
+    if density is not None:
+        yield from _check_given_density(density, f"{path}.density")
+    if material.thermal_expansion is not None and abs(material.thermal_expansion) > EXPANSION:
+        hint = (
+            suggest_unit(
+                abs(material.thermal_expansion), lambda v: v <= EXPANSION, (("1e-6 1/K", 1e-6),)
+            )
+            or "give it in 1/K: 1.2e-5 for steel"
+        )
+        yield ImplausibleNumber(
+            Fault(
+                f"{path}.thermal_expansion",
+                f"is more than {EXPANSION:g} 1/K, twice that of any solid",
+                hint,
+                format_value(material.thermal_expansion),
+            )
+        )
+    if (
+        strength is not None
+        and modulus is not None
+        and stiff(modulus)
+        and strength > IDEAL * modulus
+    ):
+        problem = f"is more than {IDEAL:g} times Young's modulus, which no material bears"
+        yield ImplausibleNumber(
+            Fault(
+                f"{path}.tensile_strength",
+                problem,
+                "give it in Pa: 2e9 for strong steel",
+                format_value(strength),
+            )
+        )
+
+
+def _check_given_density(density: float, key: str) -> Iterator[ImplausibleNumber]:
+    if density > OSMIUM:
+        hint = (
+            suggest_unit(density, lambda v: FOAM <= v <= OSMIUM, (("g/m^3", 1e-3),))
+            or "give it in kg/m^3"
+        )
+        yield ImplausibleNumber(
+            Fault(key, f"is denser than osmium ({OSMIUM:g} kg/m^3)", hint, format_value(density)),
+            serious=True,
+        )
+    elif density < FOAM:
+        hint = (
+            suggest_unit(density, lambda v: FOAM <= v <= OSMIUM, (("g/cm^3", 1e3),))
+            or "give it in kg/m^3"
+        )
+        yield ImplausibleNumber(
+            Fault(key, f"is less dense than foam ({FOAM:g} kg/m^3)", hint, format_value(density)),
+            serious=True,
+        )
+
+
+def _check_body(body: Body, path: str) -> Iterator[ImplausibleNumber]:
+    sizes = {
+        "radius": body.radius,
+        "inner_radius": body.inner_radius,
+        "length": body.length,
+        "size": None if body.size is None else max(body.size),
+    }
+    for key, size in sizes.items():
+        if size is not None and size > LARGEST:
+            hint = suggest_unit(size, lambda v: v <= LARGEST)
+            yield ImplausibleNumber(
+                Fault(
+                    f"{path}.{key}",
+                    f"is larger than any suspended body ({LARGEST:g} m)",
+                    hint,
+                    format_value(getattr(body, key)),
+                ),
+                serious=True,
+            )
+    if body.density is not None:
+        yield from _check_given_density(body.density, f"{path}.density")
+    elif body.shape is not None:
+        yield from _check_mean_density(body, path)
+    if body.inertia is not None:
+        yield from _check_inertia(body, path)
+
+
+def _is_plausible(density: float) -> bool:
+    return AIR <= density <= OSMIUM
+
+
+def _check_mean_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
+    """Check the mean density, mass over volume."""
+    density = body_mass(body) / volume(body)
+    if _is_plausible(density):
+        return
+    if density > OSMIUM:
+        problem, units = (
+            f"makes the body denser ({density:.3g} kg/m^3) than osmium ({OSMIUM:g})",
+            (("g", 1e-3), ("mg", 1e-6)),
+        )
+    else:
+        problem, units = (
+            f"makes the body less dense ({density:.3g} kg/m^3) than air ({AIR:g}), for its shape",
+            (("mm for the sizes", 1e9), ("mm", 1e6), ("mm", 1e3)),
+        )
+    hint = suggest_unit(density, lambda v: 100 <= v <= OSMIUM, units) or suggest_unit(
+        density, _is_plausible, units
+    )
+    yield ImplausibleNumber(
+        Fault(
+            f"{path}.mass",
+            problem,
+            hint or "check mass (kg) and sizes (m)",
+            format_value(body.mass),
+        ),
+        serious=True,
+    )
+
+
+def second_moments(body: Body) -> tuple[float, float, float]:
+    """Integrate x^2, y^2 and z^2 over the mass of a body, kg m^2: (I_y + I_z - I_x)/2 and so on."""
+    rows = body_inertia(body)
+    moments = [rows[n][n] for n in range(3)]
+    x, y, z = (sum(moments) / 2 - moment for moment in moments)
+    return x, y, z
+
+
+def _check_inertia(body: Body, path: str) -> Iterator[ImplausibleNumber]:
+    mass, moments = body_mass(body), second_moments(body)
+    largest = max(moments)
+    if min(moments) < -1e-6 * largest:
+        problem = "one moment exceeds the sum of the other two, impossible for a rigid body"
+        hint = (
+            suggest_unit(1.0, lambda v: _is_possible(body, v), MOMENTS)
+            or "check the three moments, in kg m^2"
+        )
+        yield ImplausibleNumber(
+            Fault(f"{path}.inertia", problem, hint, format_value(body.inertia)), serious=True
+        )
+        return
+    if min(moments) <= 1e-6 * largest:  # modelled as a plate or rod without thickness
+        return
+    # 5 S / m are the squares of the half axes of the ellipsoid, the most compact body with these
+    # moments
+    density = mass / (
+        4 * math.pi / 3 * math.sqrt(math.prod(5 * moment / mass for moment in moments))
+    )
+    if _is_plausible(density):
+        return
+    units = (
+        sorted(MOMENTS, key=lambda unit: abs(math.log(density * unit[1] ** -1.5 / USUAL)))
+        if density < AIR
+        else []
+    )
+    hint = suggest_unit(1.0, lambda v: 100 <= density * v**-1.5 <= OSMIUM, tuple(units))
+    if not hint and density > OSMIUM and 100 <= density * 1e-3**2.5 <= OSMIUM:
+        hint = f"did you mean g for the mass {mass:g}?"
+    word = (
+        f"denser than osmium ({OSMIUM:g})" if density > OSMIUM else f"less dense than air ({AIR:g})"
+    )
+    problem = f"a body of {mass:g} kg with these moments has {density:.3g} kg/m^3, {word}"
+    yield ImplausibleNumber(
+        Fault(
+            f"{path}.inertia",
+            problem,
+            hint or "check mass (kg) and inertia (kg m^2)",
+            format_value(body.inertia),
+        ),
+        serious=density > OSMIUM or density < AIR / ABSURD,
+    )
+
+
+def _is_possible(body: Body, factor: float) -> bool:
+    """Whether a body's moments would be possible with the largest multiplied by a factor."""
+    rows = body_inertia(body)
+    *small, large = sorted(rows[n][n] for n in range(3))
+    return max(*small, factor * large) <= (sum(small) + factor * large) / 2
+
+
+def half_sides(body: Body) -> tuple[float, float, float]:
+    """Compute half the extent of a body along x, y and z, m.
+
+    Without a given shape, that of the homogeneous box of the same inertia.
+    """
+    if body.shape == "box":
+        assert body.size is not None
+        x, y, z = (side / 2 for side in body.size)
+        return x, y, z
+    if body.shape == "cylinder":
+        assert body.radius is not None and body.length is not None
+        halves = [body.radius] * 3
+        halves["xyz".index(body.axis or "x")] = body.length / 2
+        return halves[0], halves[1], halves[2]
+    mass = body_mass(body)
+    x, y, z = (math.sqrt(3 * max(moment, 0.0) / mass) for moment in second_moments(body))
+    return x, y, z
+
+
+def reach(body: Body) -> tuple[float, float, float]:
+    """Compute the largest plausible distances of wire ends from a COM along x, y and z, m."""
+    halves = half_sides(body)
+    x, y, z = (
+        (1.0 if body.shape is not None else INFERRED) * half + BEYOND * max(halves)
+        for half in halves
+    )
+    return x, y, z
+
+
+def _check_point(
+    body: Body, point: tuple[float, float, float], keys: tuple[str, ...], what: str
+) -> Iterator[ImplausibleNumber]:
+    """Check a point of a body; report the coordinate that lies furthest outside it."""
+    far = [abs(value) / limit for value, limit in zip(point, reach(body), strict=True)]
+    worst = far.index(max(far))
+    if far[worst] <= 1:
+        return
+    limit = reach(body)[worst]
+    axis = "xyz"[worst]
+    half = half_sides(body)[worst]
+    known = (
+        f"whose half along {axis} is {half:.3g} m"
+        if body.shape is not None
+        else f"whose half along {axis} is about {half:.2g} m by its inertia"
+    )
+    problem = f"{what} {abs(point[worst]):.3g} m from the COM, far outside the body ({known})"
+    hint = (
+        suggest_unit(abs(point[worst]), lambda v: v <= limit)
+        or "check it, and the size of the body, in m"
+    )
+    yield ImplausibleNumber(
+        Fault(keys[worst], problem, hint, format_value(point[worst])), serious=far[worst] > ABSURD
+    )
+
+
+def _check_wires(stage: Stage, above: Stage | None, path: str) -> Iterator[ImplausibleNumber]:
+    if stage.wires is not None:
+        wires, shape = stage.wires, set_geometry(stage.wires)
+        key = f"{path}.wires"
+        side = ("s_lower", "s_upper") if wires.s is None else ("s", "s")
+        yield from _check_length(shape.length, f"{key}.l")
+        yield from _check_thickness(wires, shape.length, key)
+        yield from _check_point(
+            stage.body,
+            (shape.s_lower, shape.t2, shape.d),
+            (f"{key}.{side[0]}", f"{key}.t2", f"{key}.d"),
+            "lower ends of wires lie",
+        )
+        if above is not None:
+            ends = (shape.s_upper, shape.t1, shape.d_upper)
+            yield from _check_point(
+                above.body,
+                ends,
+                (f"{key}.{side[1]}", f"{key}.t1", f"{key}.d_upper"),
+                f"upper ends of wires lie, on {above.name},",
+            )
+    for number, wire in enumerate(stage.wire, 1):
+        key = f"{path}.wire.{number}"
+        length = math.hypot(
+            *(p + q - u for p, q, u in zip(com_offset(stage), wire.lower, wire.upper, strict=True))
+        )
+        yield from _check_length(length, key)
+        yield from _check_thickness(wire, length, key)
+        yield from _check_point(stage.body, wire.lower, (f"{key}.lower",) * 3, "the lower end lies")
+        if above is not None:
+            yield from _check_point(
+                above.body,
+                wire.upper,
+                (f"{key}.upper",) * 3,
+                f"the upper end lies, on {above.name},",
+            )
+
+
+def _check_length(length: float, key: str) -> Iterator[ImplausibleNumber]:
+    if length > LONGEST_WIRE:
+        hint = suggest_unit(length, lambda v: v <= LONGEST_WIRE) or "give lengths in m"
+        problem = f"is longer than any suspension ({LONGEST_WIRE:g} m)"
+        yield ImplausibleNumber(Fault(key, problem, hint, f"{length:g}"), serious=True)
+
+
+def _check_thickness(wire: WireSet | Wire, length: float, key: str) -> Iterator[ImplausibleNumber]:
+    """Check that a wire and its sections are thinner than a tenth of the wire's length."""
+    tables = (
+        [(key, wire)]
+        if wire.sections is None
+        else [(f"{key}.sections.{n}", piece) for n, piece in enumerate(wire.sections, 1)]
+    )
+    for path, table in tables:
+        sizes: dict[str, float] = {}
+        if table.radius is not None:
+            sizes["radius"] = 2 * (
+                max(table.radius) if isinstance(table.radius, list) else table.radius
+            )
+        if table.section is not None:
+            sizes |= {
+                "section.width": table.section.width,
+                "section.thickness": table.section.thickness,
+            }
+        for name, size in sizes.items():
+            if size > THICK * length:
+                hint = suggest_unit(size, lambda v: v <= THICK * length) or "give it in m"
+                problem = (
+                    f"the wire is {size:.3g} m thick, more than a tenth of its length of"
+                    f" {length:.3g} m"
+                )
+                yield ImplausibleNumber(
+                    Fault(
+                        f"{path}.{name}",
+                        problem,
+                        hint,
+                        format_value(size / 2 if name == "radius" else size),
+                    ),
+                    serious=True,
+                )
+                break
+
+
+def _check_blades(stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
+    if stage.blades is not None:
+        yield from _check_blade(stage.blades, stage, f"{path}.blades")
+    for blade in stage.blade:
+        yield from _check_blade(blade, stage, f"{path}.blade.{blade.name}")
+
+
+def _check_blade(blade: BladeSet | Blade, stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
+    shape, mass = blade.geometry, body_mass(stage.body)
+    if shape is not None:
+        key = f"{path}.geometry"
+        if shape.length > LARGEST:
+            hint = suggest_unit(shape.length, lambda v: v <= LARGEST)
+            yield ImplausibleNumber(
+                Fault(
+                    f"{key}.length",
+                    f"is longer than any blade ({LARGEST:g} m)",
+                    hint,
+                    format_value(shape.length),
+                ),
+                serious=True,
+            )
+        for name, limit, word in (
+            ("thickness", THICK * shape.length, "a tenth of "),
+            ("base_width", shape.length, ""),
+        ):
+            value = getattr(shape, name)
+            if value > limit:
+                problem = f"is more than {word}the blade's length of {shape.length:g} m"
+                hint = suggest_unit(value, lambda v, limit=limit: v <= limit) or "give it in m"
+                yield ImplausibleNumber(
+                    Fault(f"{key}.{name}", problem, hint, format_value(value)),
+                    serious=value > ABSURD * limit,
+                )
+    if blade.thickness is not None and blade.thickness > 0.1:
+        yield ImplausibleNumber(
+            Fault(
+                f"{path}.thickness",
+                "is thicker than any blade (0.1 m)",
+                suggest_unit(blade.thickness, lambda v: v <= 0.1),
+                format_value(blade.thickness),
+            )
+        )
+    f = blade.uncoupled_frequency
+    if f is not None and f > BLADE_FREQUENCY:
+        hint = suggest_unit(f, lambda v: v <= BLADE_FREQUENCY, (("mHz", 1e-3),)) or "give it in Hz"
+        yield ImplausibleNumber(
+            Fault(
+                f"{path}.uncoupled_frequency",
+                f"blades above {BLADE_FREQUENCY:g} Hz do not isolate",
+                hint,
+                format_value(f),
+            )
+        )
+    if blade.tip_mass > mass:
+        hint = suggest_unit(blade.tip_mass, lambda v: v <= mass, (("g", 1e-3),)) or "give it in kg"
+        yield ImplausibleNumber(
+            Fault(
+                f"{path}.tip_mass",
+                f"is more than the mass of the stage itself ({mass:g} kg)",
+                hint,
+                format_value(blade.tip_mass),
+            )
+        )
+
+
+def _length_of_wires(stage: Stage) -> float:
+    """Longest nominal wire of a stage, m; 0 if it has none."""
+    if stage.wires is not None:
+        return stage.wires.l
+    spans = (
+        math.hypot(
+            *(p + q - u for p, q, u in zip(com_offset(stage), wire.lower, wire.upper, strict=True))
+        )
+        for wire in stage.wire
+    )
+    return max(spans, default=0.0)
+
+
+def _check_perturbation(
+    design: Design, item: Perturbation, path: str
+) -> Iterator[ImplausibleNumber]:
+    name = item.body or (item.wire or "").rsplit(".", 1)[0]
+    stage = next(stage for stage in design.stage if stage.name == name)
+    for row in imperfections.perturbed("wire" if item.body is None else "body"):
+        value = getattr(item, row.name)
+        if value is not None and not row.relative:
+            size = max(map(abs, value)) if row.vector else abs(value)
+            yield from _check_imperfection(row, size, stage, f"{path}.{row.name}", value)
+
+
+def _check_imperfection(
+    row: Imperfection, size: float, stage: Stage, key: str, value: object
+) -> Iterator[ImplausibleNumber]:
+    """Check the size (in SI units) of an imperfection."""
+    if row.unit == "rad":
+        most, hint = LARGE_TURN, "give it in rad"
+        units = (("degrees", math.pi / 180), ("mrad", 1e-3))
+        problem = f"an error of {size:g} rad is {math.degrees(size):.3g} degrees"
+    else:
+        most = (
+            LARGE_SHIFT * _length_of_wires(stage)
+            if row.part == "wire"
+            else BEYOND * max(half_sides(stage.body))
+        )
+        units, hint = MILLIMETRES, "give it in m"
+        problem = f"an error of {size:g} m is more than {most:.2g} m, larger than in any real build"
+    if size > most > 0:
+        hint = suggest_unit(size, lambda v: v <= most, units) or hint
+        yield ImplausibleNumber(Fault(key, problem, hint, format_value(value)))
+
+
+def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
+    """Check the spreads of `[tolerance]`."""
+    stages = {stage.name: stage for stage in design.stage}
+    rows = [
+        (row, item, f"tolerance.{part}.{n}.{row.spread}")
+        for part in ("wire", "body", "blade")
+        for n, item in enumerate(getattr(design.tolerance, part, ()), 1)
+        for row in imperfections.scattered(part)
+    ]
+    for row, item, key in rows:
+        spread = getattr(item, row.spread)
+        if spread is None:
+            continue
+        stage = stages[item.stage or item.wire.rsplit(".", 1)[0]]
+        size = spread.normal or spread.uniform or 0.0
+        if not row.relative:
+            yield from _check_imperfection(row, size, stage, key, size)
+        elif size > LARGE_FRACTION:
+            hint = (
+                suggest_unit(size, lambda v: v <= LARGE_FRACTION, (("%", 1e-2),))
+                or "give it as a fraction of the nominal value"
+            )
+            problem = f"is a fraction, and no build scatters by {100 * size:g} %"
+            yield ImplausibleNumber(Fault(key, problem, hint, format_value(size)))
+
+
+def _check_noise(design: Design) -> Iterator[ImplausibleNumber]:
+    for loop in design.control.loop if design.control is not None else ():
+        if loop.sensor_noise > SENSOR_NOISE:
+            hint = (
+                suggest_unit(
+                    loop.sensor_noise, lambda v: v <= SENSOR_NOISE, (("nm/sqrt(Hz)", 1e-9),)
+                )
+                or "give it in m/sqrt(Hz) or rad/sqrt(Hz)"
+            )
+            yield ImplausibleNumber(
+                Fault(
+                    f"control.loop.{loop.name}.sensor_noise",
+                    f"is more than that of any sensor ({SENSOR_NOISE:g})",
+                    hint,
+                    format_value(loop.sensor_noise),
+                )
+            )

@@ -1,0 +1,205 @@
+"""Checks of the tables of wires, blades and materials beyond single values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+
+from suspension_cli.design import materials
+from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
+from suspension_cli.design.faults import suggest
+from suspension_cli.design.schema import Design, Material
+from suspension_cli.design.wires import Blade, BladeSet, Clamp, Wire, WireSection, WireSet
+from suspension_cli.errors import Fault, format_value
+
+CLAMP_ANGLE = 0.5
+"""Largest angle of a clamp to the nominal wire, rad: the beam model assumes small slopes."""
+SPAN = 1e-6
+"""Largest relative difference of a wire's length and the sum of its sections."""
+
+
+def check_losses(material: Material, path: str) -> Iterator[Fault]:
+    """Check the losses of one `[materials.NAME]` table."""
+    loss = material.loss
+    if loss is None:
+        return
+    if loss.angle is not None and material.loss_angle is not None:
+        yield Fault(
+            f"{path}.loss.angle",
+            "conflicts with loss_angle, which is short for it",
+            "keep one of the two",
+            format_value(loss.angle),
+        )
+    if loss.table is None:
+        return
+    if material.loss_angle is not None or loss.angle is not None:
+        yield Fault(
+            f"{path}.loss.table", "conflicts with a constant loss angle", "keep one of the two"
+        )
+    frequency, angle = loss.table.frequency, loss.table.angle
+    if len(frequency) != len(angle):
+        yield Fault(
+            f"{path}.loss.table.angle",
+            f"{len(angle)} loss angles for {len(frequency)} frequencies",
+            "give one for each frequency",
+        )
+    if any(after <= before for before, after in pairwise(frequency)):
+        yield Fault(
+            f"{path}.loss.table.frequency",
+            "is not in ascending order",
+            "sort the table by frequency",
+            format_value(frequency),
+        )
+
+
+def check_material(design: Design, name: str, key: str) -> Iterator[Fault]:
+    """Check that a material that is used is known."""
+    if name not in materials.known(design):
+        yield Fault(
+            key,
+            "unknown material",
+            suggest(name, materials.known(design)) + " or define it as [materials.NAME]",
+            format_value(name),
+        )
+
+
+def check_wire(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
+    """Check the composition of a wire: k, or material and cross-section, or sections."""
+    if wire.material is not None:
+        yield from check_material(design, wire.material, f"{path}.material")
+    if wire.sections is not None:
+        yield from _check_sections(design, wire, path)
+        return
+    if wire.radius is not None and wire.section is not None:
+        yield Fault(
+            f"{path}.radius",
+            "conflicts with a section",
+            "give radius for a round wire or section for a ribbon",
+            format_value(wire.radius),
+        )
+    if wire.k is None:
+        if wire.material is None:
+            yield Fault(f"{path}.material", "missing", "name a material, or give k in N/m")
+        if wire.radius is None and wire.section is None:
+            yield Fault(
+                f"{path}.radius", "missing", "give the wire's radius in m, or section, or k in N/m"
+            )
+
+
+def _check_sections(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
+    for key in ("radius", "section"):
+        if getattr(wire, key) is not None:
+            yield Fault(f"{path}.{key}", "conflicts with sections", "give it in the sections alone")
+    assert wire.sections is not None
+    for number, piece in enumerate(wire.sections, 1):
+        yield from _check_section(design, wire, piece, f"{path}.sections.{number}")
+    open_ended = [number for number, piece in enumerate(wire.sections, 1) if piece.length is None]
+    for number in open_ended[1:]:
+        yield Fault(
+            f"{path}.sections.{number}.length",
+            "missing",
+            f"give it in m; section {open_ended[0]} takes the rest already",
+        )
+
+
+def _check_section(
+    design: Design, wire: WireSet | Wire, piece: WireSection, path: str
+) -> Iterator[Fault]:
+    given = {"radius": piece.radius, "section": piece.section}
+    yield from check_exactly_one(
+        path, given, "radius (one, or [upper, lower] of a taper) or section { width, thickness }"
+    )
+    if piece.material is not None:
+        yield from check_material(design, piece.material, f"{path}.material")
+    elif wire.material is None and wire.k is None:
+        yield Fault(f"{path}.material", "missing", "name a material here or for the whole wire")
+    if piece.steps is not None and not isinstance(piece.radius, list):
+        yield Fault(
+            f"{path}.steps",
+            "goes with a taper",
+            "give radius = [upper, lower], or remove it",
+            format_value(piece.steps),
+        )
+
+
+def check_span(
+    wire: WireSet | Wire, span: tuple[float, float, float], path: str
+) -> Iterator[Fault]:
+    """Check sections and clamps against the nominal wire (of a set, the first) along `span`, m."""
+    length = math.hypot(*span)
+    if wire.sections is not None:
+        given = sum(piece.length or 0.0 for piece in wire.sections)
+        if any(piece.length is None for piece in wire.sections):
+            if given >= length * (1 - SPAN):
+                yield Fault(
+                    f"{path}.sections",
+                    f"take {given:.9g} m of {length:.9g} m and leave nothing for the open one",
+                    "give shorter sections, or all lengths",
+                )
+        elif abs(given - length) > SPAN * length:
+            yield Fault(
+                f"{path}.sections",
+                f"sum to {given:.9g} m, but the wire is {length:.9g} m long",
+                "leave out one length, that section takes the rest",
+            )
+    if isinstance(wire.clamp, Clamp):
+        for end in ("upper", "lower"):
+            if getattr(wire.clamp, end) is not None:
+                yield from _check_direction(getattr(wire.clamp, end), span, f"{path}.clamp.{end}")
+
+
+def _check_direction(
+    given: tuple[float, float, float], span: tuple[float, float, float], key: str
+) -> Iterator[Fault]:
+    size, length = math.hypot(*given), math.hypot(*span)
+    if not size > 0:
+        yield Fault(key, "has no direction", "give x, y, z, not all zero", format_value(given))
+        return
+    cosine = sum(a / size * b / length for a, b in zip(given, span, strict=True))
+    if cosine < math.cos(CLAMP_ANGLE):
+        angle = math.acos(max(-1.0, cosine))
+        remedy = (
+            f"give it from the upper towards the lower end, within {CLAMP_ANGLE} rad of the wire"
+        )
+        yield Fault(
+            key, f"makes an angle of {angle:.3g} rad with the wire", remedy, format_value(given)
+        )
+
+
+def check_blade(design: Design, blade: BladeSet | Blade, path: str) -> Iterator[Fault]:
+    """Check one blade, or a set of equal ones."""
+    ways = {
+        "stiffness": blade.stiffness,
+        "uncoupled_frequency": blade.uncoupled_frequency,
+        "geometry": blade.geometry,
+    }
+    yield from check_exactly_one(
+        path, ways, "stiffness in N/m, uncoupled_frequency in Hz or geometry"
+    )
+    if blade.geometry is not None:
+        yield from check_material(design, blade.geometry.material, f"{path}.geometry.material")
+        for key in ("material", "thickness"):
+            if getattr(blade, key) is not None:
+                yield Fault(
+                    f"{path}.{key}",
+                    "conflicts with a geometry",
+                    "give it there alone",
+                    format_value(getattr(blade, key)),
+                )
+    elif blade.material is not None:
+        yield from check_material(design, blade.material, f"{path}.material")
+    elif blade.thickness is not None:
+        yield Fault(
+            f"{path}.thickness",
+            "has no effect without a material",
+            "name the material too",
+            format_value(blade.thickness),
+        )
+    if 0 < blade.tip_mass < LEAST_MASS:
+        yield Fault(
+            f"{path}.tip_mass",
+            "is too small for its motion to be computed",
+            f"give 0, or at least {LEAST_MASS:g} kg",
+            format_value(blade.tip_mass),
+        )

@@ -1,0 +1,1 @@
+"""House style of pictures, and drawings of suspensions."""

@@ -1,0 +1,101 @@
+"""Canvas that collects shapes and draws them as a few collections, not thousands of artists."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from suspension_cli.drawing import style
+from suspension_cli.scene.scene import Array
+
+
+class _Polygon(NamedTuple):
+    points: Array
+    face: Any
+    edge: Any
+    width: float
+
+
+class _Line(NamedTuple):
+    points: Array
+    colour: Any
+    width: float
+    dashes: Any
+
+
+class Canvas:
+    """Shapes collected for one pair of axes.
+
+    Parameters
+    ----------
+    axes : Axes
+        Their limits and scale are set by the caller.
+
+    Examples
+    --------
+    ``canvas = sheet(figure); canvas.line([[0, 0], [1, 1]], "black", 0.5, 1); canvas.flush()``
+    """
+
+    def __init__(self, axes: Axes) -> None:
+        self.axes = axes
+        self._polygons: dict[float, list[_Polygon]] = defaultdict(list)
+        self._lines: dict[float, list[_Line]] = defaultdict(list)
+
+    def polygon(self, points: Any, face: Any, edge: Any, width: float, order: float) -> None:
+        """Add a filled polygon (p, 2), its edge of a width in points; a larger order lies above."""
+        self._polygons[order].append(_Polygon(np.asarray(points), face, edge, width))
+
+    def line(
+        self, points: Any, colour: Any, width: float, order: float, dashes: Any = "solid"
+    ) -> None:
+        """Add a line (p, 2) of a width in points."""
+        self._lines[order].append(_Line(np.asarray(points), colour, width, dashes))
+
+    def text(self, x: float, y: float, text: str, **keywords: Any) -> None:
+        """Draw text at a point of the axes, not clipped by them."""
+        self.axes.text(x, y, text, zorder=9, **keywords)
+
+    def flush(self) -> None:
+        """Draw all shapes collected so far."""
+        for order, polygons in self._polygons.items():
+            verts, faces, edges, widths = zip(*polygons, strict=True)
+            self.axes.add_collection(
+                PolyCollection(
+                    verts,
+                    facecolors=faces,
+                    edgecolors=edges,
+                    linewidths=widths,
+                    zorder=order,
+                    clip_on=False,
+                ),
+                autolim=False,
+            )
+        for order, lines in self._lines.items():
+            segments, colours, line_widths, dashes = zip(*lines, strict=True)
+            collection = LineCollection(
+                segments,
+                colors=colours,
+                linewidths=line_widths,
+                linestyles=list(dashes),
+                zorder=order,
+                clip_on=False,
+            )
+            collection.set_capstyle("butt" if any(dash != "solid" for dash in dashes) else "round")
+            self.axes.add_collection(collection, autolim=False)
+        self._polygons.clear()
+        self._lines.clear()
+
+
+def full_canvas(figure: Figure) -> Canvas:
+    """Make a canvas as large as a figure, in inches from its lower left corner."""
+    width, height = figure.get_size_inches()
+    axes = style.add_axes(figure, 0, 0, width, height)
+    axes.set_xlim(0, width)
+    axes.set_ylim(0, height)
+    axes.set_axis_off()
+    return Canvas(axes)

@@ -1,0 +1,151 @@
+"""Dimension lines, leaders and other marks of technical drawing, on a canvas in inches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from suspension_cli.drawing.canvas import Canvas
+from suspension_cli.drawing.style import NOTE
+from suspension_cli.scene.scene import Array
+
+SIZE = 6.8
+"""Font size of dimensions, points."""
+HEAD = 0.075
+"""Length of an arrowhead, in."""
+THIN = 0.5
+"""Width of a dimension line, points."""
+LETTER = 0.60 * SIZE / 72
+"""Approximate width of a character, in."""
+BLANK = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+"""Box behind a text, which hides what lies below."""
+ORDER = 7.0
+"""Order of dimensions on the canvas: above everything else."""
+
+
+def width_of(text: str) -> float:
+    """Approximate width of a text in inches, without the control characters of mathtext."""
+    return LETTER * len("".join(sign for sign in text if sign not in "$_{}\\"))
+
+
+def draw_arrow(canvas: Canvas, tail: Array, tip: Array) -> None:
+    """Draw a line with a filled head at its tip."""
+    along = (tip - tail) / max(float(np.linalg.norm(tip - tail)), 1e-12)
+    across = np.array([-along[1], along[0]])
+    canvas.line([tail, tip - 0.5 * HEAD * along], NOTE, THIN, ORDER)
+    canvas.polygon(
+        [tip, tip - HEAD * along + 0.17 * HEAD * across, tip - HEAD * along - 0.17 * HEAD * across],
+        NOTE,
+        "none",
+        0.0,
+        ORDER,
+    )
+
+
+def draw_extension(canvas: Canvas, start: Any, end: Any) -> None:
+    """Draw a thin line from the object to a little beyond its dimension line."""
+    start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    span = float(np.linalg.norm(end - start))
+    if span > 1e-9:
+        canvas.line([start, end + 0.04 * (end - start) / span], NOTE, 0.35, ORDER - 0.1)
+
+
+def draw_dimension(canvas: Canvas, a: Any, b: Any, text: str, clear: float = 0.0) -> None:
+    """Draw a dimension line from a to b with its text.
+
+    The text is in the middle, along the line, if there is room; else beyond b and horizontal. If
+    there is no room for arrows either, they come from outside.
+
+    Parameters
+    ----------
+    canvas : Canvas
+    a, b : (2,) arrays
+        The ends, in.
+    text : str
+    clear : float
+        Position, relative to b, in, at which something else crosses the line: text outside stays
+        beyond it, text inside before it.
+    """
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    span = float(np.linalg.norm(b - a))
+    along = (b - a) / span if span > 0 else np.array([1.0, 0.0])
+    middle = (a + b) / 2
+    if span > 2.6 * HEAD:
+        draw_arrow(canvas, middle, a)
+        draw_arrow(canvas, middle, b)
+    else:
+        canvas.line([a, b], NOTE, THIN, ORDER)
+        draw_arrow(canvas, a - 2.2 * HEAD * along, a)
+        draw_arrow(canvas, b + 2.2 * HEAD * along, b)
+    if not text:
+        return
+    inside = span + min(clear, 0.0)
+    if inside > width_of(text) + 3 * HEAD:
+        angle = float(np.degrees(np.arctan2(along[1], along[0])))
+        angle = angle - 180 if angle > 90 else angle + 180 if angle <= -90 else angle
+        write_note(canvas, a + inside / 2 * along, text, rotation=angle)
+        return
+    beyond = b + (max(clear, 0.0 if span > 2.6 * HEAD else 2.2 * HEAD) + 0.05) * along
+    if abs(along[0]) > 0.5:
+        across, up = "left" if along[0] > 0 else "right", "center"
+    else:
+        across, up = "center", "bottom" if along[1] > 0 else "top"
+    canvas.text(
+        float(beyond[0]),
+        float(beyond[1]),
+        text,
+        fontsize=SIZE,
+        color=NOTE,
+        ha=across,
+        va=up,
+        bbox=BLANK,
+    )
+
+
+def write_note(canvas: Canvas, where: Any, text: str, rotation: float = 0.0) -> None:
+    """Write text centred on a point, hiding what lies below it."""
+    canvas.text(
+        float(where[0]),
+        float(where[1]),
+        text,
+        fontsize=SIZE,
+        color=NOTE,
+        ha="center",
+        va="center",
+        rotation=rotation,
+        bbox=BLANK,
+    )
+
+
+def draw_leader(canvas: Canvas, x: float, y: float, target: Any, text: str) -> None:
+    """Write text that ends at x, with a thin line from there to a dot at the target."""
+    target = np.asarray(target, dtype=float)
+    knee = np.array([x + 0.10, y])
+    canvas.line([[x + 0.02, y], knee, target], NOTE, 0.4, ORDER - 0.1)
+    draw_dot(canvas, target)
+    canvas.text(x, y, text, fontsize=SIZE, color=NOTE, ha="right", va="center")
+
+
+def draw_dot(canvas: Canvas, where: Array, colour: str = NOTE) -> None:
+    """Draw a small dot."""
+    angle = np.linspace(0, 2 * np.pi, 13)
+    canvas.polygon(
+        where + 0.016 * np.column_stack([np.cos(angle), np.sin(angle)]), colour, "none", 0.0, ORDER
+    )
+
+
+def spread(wanted: list[float], gap: float) -> list[float]:
+    """Positions nearest to the wanted ones (least squares), in their order, at least a gap apart.
+
+    With n gaps subtracted from the n-th position, the n-th must not be below those before it: an
+    isotonic regression.
+    """
+    if not wanted:
+        return []
+    order = np.argsort(wanted, kind="stable")
+    offset = gap * np.arange(len(wanted))
+    result = np.empty(len(wanted))
+    result[order] = isotonic_regression(np.array(wanted)[order] - offset).x + offset
+    return result.tolist()

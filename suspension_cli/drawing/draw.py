@@ -1,0 +1,226 @@
+"""Drawing of a design to scale, side on and face on, with its dimensions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from suspension_cli.design.schema import Design
+from suspension_cli.drawing import annotate, parts, style, tables
+from suspension_cli.drawing.annotate import Plan
+from suspension_cli.drawing.bodies import outlines
+from suspension_cli.drawing.canvas import Canvas, full_canvas
+from suspension_cli.drawing.geometry import FACE, SIDE, View
+from suspension_cli.drawing.parts import Look, Sketch
+from suspension_cli.drawing.style import INK, NOTE, PALETTE
+from suspension_cli.scene.pose import nominal_pose
+from suspension_cli.scene.scene import Array, Scene
+
+MARGIN = 0.25
+"""Margin around everything, in."""
+TOP = 0.95
+"""Height of the heading and the names of the views, in."""
+SCALE = 0.62
+"""Width of the axis of heights, in."""
+LEADERS = 1.0
+"""Width of the texts left of the side view, in."""
+LENGTHS = 0.45
+"""Width of the lengths of wires left of the face view, in."""
+RIGHT = 1.45
+"""Width of the dimensions right of the face view, in."""
+FOOT = 0.62
+"""Height of the horizontal axes, in."""
+SUPPORT = 0.13
+"""Thickness of the support, in."""
+TICK = 0.42
+"""Least distance between ticks, in."""
+WIDEST = 6.0
+"""Largest width of both views together, in."""
+
+
+@dataclass(frozen=True)
+class _Bounds:
+    """Bounds of the two views in m: (low, high) along x, y and z."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    z: tuple[float, float]
+
+    @property
+    def width(self) -> float:
+        return self.x[1] - self.x[0] + self.y[1] - self.y[0]
+
+    @property
+    def height(self) -> float:
+        return self.z[1] - self.z[0]
+
+
+def draw(design: Design, scene: Scene) -> Figure:
+    """Draw a suspension to scale.
+
+    Parameters
+    ----------
+    design : Design
+    scene : Scene
+        Of the design, without batch axes.
+
+    Returns
+    -------
+    Figure
+        Side view (x-z) and face view (y-z) on one scale in metres, with names, masses and the
+        dimensions for which there is room; below them tables of the dimensions of every stage and
+        of every wire outside symmetric sets.
+    """
+    with style.house_style():
+        tallest = 3.9 + 0.6 * min(len(design.stage), 8)
+        bare = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), 0.0)
+        bounds = _bounds(bare)
+        scale = min(tallest / max(bounds.height, 1e-9), WIDEST / max(bounds.width, 1e-9))
+        sketch = replace(bare, thick=SUPPORT / scale)
+        bounds = _bounds(sketch)
+        wide = SCALE + LEADERS + _names(scene) + LENGTHS + RIGHT + scale * bounds.width
+        unstretched = [tables.stages(design, scene), tables.wires(design, scene)]
+        unstretched = [table for table in unstretched if table is not None]
+        inner = max(wide, *(table.width for table in unstretched))
+        shown = [table.stretched(inner) for table in unstretched]
+        key = tables.key(scene)
+        below = TOP + scale * bounds.height + FOOT
+        figure = style.new_figure(
+            inner + 2 * MARGIN,
+            below + sum(table.height + 0.1 for table in shown) + 0.15 * len(key) + 0.2,
+        )
+        style.write_title(figure, design.design.title, design.design.name)
+        plan = _plan(figure, sketch, bounds, scale, MARGIN + (inner - wide) / 2)
+        canvas = full_canvas(figure)
+        _views(canvas, plan)
+        _axes(figure, plan, bounds)
+        top = float(figure.get_size_inches()[1]) - below
+        for table in shown:
+            tables.write(canvas, MARGIN, top, table, _colours(scene) if table is shown[0] else ())
+            top -= table.height + 0.1
+        for line in key:
+            canvas.text(MARGIN, top, line, fontsize=6.5, color=NOTE, va="top")
+            top -= 0.15
+        canvas.flush()
+        return figure
+
+
+def _names(scene: Scene) -> float:
+    """Width of the bodies' names between the views, in."""
+    return 0.55 + 0.085 * min(max(len(name) for name in scene.bodies.name), 18)
+
+
+def _bounds(sketch: Sketch) -> _Bounds:
+    """Bounds of everything that is drawn, including the support."""
+    box = np.array(parts.support_box(sketch))
+    side = np.concatenate([sketch.points(SIDE), SIDE.see(box)])
+    face = np.concatenate([sketch.points(FACE), FACE.see(box)])
+
+    def span(values: Array) -> tuple[float, float]:
+        return float(values.min()), float(values.max())
+
+    return _Bounds(
+        span(side[:, 0]), span(face[:, 0]), span(np.concatenate([side[:, 1], face[:, 1]]))
+    )
+
+
+def _plan(figure: Figure, sketch: Sketch, bounds: _Bounds, scale: float, left: float) -> Plan:
+    """Place the views on the sheet."""
+    foot = float(figure.get_size_inches()[1]) - TOP - scale * bounds.z[1]
+    start = left + SCALE + LEADERS
+    side_end = start + scale * (bounds.x[1] - bounds.x[0])
+    face_start = side_end + _names(sketch.scene) + LENGTHS
+    return Plan(
+        sketch=sketch,
+        side=SIDE.at((start - scale * bounds.x[0], foot), scale),
+        face=FACE.at((face_start - scale * bounds.y[0], foot), scale),
+        left=start - 0.16,
+        right=face_start + scale * (bounds.y[1] - bounds.y[0]) + RIGHT - 0.2,
+        names=side_end + 0.32,
+    )
+
+
+def _colours(scene: Scene) -> tuple[str, ...]:
+    return tuple(PALETTE[n % len(PALETTE)] for n in range(len(scene.bodies.name)))
+
+
+def _views(canvas: Canvas, plan: Plan) -> None:
+    colours = _colours(plan.sketch.scene)
+    look = Look(colours, tuple(style.with_opacity(colour, 0.13) for colour in colours), INK, 0.9, 2)
+    for view in (plan.side, plan.face):
+        parts.draw_support(canvas, view, plan.sketch)
+        parts.draw_suspension(canvas, view, plan.sketch, look)
+        for n, colour in enumerate(colours, 1):
+            parts.draw_com_mark(
+                canvas, view.see(plan.sketch.scene.bodies.position[n]), 0.05, colour
+            )
+    annotate.draw_axes_of_symmetry(canvas, plan)
+    annotate.draw_dimensions(canvas, plan)
+    annotate.write_names(canvas, plan, colours)
+    annotate.write_numbers(canvas, plan)
+
+
+def _axes(figure: Figure, plan: Plan, bounds: _Bounds) -> None:
+    """Draw scales in m, heights at the left, x and y below, and the names of the views above."""
+    up = float(figure.get_size_inches()[1])
+    tops = [
+        position[2] + body.half[2]
+        for position, body in zip(
+            plan.sketch.scene.bodies.position[1:], plan.sketch.outlines, strict=True
+        )
+    ]
+    highest = max(0.0, float(max(tops)))
+    for view, (low, high), name in ((plan.side, bounds.x, "x"), (plan.face, bounds.y, "y")):
+        left, bottom = view.see(_point(view, low, bounds.z[0]))
+        right, top = view.see(_point(view, high, bounds.z[1]))
+        axes = style.add_axes(figure, left, up - top, right - left, top - bottom)
+        axes.set(xlim=(low, high), ylim=bounds.z, facecolor="none", xlabel=f"{name} (m)", zorder=-1)
+        axes.spines["bottom"].set_position(("outward", 8))
+        axes.set_xticks(*_ticks(low, high, TICK / view.scale))
+        figure.text(
+            (left + right) / 2 / figure.get_size_inches()[0],
+            (top + 0.13) / up,
+            view.name.upper(),
+            ha="center",
+            fontsize=8,
+            fontweight="bold",
+        )
+        if view is plan.side:
+            axes.spines["left"].set_bounds(bounds.z[0], highest)
+            axes.spines["left"].set_position(("outward", 72 * LEADERS))
+            axes.set_yticks(
+                *_ticks(
+                    bounds.z[0], highest, min(TICK / view.scale, 0.45 * (highest - bounds.z[0]))
+                )
+            )
+            axes.set_ylabel("z (m)")
+        else:
+            axes.spines["left"].set_visible(False)
+            axes.yaxis.set_visible(False)
+
+
+def _point(view: View, across: float, up: float) -> Array:
+    point = np.zeros(3)
+    point[1 - view.normal], point[2] = across, up
+    return point
+
+
+def _ticks(low: float, high: float, least: float) -> tuple[Array, list[str]]:
+    """Round values between two bounds, at least `least` apart, m, and their labels."""
+    step = min(value for value in _round_numbers(least) if value >= least * (1 - 1e-9))
+    values = step * np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1)
+    near = min(-low, high)
+    if len(values) < 2 and near > least / 2:
+        # no room for a label at 0 between two others
+        values = max(value for value in _round_numbers(near) if value <= near) * np.array(
+            [-1.0, 1.0]
+        )
+    return values, [f"{value + 0.0:.6g}".replace("-", "−") for value in np.round(values, 12)]
+
+
+def _round_numbers(about: float) -> list[float]:
+    """1, 2 and 5 times the powers of ten around a positive number."""
+    power = int(np.floor(np.log10(about)))
+    return [factor * 10.0**n for n in (power - 1, power, power + 1) for factor in (1, 2, 5)]

@@ -1,0 +1,204 @@
+"""Drawing of bodies, wires, blades, springs and the support on a canvas, in a view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.schema import Design
+from suspension_cli.drawing import geometry
+from suspension_cli.drawing.bodies import Outline, suspension_size
+from suspension_cli.drawing.canvas import Canvas
+from suspension_cli.drawing.geometry import View
+from suspension_cli.drawing.style import NOTE, PALE, with_opacity
+from suspension_cli.scene.pose import Pose
+from suspension_cli.scene.scene import Array, Scene
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colours and line widths of a suspension.
+
+    Attributes
+    ----------
+    edge : tuple of colours
+        Outline of each body.
+    fill : tuple of colours
+        Interior of each body.
+    line : colour
+        Wires, blades, springs.
+    width : float
+        Of a wire, points; blades (on a canvas in inches) and outlines scale with it.
+    order : float
+        Drawing order; larger is above.
+    """
+
+    edge: tuple[Any, ...]
+    fill: tuple[Any, ...]
+    line: Any
+    width: float
+    order: float
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A suspension in one pose, to be drawn in any view.
+
+    Attributes
+    ----------
+    design : Design
+    scene : Scene
+        Without batch axes.
+    outlines : list of Outline
+    pose : Pose
+    thick : float
+        Thickness of the support, m.
+    """
+
+    design: Design
+    scene: Scene
+    outlines: list[Outline]
+    pose: Pose
+    thick: float
+
+    def leaves(self) -> list[Array]:
+        """Line of each blade, see `geometry.leaves`."""
+        return geometry.leaves(self.design, self.scene, self.pose, self.outlines)
+
+    def points(self, view: View) -> Array:
+        """Points (k, 2) in a view of everything that is drawn, except the support."""
+        lines = [
+            *geometry.sections(self.scene, self.pose, self.outlines, view),
+            *self.leaves(),
+            geometry.wire_ends(self.scene, self.pose).reshape(-1, 3),
+            geometry.spring_points(self.scene, self.pose).reshape(-1, 3),
+        ]
+        return view.see(np.concatenate(lines))
+
+
+def draw_suspension(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> None:
+    """Draw all bodies, wires, blades and springs."""
+    scene, pose, outlines = sketch.scene, sketch.pose, sketch.outlines
+    shapes = [view.see(line) for line in geometry.sections(scene, pose, outlines, view)]
+    # a body behind or around another one must not hide it
+    for n in sorted(range(len(shapes)), key=lambda n: -float(np.prod(np.ptp(shapes[n], axis=0)))):
+        canvas.polygon(shapes[n], look.fill[n], look.edge[n], 1.3 * look.width, look.order)
+        bore = outlines[n].bore(view.normal)
+        if bore is not None:
+            canvas.line(
+                view.see(geometry.position_of(scene, pose, n + 1, bore)),
+                look.edge[n],
+                0.8 * look.width,
+                look.order,
+            )
+    for n, line in geometry.brackets(scene, pose, outlines):
+        canvas.line(view.see(line), look.edge[n], 2.2 * look.width, look.order + 0.1)
+    for line in geometry.wire_ends(scene, pose):
+        canvas.line(view.see(line), look.line, look.width, look.order + 0.2)
+    for leaf in sketch.leaves():
+        _leaf(canvas, view.see(leaf), look)
+    _springs(canvas, view, scene, pose, look)
+
+
+def _leaf(canvas: Canvas, line: Array, look: Look) -> None:
+    """Draw a blade, tapered from root to tip, along a line (p, 2)."""
+    canvas.line(line, look.line, 1.2 * look.width, look.order + 0.3)
+    along = np.gradient(line, axis=0)
+    norm = np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(norm, 1e-12)
+    half = np.linspace(2.0, 0.8, len(line))[:, None] * look.width / 72
+    canvas.polygon(
+        np.vstack([line + half * across, (line - half * across)[::-1]]),
+        look.line,
+        "none",
+        0.0,
+        look.order + 0.3,
+    )
+
+
+def _springs(canvas: Canvas, view: View, scene: Scene, pose: Pose, look: Look) -> None:
+    """Draw each spring as a zigzag at its point, with a dotted line to the body above."""
+    unit = 0.022 * suspension_size(scene) * view.scale
+    across = np.array([0, 0, 1, -1, 1, -1, 0, 0]) * 0.6
+    up = np.array([-1.6, -1, -0.75, -0.25, 0.25, 0.75, 1, 1.6])
+    for number, pair in enumerate(geometry.spring_points(scene, pose)):
+        body = scene.springs.upper[number]
+        held = geometry.position_of(scene, pose, body, np.zeros(3))
+        if body == 0:
+            held = np.array([*pair[0, :2], held[2]])
+        upper, lower, far = view.see(pair[0]), view.see(pair[1]), view.see(held)
+        if np.linalg.norm(far - upper) > 3 * unit:
+            canvas.line(
+                np.stack([far, upper]), look.line, 0.8 * look.width, look.order + 0.25, (0, (1, 2))
+            )
+        zigzag = (lower + upper) / 2 + unit * np.stack([across, up], axis=1)
+        if np.linalg.norm(upper - lower) > unit:
+            zigzag = np.vstack(
+                [lower, zigzag, upper] if lower[1] < upper[1] else [upper, zigzag, lower]
+            )
+        canvas.line(zigzag, look.line, 1.3 * look.width, look.order + 0.4)
+
+
+def support_points(sketch: Sketch) -> Array:
+    """Points (k, 3) of the support at which wires, roots of blades and springs are attached, m."""
+    scene, wires = sketch.scene, sketch.scene.wires
+    direct = (wires.upper == 0) & (wires.blade < 0)
+    points = [wires.upper_point[direct], np.zeros((0, 3))]
+    points += [
+        line[:1] for line, body in zip(sketch.leaves(), scene.blades.body, strict=True) if body == 0
+    ]
+    points.append(scene.springs.upper_point[scene.springs.upper == 0] * (1, 1, 0))
+    found = np.concatenate(points)
+    return found if len(found) else np.zeros((1, 3))
+
+
+def support_box(sketch: Sketch) -> tuple[Array, Array]:
+    """Opposite corners (3,), (3,) of the support in the drawing, m.
+
+    It lies above everything attached to it, or below if that stands on it; the z of the first
+    corner is the side of the attachments.
+    """
+    points = support_points(sketch)
+    low, high = points.min(0) - 2 * sketch.thick, points.max(0) + 2 * sketch.thick
+    up = -1.0 if sketch.scene.bodies.position[1:, 2].mean() > 0 else 1.0
+    gap = 1.2 * sketch.thick if (sketch.scene.blades.body == 0).any() else 0.0
+    low[2] = (up * points[:, 2]).max() * up + up * gap
+    high[2] = low[2] + up * sketch.thick
+    return low, high
+
+
+def draw_support(canvas: Canvas, view: View, sketch: Sketch) -> None:
+    """Draw the support: a hatched bar with posts to remote attachments; from above, a plate."""
+    low, high = support_box(sketch)
+    if view.normal == 2:
+        corners = [[low[0], low[1]], [low[0], high[1]], [high[0], high[1]], [high[0], low[1]]]
+        canvas.polygon(
+            view.see(np.column_stack([corners, np.full(4, low[2])])),
+            with_opacity(PALE, 0.25),
+            PALE,
+            0.6,
+            0.5,
+        )
+        return
+    for point in support_points(sketch):
+        if abs(point[2] - low[2]) > 1e-9:
+            canvas.line(view.see(np.stack([point, [*point[:2], low[2]]])), NOTE, 1.4, 0.6)
+    (left, foot), (right, top) = view.see(low), view.see(high)
+    canvas.line([[left, foot], [right, foot]], NOTE, 1.4, 0.7)
+    tall = abs(top - foot)
+    for start in np.linspace(left, right, max(round((right - left) / tall), 3) + 1)[:-1]:
+        canvas.line([[start, foot], [start + tall, top]], NOTE, 0.6, 0.5)
+
+
+def draw_com_mark(canvas: Canvas, where: Array, radius: float, colour: Any) -> None:
+    """Draw the quartered circle of a centre of mass, at a point (2,) of the picture."""
+    angle = np.linspace(0, np.pi / 2, 13)
+    quarter = np.vstack([[0.0, 0.0], np.column_stack([np.cos(angle), np.sin(angle)])])
+    whole = np.linspace(0, 2 * np.pi, 37)
+    canvas.polygon(
+        where + radius * np.column_stack([np.cos(whole), np.sin(whole)]), "white", colour, 0.6, 6
+    )
+    for side in (1, -1):
+        canvas.polygon(where + side * radius * quarter, colour, "none", 0.0, 6.1)

@@ -1,0 +1,190 @@
+"""House style of pictures: fonts, colours, sizes, numbers as text, and figures as PNG."""
+
+from __future__ import annotations
+
+import io
+import os
+import warnings
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+
+from suspension_cli.conventions import DOFS
+from suspension_cli.files.atomic import replace_file
+
+DPI = 180
+"""Resolution of pictures, dots per inch."""
+MAX_PIXELS = 30_000
+"""Longest side of a picture, pixels; larger figures get a lower resolution."""
+
+INK = "#222222"
+"""Colour of text and outlines."""
+PALE = "#c4c8cc"
+"""Colour of parts at rest, and of rules."""
+NOTE = "#5f6770"
+"""Colour of dimensions and remarks."""
+
+PALETTE = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00", "#56b4e9", "#882255", "#999933")
+"""Colours that can be told apart with every common colour blindness (Okabe and Ito 2008; Tol 2021
+beyond the fifth)."""
+
+DOF_COLOUR: dict[str, str] = dict(
+    zip(DOFS, ("#0072b2", "#009e73", "#e69f00", "#56b4e9", "#d55e00", "#aa4499"), strict=True)
+)
+"""Colour of each degree of freedom."""
+
+RC: dict[str, Any] = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 8.0,
+    "mathtext.fontset": "dejavusans",
+    "text.usetex": False,
+    "text.color": INK,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 3.0,
+    "ytick.major.size": 3.0,
+    "lines.linewidth": 1.0,
+    "lines.solid_capstyle": "round",
+    "patch.linewidth": 0.8,
+    "hatch.linewidth": 0.5,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "savefig.bbox": None,
+    "path.simplify": True,
+}
+
+
+def house_style() -> AbstractContextManager[None]:
+    """Context manager of the style, in which figures are drawn and saved."""
+    return matplotlib.rc_context(RC)  # type: ignore[arg-type]
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Make an empty figure of a width and height in inches."""
+    figure = Figure(figsize=(width, height), dpi=DPI)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def add_axes(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
+    """Add axes at a place in inches from the left and from the top of the figure."""
+    across, up = figure.get_size_inches()
+    return figure.add_axes((left / across, 1 - (top + height) / up, width / across, height / up))
+
+
+def write_text(
+    figure: Figure,
+    left: float,
+    top: float,
+    text: str,
+    size: float = 8.0,
+    colour: str = INK,
+    bold: bool = False,
+) -> None:
+    """Write text with its upper left corner in inches from the left and top of the figure."""
+    across, up = figure.get_size_inches()
+    figure.text(
+        left / across,
+        1 - top / up,
+        text,
+        va="top",
+        ha="left",
+        fontsize=size,
+        color=colour,
+        fontweight="bold" if bold else "normal",
+    )
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure as PNG, whole or not at all, in place of any file of this name.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; nothing is left behind then.
+    """
+    replace_file(Path(path), to_png(figure))
+
+
+def to_png(figure: Figure) -> bytes:
+    """Encode a figure as PNG."""
+    stream = io.BytesIO()
+    with house_style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        figure.savefig(
+            stream,
+            format="png",
+            dpi=min(DPI, MAX_PIXELS / max(figure.get_size_inches())),
+            metadata={"Software": "pendsus"},
+        )
+    return stream.getvalue()
+
+
+def with_opacity(colour: str, strength: float) -> tuple[float, float, float, float]:
+    """Give a colour an opacity between 0 and 1."""
+    return to_rgba(colour, min(max(strength, 0.0), 1.0))
+
+
+def single_line(text: str, most: int = 200) -> str:
+    """Put a user's text on one line, shortened in its middle and escaped for mathtext."""
+    return shorten(" ".join(text.split()), most).replace("$", r"\$")
+
+
+def shorten(text: str, most: int) -> str:
+    """Shorten text to at most `most` characters by leaving out its middle."""
+    if len(text) <= most:
+        return text
+    tail = (most - 1) // 2
+    return f"{text[: most - 1 - tail]}…{text[len(text) - tail :]}"
+
+
+def format_significant(value: float, digits: int = 4) -> str:
+    """Write a number with significant digits, including zeros: ``0.6000``, ``12.30``, ``12350``."""
+    if abs(value) >= 1e9:
+        return f"{value:.{digits - 1}e}"
+    if abs(value) >= 10**digits:
+        return f"{float(f'{value:.{digits}g}'):.0f}"
+    return f"{value:#.{digits}g}".rstrip(".")
+
+
+def millimetres(value: float) -> str:
+    """Write a length in m as a number of mm, with four significant digits."""
+    value = 1e3 * value + 0.0
+    return (format_significant(value) if abs(value) >= 1e4 else f"{value:.4g}").replace("-", "−")
+
+
+def length(value: float) -> str:
+    """Write a length in m with its unit, mm below 10 m."""
+    return f"{value:.4g} m".replace("-", "−") if abs(value) >= 10 else f"{millimetres(value)} mm"
+
+
+def write_title(figure: Figure, heading: str, name: str) -> None:
+    """Write a design's title and name at the top of a figure."""
+    across, _ = figure.get_size_inches()
+    most = int(across / 0.105)
+    if heading:
+        write_text(figure, 0.2, 0.14, single_line(heading, most), 12, bold=True)
+    write_text(
+        figure,
+        0.2,
+        0.36 if heading else 0.14,
+        single_line(name, most),
+        9 if heading else 12,
+        NOTE if heading else INK,
+    )

@@ -1,0 +1,237 @@
+"""Tables of the dimensions of a design, as rows of text and on a canvas."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from suspension_cli.conventions import SUPPORT
+from suspension_cli.design.derive import SetGeometry, set_geometry
+from suspension_cli.design.schema import Design, Stage
+from suspension_cli.drawing.canvas import Canvas
+from suspension_cli.drawing.style import (
+    INK,
+    NOTE,
+    PALE,
+    format_significant,
+    millimetres,
+    shorten,
+    single_line,
+)
+from suspension_cli.scene.scene import Scene
+
+ROW = 0.185
+"""Height of a row, in."""
+SIZE = 7.2
+"""Font size, points."""
+MOST_WIRES = 40
+"""Most rows of single wires that are shown; the design file has all."""
+NONE = "–"
+"""Entry where a dimension does not exist."""
+
+KEY = (
+    (
+        "$l$ loaded length of a wire; $s$ half separation of the wires in x (upper / lower where"
+        " they differ); $t_1$, $t_2$ half separation in y at the upper and lower end;"
+    ),
+    (
+        "$d$ height of the lower ends above the COM of their mass; $d_u$ depth of the upper ends"
+        " below the COM of the mass above; depth: of the COM below the suspension point."
+    ),
+)
+"""Explanation of the symbols of Husman et al. (2000)."""
+BLADES = (
+    "Thick lines ending at wires: cantilever blades, which point outwards from their clamps; where"
+    " the design gives no length, it is schematic."
+)
+SPRINGS = "Zigzags: springs, each at its point; dotted, to the body (or support) that holds it."
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under headings.
+
+    Attributes
+    ----------
+    title : str
+    heads : tuple of str
+        Headings of the columns.
+    widths : tuple of float
+        Widths of the columns, in; the first is aligned left, the others right.
+    rows : list of tuple of str
+    """
+
+    title: str
+    heads: tuple[str, ...]
+    widths: tuple[float, ...]
+    rows: list[tuple[str, ...]]
+
+    @property
+    def height(self) -> float:
+        """Height including title and headings, in."""
+        return ROW * (len(self.rows) + 2.2)
+
+    @property
+    def width(self) -> float:
+        """Width, in."""
+        return sum(self.widths)
+
+    def stretched(self, width: float) -> Table:
+        """Scale all columns to a total width, in."""
+        return replace(self, widths=tuple(width / self.width * value for value in self.widths))
+
+
+def key(scene: Scene) -> list[str]:
+    """Lines that explain the symbols in a drawing."""
+    return [*KEY, *[BLADES] * bool(scene.blades.label), *[SPRINGS] * bool(scene.springs.label)]
+
+
+def stages(design: Design, scene: Scene) -> Table:
+    """Table of stages: mass, the body above, and the dimensions of the symmetric set of wires."""
+    tree = any(stage.hangs_from is not None for stage in design.stage)
+    heads, widths = ["stage"], [1.35]
+    if tree:
+        heads, widths = [*heads, "hangs from"], [*widths, 1.05]
+    heads += [
+        "mass (kg)",
+        "wires",
+        "$l$ (mm)",
+        "$s$ (mm)",
+        "$t_1$ (mm)",
+        "$t_2$ (mm)",
+        "$d$ (mm)",
+        "$d_u$ (mm)",
+        "depth (mm)",
+        "blades (N/m)",
+    ]
+    widths += [0.72, 0.5, 0.68, 0.92, 0.66, 0.66, 0.62, 0.66, 0.84, 1.0]
+    rows = []
+    for n, stage in enumerate(design.stage):
+        above = stage.hangs_from or (design.stage[n - 1].name if n else SUPPORT)
+        head = (
+            (single_line(stage.name, 20), single_line(above, 16))
+            if tree
+            else (single_line(stage.name, 20),)
+        )
+        depth = -float(scene.bodies.position[n + 1, 2])
+        rows.append(
+            (
+                *head,
+                f"{float(scene.bodies.mass[n]):.4g}",
+                *_set(stage),
+                millimetres(depth),
+                _blades(scene, stage),
+            )
+        )
+    return Table("Stages", tuple(heads), tuple(widths), rows)
+
+
+def _set(stage: Stage) -> tuple[str, ...]:
+    """Number of wires, l, s, t1, t2, d, d_upper; lengths in mm."""
+    if stage.wires is None:
+        return (str(len(stage.wire)), *(NONE,) * 6)
+    shape = set_geometry(stage.wires)
+    across = (millimetres(shape.t1), millimetres(shape.t2)) if shape.count > 1 else (NONE, NONE)
+    along = separation(shape) if shape.count == 4 else NONE
+    return (
+        str(shape.count),
+        millimetres(shape.length),
+        along,
+        *across,
+        millimetres(shape.d),
+        millimetres(shape.d_upper),
+    )
+
+
+def separation(shape: SetGeometry) -> str:
+    """Half separation in x, mm; upper / lower where they differ."""
+    upper, lower = millimetres(shape.s_upper), millimetres(shape.s_lower)
+    return upper if upper == lower else f"{upper} / {lower}"
+
+
+def _blades(scene: Scene, stage: Stage) -> str:
+    """Number and vertical stiffness (N/m) of the blades that carry a stage."""
+    mine = [n for n, label in enumerate(scene.blades.label) if label.startswith(f"{stage.name}.")]
+    if not mine:
+        return NONE
+    stiffness = {f"{float(scene.blades.stiffness[n, 2]):.4g}" for n in mine}
+    return f"{len(mine)} × {stiffness.pop()}" if len(stiffness) == 1 else f"{len(mine)}, various"
+
+
+def wires(design: Design, scene: Scene) -> Table | None:
+    """Table of the wires of stages without a symmetric set; None if there are none."""
+    explicit = {stage.name for stage in design.stage if stage.wires is None}
+    rows = []
+    for n, label in enumerate(scene.wires.label):
+        stage, _, number = label.rpartition(".")
+        if stage not in explicit:
+            continue
+        wires = scene.wires
+        lengths = (*wires.upper_point[n], *wires.lower_point[n], wires.length[n])
+        rows.append(
+            (
+                f"{single_line(stage, 16)}.{number}",
+                *(millimetres(float(value)) for value in lengths),
+                format_significant(float(wires.tension[n])),
+            )
+        )
+    if not rows:
+        return None
+    title = (
+        "Wires given one by one; upper ends from the COM above (or the suspension point), lower"
+        " ends from the stage's own COM"
+    )
+    if len(rows) > MOST_WIRES:
+        title += f"; the first {MOST_WIRES} of {len(rows)}"
+    heads = (
+        "wire",
+        *(f"{end} {axis} (mm)" for end in ("upper", "lower") for axis in "xyz"),
+        "length (mm)",
+        "tension (N)",
+    )
+    return Table(title, heads, (1.35, *(0.92,) * 6, 0.9, 0.9), rows[:MOST_WIRES])
+
+
+def write(
+    canvas: Canvas, left: float, top: float, table: Table, colours: Sequence[str] = ()
+) -> None:
+    """Write a table on a canvas.
+
+    Parameters
+    ----------
+    canvas : Canvas
+        In inches.
+    left, top : float
+        Upper left corner, in.
+    table : Table
+    colours : sequence of colours
+        Of the first column, by row.
+    """
+    canvas.text(
+        left,
+        top - 0.5 * ROW,
+        shorten(table.title, 170),
+        fontsize=SIZE,
+        fontweight="bold",
+        va="center",
+    )
+    edges = [left]
+    for width in table.widths:
+        edges.append(edges[-1] + width)
+    for line in (1.0, 2.05, 2.15 + len(table.rows)):
+        canvas.line([[left, top - line * ROW], [edges[-1], top - line * ROW]], PALE, 0.6, 1)
+    for row, cells in enumerate([table.heads, *table.rows]):
+        y = top - ROW * (1.52 + row + (0.1 if row else 0.0))
+        for n, cell in enumerate(cells):
+            colour = NOTE if row == 0 else colours[row - 1] if n == 0 and colours else INK
+            x, side = (left + 0.03, "left") if n == 0 else (edges[n + 1] - 0.06, "right")
+            canvas.text(
+                x,
+                y,
+                cell,
+                fontsize=SIZE,
+                color=colour,
+                ha=side,
+                va="center",
+                fontweight="bold" if n == 0 and row else "normal",
+            )

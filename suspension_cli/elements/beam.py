@@ -1,0 +1,231 @@
+"""Exact dynamic stiffness of a beam under tension, without discretisation, overflow, cancellation.
+
+A wire of bending stiffness EI, tension T and mass per length mu vibrates at omega with
+
+    EI w'''' - T w'' - mu omega^2 w = 0,
+    w = A cosh(alpha x) + B cos(beta x) + A' sinh(alpha x) + B' sin(beta x),
+    alpha^2 = (tau + sqrt(tau^2 + 4 m)) / 2,   beta^2 = m / alpha^2,
+    tau = T / EI,   m = mu omega^2 / EI.
+
+With x from the middle, the motion of the two ends splits into an even part (both ends move alike:
+W_s; their slopes are opposite: T_s) and an odd part (W_a, T_a), each the mirror image of one half.
+Solving one half of length h = L/2 for A and B from W and T at x = h gives, with
+t = tanh(alpha h), c = cos(beta h), s = sin(beta h),
+
+    D = beta s + alpha c t      0 at the even resonances of the clamped wire,
+    N = s/beta - c t/alpha      0 at the odd ones;
+
+    even:  WW = -EI alpha^2 beta^2 (alpha^2 + beta^2) (s/beta) (t/alpha) / D
+           WT =  EI alpha^2 beta^2 N / D
+           TT =  EI (alpha^2 + beta^2) c / D
+    odd:   WW =  EI (alpha^2 + beta^2) c / N
+           WT = -EI D / N
+           TT =  EI (alpha^2 + beta^2) (s/beta) (t/alpha) / N.
+
+All are even functions of alpha and beta, so the static limit beta = 0 is no special case. Only
+tanh(alpha h) appears, so nothing overflows. Below the first resonance only the two terms of N
+differ in sign; in a stiff wire at low frequency N cancels to (alpha^2 + beta^2) h^3/3, so there its
+power series is summed. Howson and Williams, J. Sound Vib. 26, 503 (1973), give the elements of the
+whole beam with cosh and sinh of alpha L; the split into halves is what preserves the digits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.elements.functions import sinc
+
+EPS = 2.0**-53
+SERIES = 1.0
+"""|alpha^2 + beta^2| h^2 below which N is summed as a series; above, the closed form loses no more
+than a digit."""
+TERMS = 11
+"""Terms of that series; they fall faster than 1/(2k)!."""
+_FACTORIAL = [math.factorial(n) for n in range(2 * TERMS)]
+COEFFICIENT = [
+    [
+        1 / (_FACTORIAL[2 * i] * _FACTORIAL[2 * j + 1])
+        - 1 / (_FACTORIAL[2 * j] * _FACTORIAL[2 * i + 1])
+        for j in range(TERMS)
+    ]
+    for i in range(TERMS)
+]
+"""Coefficients of p^i n^j in that series."""
+
+EVEN_WW, EVEN_WT, EVEN_TT, ODD_WW, ODD_WT, ODD_TT = range(6)
+"""Order of the elements from `stiffness`."""
+
+ELEMENT_PLACES = ((0, 0), (0, 1), (1, 1), (2, 2), (2, 3), (3, 3))
+"""Their places in the symmetric matrix on (W_s, T_s, W_a, T_a)."""
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Wave numbers of a wire at given frequencies, and the functions of them that recur.
+
+    Attributes
+    ----------
+    half : float
+        h, m.
+    alpha2, beta2 : (f,) arrays
+        Squares of the evanescent and of the propagating wave number, 1/m^2; complex with loss.
+    tanh : (f,) array
+        tanh(alpha h) / alpha, m.
+    sin : (f,) array
+        sin(beta h) / beta, m.
+    cos : (f,) array
+        cos(beta h).
+    even, odd : (f,) arrays
+        D (1/m) and N (m).
+    """
+
+    half: float
+    alpha2: Any
+    beta2: Any
+    tanh: Any
+    sin: Any
+    cos: Any
+    even: Any
+    odd: Any
+
+    @cached_property
+    def sum2(self) -> Any:
+        """alpha^2 + beta^2, 1/m^2."""
+        return self.alpha2 + self.beta2
+
+    @cached_property
+    def alpha(self) -> Any:
+        """Evanescent wave number, 1/m."""
+        return np.sqrt(self.alpha2)
+
+    @cached_property
+    def beta(self) -> Any:
+        """Propagating wave number, 1/m."""
+        return np.sqrt(self.beta2)
+
+    @cached_property
+    def cache(self) -> dict[str, Any]:
+        """Integrals over these waves, kept for further motions of the same wire."""
+        return {}
+
+    @cached_property
+    def slow(self) -> Any:
+        """Whether (f,) the wire is so stiff, or omega so low, that the closed form of N cancels."""
+        return np.abs(self.sum2) * self.half**2 < SERIES
+
+
+def waves(rigidity: Any, tension: float, mass: Any, half: float, omega: Any) -> Waves:
+    """Compute the waves of a wire.
+
+    Parameters
+    ----------
+    rigidity : (f,) array or float
+        EI in N m^2, above 0; complex, EI (1 + i phi), with loss.
+    tension : float
+        N, at least 0.
+    mass : (f,) array or float
+        Mass per length, kg/m; complex, mu - i b / omega, with a drag b per length; 0 for a wire
+        without inertia.
+    half : float
+        Half the length, m.
+    omega : (f,) array
+        rad/s; complex to differentiate by a complex step.
+    """
+    tau, m = tension / rigidity, mass * omega**2 / rigidity
+    alpha2 = (tau + np.sqrt(tau**2 + 4 * m)) / 2
+    # without tension and at rest alpha = 0: any tiny alpha gives the limit
+    alpha2 = np.where(alpha2 == 0, (1e-8 / half) ** 2, alpha2)
+    beta2 = m / alpha2
+    alpha, beta = np.sqrt(alpha2), np.sqrt(beta2)
+    tanh, sin, cos = np.tanh(alpha * half) / alpha, half * sinc(beta * half), np.cos(beta * half)
+    odd = sin - cos * tanh
+    slow = np.abs(alpha2 + beta2) * half**2 < SERIES
+    if np.any(slow):
+        p, n = alpha2 * half**2, -beta2 * half**2
+        series = _series(np.where(slow, p, 0), np.where(slow, n, 0))
+        cosh = np.cosh(np.where(slow, alpha * half, 0))
+        odd = np.where(slow, half * (p - n) * series / cosh, odd)
+    even = _avoid_zero(beta2 * sin, alpha2 * cos * tanh, beta2 * sin + alpha2 * cos * tanh)
+    return Waves(half, alpha2, beta2, tanh, sin, cos, even, _avoid_zero(sin, cos * tanh, odd))
+
+
+def _avoid_zero(a: Any, b: Any, total: Any) -> Any:
+    """Half a rounding of a and b where their sum vanishes exactly, at a clamped resonance."""
+    return np.where(total == 0, EPS * (np.abs(a) + np.abs(b)), total)
+
+
+def stiffness(rigidity: Any, wave: Waves) -> Any:
+    """Dynamic stiffness in one plane, as the elements of q^T F q / 2 with q = (W_s, T_s, W_a, T_a).
+
+    For displacements w and slopes w' of the upper (1) and the lower end (2),
+    W_s = (w_1 + w_2) / 2, W_a = (w_2 - w_1) / 2, T_s = (w'_2 - w'_1) / 2, T_a = (w'_1 + w'_2) / 2.
+
+    Parameters
+    ----------
+    rigidity : (f,) array or float
+        EI as given to `waves`, N m^2.
+    wave : Waves
+
+    Returns
+    -------
+    (6, f) array
+        From `EVEN_WW` to `ODD_TT`: N/m (WW), N (WT), N m (TT).
+    """
+    product = wave.sin * wave.tanh
+    alpha2_beta2 = wave.alpha2 * wave.beta2
+    elements = (
+        -alpha2_beta2 * wave.sum2 * product / wave.even,
+        alpha2_beta2 * wave.odd / wave.even,
+        wave.sum2 * wave.cos / wave.even,
+        wave.sum2 * wave.cos / wave.odd,
+        -wave.even / wave.odd,
+        wave.sum2 * product / wave.odd,
+    )
+    return np.stack([2 * rigidity * element + 0 * wave.sum2 for element in elements])
+
+
+def _series(p: Any, n: Any) -> Any:
+    """(f0(p) f1(n) - f0(n) f1(p)) / (p - n), f0(z) = cosh sqrt z, f1(z) = sinh(sqrt z) / sqrt z.
+
+    The product of their power series is the sum over i, j of
+    (1/((2i)! (2j+1)!) - 1/((2j)! (2i+1)!)) p^i n^j, which is odd under i <-> j, and
+    p^i n^j - p^j n^i = (p n)^j (p - n) (p^(k-1) + p^(k-2) n + ... + n^(k-1)) with k = i - j.
+    """
+    complete = [np.ones_like(p)]  # h_k = p^k + p^(k-1) n + ... + n^k
+    power = np.ones_like(n)
+    for _ in range(TERMS):
+        power = power * n
+        complete.append(p * complete[-1] + power)
+    product = p * n
+    total = np.zeros_like(p)
+    for j in reversed(range(TERMS // 2)):
+        inner = sum(
+            (COEFFICIENT[i][j] * complete[i - j - 1] for i in range(j + 1, TERMS)), np.zeros_like(p)
+        )
+        total = total * product + inner
+    return total
+
+
+def resonances_below(rigidity: float, tension: float, mass: float, half: float, omega: Any) -> Any:
+    """Number (f,) of resonances of the wire with both ends clamped below each omega (rad/s).
+
+    The even ones are the zeros of D, tan(beta h) = -(alpha / beta) tanh(alpha h), one in each
+    ((k - 1/2) pi, k pi) of beta h; the odd ones those of N, tan(beta h) = (beta / alpha)
+    tanh(alpha h) < 1, one in each (k pi, (k + 1/2) pi), for k = 1, 2, ... . Arguments as for
+    `waves`, without loss.
+    """
+    if mass == 0:
+        return np.zeros(np.shape(omega), dtype=int)
+    wave = waves(rigidity, tension, mass, half, np.asarray(omega, dtype=float))
+    quarter = np.floor(2 * (np.sqrt(wave.beta2) * half / np.pi)).astype(int)
+    even, odd = (quarter + 1) // 2, quarter // 2
+    # in an interval that contains a resonance, the sign of D or N shows if omega is above it
+    in_even, in_odd = quarter % 2 == 1, (quarter % 2 == 0) & (quarter > 0)
+    even = even - (in_even & (wave.even * (-1) ** even < 0))
+    odd = odd - (in_odd & (wave.odd * (-1) ** odd < 0))
+    return even + odd

@@ -1,0 +1,375 @@
+"""Dynamic stiffness and dissipation of one wire in bending, stretching and twisting.
+
+The motion of the two ends of a wire falls into four parts that do not couple (`PARTS`): bending in
+the two principal planes (W_s, T_s, W_a, T_a each, see `elements.beam`), stretching (U_s, U_a, see
+`elements.rod`) and twisting (the same two, in rad).
+
+A wire under tension T resists twisting with GJ + T I_p/A (Buckley, Phil. Mag. 28, 778 (1914)), I_p
+the polar second moment of its area A: at a twist theta' per length, a filament at the distance r
+from the axis leans by r theta', so its part sigma dA of the tension pulls back with the torque
+sigma r^2 theta' dA about the axis. This second term has no loss.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.elements import beam, curvature, gas, joined_sections, loss, rod
+from suspension_cli.scene.fibres import Fibre, Gas, Section
+
+PARTS = ("bend-1", "bend-2", "stretch", "twist")
+COORDINATES = {"bend-1": 4, "bend-2": 4, "stretch": 2, "twist": 2}
+"""Number of coordinates of each part."""
+EQUAL_WITHIN = 1e-12
+"""Relative difference of lengths, stiffnesses and tensions below which wires count as equal."""
+
+
+@dataclass(frozen=True)
+class TautWire:
+    """A wire under tension.
+
+    Attributes
+    ----------
+    fibre : Fibre
+    tension : float or (f,) array
+        N. An array, with arrays as lengths of the fibre's sections, stands for the wire in many
+        builds, one per frequency.
+    massive : bool
+        Whether the wire has inertia (`violin` model).
+    lossy : bool
+    surrounded : Gas or None
+        The gas that damps the wire.
+    """
+
+    fibre: Fibre
+    tension: Any
+    massive: bool
+    lossy: bool
+    surrounded: Gas | None = None
+
+    @property
+    def round(self) -> bool:
+        """Whether both planes have the same bending stiffness."""
+        return all(section.round for section in self.fibre.sections)
+
+    def at(self, omega: Any) -> WireAtFrequencies:
+        """The wire at frequencies (f,), rad/s."""
+        return WireAtFrequencies(self, omega)
+
+    @cached_property
+    def static(self) -> dict[str, Any]:
+        """Static stiffness (c, c) of every part, without loss."""
+        return {part: self.resting(part)[..., 0] for part in PARTS}
+
+    def resting(self, part: str) -> Any:
+        """Static stiffness (c, c, f) of one part, without loss, for f tensions and lengths."""
+        return self._at_rest.stiffness(part).real
+
+    @cached_property
+    def _at_rest(self) -> WireAtFrequencies:
+        return TautWire(self.fibre, self.tension, massive=False, lossy=False).at(
+            np.zeros(np.size(self.tension))
+        )
+
+    def resonances_below(self, omega: Any, parts: tuple[str, ...] = PARTS) -> Any:
+        """Count resonances (f,) below each omega (rad/s) with clamped ends, in the given parts."""
+        lossless = replace(self, lossy=False)
+        return lossless.at(np.asarray(omega, dtype=float)).resonances_below(parts)
+
+    def held_resonances(self, part: str, omega: float) -> Any:
+        """Resonances (rad/s) of one part with clamped ends, up to the second above omega.
+
+        By bisection on their number below a frequency, which misses none.
+        """
+        wanted = self.resonances_below(np.array([omega]), (part,))[0] + 2
+        highest = 1.1 * omega
+        while (count := self.resonances_below(np.array([highest]), (part,))[0]) < wanted:
+            highest *= 1.5
+        number = np.arange(1, count + 1)
+        low, high = np.zeros(count), np.full(count, highest)
+        for _ in range(40):
+            middle = (low + high) / 2
+            above = self.resonances_below(middle, (part,)) >= number
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        return high
+
+
+@dataclass(frozen=True)
+class WireAtFrequencies:
+    """A wire at given frequencies.
+
+    Attributes
+    ----------
+    strand : TautWire
+    omega : (f,) array
+        rad/s.
+    """
+
+    strand: TautWire
+    omega: Any
+
+    def stiffness(self, part: str) -> Any:
+        """Dynamic stiffness (c, c, f) of one part, N/m, N and N m."""
+        return self._joined(self._twin(part))[0]
+
+    def resonances_below(self, parts: tuple[str, ...]) -> Any:
+        """Count resonances (f,) below each frequency with clamped ends.
+
+        Those of the sections, and those that joining them adds (see `elements.joined_sections`).
+        """
+        total = np.zeros(np.shape(self.omega), dtype=int)
+        if not self.strand.massive:
+            return total
+        for part in parts:
+            for section in self.strand.fibre.sections:
+                rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
+                half = section.length / 2
+                if _is_bending(part):
+                    total = total + beam.resonances_below(
+                        rigidity, self.strand.tension, mass, half, self.omega
+                    )
+                else:
+                    total = total + rod.resonances_below(rigidity, mass, half, self.omega)
+            total = total + self._joined(self._twin(part))[2]
+        return total
+
+    def dissipated(self, part: str, motion: Any) -> dict[str, Any]:
+        """Dissipation x^H Im(F) x of motions x of the ends, by cause.
+
+        Parameters
+        ----------
+        part : str
+        motion : (c, r, f) array
+            Of r motions, m and rad.
+
+        Returns
+        -------
+        dict of (r, f) arrays
+            N m: ``stretching`` or ``torsion``; or ``bending-upper`` and ``bending-lower``, split at
+            the middle of the wire; and ``gas``.
+        """
+        nodes = self._joined(self._twin(part))[1]
+        motions = [motion]
+        if nodes:
+            form = joined_sections.ENDS[COORDINATES[part] // 2]
+            back = np.linalg.inv(form)
+            ends = joined_sections.section_motions(nodes, np.einsum("ij,jrf->irf", form, motion))
+            motions = [np.einsum("ij,jrf->irf", back, end) for end in ends]
+        if _is_bending(part):
+            return self._bending_dissipation(part, motions)
+        return self._rod_dissipation(part, motions)
+
+    def _bending_dissipation(self, part: str, motions: list[Any]) -> dict[str, Any]:
+        sections = self.strand.fibre.sections
+        result = {"bending-upper": 0.0, "bending-lower": 0.0}
+        length, top = sum(section.length for section in sections), 0.0
+        for section, motion, (waves, rigidity, mass) in zip(
+            sections, motions, self._bends[self._twin(part)], strict=True
+        ):
+            halves = curvature.integrate_squared_curvature(waves, motion)
+            for half, integral in enumerate(halves):
+                end = int(top + (0.25 + 0.5 * half) * section.length >= length / 2)
+                result[("bending-upper", "bending-lower")[end]] += (
+                    self._imaginary_rigidity(section, part, end, rigidity) * integral
+                )
+            if self._has_drag:
+                integral = curvature.integrate_squared_displacement(waves, motion)
+                result["gas"] = result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * integral
+            top += section.length
+        return result
+
+    def _imaginary_rigidity(self, section: Section, part: str, end: int, rigidity: Any) -> Any:
+        """Im(EI) at the temperature of one end, on which the thermoelastic loss depends."""
+        temperature = self.strand.fibre.temperature
+        if temperature[0] == temperature[1]:
+            return np.imag(rigidity)
+        return _elastic_rigidity(section, part) * self._loss_angle(section, part, temperature[end])
+
+    def _rod_dissipation(self, part: str, motions: list[Any]) -> dict[str, Any]:
+        name = "stretching" if part == "stretch" else "torsion"
+        result = {name: 0.0}
+        for section, motion in zip(self.strand.fibre.sections, motions, strict=True):
+            rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
+            strain, displacement = rod.integrate_squares(
+                rigidity, mass, section.length / 2, self.omega, motion
+            )
+            result[name] += np.imag(rigidity) * strain
+            if self._has_drag:
+                result["gas"] = (
+                    result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * displacement
+                )
+        return result
+
+    @property
+    def _has_drag(self) -> bool:
+        return self.strand.surrounded is not None and self.strand.massive
+
+    def _twin(self, part: str) -> str:
+        """Return the part whose results apply: both planes of a round wire are equal."""
+        return "bend-1" if part == "bend-2" and self.strand.round else part
+
+    @cached_property
+    def _cache(self) -> dict[str, Any]:
+        return {}
+
+    def _joined(self, part: str) -> tuple[Any, list[Any], Any]:
+        """Stiffness (on even and odd motion), nodes and negative eigenvalues of joined sections."""
+        if part not in self._cache:
+            sections = self._sections(part)
+            if len(sections) == 1:
+                self._cache[part] = sections[0], [], 0
+            elif COORDINATES[part] == 2:
+                self._cache[part] = joined_sections.join_rods(sections)
+            else:
+                whole, nodes, negative = joined_sections.join(
+                    [joined_sections.to_ends(section) for section in sections]
+                )
+                self._cache[part] = joined_sections.to_even_odd(whole), nodes, negative
+        return self._cache[part]
+
+    def _sections(self, part: str) -> list[Any]:
+        """Stiffness (c, c, f) of every section in one part, on even and odd motion."""
+        if _is_bending(part):
+            return [
+                _symmetric(4, beam.ELEMENT_PLACES, beam.stiffness(rigidity, waves))
+                for waves, rigidity, _ in self._bends[part]
+            ]
+        return [
+            _symmetric(
+                2,
+                ((0, 0), (1, 1)),
+                rod.stiffness(
+                    self._rigidity(section, part),
+                    self._inertia(section, part),
+                    section.length / 2,
+                    self.omega,
+                ),
+            )
+            for section in self.strand.fibre.sections
+        ]
+
+    @cached_property
+    def _bends(self) -> dict[str, list[tuple[Any, Any, Any]]]:
+        """Waves, EI and mass per length of every section, by plane."""
+        result: dict[str, list[tuple[Any, Any, Any]]] = {}
+        for part in ("bend-1",) if self.strand.round else ("bend-1", "bend-2"):
+            result[part] = []
+            for section in self.strand.fibre.sections:
+                rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
+                waves = beam.waves(
+                    rigidity, self.strand.tension, mass, section.length / 2, self.omega
+                )
+                result[part].append((waves, rigidity, mass))
+        return result
+
+    def _rigidity(self, section: Section, part: str) -> Any:
+        """EI, EA or GJ times 1 + i phi; for twisting also T I_p/A."""
+        rigidity: Any = _elastic_rigidity(section, part)
+        if self.strand.lossy:
+            temperature = sum(self.strand.fibre.temperature) / 2
+            rigidity = rigidity * (1 + 1j * self._loss_angle(section, part, temperature))
+        if part != "twist":
+            return rigidity
+        return (rigidity + self.strand.tension * section.polar_area) * section.torsion_factor
+
+    def _loss_angle(self, section: Section, part: str, temperature: float) -> Any:
+        omega = np.real(self.omega)
+        if _is_bending(part):
+            return loss.bending_angle(
+                section, _plane(part), omega, self.strand.tension, temperature
+            )
+        angle = loss.stretching_angle if part == "stretch" else loss.twisting_angle
+        return angle(section, omega)
+
+    def _inertia(self, section: Section, part: str) -> Any:
+        """Mass (kg/m) or polar moment of inertia (kg m) per length, with the drag of the gas."""
+        if not self.strand.massive:
+            return 0.0
+        inertia, around = section.polar if part == "twist" else section.mass, self.strand.surrounded
+        if around is None or not self.strand.lossy:
+            return inertia
+        drag = gas.wire_drag(section, around)[PARTS.index(part)]
+        with np.errstate(divide="ignore"):
+            return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
+
+
+def _is_bending(part: str) -> bool:
+    return part.startswith("bend")
+
+
+def _plane(part: str) -> int:
+    return PARTS.index(part)
+
+
+def _elastic_rigidity(section: Section, part: str) -> float:
+    """EI (N m^2), EA (N) or GJ (N m^2)."""
+    if _is_bending(part):
+        return section.rigidity[_plane(part)]
+    return section.stretching if part == "stretch" else section.twisting
+
+
+def group_identical(fibres: tuple[Fibre, ...], *numbers: Any) -> list[list[int]]:
+    """Group the indices of wires of equal sections and bitwise equal numbers (..., w)."""
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for n, fibre in enumerate(fibres):
+        key = (
+            fibre.sections,
+            fibre.effective,
+            *(np.ascontiguousarray(values[..., n]).tobytes() for values in numbers),
+        )
+        groups.setdefault(key, []).append(n)
+    return list(groups.values())
+
+
+def fit_to_equilibrium(fibre: Fibre, length: Any, k: Any, tension: Any, torsion: Any) -> Fibre:
+    """Scale a fibre to its length in equilibrium and to the stiffnesses of the scene's wire.
+
+    Parameters
+    ----------
+    fibre : Fibre
+    length : float or (f,) array
+        Length in equilibrium, m; an array, as below, for many builds at once.
+    k : float or (f,) array
+        Stretching stiffness, N/m.
+    tension : float or (f,) array
+        N.
+    torsion : float or (f,) array
+        Torsional stiffness given by the design, N m/rad; 0 where none is given.
+    """
+    stretch = length / sum(section.length for section in fibre.sections)
+    compliance = sum(section.length * stretch / section.stretching for section in fibre.sections)
+    has_torsion = np.any(torsion)
+    fits = np.all(np.abs(stretch - 1) < EQUAL_WITHIN) and np.all(
+        np.abs(compliance * k - 1) < EQUAL_WITHIN
+    )
+    if np.ndim(stretch) == 0 and fits and not has_torsion:
+        return fibre
+    factor = 1.0
+    if has_torsion:
+        torsional_compliance = sum(
+            section.length * stretch / (section.twisting + tension * section.polar_area)
+            for section in fibre.sections
+        )
+        factor = np.where(torsion > 0, torsion * torsional_compliance, 1.0)
+    sections = tuple(
+        replace(
+            section,
+            length=section.length * stretch,
+            stretching=section.stretching * compliance * k,
+            torsion_factor=factor,
+        )
+        for section in fibre.sections
+    )
+    return replace(fibre, sections=sections)
+
+
+def _symmetric(size: int, places: Any, elements: Any) -> Any:
+    """Symmetric matrices (size, size, f) from their elements (k, f) on and above the diagonal."""
+    result = np.zeros((size, size, elements.shape[-1]), dtype=elements.dtype)
+    for (i, j), value in zip(places, elements, strict=True):
+        result[i, j] = result[j, i] = value
+    return result

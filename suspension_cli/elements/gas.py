@@ -1,0 +1,131 @@
+"""Drag of a gas so thin that its molecules collide with the suspension, not with each other.
+
+Molecules leave a surface with no memory of where they came from (diffuse reflection, at the
+temperature of the gas). m is the mass of a molecule, n their number per volume, p = n k T the
+pressure, f the Maxwell distribution of one component of velocity with variance s^2 = k T/m; at rest
+j = n s/sqrt(2 pi) molecules hit a surface per area and time.
+
+*Tangential motion.*  Each molecule that arrives lacks the velocity of the surface: the drag per
+area and velocity is c = m j = p sqrt(m/(2 pi k T)).
+
+*Normal motion,* with velocity u into the gas. Molecules arrive with w > 0 against the surface and
+transfer m n times the integral of w^2 f(u - w), whose slope in u at rest is 2 m j = 2 c. As many
+leave, with the mean momentum m s sqrt(pi/2) each, and their number grows with u by n/2:
+m s sqrt(pi/2) n/2 = (pi/2) c. The sum is c (2 + pi/2).
+
+A cube of side a thus has the drag a^2 c (8 + pi) = p a^2 sqrt(32 m/(pi k T)) (1 + pi/8) of
+Cavalleri et al., Phys. Lett. A 374, 3365 (2010). The gas is free all around: squeezed films between
+near surfaces damp more.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from suspension_cli.conventions import BOLTZMANN
+from suspension_cli.design.schema import Body
+from suspension_cli.scene.fibres import Gas, Section
+from suspension_cli.scene.scene import Array
+
+
+def surface_drag(gas: Gas) -> tuple[float, float]:
+    """Drag per area and velocity of normal and of tangential motion of a surface, N s/m^3."""
+    along = gas.pressure * math.sqrt(gas.molecule / (2 * math.pi * BOLTZMANN * gas.temperature))
+    return (2 + math.pi / 2) * along, along
+
+
+def wire_drag(section: Section, gas: Gas) -> tuple[float, float, float, float]:
+    """Drag per length of a wire.
+
+    Round: half of the circumference pi d counts as normal, half as tangential. Ribbon: two faces
+    and two edges.
+
+    Returns
+    -------
+    first, second, along, turning : float
+        Of motion across the wire in its first and its second plane and along the wire, N s/m^2, and
+        of rotation about its axis, N s.
+    """
+    normal, along = surface_drag(gas)
+    if section.round:
+        d = section.depth[0]
+        across = math.pi / 2 * d * (normal + along)
+        return across, across, math.pi * d * along, math.pi / 4 * d**3 * along
+    t, w = section.depth
+    turning = normal * (w**3 + t**3) / 6 + along * w * t * (w + t) / 2
+    return 2 * (w * normal + t * along), 2 * (t * normal + w * along), 2 * (w + t) * along, turning
+
+
+def body_damping(body: Body, gas: Gas) -> Array | None:
+    """Damping matrix of a body at the COM of its shape.
+
+    Parameters
+    ----------
+    body : Body
+        A box or a cylinder; the wall of a hole counts as free surface.
+    gas : Gas
+
+    Returns
+    -------
+    (6, 6) array or None
+        N s/m and N m s; None if the body has no shape.
+    """
+    if body.shape is None:
+        return None
+    drag = surface_drag(gas)
+    if body.shape == "box":
+        assert body.size is not None
+        return np.diag(_box(body.size, *drag))
+    assert body.radius is not None and body.length is not None
+    axis = "xyz".index(body.axis or "x")
+    push, push_along, turn, turn_along = _cylinder(
+        body.radius, body.inner_radius or 0.0, body.length, *drag
+    )
+    values = [push] * 3 + [turn] * 3
+    values[axis], values[3 + axis] = push_along, turn_along
+    return np.diag(values)
+
+
+def _box(size: tuple[float, float, float], normal: float, along: float) -> list[float]:
+    """Diagonal elements of a box.
+
+    In a rotation about x, the point (x, y, z) moves with (0, -z, y): faces across x slide, with the
+    mean of y^2 + z^2 = (b^2 + c^2)/12; faces across y move along their normal with mean square
+    c^2/12 and slide with (b/2)^2; likewise, cyclically, for the others.
+    """
+    result: list[float] = [0.0] * 6
+    for axis in range(3):
+        a, b, c = (size[(axis + n) % 3] for n in range(3))
+        result[axis] = 2 * b * c * normal + 2 * a * (b + c) * along
+        ends = 2 * b * c * along * (b * b + c * c) / 12
+        result[3 + axis] = (
+            ends
+            + 2 * a * c * (normal * c * c / 12 + along * b * b / 4)
+            + 2 * a * b * (normal * b * b / 12 + along * c * c / 4)
+        )
+    return result
+
+
+def _cylinder(
+    radius: float, hole: float, length: float, normal: float, along: float
+) -> tuple[float, float, float, float]:
+    """Drag of a cylinder moving across and along its axis, and turning across and about its axis.
+
+    With the axis z, a rotation about y moves the point (x, y, z) with (z, 0, -x). An end moves
+    along its normal with x, whose square integrates to pi (R^4 - r^4)/4, and slides with L/2. On
+    the wall at azimuth f the normal velocity is z cos f; the square of the tangential velocity is
+    z^2 sin^2 f + R^2 cos^2 f.
+    """
+    end = math.pi * (radius**2 - hole**2)
+    fourth = math.pi * (radius**4 - hole**4)
+    walls = [r for r in (radius, hole) if r > 0]
+    push = 2 * end * along + sum(math.pi * r * length * (normal + along) for r in walls)
+    push_along = 2 * end * normal + sum(2 * math.pi * r * length * along for r in walls)
+    wall_turn = sum(
+        math.pi * r * length * ((normal + along) * length**2 / 12 + along * r * r) for r in walls
+    )
+    turn = fourth / 2 * normal + end * length**2 / 2 * along + wall_turn
+    turn_along = fourth * along + sum(2 * math.pi * r**3 * length * along for r in walls)
+    return push, push_along, turn, turn_along

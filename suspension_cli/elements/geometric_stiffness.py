@@ -1,0 +1,50 @@
+"""Geometric stiffness: the change of a force's torque when the body on which it acts rotates.
+
+A point at the arm w of a body moves to w + t x w + t x (t x w)/2 when the body rotates by a vector
+t. The gradient F of an energy with respect to the point's position therefore contributes, to second
+order, F . (t x (t x w))/2 to the energy, with the Hessian (F w^T + w F^T)/2 - (F . w) I in t. It is
+linear in F w^T, so these outer products are first summed over all points of a body. (Second-order
+expansion of the rotation about the current pose; compare Goldstein, Classical Mechanics, section
+4.8.)
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.scene.scene import Index
+
+
+def sum_by(index: Index, values: Any, count: int) -> Any:
+    """Sum vectors (..., k, m) of equal index (k,) into (..., count, m); negative ones are omitted.
+
+    >>> sum_by(np.array([1, 1, -1]), np.ones((3, 2)), 2)
+    array([[0., 0.],
+           [2., 2.]])
+    """
+    return (np.arange(count)[:, None] == index).astype(float) @ values
+
+
+def add_arms(outer: Any, body: Index, force: Any, arm: Any) -> None:
+    """Add F w^T of forces at points to the sum of each body, in place.
+
+    Parameters
+    ----------
+    outer : (..., n + 1, 3, 3) array
+        N m.
+    body : (k,) int array
+    force, arm : (..., k, 3) arrays
+        Gradient of the energy with respect to each point (minus the force on the body), N, and
+        vector from the COM to the point, m.
+    """
+    products = force[..., :, None] * arm[..., None, :]
+    total = sum_by(body, products.reshape(*products.shape[:-2], 9), outer.shape[-3])
+    outer += total.reshape(*total.shape[:-1], 3, 3)
+
+
+def rotation_hessian(outer: Any) -> Any:
+    """Hessian (..., n + 1, 3, 3) in the rotation of each body, N m, from the summed F w^T."""
+    trace = np.trace(outer, axis1=-2, axis2=-1)
+    return (outer + np.swapaxes(outer, -1, -2)) / 2 - trace[..., None, None] * np.eye(3)

@@ -1,0 +1,100 @@
+"""Exact dynamic stiffness of a rod that is stretched or twisted, or of a string without bending.
+
+    S u'' + mu omega^2 u = 0:   S = EA for stretching (u in m), GJ + T I_p/A for twisting (u in
+                                rad), T for a string displaced across itself (u in m).
+
+With the even motion of the ends U_s = (u_1 + u_2)/2, the odd one U_a = (u_2 - u_1)/2,
+kappa^2 = mu omega^2 / S and h = L/2, the stiffness is diagonal (any text on vibrations):
+
+    even: -2 S kappa tan(kappa h),    odd: 2 S kappa / tan(kappa h).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.elements.functions import sinc, sinhc, sinhc_minus_sinc
+
+DEEP = 300.0
+"""Im(kappa h) above which the motion of one end decays to nothing, within rounding, at the
+other."""
+
+
+def stiffness(rigidity: Any, mass: Any, half: float, omega: Any) -> Any:
+    """Dynamic stiffness (2, f), the elements F_s and F_a of (F_s U_s^2 + F_a U_a^2) / 2.
+
+    Parameters
+    ----------
+    rigidity : (f,) array or float
+        S in N (stretching, string) or N m^2 (twisting); complex with loss.
+    mass : (f,) array or float
+        Inertia per length: kg/m, or kg m for twisting; 0 without inertia.
+    half : float
+        Half the length, m.
+    omega : (f,) array
+        rad/s.
+
+    Returns
+    -------
+    (2, f) array
+        N/m or N m/rad.
+    """
+    kappa2 = mass * omega**2 / rigidity + 0 * omega
+    angle = np.sqrt(kappa2) * half
+    tanc = np.tan(angle) / np.where(angle == 0, 1.0, angle)
+    tanc = np.where(angle == 0, 1.0, tanc)  # tan(kappa h) / (kappa h)
+    return np.stack([-2 * rigidity * kappa2 * half * tanc, 2 * rigidity / half / tanc])
+
+
+def integrate_squares(
+    rigidity: Any, mass: Any, half: float, omega: Any, ends: Any
+) -> tuple[Any, Any]:
+    """Integrals of |u'|^2 and of |u|^2 along the rod.
+
+    u = U_s cos(kappa x)/cos(kappa h) + U_a sin(kappa x)/sin(kappa h), with x from the middle; the
+    products of even and odd parts integrate to 0.
+
+    Parameters
+    ----------
+    rigidity, mass, half, omega
+        As for `stiffness`.
+    ends : (2, r, f) complex array
+        U_s and U_a of r motions, m or rad.
+
+    Returns
+    -------
+    strain, displacement : (r, f) arrays
+        u of stretching: m and m^3; of twisting: 1/m and m.
+    """
+    kappa2 = mass * omega**2 / rigidity + 0 * omega
+    kappa_h: Any = np.sqrt(kappa2 + 0j) * half
+    size2, deep = np.abs(kappa_h) ** 2, np.abs(kappa_h.imag) > DEEP
+    angle: Any = np.where(deep, 1.0, kappa_h)
+    static = size2 == 0
+    # 1/h times the integrals of |cos(kappa x)|^2 and of |sin(kappa x)|^2, the latter also over
+    # |kappa h|^2
+    cos2 = sinhc(2 * angle.imag) + np.sinc(2 * angle.real / np.pi)
+    sin2 = sinhc_minus_sinc(2 * angle.real, 2 * angle.imag)
+    slow_sin2 = np.where(static, 2 / 3, sin2 / np.where(static, 1.0, size2))
+    even, odd = np.abs(ends[0]) ** 2, np.abs(ends[1]) ** 2
+    over_cos2, over_sin2 = 1 / np.abs(np.cos(angle)) ** 2, 1 / np.abs(sinc(angle)) ** 2
+    # of a motion that decays along the rod every such ratio is 1 / Im(kappa h)
+    decay = 1 / np.where(deep, np.abs(kappa_h.imag), 1.0)
+    strain = even * np.where(deep, size2 * decay, size2 * sin2 * over_cos2) + odd * np.where(
+        deep, size2 * decay, cos2 * over_sin2
+    )
+    displacement = even * np.where(deep, decay, cos2 * over_cos2) + odd * np.where(
+        deep, decay, slow_sin2 * over_sin2
+    )
+    return strain / half, displacement * half
+
+
+def resonances_below(rigidity: float, mass: float, half: float, omega: Any) -> Any:
+    """Count resonances (f,) of the rod below each omega (rad/s) with clamped ends.
+
+    They lie at kappa L = pi, 2 pi, ... . Arguments as for `stiffness`, without loss.
+    """
+    turns = np.sqrt(mass / rigidity) * np.asarray(omega) * 2 * half / np.pi
+    return np.ceil(turns - 1).clip(0).astype(int)

@@ -1,0 +1,83 @@
+"""Energy, tension and geometry of taut elastic strings: straight and massless.
+
+At the elongation e = L - l from the nominal length l, a wire stores T0 e + k e^2 / 2. The gradient
+with respect to the span (the vector from the upper to the lower end) is T u, with T = T0 + k e and
+the unit vector u; the Hessian is k u u^T + (T / L) (I - u u^T): the stiffness along the wire, and
+the tension over the length across it (a pendulum). These are the two terms of equation 5 of Husman
+et al. (2000), section 4b.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.scene.pose import Layout, Pose, point_jacobian
+from suspension_cli.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class State:
+    """All wires of a scene in one pose; vectors along the global axes.
+
+    Attributes
+    ----------
+    upper_arm, lower_arm : (..., w, 3) arrays
+        From the COM of the upper and of the lower body to the ends, m.
+    direction : (..., w, 3) array
+        Unit vector from the upper to the lower end.
+    length : (..., w) array
+        m.
+    elongation : (..., w) array
+        From the nominal length, m.
+    tension : (..., w) array
+        N.
+    """
+
+    upper_arm: Any
+    lower_arm: Any
+    direction: Any
+    length: Any
+    elongation: Any
+    tension: Any
+
+
+def tip_deflection(scene: Scene, pose: Pose) -> Any:
+    """Deflection (..., w, 3) of the blade at each wire's upper end, m; 0 for a wire without one."""
+    none = np.zeros_like(pose.deflection, shape=(*pose.deflection.shape[:-2], 1, 3))
+    return np.concatenate([pose.deflection, none], axis=-2)[..., scene.wires.blade, :]
+
+
+def state(scene: Scene, pose: Pose) -> State:
+    """Geometry and tensions of all wires in a pose."""
+    wires, turn, deflection = scene.wires, pose.turn, tip_deflection(scene, pose)
+    upper_arm = pose.arms(wires.upper, wires.upper_point + deflection)
+    lower_arm = pose.arms(wires.lower, wires.lower_point)
+    # change of the span from displacements alone, so that nothing cancels
+    change = (
+        pose.shift[..., wires.lower, :]
+        - pose.shift[..., wires.upper, :]
+        + (turn[..., wires.lower, :, :] @ wires.lower_point[..., None])[..., 0]
+        - (turn[..., wires.upper, :, :] @ wires.upper_point[..., None])[..., 0]
+        - (pose.rotation[..., wires.upper, :, :] @ deflection[..., None])[..., 0]
+    )
+    span = wires.span + change
+    length = np.sqrt((span**2).sum(-1))
+    elongation = (change * (2 * wires.span + change)).sum(-1) / (length + wires.length)
+    tension = wires.tension + wires.stiffness * elongation
+    return State(upper_arm, lower_arm, span / length[..., None], length, elongation, tension)
+
+
+def energy(scene: Scene, pose: Pose) -> Any:
+    """Elastic energy (...) of all wires relative to the nominal pose, J."""
+    e = state(scene, pose).elongation
+    return (scene.wires.tension * e + 0.5 * scene.wires.stiffness * e**2).sum(-1)
+
+
+def span_jacobian(scene: Scene, numbering: Layout, pose: Pose, now: State) -> Any:
+    """Derivative (..., N, w, 3) of every span with respect to the N coordinates of the scene."""
+    wires = scene.wires
+    lower = point_jacobian(numbering, pose, wires.lower, now.lower_arm)
+    return lower - point_jacobian(numbering, pose, wires.upper, now.upper_arm, wires.blade)

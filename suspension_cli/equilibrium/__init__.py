@@ -1,0 +1,1 @@
+"""Poses in which suspensions hang, by Newton's method with exact rotations and stiffness."""

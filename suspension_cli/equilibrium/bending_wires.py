@@ -1,0 +1,120 @@
+"""Equilibrium of wires with bending stiffness, which depends on the tension to be found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.elements import bending, joined_sections, string
+from suspension_cli.elements.dynamic_wire import TautWire, fit_to_equilibrium, group_identical
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.scene.fibres import Fibre
+from suspension_cli.scene.pose import Layout
+from suspension_cli.scene.scene import Scene
+
+SETTLED = 1e-12
+"""Relative change of tensions below which the bending stiffness of wires is not computed again."""
+CLAMP_ITERATIONS = 4
+"""Iterations of the distance u from clamp to hinge; each reduces the change by the factor u / l."""
+PASSES = 4
+"""Most updates of the bending stiffness."""
+
+
+def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
+    """Find the equilibrium of a scene whose wires bend.
+
+    Parameters
+    ----------
+    scene : Scene
+        With `fibres`, and at most one batch axis; the scenes of a batch are independent.
+    numbering : Layout
+
+    Returns
+    -------
+    scene : Scene
+        With its wires between their clamps, and `flex` for the tensions and lengths in equilibrium.
+    found : Equilibrium
+        Not necessarily converged: see `Equilibrium.demand`.
+    """
+    scene = _clamped(scene)
+    found = equilibrium.solve(scene, numbering)
+    shape = (*scene.batch, len(scene.wires.label))
+    tension, length = (np.broadcast_to(v, shape) for v in (scene.wires.tension, scene.wires.length))
+    threshold = 0.0  # the first time any change counts
+    for _ in range(PASSES):
+        taut = found.converged & (found.tension > 0).all(-1)
+        changed = taut & (np.abs(found.tension - tension) > threshold * np.abs(tension)).any(-1)
+        if not changed.any():
+            break
+        tension = np.where(changed[..., None], found.tension, tension)
+        length = np.where(changed[..., None], string.state(scene, found.pose).length, length)
+        scene = bending.with_bending(scene, tension, length)
+        found = equilibrium.solve_again(scene, numbering, found, changed)
+        threshold = SETTLED
+    return scene, found
+
+
+def _clamped(scene: Scene) -> Scene:
+    """Scene whose wires bend between their clamps; so do those of its nominal scene."""
+    drawn = scene.drawn
+    if drawn is not None:
+        drawn = bending.with_bending(_to_clamps(replace(drawn, fibres=scene.fibres)))
+    return replace(bending.with_bending(_to_clamps(scene)), drawn=drawn)
+
+
+def _to_clamps(scene: Scene) -> Scene:
+    """Move the ends of wires to their clamps, where the design gives effective hinges instead.
+
+    A wire whose far end is displaced sideways acts on its clamp with a shear force V and a moment
+    M, as if it were hinged at u = M / V from there (sqrt(EI / T) for a long uniform one; Gonzalez
+    and Saulson, J. Acoust. Soc. Am. 96, 207 (1994)). So the clamps lie u beyond the hinges, in line
+    with the wire, which leaves the forces that carry the weight unchanged. For a ribbon u is taken
+    in its soft plane.
+    """
+    fibres, wires = scene.fibres, scene.wires
+    assert fibres is not None
+    if not any(fibre.effective for fibre in fibres.wire):
+        return scene
+    ends = np.zeros((*scene.batch, len(wires.label), 2))
+    shape = (*scene.batch, len(wires.label))
+    numbers = [np.broadcast_to(v, shape) for v in (wires.length, wires.stiffness, wires.tension)]
+    for group in group_identical(fibres.wire, *numbers):
+        fibre = fibres.wire[group[0]]
+        if fibre.effective:
+            distance = _hinge_distances(fibre, *(v[..., group[0]] for v in numbers))
+            ends[..., group, :] = distance[..., None, :]
+    e, extra = wires.span / wires.length[..., None], ends.sum(-1)
+    moved = replace(
+        wires,
+        upper_point=wires.upper_point - ends[..., :1] * e,
+        lower_point=wires.lower_point + ends[..., 1:] * e,
+        span=wires.span + extra[..., None] * e,
+        length=wires.length + extra,
+    )
+    return replace(scene, wires=moved)
+
+
+def _hinge_distances(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
+    """Distances (..., 2) of the hinges of a wire from its upper and its lower clamp, m.
+
+    Parameters
+    ----------
+    fibre : Fibre
+    length : (...) array
+        Between the hinges, m.
+    k, tension : (...) arrays
+        N/m and N.
+    """
+    upper = lower = np.zeros(length.size)
+    for _ in range(CLAMP_ITERATIONS):
+        whole = fit_to_equilibrium(
+            fibre, length.ravel() + upper + lower, k.ravel(), tension.ravel(), 0.0
+        )
+        strand = TautWire(whole, tension.ravel(), massive=False, lossy=False)
+        stiffness = joined_sections.to_ends(strand.resting("bend-1"))  # of w_1, w'_1, w_2, w'_2
+        upper = np.abs(stiffness[1, 2] / stiffness[0, 2])
+        lower = np.abs(stiffness[3, 0] / stiffness[2, 0])
+    return np.stack([upper, lower], axis=-1).reshape(*length.shape, 2)

@@ -1,0 +1,34 @@
+"""Test of symmetric matrices for positive definiteness, by the pivots of Cholesky's factorisation.
+
+The sign of a determinant would not do: two negative eigenvalues leave it positive.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def positive_definite(matrix: Any) -> Any:
+    """Whether each symmetric matrix (..., n, n) is positive definite, bool (...).
+
+    A matrix that contains a NaN is not. The result of one does not depend on the others.
+    """
+    matrix = np.nan_to_num(matrix, nan=0.0)
+    return _factorise(matrix.reshape(-1, *matrix.shape[-2:])).reshape(matrix.shape[:-2])
+
+
+def _factorise(matrix: Any) -> Any:
+    """Whether each matrix of a stack (p, n, n) has a Cholesky factor.
+
+    NumPy raises for the whole stack if one fails, so it is halved until the failing ones are alone.
+    """
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        if len(matrix) == 1:
+            return np.zeros(1, dtype=bool)
+        middle = len(matrix) // 2
+        return np.concatenate([_factorise(matrix[:middle]), _factorise(matrix[middle:])])
+    return np.ones(len(matrix), dtype=bool)

@@ -1,0 +1,67 @@
+"""Rotations without restoring torque, of a body hung at a single point with all below it.
+
+Such a body rotates about the vertical through that point at constant energy, in any pose.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.elements import string
+from suspension_cli.equilibrium.tree import subtree
+from suspension_cli.scene.pose import Layout, Pose
+from suspension_cli.scene.scene import Scene
+
+
+def single_point_stages(scene: Scene) -> list[tuple[int, int]]:
+    """Stages that hang at a single point: pairs of body and one of its wires.
+
+    By one wire, or by wires whose upper or lower ends coincide in every scene of a batch; not if a
+    spring holds the body or a wire resists twisting.
+    """
+    if scene.flex is not None:
+        return []
+    wires, result = scene.wires, []
+    for body in range(1, len(scene.bodies.name) + 1):
+        own = np.flatnonzero(wires.lower == body)
+        if (scene.springs.lower == body).any() or wires.torsion[..., own].any() or not len(own):
+            continue
+        if _coincide(wires.upper_point[..., own, :]) or _coincide(wires.lower_point[..., own, :]):
+            result.append((body, int(own[0])))
+    return result
+
+
+def _coincide(points: Any) -> bool:
+    """Whether points (..., k, 3) are the same for all k."""
+    return bool((points == points[..., :1, :]).all())
+
+
+def free_rotations(
+    scene: Scene, numbering: Layout, pose: Pose, stages: list[tuple[int, int]]
+) -> Any:
+    """Motion (..., N - 6, r) of the coordinates per rotation of each stage, m/rad and rad/rad.
+
+    Parameters
+    ----------
+    scene : Scene
+    numbering : Layout
+    pose : Pose
+    stages : list of (int, int)
+        From `single_point_stages`.
+    """
+    result = np.zeros((*scene.batch, numbering.size, len(stages)))
+    position, wires = scene.bodies.position + pose.shift, scene.wires
+    for column, (body, wire) in enumerate(stages):
+        arm = pose.arms(wires.lower[[wire]], wires.lower_point[..., [wire], :])[..., 0, :]
+        pivot = position[..., body, :] + arm
+        if not _coincide(wires.lower_point[..., wires.lower == body, :]):
+            now = string.state(scene, pose)
+            pivot = pivot - now.direction[..., wire, :] * now.length[..., wire, None]
+        for member in subtree(scene, body):
+            arm = position[..., member, :] - pivot
+            result[..., 6 * member, column] = -arm[..., 1]
+            result[..., 6 * member + 1, column] = arm[..., 0]
+            result[..., 6 * member + 5, column] = 1.0
+    return result[..., 6:, :]

@@ -1,0 +1,195 @@
+"""Scene of a design, with blade loads that match the pose in which the suspension hangs.
+
+A blade without a given load has its tip in the drawn position when it carries its part of the
+weight. If the nominal pose is drawn, the loads follow from the drawing. If the natural lengths of
+all wires of a stage are given, the pose is solved for, and the loads F and the pose q depend on
+each other: the tensions of the stage's wires in q exert some force and torque, and the tensions of
+least elastic energy that exert the same define the load of each blade. Starting from the drawing,
+each step solves for q with the loads of the step before, until they agree; the result does not
+depend on how the file draws the bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.schema import Design
+from suspension_cli.elements import string
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.energy import gradient_and_stiffness
+from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
+from suspension_cli.equilibrium.residual_scale import residual_scale
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.scene import expand as scene_expand
+from suspension_cli.scene import imperfections, tensions
+from suspension_cli.scene.pose import Layout, Pose, displace, layout
+from suspension_cli.scene.scene import Array, Scene
+
+STEPS = 40
+"""Most iterations of the loads."""
+SETTLED = 1e-13
+"""Change of a load, relative to the weight, at which the iteration stops."""
+COARSE = 1e3
+"""Multiple of `SETTLED` that is accepted after `STEPS`, as rounding of stiff wires may leave it."""
+
+
+def expand(design: Design) -> Scene:
+    """Expand a checked design into its scene, with imperfections.
+
+    Raises
+    ------
+    InputError
+        If a stage cannot balance in its nominal pose, or a wire would be slack in it.
+    """
+    scene = expand_nominal(design)
+    for item in design.perturbation:
+        scene = imperfections.apply(scene, item)
+    return scene
+
+
+def expand_nominal(design: Design) -> Scene:
+    """Expand a design into its scene, without imperfections.
+
+    Raises
+    ------
+    InputError
+        If it does not balance, or the loads of blades and the pose do not converge.
+    """
+    scene = scene_expand.expand_as_drawn(design)
+    unknown = _unknown_loads(design, scene)
+    return _with_loads_of_pose(scene, unknown) if unknown.any() else scene
+
+
+def _unknown_loads(design: Design, scene: Scene) -> Any:
+    """Whether the load of each blade along each axis depends on the pose, bool (b, 3).
+
+    Where all wires of its stage have natural lengths and no load is given.
+    """
+    result = np.zeros((len(scene.blades.label), 3), dtype=bool)
+    for stage in design.stage:
+        if stage.wire and all(wire.natural_length is not None for wire in stage.wire):
+            for blade in stage.blade:
+                number = scene.blades.label.index(f"{stage.name}.{blade.name}")
+                result[number] = scene.blades.axes[number] & [True, True, blade.load is None]
+    return result
+
+
+def _with_loads_of_pose(scene: Scene, unknown: Any) -> Scene:
+    """Set the unknown loads of blades to those in equilibrium, complex steps included."""
+    numbering, whole = layout(scene), drop_complex_step(scene)
+    poses: list[Pose] = []
+
+    def next_loads(loads: Array) -> Array:
+        now = _with_loads(whole, unknown, loads)
+        found = equilibrium.solve(now, numbering, start=poses[-1] if poses else None)
+        if not found.converged:
+            found.demand(now)
+        poses.append(found.pose)
+        return _blade_loads(now, found.pose)[unknown]
+
+    loads = _fixed_point(next_loads, whole.blades.load[unknown], SETTLED * float(whole.weight))
+    if not np.issubdtype(scene.kind, np.complexfloating):
+        return _with_loads(whole, unknown, loads)
+
+    def next_rates(rates: Array) -> Array:
+        now = _with_loads(scene, unknown, loads + 1j * rates)
+        return _blade_loads(now, _first_order_pose(now, numbering, poses[-1])).imag[unknown]
+
+    first = next_rates(np.zeros(len(loads)))
+    rates = _fixed_point(next_rates, first, SETTLED * np.abs(first).max())
+    return _with_loads(scene, unknown, loads + 1j * rates)
+
+
+def _with_loads(scene: Scene, where: Any, loads: Any) -> Scene:
+    """A scene with some loads (k,) of blades replaced `where` a mask (b, 3) is set."""
+    result = scene.blades.load.astype(np.result_type(scene.blades.load, loads))
+    result[where] = loads
+    return replace(scene, blades=replace(scene.blades, load=result))
+
+
+def _fixed_point(function: Callable[[Array], Array], start: Array, tolerance: float) -> Array:
+    """Fixed point (n,) of a function, by Anderson's method.
+
+    Each step goes to the fixed point of the linear function that fits the steps before (Walker and
+    Ni, SIAM J. Numer. Anal. 49, 1715 (2011)): about n + 2 steps for n numbers.
+    """
+    places, changes = [start], [function(start) - start]
+    for _ in range(STEPS):
+        place, change = places[-1], changes[-1]
+        if np.abs(change).max() <= tolerance:
+            return place + change
+        place = place + change
+        if len(places) > 1:
+            d_place = np.diff(np.array(places), axis=0).T
+            d_change = np.diff(np.array(changes), axis=0).T
+            place = place - (d_place + d_change) @ np.linalg.lstsq(d_change, change, rcond=1e-12)[0]
+        places.append(place)
+        changes.append(function(place) - place)
+        if len(places) > len(start) + 3:
+            del places[0], changes[0]
+    last = np.abs(changes[-1]).max()
+    if last <= COARSE * tolerance:
+        return places[-1]
+    problem = f"loads of blades and the pose do not converge (last change {last:.1e} N)"
+    remedy = (
+        "give each [[stage.blade]] its load, the weight in N at which its tip is where the file"
+        " draws it"
+    )
+    raise InputError([Fault("stage", problem, remedy)])
+
+
+def drop_complex_step(scene: Scene) -> Scene:
+    """Drop the imaginary part (a complex step) of all numbers of a scene."""
+    parts = {
+        name: replace(
+            part,
+            **{
+                key: value.real
+                for key, value in vars(part).items()
+                if isinstance(value, np.ndarray) and value.dtype == complex
+            },
+        )
+        for name, part in scene.parts.items()
+    }
+    return replace(scene, gravity=np.real(scene.gravity), **parts)
+
+
+def _first_order_pose(scene: Scene, numbering: Layout, pose: Pose) -> Pose:
+    """Add the effect of a scene's complex step to the pose without it: dq = -K^-1 dg."""
+    gradient, stiffness = gradient_and_stiffness(scene, numbering, pose)
+    free = slice(6, None)
+    without = drop_complex_step(scene)
+    step = equilibrium.newton_step(
+        gradient.imag[free],
+        stiffness.real[free, free],
+        residual_scale(without, numbering),
+        free_rotations(without, numbering, pose, single_point_stages(without)),
+    )
+    return displace(numbering, pose, 1j * np.concatenate([np.zeros(6), step]))
+
+
+def _blade_loads(scene: Scene, pose: Pose) -> Array:
+    """Forces (b, 3) of the blades on their tips, along the axes of their bodies, N.
+
+    They carry the tip masses and the wires of each stage, the latter at tensions of least energy.
+    """
+    wires, blades, now = scene.wires, scene.blades, string.state(scene, pose)
+    to_body = np.swapaxes(pose.rotation, -1, -2)
+    weight = blades.tip_mass[:, None] * np.array([0.0, 0.0, scene.gravity])
+    result = (to_body[blades.body] @ weight[..., None])[..., 0]
+    for body in np.unique(wires.lower[wires.blade >= 0]):
+        own = np.flatnonzero(wires.lower == body)
+        wrenches = tensions.wire_wrenches(now.direction[own], now.lower_arm[own])
+        along = (to_body[wires.upper[own]] @ now.direction[own][..., None])[..., 0]
+        compliance = tensions.compliance(
+            wires.stiffness[own], along, wires.blade[own], blades.axes, blades.stiffness
+        )
+        tension, _ = tensions.least_energy(wrenches, -(wrenches.T @ now.tension[own]), compliance)
+        for n, wire in enumerate(own):
+            if wires.blade[wire] >= 0:
+                result[wires.blade[wire]] -= tension[n] * along[n]
+    return result

@@ -1,0 +1,69 @@
+"""Scales of the residual of an equilibrium: weight carried by each body, and its lever arm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.equilibrium.tree import parents
+from suspension_cli.scene.pose import Layout
+from suspension_cli.scene.scene import Scene
+
+LEAST_ARM = 1e-4
+"""Lever arm of a body whose attachments lie at its COM, m."""
+
+
+def largest_lever_arm(scene: Scene) -> Any:
+    """Largest distance (...) of any attachment from a COM along an axis, m, at least 1 mm."""
+    points = (scene.wires.upper_point, scene.wires.lower_point, scene.springs.lower_point)
+    largest = [np.abs(p).max((-2, -1), initial=1e-3) for p in points]
+    return np.broadcast_to(np.maximum.reduce(np.broadcast_arrays(*largest)), scene.batch)
+
+
+def residual_scale(scene: Scene, numbering: Layout) -> Any:
+    """Scale (..., N - 6) of the residual in each coordinate but the support's.
+
+    For forces the weight carried by the body (on a blade: by the body below), N; for torques that
+    times the lever arm of the body, N m.
+    """
+    load, arm = carried_weights(scene), lever_arms(scene)
+    bodies = np.stack([np.stack([load] * 3, -1), np.stack([load * arm] * 3, -1)], -2)
+    result = np.ones((*scene.batch, numbering.size + 1)) * scene.weight[..., None]
+    result[..., 6 : 6 * load.shape[-1] + 6] = bodies.reshape(*load.shape[:-1], -1)
+    for wire in np.flatnonzero(scene.wires.blade >= 0):
+        body = scene.wires.lower[wire]
+        result[..., numbering.blade[scene.wires.blade[wire]]] = load[..., body - 1, None]
+    return result[..., 6:-1]
+
+
+def carried_weights(scene: Scene) -> Any:
+    """Weight (..., n) that each body carries: its own and that of all that hangs from it, N."""
+    bodies, parent = scene.bodies, parents(scene)
+    shape = (*scene.batch, len(bodies.name))
+    result = np.array(np.broadcast_to(scene.gravity * bodies.mass, shape))
+    for number, body in enumerate(scene.blades.body.tolist()):
+        if body > 0:
+            result[..., body - 1] += scene.gravity * scene.blades.tip_mass[..., number]
+    for body in range(len(bodies.name), 0, -1):
+        if parent[body] > 0:
+            result[..., parent[body] - 1] += result[..., body - 1]
+    return result
+
+
+def lever_arms(scene: Scene) -> Any:
+    """Largest distance (..., n) of an attachment of each body from its COM along an axis, m.
+
+    At least `LEAST_ARM`.
+    """
+    wires, springs = scene.wires, scene.springs
+    result = np.full((*scene.batch, len(scene.bodies.name) + 1), LEAST_ARM)
+    ends = (
+        (wires.upper, wires.upper_point),
+        (wires.lower, wires.lower_point),
+        (springs.lower, springs.lower_point),
+    )
+    for body, points in ends:
+        place: Any = (..., body)
+        np.maximum.at(result, place, np.abs(points).max(-1))
+    return result[..., 1:]

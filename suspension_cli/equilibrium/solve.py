@@ -1,0 +1,408 @@
+"""Equilibrium of a scene, by Newton's method with exact finite rotations and tangent stiffness.
+
+During the search wires are linear springs that may push, so that the energy is smooth; that all are
+taut is checked at the end. A saddle point counts as an equilibrium: an unstable suspension is a
+finding, not an error, so the search goes to the stationary point next to the nominal pose and does
+not slide down from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.elements import string
+from suspension_cli.equilibrium.definite import positive_definite
+from suspension_cli.equilibrium.energy import gradient_and_stiffness
+from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
+from suspension_cli.equilibrium.residual_scale import largest_lever_arm, residual_scale
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.scene.arrays import inner_axes
+from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
+from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.stack import scale_imperfections, select_scenes
+
+BALANCED = 1e-14
+"""Residual (relative to the weight) of a nominal pose that needs no search."""
+CONVERGED = 1e-11
+"""Residual (relative to the weight) of an equilibrium, unless rounding of lengths leaves more."""
+COARSE = 1e-4
+"""Residual (relative to the weight) from rounding of lengths above which a result is useless."""
+SETTLED = 1e-12
+"""Residual (relative to the weight) at which the search stops; it also stops where rounding keeps
+the residual from falling further."""
+LAST_STEP = 1e-8
+"""Step (m or rad) after which the error is below rounding, as convergence is quadratic."""
+ITERATIONS = 15
+"""Most Newton steps of a search."""
+STEPS = (10, 80)
+"""Continuation steps where Newton's method alone is not reliable; the second number if the first
+does not end in a stable pose."""
+CORRECTIONS = 4
+"""Newton steps after each continuation step."""
+ROUNDINGS = 16
+"""Most rounding errors of a displacement that add up in the forces on a body."""
+CAP = 0.3
+"""Longest step in rad, and in units of the largest lever arm."""
+NEUTRAL = 1e-13
+"""Stiffness, relative to that of the same coordinate with all others fixed, below which a motion is
+neutral within rounding, not unstable."""
+PARTS_OF_POSE = inner_axes(Pose)
+"""Arrays of a pose, and their axes beyond the batch."""
+PARTS_OF_RESULT = ("residual", "rounding", "tension", "stiffness")
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Pose in which a scene balances.
+
+    Attributes
+    ----------
+    pose : Pose
+    residual : (...) array
+        Largest unbalanced force on a body relative to the weight that it carries, or torque
+        relative to that weight times the lever arm of the body.
+    rounding : (...) array
+        Part of the residual that rounding of the tensions and lengths of wires may cause.
+    iterations : int
+        Newton steps taken; 0 if the nominal pose balances.
+    tension : (..., w) array
+        N.
+    stiffness : (..., N, N) array
+        Tangent stiffness in this pose, N/m, N and N m.
+    """
+
+    pose: Pose
+    residual: Any
+    rounding: Any
+    iterations: int
+    tension: Any
+    stiffness: Any
+
+    @property
+    def converged(self) -> Any:
+        """Whether each scene of the batch has an equilibrium near its nominal pose, bool (...)."""
+        return self.residual < np.maximum(
+            CONVERGED, np.where(self.rounding < COARSE, self.rounding, 0.0)
+        )
+
+    def demand(self, scene: Scene) -> None:
+        """Raise `InputError` unless every scene of the batch balances on taut wires."""
+        if not np.all(self.converged):
+            raise InputError([self._no_balance(scene)])
+        low = self.tension.min(tuple(range(self.tension.ndim - 1)), initial=np.inf)
+        faults = [
+            Fault(
+                f"stage.{label.rsplit('.', 1)[0]}.wire",
+                f"wire {label} is slack in equilibrium (tension {tension:.3g} N)",
+                "shorten it, or leave it out",
+            )
+            for label, tension in zip(scene.wires.label, low, strict=True)
+            if not tension > 0
+        ]
+        if faults:
+            raise InputError(faults)
+
+    def _no_balance(self, scene: Scene) -> Fault:
+        worst = float(np.max(np.nan_to_num(self.residual, nan=np.inf)))
+        if float(np.max(np.nan_to_num(self.rounding))) >= COARSE:
+            return Fault(
+                "stage",
+                f"wires of {float(scene.wires.stiffness.max()):.1e} N/m are too stiff to be"
+                f" balanced: rounding of their lengths leaves {worst:.1e} of the weight unbalanced",
+                "give them the k = E A / l of a real wire, at most 1e13 N/m or so",
+            )
+        return Fault(
+            "stage",
+            "no equilibrium found near the nominal pose (unbalanced force"
+            f" {worst:.1e} of the weight)",
+            "check natural lengths, positions and the size of the perturbations",
+        )
+
+
+def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = None) -> Equilibrium:
+    """Find the equilibrium of a scene near its nominal pose.
+
+    Newton's method gets there in a few steps. Where it does not converge, or ends with a slack wire
+    or in an unstable pose (it may have overshot to another stationary point), the equilibrium is
+    followed by continuation instead: from that of the nominal design, while the imperfections grow
+    from zero; or, where the nominal pose itself is unknown, while the forces that hold the scene as
+    drawn are reduced to zero.
+
+    Parameters
+    ----------
+    scene : Scene
+        With any batch axes; its scenes are solved at once, and none depends on the others.
+    numbering : Layout, optional
+    start : Pose, optional
+        Instead of the nominal pose.
+
+    Returns
+    -------
+    Equilibrium
+        Not necessarily converged: see `Equilibrium.demand`.
+
+    Examples
+    --------
+    ``found = solve(scene); found.demand(scene); found.tension`` gives the tensions in N.
+    """
+    numbering = numbering or layout(scene)
+    found = _newton(
+        scene,
+        numbering,
+        start or nominal_pose(scene),
+        0.0,
+        ITERATIONS,
+        accept_nominal=start is None,
+    )
+    if found.iterations == 0:
+        return found
+    taut = found.converged & (found.tension > 0).all(-1)
+    suspect = np.asarray(~(taut & _is_stable(scene, numbering, found)))
+    if not suspect.any():
+        return found
+    nominal = None if scene.drawn is None else solve(scene.drawn, numbering)
+    if nominal is not None and scene.drawn is not None:
+        # if the nominal design is unstable, so is the whole branch
+        suspect &= ~(taut & ~_is_stable(scene.drawn, numbering, nominal))
+    for steps in STEPS:
+        if not suspect.any():
+            break
+        some = select_scenes(scene, suspect)
+        begin = (
+            nominal_pose(some)
+            if nominal is None
+            else _select_pose(_broadcast_pose(nominal.pose, scene.batch), suspect)
+        )
+        better = _continue(some, numbering, begin, steps)
+        found = _replace_converged(found, suspect, better)
+        suspect[suspect] = ~(better.converged & _is_stable(some, numbering, better))
+    return found
+
+
+def newton_steps(scene: Scene, steps: int) -> Equilibrium:
+    """Take a given number of Newton steps from the nominal pose, converged or not.
+
+    One step is the linear solution, none the nominal pose.
+    """
+    return _newton(scene, layout(scene), nominal_pose(scene), 0.0, steps)
+
+
+def solve_again(scene: Scene, numbering: Layout, found: Equilibrium, where: Any) -> Equilibrium:
+    """Solve those scenes of a batch that have changed again, from their last equilibrium.
+
+    Parameters
+    ----------
+    scene : Scene
+        As changed.
+    numbering : Layout
+    found : Equilibrium
+        Of the batch before the change.
+    where : (...) bool array
+        The scenes that have changed.
+    """
+    if not scene.batch:
+        return solve(scene, numbering, start=found.pose)
+    start = _select_pose(found.pose, where)
+    return _replace(found, where, solve(select_scenes(scene, where), numbering, start=start))
+
+
+def _select_pose(pose: Pose, where: Any) -> Pose:
+    return Pose(*(getattr(pose, name)[where] for name in PARTS_OF_POSE))
+
+
+def _broadcast_pose(pose: Pose, batch: tuple[int, ...]) -> Pose:
+    def spread(part: Any, inner: int) -> Any:
+        return np.broadcast_to(part, batch + part.shape[part.ndim - inner :])
+
+    return Pose(*(spread(getattr(pose, name), inner) for name, inner in PARTS_OF_POSE.items()))
+
+
+def _replace(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
+    """Replace the results of a batch `where` new ones are given (for these alone)."""
+
+    def merge(old: Any, some: Any) -> Any:
+        result = np.array(np.broadcast_to(old, where.shape + some.shape[1:]))
+        result[where] = some
+        return result
+
+    pose = Pose(
+        *(merge(getattr(found.pose, name), getattr(new.pose, name)) for name in PARTS_OF_POSE)
+    )
+    parts = {name: merge(getattr(found, name), getattr(new, name)) for name in PARTS_OF_RESULT}
+    return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **parts)
+
+
+def _replace_converged(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
+    """Replace the results of a batch `where` new ones are given, if these have converged."""
+    kept = new.converged
+    chosen = where.copy()
+    chosen[where] = kept
+    pose = _select_pose(new.pose, kept)
+    parts = {name: getattr(new, name)[kept] for name in PARTS_OF_RESULT}
+    return _replace(found, chosen, Equilibrium(pose=pose, iterations=new.iterations, **parts))
+
+
+def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
+    """Whether each tangent stiffness is positive definite, apart from free rotations."""
+    root = np.sqrt(residual_scale(scene, numbering))
+    scaled = np.nan_to_num(found.stiffness[..., 6:, 6:]) / (root[..., :, None] * root[..., None, :])
+    own = np.abs(np.diagonal(scaled, axis1=-2, axis2=-1))
+    free = free_rotations(scene, numbering, found.pose, single_point_stages(scene))
+    free = free * root[..., None]
+    stiffened = (
+        own.max(-1)[..., None, None]
+        * (free @ np.swapaxes(free, -1, -2))
+        / np.maximum((free**2).sum((-2, -1)), 1.0)[..., None, None]
+    )
+    return positive_definite(scaled + stiffened + NEUTRAL * own[..., None] * np.eye(own.shape[-1]))
+
+
+def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equilibrium:
+    """Follow the equilibrium from the nominal design's pose by continuation in small steps."""
+    with np.errstate(all="ignore"):
+        nominal_gradient = (
+            gradient_and_stiffness(scene, numbering, pose)[0] if scene.drawn is None else 0.0
+        )
+        for n in range(1, steps):
+            if scene.drawn is None:  # reduce the forces that hold it in the nominal pose
+                pose = _newton(
+                    scene, numbering, pose, nominal_gradient * (1 - n / steps), CORRECTIONS
+                ).pose
+            else:  # increase the imperfections
+                pose = _newton(
+                    scale_imperfections(scene, n / steps), numbering, pose, 0.0, CORRECTIONS
+                ).pose
+        return _newton(scene, numbering, pose, 0.0, ITERATIONS)
+
+
+def _newton(
+    scene: Scene,
+    numbering: Layout,
+    pose: Pose,
+    target: Any,
+    limit: int,
+    *,
+    accept_nominal: bool = False,
+) -> Equilibrium:
+    """Newton's method for the pose in which the gradient equals `target` (..., N), N and N m.
+
+    At most `limit` steps. With `accept_nominal` a nominal pose that balances is returned unchanged.
+    """
+    scale, free = residual_scale(scene, numbering), slice(6, None)
+    wanted = target if np.isscalar(target) else target[..., free]
+    gradient, hessian = gradient_and_stiffness(scene, numbering, pose)
+    residual = _largest((gradient[..., free] - wanted) / scale)
+    converged = (residual <= BALANCED) & accept_nominal & _is_as_drawn(scene, numbering, gradient)
+    if np.all(converged):
+        tension = string.state(scene, pose).tension
+        return Equilibrium(pose, residual, np.zeros_like(residual), 0, tension, hessian)
+    stages = single_point_stages(scene)
+    rotations = np.array([name.endswith((".roll", ".pitch", ".yaw")) for name in numbering.name])
+    cap = CAP * np.where(rotations[free], 1.0, largest_lever_arm(scene)[..., None])
+    count, remainder = 0, None
+    while count < limit and not np.all(converged):
+        if scene.batch and 2 * np.count_nonzero(converged) > converged.size:
+            # most scenes have converged: continue with the others alone
+            others = ~converged
+            goal = target[others] if isinstance(target, np.ndarray) else target
+            start = _select_pose(pose, others)
+            remainder = (
+                others,
+                _newton(select_scenes(scene, others), numbering, start, goal, limit - count),
+            )
+            break
+        step = newton_step(
+            gradient[..., free] - wanted,
+            hessian[..., free, free],
+            scale,
+            free_rotations(scene, numbering, pose, stages),
+        )
+        step = step / np.maximum(_largest(step / cap), 1.0)[..., None]
+        step = np.where(converged[..., None], 0.0, step)
+        whole = np.concatenate([np.zeros((*step.shape[:-1], 6)), step], axis=-1)
+        pose = displace(numbering, pose, whole)
+        gradient, hessian = gradient_and_stiffness(scene, numbering, pose)
+        before, residual = residual, _largest((gradient[..., free] - wanted) / scale)
+        converged = converged | (
+            (_largest(step) < LAST_STEP) & ((residual < SETTLED) | (residual > before / 2))
+        )
+        count += 1
+    tension = string.state(scene, pose).tension
+    rounding = _rounding(scene, pose, tension, scale)
+    found = Equilibrium(pose, residual, rounding, count, tension, hessian)
+    if remainder is None:
+        return found
+    where, rest = remainder
+    return _replace(found, where, replace(rest, iterations=count + rest.iterations))
+
+
+def _is_as_drawn(scene: Scene, numbering: Layout, gradient: Any) -> Any:
+    """Whether the imperfections leave all forces in the nominal pose bitwise unchanged.
+
+    Then the residual is rounding.
+    """
+    if scene.drawn is None:
+        return True
+    nominal, _ = gradient_and_stiffness(scene.drawn, numbering, nominal_pose(scene.drawn))
+    return (gradient == nominal).all(-1)
+
+
+def _rounding(scene: Scene, pose: Pose, tension: Any, scale: Any) -> Any:
+    """Residual (...) that rounding may cause.
+
+    eps times the tension of a wire, and times its stiffness and the motion of both its ends.
+    """
+    wires = scene.wires
+    if not wires.label:
+        return np.zeros(scene.batch)
+    turn, shift = np.abs(pose.turn).max((-2, -1)), np.abs(pose.shift).max(-1)
+    ends = ((wires.upper, wires.upper_point), (wires.lower, wires.lower_point))
+    motion = sum(shift[..., body] + turn[..., body] * np.abs(point).max(-1) for body, point in ends)
+    force = ROUNDINGS * np.finfo(float).eps * (np.abs(tension) + wires.stiffness * motion)
+    return (force / scale[..., 6 * (wires.lower - 1)]).max(-1)
+
+
+def _largest(values: Any) -> Any:
+    return np.abs(values).max(-1)
+
+
+def newton_step(gradient: Any, hessian: Any, scale: Any, free: Any) -> Any:
+    """Newton step -K^-1 g (..., M) without free rotations.
+
+    K is bordered by the free rotations, to which g is orthogonal in any pose.
+
+    Parameters
+    ----------
+    gradient : (..., M) array
+        N and N m.
+    hessian : (..., M, M) array
+        N/m, N and N m.
+    scale : (..., M) array
+        From `residual_scale`; scales rows and columns.
+    free : (..., M, r) array
+        From `free_rotations`.
+    """
+    root = np.sqrt(scale)
+    scaled = hessian / (root[..., :, None] * root[..., None, :])
+    force = gradient / root
+    rigid = free.shape[-1]
+    if rigid:
+        border = free * root[..., None]
+        border = border / np.sqrt((border**2).sum(-2, keepdims=True))
+        corner = np.zeros((*border.shape[:-2], rigid, rigid))
+        scaled = np.block([[scaled, border], [np.swapaxes(border, -1, -2), corner]])
+        force = np.concatenate([force, np.zeros((*force.shape[:-1], rigid))], -1)
+    return -_solve_each(scaled, force)[..., : gradient.shape[-1]] / root
+
+
+def _solve_each(matrix: Any, right: Any) -> Any:
+    """Solve many systems; a singular one gets the smallest solution and leaves others alone."""
+    try:
+        return np.linalg.solve(matrix, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        if matrix.ndim == 2:
+            return np.linalg.pinv(np.nan_to_num(matrix), rcond=1e-12, hermitian=True) @ right
+        return np.stack([_solve_each(m, r) for m, r in zip(matrix, right, strict=True)])

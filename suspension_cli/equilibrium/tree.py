@@ -1,0 +1,24 @@
+"""Tree of the bodies of a scene: which hangs from which."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from suspension_cli.scene.scene import Index, Scene
+
+
+def parents(scene: Scene) -> Index:
+    """Body (n + 1,) from which each body hangs, always of lower number; 0 is the support."""
+    result = np.zeros(len(scene.bodies.name) + 1, dtype=np.intp)
+    for links in (scene.springs, scene.wires):
+        result[links.lower] = links.upper
+    return result
+
+
+def subtree(scene: Scene, body: int) -> list[int]:
+    """A body and all bodies that hang from it, directly or not, in ascending order."""
+    members, parent = [body], parents(scene)
+    for other in range(body + 1, len(parent)):
+        if parent[other] in members:
+            members.append(other)
+    return members

@@ -1,0 +1,64 @@
+"""Files written whole or not at all, and failures to write as errors of the input."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from suspension_cli.errors import Fault, InputError
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file under a temporary name in its folder, then rename it.
+
+    Raises
+    ------
+    OSError
+        If that fails; the temporary file is removed.
+    """
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise
+
+
+def _umask() -> int:
+    current = os.umask(0)
+    os.umask(current)
+    return current
+
+
+@contextlib.contextmanager
+def writing_to(path: str | Path, key: str = "--out") -> Iterator[None]:
+    """Turn a failure to write (no space, no permission) into an `InputError`.
+
+    Parameters
+    ----------
+    path : path
+        Named in the message.
+    key : str
+        Option that gave the path; ``""`` for none.
+    """
+    try:
+        yield
+    except OSError as error:
+        problem = f"cannot be written ({error.strerror or error})"
+        remedy = "name a folder with space and permission"
+        raise InputError([Fault(key, problem, remedy, str(path))]) from None
+
+
+def write_bytes(path: Path, data: bytes, key: str = "--out") -> None:
+    """Write a file whole or not at all; raises `InputError`, arguments as for `writing_to`."""
+    with writing_to(path, key):
+        replace_file(path, data)

@@ -1,0 +1,71 @@
+"""Design of an existing result file, in any format."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+
+def read_design(path: Path) -> str | None:
+    """Read the text of the design from a result file; None if it is missing or not a result.
+
+    Parameters
+    ----------
+    path : Path
+        Ending in ``.h5``, ``.mat``, ``.npz`` or ``.json``.
+    """
+    if not path.is_file():
+        return None
+    try:
+        return str(_READ[path.suffix](path))
+    except Exception:  # whatever the failure, it is not a result
+        return None
+
+
+def _hdf5(path: Path) -> Any:
+    with h5py.File(path, "r") as file:
+        return file.attrs["design"]
+
+
+def _mat(path: Path) -> Any:
+    from scipy.io import loadmat
+
+    return loadmat(path, variable_names=["pendsus"], simplify_cells=True)["pendsus"]["design"]
+
+
+def _npz(path: Path) -> Any:
+    import numpy as np
+
+    with np.load(path) as arrays:
+        return arrays["design"]
+
+
+def _json(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))["design"]
+
+
+_READ = {".h5": _hdf5, ".mat": _mat, ".npz": _npz, ".json": _json}
+
+
+@contextlib.contextmanager
+def replacing(path: Path, text: str, say: Callable[[str], None]) -> Iterator[None]:
+    """Report that a results file was written, and if it replaced that of another design.
+
+    Parameters
+    ----------
+    path : Path
+    text : str
+        The design whose result is written.
+    say : callable
+        Takes the message.
+    """
+    before = read_design(path)
+    yield
+    replaced = before is not None and before != text
+    note = ", in place of the result of another design of this name"
+    say(f"wrote {path}{note + ' (--out or design.name keeps both)' if replaced else ''}")

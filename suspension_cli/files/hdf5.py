@@ -1,0 +1,187 @@
+"""HDF5 files of results, which name their units and record how they were made.
+
+`docs/format.md` describes the files. A file is built in memory and written whole or not at all. The
+content of an analysis's group is defined by that analysis.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.files.atomic import write_bytes
+from suspension_cli.version import __version__
+
+FORMAT_VERSION = 1
+"""Raised when a reader of older files would misunderstand a new one."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Origin of a result.
+
+    Attributes
+    ----------
+    design : str
+        Whole design as TOML, overrides applied.
+    command : str
+        Command line.
+    fidelity : str
+        Name of the model.
+    reason : str
+        Why this model, and what it neglects.
+    sweep : str
+        Identifies the points of a sweep; empty for other analyses.
+    error : float
+        Estimated relative error of the model; NaN where none was estimated.
+    """
+
+    design: str
+    command: str
+    fidelity: str
+    reason: str
+    sweep: str = ""
+    error: float = math.nan
+
+
+def write(path: Path, origin: Provenance, fill: Callable[[h5py.File], None]) -> None:
+    """Write one HDF5 file, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    origin : Provenance
+        Written to the root attributes.
+    fill : callable
+        Adds the group of the analysis to the open file.
+    """
+    with h5py.File("memory", "w", driver="core", backing_store=False) as file:
+        write_root_attributes(file, origin)
+        fill(file)
+        file.flush()
+        image = file.id.get_file_image()
+    write_bytes(path, image)
+
+
+def write_root_attributes(file: h5py.File, origin: Provenance) -> None:
+    """Write the root attributes that every file has."""
+    file.attrs["format"] = "pendsus"
+    file.attrs["format_version"] = FORMAT_VERSION
+    file.attrs["pendsus_version"] = __version__
+    file.attrs["design"] = origin.design
+    file.attrs["command"] = origin.command
+    file.attrs["fidelity"] = origin.fidelity
+    file.attrs["fidelity_reason"] = origin.reason
+    file.attrs["estimated_error"] = origin.error
+
+
+def add_scale(group: h5py.Group, name: str, values: Any, units: str) -> h5py.Dataset:
+    """Add a dataset that serves as scale of an axis of others."""
+    result = add_dataset(group, name, values, units)
+    result.make_scale(name)
+    return result
+
+
+def add_dataset(
+    group: h5py.Group, name: str, values: Any, units: str, *axes: h5py.Dataset
+) -> h5py.Dataset:
+    """Add a dataset with its units and, optionally, the scales of all its axes."""
+    values = np.asarray(values)
+    data = values.astype(h5py.string_dtype()) if values.dtype.kind == "U" else values
+    result = group.create_dataset(name, data=data)
+    result.attrs["units"] = units
+    for axis, of in zip(result.dims, axes, strict=bool(axes)):
+        axis.attach_scale(of)
+        axis.label = str(of.name).rsplit("/", 1)[1]
+    return result
+
+
+def open_results(path: str | Path) -> h5py.File:
+    """Open a results file for reading.
+
+    Raises
+    ------
+    InputError
+        If it was not written by pendsus, or refers to other files.
+    """
+    if not Path(path).exists():
+        problem = "is missing"
+    elif not Path(path).is_file():
+        problem = "is not a regular file"
+    else:
+        try:
+            file = h5py.File(path, "r")
+        except OSError:
+            problem = "is not HDF5, or was cut off"
+        else:
+            problem = _foreign(file) or _unsafe(file)
+            if not problem:
+                return file
+            file.close()
+    remedy = "name a file that this version of pendsus wrote"
+    raise InputError([Fault("", problem, remedy)], str(path))
+
+
+def _foreign(file: h5py.File) -> str:
+    """Why a file is not one of pendsus; empty if it is."""
+    try:
+        known, version = file.attrs.get("format"), file.attrs.get("format_version", 0)
+    except (OSError, RuntimeError, TypeError):
+        return "is not in a known format (its attributes cannot be read)"
+    if not isinstance(known, str) or known != "pendsus":
+        return "is not in a known format (not a pendsus file)"
+    if not isinstance(version, np.integer) or not 0 < version <= FORMAT_VERSION:
+        return f"is not in a known format (version {format_value(version)})"
+    return ""
+
+
+def _unsafe(file: h5py.File) -> str:
+    """Why a file must not be read; empty if it may be.
+
+    Links and datasets that refer to other files, and sizes beyond what the file can contain.
+    Groups that contain each other are visited once.
+    """
+    largest = max(LARGE, 8 * os.path.getsize(file.filename))
+    seen: set[int] = set()
+    pending: list[h5py.Group] = [file]
+    try:
+        while pending:
+            group = pending.pop()
+            for name in group:
+                if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                    return f"contains a link ({format_value(name)}), which is not followed"
+                item = group[name]
+                if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
+                    return f"keeps {format_value(item.name)} in another file, which is not opened"
+                if isinstance(item, h5py.Dataset) and item.nbytes > largest:
+                    return (
+                        f"is corrupt: {format_value(item.name)} should have {item.size} values,"
+                        " more than the file can contain"
+                    )
+                place = h5py.h5o.get_info(item.id).addr  # pyright: ignore[reportAttributeAccessIssue]
+                if isinstance(item, h5py.Group) and place not in seen:
+                    pending.append(item)
+                seen.add(place)
+    except MemoryError:
+        raise
+    except Exception as error:  # HDF5 fails in many ways on corrupt bytes
+        return f"is corrupt: {one_line(error)}"
+    return ""
+
+
+LARGE = 1 << 26
+"""Largest dataset accepted in a much smaller file, which must be compressed, bytes."""
+
+
+def one_line(error: Exception) -> str:
+    """Text of an exception on one short line."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else f"{text[:117]}..."

@@ -1,0 +1,208 @@
+"""Responses of one block to inputs at many frequencies, to the full precision of doubles.
+
+Each system D v = b is solved in doubles, body by body and at all frequencies at once
+(`elimination`). The residual b - D v in double-double arithmetic (`residual`) gives one correction,
+which squares the relative error of the first solution. Where that correction is large (near a pole
+without loss, near a zero, where a part of the suspension resonates alone), the system is solved
+again with pivoting and corrected until nothing changes.
+
+Below the first resonance v are coordinates relative to the static response S s to the support's
+motion s: x = S s + v.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear.blocks import CondensedBlock, SupportForces
+from suspension_cli.linear.double_double import DoubleDouble, two_product, two_sum
+from suspension_cli.linear.residual import Equations, Loads
+from suspension_cli.linear.small_matrices import dense
+from suspension_cli.scene.scene import Array
+
+CONVERGED = 1e-10
+"""Relative correction of a coordinate below which no second correction is needed."""
+CANCELLED = 1e-7
+"""Ratio of an output to its largest terms below which these need more digits."""
+STEPS = 6
+"""Largest number of corrections: at a lossless pole none of them helps."""
+TINY = np.finfo(float).tiny
+CHUNK = 1 << 15
+"""Unknowns (coordinates times inputs times frequencies) solved at once; they fit into the cache."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """Inputs and outputs of a block.
+
+    Attributes
+    ----------
+    outputs : (o, c) array
+        Linear forms of the coordinates.
+    moves, forces : (6, i), (c, i) arrays
+        Inputs as motions of the support and forces on the coordinates.
+    direct : (o, i) array
+        Response of the outputs to the support's own motion, added to that of the block.
+    """
+
+    outputs: Any
+    moves: Any
+    forces: Any
+    direct: Any
+
+
+def solve_responses(
+    block: CondensedBlock, omega: Array, request: Request
+) -> Iterator[tuple[slice, Any]]:
+    """Solve for the responses of a block in consecutive ranges of ascending frequencies (rad/s).
+
+    Yields
+    ------
+    span : slice
+        Range of the frequencies.
+    values : list of (i, f) arrays
+        Response of each output; not finite at a resonance without loss.
+    """
+    support_moves = request.moves.any() and len(block.resonances) > 0
+    count_below = int(omega.searchsorted(block.resonances[0])) if support_moves else 0
+    step = max(CHUNK // max(len(block.kept) * request.moves.shape[1], 1), 64)
+    for first, last, relative in ((0, count_below, True), (count_below, len(omega), False)):
+        if first == last:
+            continue
+        drive = block.relative if relative else block.absolute
+        loads = drive.equations.loads(request.moves, request.forces)
+        offset = _static_offset(block, request, relative=relative)
+        for start in range(first, last, step):
+            span = slice(start, min(start + step, last))
+            yield span, _solve_range(block, drive, omega[span], request, loads, offset)
+
+
+def _solve_range(
+    block: CondensedBlock,
+    drive: SupportForces,
+    omega: Array,
+    request: Request,
+    loads: Loads,
+    offset: Any,
+) -> list[Any]:
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        factors = block.factor(omega)
+        v = block.solve(factors, omega, request.moves, request.forces, drive)
+        residual = drive.equations.residual(omega, drive.equations.at(omega), loads, v, fine=False)
+        correction = block.solve_right_sides(factors, residual)
+        relative_change = (np.abs(correction) / np.maximum(np.abs(v), TINY)).max(0)
+        outputs = [
+            _evaluate_output(form, high, low, v, correction)
+            for form, high, low in zip(request.outputs, *offset, strict=True)
+        ]
+    inaccurate = ~(relative_change < CONVERGED)
+    values = [value for value, _ in outputs]
+    for _, cancelled in outputs:
+        if cancelled is not None:
+            inaccurate |= cancelled
+    where = inaccurate.nonzero()
+    if len(where[0]):
+        i, f = where
+        refined = _refine(block, drive.equations, omega[f], loads.some(i), v[:, i, f])
+        for n, form in enumerate(request.outputs):
+            values[n][where] = _evaluate_output(form, offset[0][n, i], offset[1][n, i], *refined)[0]
+    return values
+
+
+def _static_offset(block: CondensedBlock, request: Request, *, relative: bool) -> tuple[Any, Any]:
+    """Responses (o, i) when v = 0, in double-double."""
+    direct = DoubleDouble.of(request.direct)
+    if not relative:
+        return direct.high, direct.low
+    form, moves = DoubleDouble.of(request.outputs), DoubleDouble.of(request.moves)
+    real = direct + (form @ DoubleDouble.of(block.static.real)) @ moves
+    if not np.iscomplexobj(block.static):
+        return real.high, real.low
+    imag = (form @ DoubleDouble.of(block.static.imag)) @ moves
+    return real.high + 1j * imag.high, real.low + 1j * imag.low
+
+
+def _evaluate_output(
+    form: Array, offset: Any, offset_low: Any, high: Any, low: Any
+) -> tuple[Any, Any]:
+    """Evaluate a linear form (c,) of coordinates (c, ..., f) in double-double, plus an offset.
+
+    Returns it, and a mask of where it is far smaller than its terms (None if it has one term).
+    """
+    columns = form.nonzero()[0]
+    shifted = bool(np.any(offset)) or bool(np.any(offset_low))
+    if len(columns) == 1 and form[columns[0]] == 1.0 and not shifted:
+        return high[columns[0]] + low[columns[0]], None
+    broadcast = (lambda a: a[:, None]) if high.ndim > 2 else (lambda a: a)
+    total, low_sum = broadcast(offset), broadcast(offset_low)
+    size = np.abs(total)
+    for c in columns:
+        if form[c] == 1.0:
+            term, error = high[c], low[c]
+        else:
+            term, error = _scale(form[c], high[c])
+            error = error + form[c] * low[c]
+        total, rounding = two_sum(total, term)
+        low_sum = low_sum + (rounding + error)
+        size = size + np.abs(term)
+    result = total + low_sum
+    return result, np.abs(result) < CANCELLED * size
+
+
+def _scale(factor: float, values: Any) -> tuple[Any, Any]:
+    """Multiply real or complex values by a double: rounded products and their errors."""
+    if not np.iscomplexobj(values):
+        return two_product(np.asarray(factor), values)
+    real, imag = (two_product(np.asarray(factor), part) for part in (values.real, values.imag))
+    return real[0] + 1j * imag[0], real[1] + 1j * imag[1]
+
+
+def _refine(
+    block: CondensedBlock, equations: Equations, omega: Array, loads: Loads, start: Any
+) -> tuple[Any, Any]:
+    """Solve P systems with pivoting for coordinates (c, P) in double-double.
+
+    Parameters
+    ----------
+    block : Block
+    equations : Equations
+    omega : (P,) array
+        rad/s.
+    loads : Loads
+        One per system.
+    start : (c, P) array
+        Initial solutions; those that are not finite are replaced by 0.
+    """
+    matrix = block.matrices(omega)
+    high = np.where(np.isfinite(start).all(0), start, 0.0)
+    low = np.zeros_like(high)
+    active, size = np.arange(len(omega)), np.full(len(omega), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for _ in range(STEPS):
+            residual = equations.residual(
+                omega[active],
+                equations.at(omega[active]),
+                loads.some(active),
+                high[:, None, active],
+                low[:, None, active],
+                fine=True,
+            )
+            correction = dense(matrix[..., active], residual)[:, 0]
+            relative_change = (np.abs(correction) / np.maximum(np.abs(high[:, active]), TINY)).max(
+                0
+            )
+            improves = relative_change < size
+            high[:, active[~np.isfinite(correction).all(0)]] = np.nan  # singular to the last bit
+            correction = np.where(improves, correction, 0.0)
+            total, rounding = two_sum(high[:, active], correction)
+            total, rounding = two_sum(total, low[:, active] + rounding)
+            high[:, active], low[:, active] = total, rounding
+            unfinished = improves & ~(relative_change < CONVERGED)
+            active, size = active[unfinished], relative_change[unfinished]
+            if not len(active):
+                break
+    return high, low

@@ -1,0 +1,382 @@
+"""Blocks of a linear system without massless coordinates, solvable at any frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear import elimination, static_condensation
+from suspension_cli.linear.residual import Equations, equations
+from suspension_cli.linear.rigid_motion_invariance import low_parts
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array, Index
+
+SOFT = 1e-5
+"""Ratio of a blade's stiffness to that of its wires below which its tip is counted from where the
+wires hold it: elimination in doubles loses the square of the ratio."""
+Matrices = tuple[Any, Any, Any]
+
+
+@dataclass(frozen=True)
+class Submatrix:
+    """Submatrix of the dynamic stiffness K + i omega C - omega^2 M; arrays (r, s)."""
+
+    stiffness: Any
+    mass: Any
+    damping: Any
+
+    def at(self, omega: Array, square: Array) -> Any:
+        """Evaluate at frequencies: (r, s, f), or (r, s, 1) if constant; real without loss."""
+        if not self.mass_elements and not self.damping_elements:
+            return self.stiffness[..., None]
+        result = np.empty(
+            (*self.stiffness.shape, len(omega)),
+            dtype=complex if self.damping_elements else self.stiffness.dtype,
+        )
+        result[:] = self.stiffness[..., None]
+        for r, c in self.mass_elements:
+            result[r, c] -= self.mass[r, c] * square
+        for r, c in self.damping_elements:
+            result[r, c] += (1j * self.damping[r, c]) * omega
+        return result
+
+    def times(self, columns: Any, omega: Array, square: Array) -> Any:
+        """Multiply by constant columns (s, k): (r, k, f), or (r, k, 1) if constant."""
+        if not self.mass_elements and not self.damping_elements:
+            return (self.stiffness @ columns)[..., None]
+        return Submatrix(self.stiffness @ columns, self.mass @ columns, self.damping @ columns).at(
+            omega, square
+        )
+
+    @cached_property
+    def mass_elements(self) -> list[Any]:
+        """Indices of the elements of M that are not 0."""
+        return np.argwhere(self.mass).tolist()
+
+    @cached_property
+    def damping_elements(self) -> list[Any]:
+        """Indices of the elements of C that are not 0."""
+        return np.argwhere(self.damping).tolist()
+
+    @cached_property
+    def is_zero(self) -> bool:
+        """Whether it is 0 at every frequency."""
+        return not (self.stiffness.any() or self.mass.any() or self.damping.any())
+
+
+@dataclass(frozen=True)
+class SupportForces:
+    """Forces of the support's motion s on the coordinates v of a block.
+
+    Attributes
+    ----------
+    coupling : tuple of Submatrix
+        K, M and C towards the support: the rows of each node.
+    equations : Equations
+        Equations of motion, for residuals.
+    """
+
+    coupling: tuple[Submatrix, ...]
+    equations: Equations
+
+
+@dataclass(frozen=True)
+class CondensedBlock:
+    """One block without its massless coordinates (b; the others are a), solvable at any frequency.
+
+    Attributes
+    ----------
+    kept : (c,) int array
+        Coordinates with mass or damping. A blade tip with mass may be counted from where its wires
+        would hold it (`_wire_held_basis`).
+    mass, damping : (c, 6 + c) arrays
+        M and C towards the support's coordinates and the block's own.
+    stiffness : (c, 6 + c) array
+        K, complex if lossy.
+    massless : (m,) int array
+        Coordinates eliminated.
+    force_transfer : (c, m) array
+        Forces on the kept coordinates per force on the massless ones: -K_ab K_bb^-1.
+    compliance, support_stiffness : (m, m) array, (m, 6) array
+        K_bb^-1, and K_bs towards the support.
+    static : (c, 6) array
+        Static response to the support's motions, S = -K^-1 K_s; 0 for a motion without one.
+    resonances : (r,) array
+        Undamped, rad/s, ascending; 0 for a rigid or unstable mode.
+    tree : Tree
+        The coordinates by body; one node if they form no tree.
+    diagonal, links : tuples of Submatrix
+        Of each node: its own, and that between its parent (rows) and it (None for a root).
+    absolute, relative : SupportForces
+        On the coordinates x, and on the coordinates relative to the static response, x - S s.
+    """
+
+    kept: Index
+    mass: Any
+    damping: Any
+    stiffness: Any
+    massless: Index
+    force_transfer: Any
+    compliance: Any
+    support_stiffness: Any
+    static: Any
+    resonances: Any
+    tree: elimination.Tree
+    diagonal: tuple[Submatrix, ...]
+    links: tuple[Submatrix | None, ...]
+    absolute: SupportForces
+    relative: SupportForces
+
+    def is_driven(self, moves: Any, forces: Any) -> Any:
+        """Whether each of i inputs drives this block: support motions (6, i), forces (N, i)."""
+        return (
+            (self._acts_on @ np.abs(moves) != 0).any(0)
+            | forces[self.kept].any(0)
+            | forces[self.massless].any(0)
+        )
+
+    @cached_property
+    def _acts_on(self) -> Any:
+        """1 where a motion of the support acts on a coordinate, else 0: (c, 6)."""
+        return (
+            (self.stiffness[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
+        ).astype(float)
+
+    def reduce_forces(self, forces: Any) -> Any:
+        """Reduce forces (N, i) on all coordinates to forces (c, i) on those kept."""
+        result, dropped = forces[self.kept], forces[self.massless]
+        return result + self.force_transfer @ dropped if dropped.any() else result
+
+    def factor(self, omega: Array) -> elimination.Factors:
+        """Eliminate K + i omega C - omega^2 M body by body at frequencies (f,) in rad/s.
+
+        Few digits are left, or none, where a part of the block resonates alone.
+        """
+        return elimination.factor(*self._systems(omega), self.tree)
+
+    def matrices(self, omega: Array) -> Any:
+        """Evaluate K + i omega C - omega^2 M (c, c, f) at frequencies (f,) in rad/s."""
+        return elimination.assemble(*self._systems(omega), self.tree)
+
+    def _systems(self, omega: Array) -> tuple[list[Any], list[Any]]:
+        """Evaluate the matrix of each node, and that between its parent and it."""
+        square = omega**2
+        diagonal = [_repeat(piece.at(omega, square), len(omega)) for piece in self.diagonal]
+        return diagonal, [
+            None if piece is None else piece.at(omega, square) for piece in self.links
+        ]
+
+    def solve(
+        self,
+        factors: elimination.Factors,
+        omega: Array,
+        moves: Any,
+        forces: Any,
+        drive: SupportForces,
+    ) -> Any:
+        """Solve for coordinates (c, i, f), given support motions (6, i) and forces (c, i).
+
+        Far below the resonances the coordinates follow the support's motion s as x = S s + v, with
+
+            (K + i omega C - omega^2 M) v = omega^2 (M_s + M S) s - i omega (C_s + C S) s.
+
+        Nothing cancels here, whereas in (...) x = -K_s s + ... all but a part of order omega^2
+        would. Far above the resonances the equation for x is the accurate one.
+        """
+        square = omega**2
+        moving, pushed = moves.any(0).nonzero()[0], forces.any(0).nonzero()[0]
+        right_sides = []
+        for piece, where in zip(drive.coupling, self.tree.where, strict=True):
+            columns = elimination.Columns(pushed, forces[where][:, pushed, None]).drop_zeros()
+            if len(moving) and not piece.is_zero:
+                columns = elimination.Columns(
+                    moving, piece.times(-moves[:, moving], omega, square)
+                ).join(columns)
+            right_sides.append(columns)
+        return factors.solve_columns(right_sides, moves.shape[1])
+
+    def solve_right_sides(self, factors: elimination.Factors, right: Any) -> Any:
+        """Solve for coordinates (c, i, f), given right-hand sides (c, i, f)."""
+        every = np.arange(right.shape[1])
+        return factors.solve_columns(
+            [elimination.Columns(every, right[where]) for where in self.tree.where], len(every)
+        )
+
+
+def _repeat(values: Any, count: int) -> Any:
+    """Repeat values (..., 1) that do not depend on frequency: (..., count)."""
+    return (
+        values
+        if values.shape[-1] == count
+        else np.broadcast_to(values, (*values.shape[:-1], count))
+    )
+
+
+def condense_blocks(model: LinearSystem) -> list[CondensedBlock]:
+    """Condense all blocks of a system."""
+    return [condense_block(model, number) for number in range(len(model.blocks))]
+
+
+def condense_block(model: LinearSystem, number: int) -> CondensedBlock:
+    """Condense one block of a system, once."""
+    if number not in model.prepared:
+        model.prepared[number] = _condense(model, model.blocks[number])
+    return model.prepared[number]
+
+
+def _condense(model: LinearSystem, block: Index) -> CondensedBlock:
+    # neither outputs nor inputs act on massless tips, so these can be eliminated
+    tips = np.array([_owner(model.coordinate[n]) != "frame" for n in block])
+    light = model.massless[block] & tips & ~(model.damping[block] != 0).any(1)
+    kept, massless = block[~light], block[light]
+    full = model.stiffness if model.lossy is None else model.lossy
+    if not np.iscomplexobj(full) or not full[block].imag.any():
+        full = full.real
+    basis = _wire_held_basis(model, block, ~light & (block >= 6 * (len(model.body) + 1)) & tips)
+    reduced, tip_motion, free = _eliminate_tips(model, full, block, light, basis)
+    order = np.argsort([_rank(model, _owner(model.coordinate[n])) for n in kept], kind="stable")
+    kept, columns = kept[order], np.concatenate([np.arange(6), 6 + order])
+    reduced = static_condensation.Reduced(
+        *(part[order[:, None], columns] for part in (reduced.real, reduced.imag))
+    )
+    stiffness, stiffness_low = static_condensation.rounded(reduced)
+    damping_low, free_of_damping = low_parts(model.damping, model, kept)
+    positions = np.concatenate([np.arange(6), 6 + np.flatnonzero(~light)[order]])
+
+    with_support = np.concatenate([np.arange(6), kept])
+    mass, damping, damping_low = (
+        model.mass[np.ix_(kept, with_support)],
+        model.damping[np.ix_(kept, with_support)],
+        damping_low[:, with_support],
+    )
+    mass_low = np.zeros_like(mass)
+    if basis is not None:
+        (mass, mass_low), (damping, damping_low) = (
+            static_condensation.change_basis(*parts, basis[np.ix_(positions, positions)])
+            for parts in ((mass, mass_low), (damping, damping_low))
+        )
+    high, rounding = (stiffness, mass, damping), (stiffness_low, mass_low, damping_low)
+    static = static_condensation.static_response(
+        reduced, np.zeros((len(kept), 6)) if model.rigid is None else model.rigid[kept], free
+    )
+    static = np.where(np.isfinite(static).all(0), static, 0.0)
+    coupled = np.logical_or.reduce([matrix[:, 6:] != 0 for matrix in high])
+    tree = elimination.tree(
+        [_owner(model.coordinate[n]) for n in kept], coupled
+    ) or elimination.Tree((np.arange(len(kept)),), (-1,))
+
+    def piece(rows: Index, columns: Index) -> Submatrix:
+        return Submatrix(*(matrix[rows[:, None], columns] for matrix in high))
+
+    return CondensedBlock(
+        kept=kept,
+        mass=mass,
+        damping=damping,
+        stiffness=stiffness,
+        massless=massless,
+        force_transfer=-tip_motion[:, columns[6:]].T,
+        compliance=np.linalg.inv(full[np.ix_(massless, massless)]),
+        support_stiffness=full[np.ix_(massless, np.arange(6))],
+        static=static,
+        resonances=static_condensation.resonances(stiffness.real, mass),
+        tree=tree,
+        diagonal=tuple(piece(node, node + 6) for node in tree.nodes),
+        links=tuple(
+            None if above < 0 else piece(tree.nodes[above], node + 6)
+            for node, above in zip(tree.nodes, tree.parent, strict=True)
+        ),
+        absolute=_support_forces(high, rounding, tree),
+        relative=_support_forces(
+            *_relative_to_static(
+                high, rounding, static, (free, np.zeros(6, dtype=bool), free & free_of_damping)
+            ),
+            tree,
+        ),
+    )
+
+
+def _wire_held_basis(model: LinearSystem, block: Index, tips: Any) -> Array | None:
+    """Basis in which some blade `tips` (c,) are counted from where their wires would hold them.
+
+    Rows are the support's and the block's coordinates, columns the new ones. A tip above a stiff
+    wire moves as the body below does, so the wire's stiffness stands in all elements between them;
+    counted from there it stands in that of the tip alone. None if no wire on these tips is stiff
+    enough to matter, or the stretching of wires is not known.
+    """
+    if model.stretched is None or not tips.any():
+        return None
+    with_support, stretching = np.concatenate([np.arange(6), block]), model.stretched
+    form, tip_columns = stretching.form[:, with_support], 6 + np.flatnonzero(tips)
+    allowed = stretching.allowed[np.ix_(block[tips], with_support)]
+    pull = np.where(allowed, (form[:, tip_columns].T * stretching.stiffness) @ form, 0.0)
+    tip_stiffness, wire_stiffness = (
+        np.diag(model.stiffness)[block[tips]],
+        pull[np.arange(len(tip_columns)), tip_columns],
+    )
+    if (tip_stiffness - wire_stiffness >= SOFT * wire_stiffness).all():
+        return None
+    result = np.eye(len(with_support))
+    result[tip_columns] = -np.linalg.lstsq(pull[:, tip_columns], pull, rcond=None)[0]
+    result[np.ix_(tip_columns, tip_columns)] = np.eye(len(tip_columns))
+    return result
+
+
+def _support_forces(high: Matrices, low: Matrices, tree: elimination.Tree) -> SupportForces:
+    towards = [matrix[:, :6] for matrix in high]
+    coupling = tuple(Submatrix(*(matrix[node] for matrix in towards)) for node in tree.nodes)
+    return SupportForces(coupling, equations(high, low))
+
+
+def _relative_to_static(
+    high: Matrices, low: Matrices, static: Any, free: tuple[Any, Any, Any]
+) -> tuple[Matrices, Matrices]:
+    """Change K, M and C to coordinates relative to the static response S.
+
+    Towards the support each becomes A_s + A S, exactly 0 for the motions in `free`; for K only the
+    rounding error of S is left.
+    """
+    results = []
+    for number, (matrix, rounding, exact_zero) in enumerate(zip(high, low, free, strict=True)):
+        coupling, coupling_low = static_condensation.residual_coupling(matrix, rounding, static)
+        coupling[:, exact_zero], coupling_low[:, exact_zero] = 0.0, 0.0
+        if number == 0:
+            has_response = static.any(0)
+            coupling, coupling_low = (
+                np.where(has_response, 0.0, coupling),
+                np.where(has_response, coupling + coupling_low, coupling_low),
+            )
+        results.append(
+            (
+                np.concatenate([coupling, matrix[:, 6:]], axis=1),
+                np.concatenate([coupling_low, rounding[:, 6:]], axis=1),
+            )
+        )
+    return tuple(part for part, _ in results), tuple(part for _, part in results)  # pyright: ignore[reportReturnType]
+
+
+def _eliminate_tips(
+    model: LinearSystem, full: Any, block: Index, massless: Any, basis: Any
+) -> tuple[static_condensation.Reduced, Any, Any]:
+    """Condense the stiffness; also return the motion of tips and the force-free rigid motions."""
+    with_support = np.concatenate([np.arange(6), block])
+    low = model.low
+    real, free = low_parts(full.real, model, block, None if low is None else low.real)
+    imag, free_imag = low_parts(full.imag, model, block, None if low is None else low.imag)
+    high, rounding = full[np.ix_(block, with_support)], (real + 1j * imag)[:, with_support]
+    if basis is not None:
+        high, rounding = static_condensation.change_basis(high, rounding, basis)
+    reduced, tip_motion = static_condensation.condense_double_double(high, rounding, massless)
+    return reduced, tip_motion, free & free_imag
+
+
+def _owner(coordinate: str) -> str:
+    """Name of the body that a coordinate is eliminated with: of a tip, the stage below."""
+    return coordinate.split(".", 1)[0]
+
+
+def _rank(model: LinearSystem, owner: str) -> int:
+    """Rank of a body in the order of elimination: the frame, then the stages."""
+    return -1 if owner == "frame" else model.body.index(owner)

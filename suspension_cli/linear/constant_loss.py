@@ -1,0 +1,61 @@
+"""Constant loss matrix that gives each mode the Q of frequency-dependent losses.
+
+State spaces and closed loops need constant matrices. With mode shapes v of unit modal mass and the
+dissipation of each at its own frequency, d = v^T Im Z(omega) v = omega^2 / Q,
+
+    K'' = sum over modes of d (M v) (M v)^T,    so that v_m^T K'' v_n = d_m for n = m, else 0,
+
+and each resonance keeps its width. Between the resonances, and far above them, the losses differ
+from those of the design.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.system import LinearSystem
+
+
+def with_constant_loss(model: LinearSystem) -> LinearSystem:
+    """Replace terms that depend on frequency by a constant loss that gives every mode its Q.
+
+    Parameters
+    ----------
+    model : LinearSystem
+        Without batch axes, and without wires that have mass.
+
+    Returns
+    -------
+    LinearSystem
+        `model` itself if nothing in it depends on frequency.
+    """
+    if not model.terms:
+        return model
+    # dampers are constant already
+    modes = eigenmodes.solve(replace(model, damping=np.zeros_like(model.damping)))
+    shapes = np.linalg.solve(model.basis, np.pad(modes.shape, ((0, 0), (6, 0))).T)
+    in_block = model.member[:, None] == modes.block
+    momentum = model.mass @ np.where(in_block, shapes, 0.0)
+    lossy = np.isfinite(modes.q) & (modes.omega_squared > 0)  # an unstable mode has no Q
+    dissipation = np.where(lossy, modes.omega_squared / np.where(lossy, modes.q, 1.0), 0.0)
+    loss = (momentum * dissipation) @ momentum.T
+    return replace(
+        model,
+        terms=(),
+        lossy=model.stiffness + 1j * _relative_to_support(loss, model.rigid)
+        if dissipation.any()
+        else None,
+    )
+
+
+def _relative_to_support(loss: Any, rigid: Any) -> Any:
+    """Project a loss matrix (N, N) on motion relative to the support: rigid motion is lossless."""
+    to_relative = np.eye(len(loss))
+    to_relative[:, :6] = 0.0 if rigid is None else -rigid
+    to_relative[:6, :6] = 0.0
+    result = to_relative.T @ loss @ to_relative
+    return (result + result.T) / 2

@@ -1,0 +1,401 @@
+"""Normal modes: frequencies, shapes, and the body and degree of freedom that move most.
+
+Each block of coordinates is solved separately: massless coordinates (blade tips without tip mass)
+are eliminated, and the symmetric eigenvalue problem K v = omega^2 M v is solved so that soft modes
+keep their relative accuracy (`graded_eigenvalues`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import DOF_NAMES, WIRE_MODE_NAMES
+from suspension_cli.linear import graded_eigenvalues, quality, static_condensation
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array, Index
+
+PER_MODE = (
+    "omega_squared",
+    "shape",
+    "energy",
+    "tip_energy",
+    "block",
+    "q",
+    "dilution",
+    "wire_energy",
+    "order",
+    "decay_rate",
+)
+"""Attributes of `Modes` with one entry per mode."""
+DAMPING_BAND = (0.5, 5.0)
+"""Hz; modes damped from the top mass must lie here (Husman et al. 2000, sections 1 and 5a)."""
+COUPLED = 0.01
+"""Fraction of a mode's kinetic energy in the top mass from which it can be damped there: what the
+paper calls "strongly" coupled."""
+NEAR = 2e-3
+"""Relative difference of frequency below which violin modes of equal wires are listed as one."""
+DEGENERATE = 1e-9
+"""Relative difference of omega^2 below which modes of one block count as degenerate."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Modes of one design in ascending order of omega^2: unstable modes first, then rigid ones.
+
+    Attributes
+    ----------
+    body : tuple of str
+    coordinate : tuple of str
+        The N - 6 coordinates of `shape`.
+    omega_squared : (m,) array
+        (rad/s)^2; |s|^2 for a damped mode, negative for an unstable mode, exactly 0 for a rigid or
+        an overdamped one.
+    shape : (m, N - 6) array
+        Of unit modal mass; the body coordinate with most kinetic energy is positive.
+    energy : (m, n, 6) array
+        Fraction of the mode's kinetic energy in each degree of freedom of each body.
+    tip_energy : (m, N - 6 - 6 n) array
+        Fraction in each blade tip's motion on its blade; with `energy` it sums to 1.
+    block : (m,) int array
+        Modes of different blocks do not couple.
+    q : (m,) array
+        Quality factor from the design's loss angles and dampers; infinite without loss. First
+        order in the loss from `solve`, exact from `analyses.modes.damped`.
+    dilution : (m,) array
+        Total energy over the energy in lossy elements (beam and violin models; else NaN).
+    wire : tuple of str
+        Motions of wires with mass: ``test.violin-x``, ``test.twist``, ... (violin model).
+    wire_energy : (m, k) array
+        Fraction of the mode's kinetic energy in each of these; with `energy` and `tip_energy` it
+        sums to 1.
+    order : (m,) int array
+        Number of half waves along the wires in a wire mode; 0 for other modes.
+    decay_rate : (m,) array
+        Of the amplitude, 1/s; 0 for a mode that is rigid, unstable or lossless.
+    """
+
+    body: tuple[str, ...]
+    coordinate: tuple[str, ...]
+    omega_squared: Array
+    shape: Array
+    energy: Array
+    tip_energy: Array
+    block: Index
+    q: Array
+    dilution: Array
+    wire: tuple[str, ...]
+    wire_energy: Array
+    order: Index
+    decay_rate: Array
+
+    @property
+    def frequency(self) -> Array:
+        """Frequency in Hz; 0 for a rigid mode, NaN for an unstable or overdamped one."""
+        return np.sqrt(
+            np.where((self.omega_squared < 0) | self.overdamped, np.nan, self.omega_squared)
+        ) / (2 * np.pi)
+
+    @property
+    def overdamped(self) -> Any:
+        """Whether each mode (m,) decays without oscillating."""
+        return (self.omega_squared == 0) & (self.decay_rate > 0)
+
+    @property
+    def growth_rate(self) -> Array:
+        """Growth rate of the amplitude in 1/s; 0 for a stable mode."""
+        return np.sqrt(np.maximum(-self.omega_squared, 0.0))
+
+    @property
+    def stable(self) -> bool:
+        """Whether no mode grows."""
+        return not bool((self.omega_squared < 0).any())
+
+    @property
+    def shares(self) -> Array:
+        """Fraction of kinetic energy in each motion of `place`, (m, N - 6 + k)."""
+        return np.concatenate(
+            [self.energy.reshape(len(self.energy), -1), self.tip_energy, self.wire_energy], axis=1
+        )
+
+    @property
+    def place(self) -> tuple[str, ...]:
+        """Names of all motions with kinetic energy: coordinates, then motions of wires."""
+        return (*self.coordinate, *self.wire)
+
+    @property
+    def home(self) -> list[tuple[str, str]]:
+        """Body (blade, wires) and degree of freedom with most of each mode's kinetic energy."""
+        # of fractions equal but for rounding (two equal bodies, two blades), the first
+        first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in self.shares]
+        return [place(self.place[i]) for i in first]
+
+    @property
+    def label(self) -> list[str]:
+        """Body and motion of each mode in words: ``test pitch``."""
+        return [
+            describe(f"{body}.{dof}") + (f" {order}" if order else "")
+            for (body, dof), order in zip(self.home, self.order, strict=True)
+        ]
+
+    @property
+    def top_share(self) -> Array:
+        """Fraction (m,) of each mode's kinetic energy in the top mass, from which it is damped."""
+        return self.energy[:, 0].sum(-1)
+
+    @property
+    def verdict(self) -> list[str]:
+        """Result of the criterion for damping from the top mass (Husman et al. 2000), per mode."""
+        low, high = DAMPING_BAND
+        words = []
+        for square, frequency, fraction in zip(
+            self.omega_squared, self.frequency, self.top_share, strict=True
+        ):
+            if square < 0 or not frequency > 0:
+                words.append(
+                    "unstable" if square < 0 else "rigid" if frequency == 0 else "overdamped"
+                )
+            elif not low <= frequency <= high:
+                words.append(f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz")
+            else:
+                words.append("can be damped" if fraction >= COUPLED else "couples weakly")
+        return words
+
+    @property
+    def groups(self) -> list[list[int]]:
+        """Mode numbers in order, close violin modes of the wires of one stage grouped."""
+        result: list[list[int]] = []
+        home, frequency = self.home, self.frequency
+        for n, order in enumerate(self.order):
+            previous = result[-1][-1] if result else -1
+            same_family = (
+                previous >= 0
+                and order
+                and order == self.order[previous]
+                and home[n][0] == home[previous][0]
+                and home[n][1][:5] == home[previous][1][:5]
+            )
+            if same_family and frequency[n] - frequency[previous] < NEAR * frequency[n]:
+                result[-1].append(n)
+            else:
+                result.append([n])
+        return result
+
+    def up_to(self, highest: float) -> Modes:
+        """Select the modes up to a frequency (Hz); those that do not oscillate are kept."""
+        return self.some(self.omega_squared <= (2 * np.pi * highest) ** 2)
+
+    def some(self, chosen: Any) -> Modes:
+        """Select modes by number or mask."""
+        return replace(self, **{name: getattr(self, name)[chosen] for name in PER_MODE})
+
+    def followed_by(self, *others: Modes) -> Modes:
+        """Append modes of the same design."""
+        return replace(
+            self,
+            **{
+                name: np.concatenate([getattr(each, name) for each in (self, *others)])
+                for name in PER_MODE
+            },
+        )
+
+    def of(self, dof: str, body: str | None = None) -> list[float]:
+        """List frequencies (Hz) of stable modes dominated by a degree of freedom (of a body)."""
+        here = [(home[1] == dof) and (body in (None, home[0])) for home in self.home]
+        return [
+            float(f) for f, yes in zip(self.frequency, here, strict=True) if yes and np.isfinite(f)
+        ]
+
+
+def place(coordinate: str) -> tuple[str, str]:
+    """Split a coordinate's name into body (or blade) and degree of freedom."""
+    body, _, dof = coordinate.rpartition(".")
+    return body, dof
+
+
+def describe(coordinate: str) -> str:
+    """Describe a coordinate in words: ``test pitch``, ``upper.blade1 tip vertical``."""
+    body, dof = place(coordinate)
+    return f"{body}{' tip' if '.' in body else ''} {DOF_NAMES.get(dof) or WIRE_MODE_NAMES[dof]}"
+
+
+def solve(model: LinearSystem) -> Modes:
+    """Solve for the undamped modes of a linear system without batch axes.
+
+    Parameters
+    ----------
+    model : LinearSystem
+        Damping and loss enter Q and the decay rate to first order only.
+
+    Returns
+    -------
+    Modes
+    """
+    tension = graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
+    solutions = [_solve_block(model, block, tension) for block in model.blocks]
+    values = np.concatenate([values for values, _ in solutions])
+    shapes = np.zeros((len(values), model.size))
+    block_of = np.zeros(len(values), dtype=np.intp)
+    start = 0
+    for number, (block, (squares, vectors)) in enumerate(zip(model.blocks, solutions, strict=True)):
+        rows = slice(start, start + len(squares))
+        shapes[rows, block] = vectors.T
+        block_of[rows] = number
+        start = rows.stop
+    order = np.argsort(values, kind="stable")
+    shapes = shapes[order]
+    q, dilution = _q_and_dilution(model, shapes, values[order])
+    energy, tips = energy_fractions(model, shapes)
+    shapes = fix_signs(shapes @ model.basis.T, np.concatenate([energy, tips], axis=1))[:, 6:]
+    fields = energy.reshape(len(shapes), -1, 6), tips, block_of[order], q, dilution
+    no_wires = (), np.zeros((len(shapes), 0)), np.zeros(len(shapes), dtype=np.intp)
+    return Modes(
+        model.body,
+        model.coordinate[6:],
+        values[order],
+        shapes,
+        *fields,
+        *no_wires,
+        decay_rates(values[order], q),
+    )
+
+
+def condense_block(model: LinearSystem, block: Index) -> tuple[Index, Any, Any, Any]:
+    """Eliminate the massless coordinates b of a block; the others are a.
+
+    Returns
+    -------
+    kept : (c,) int array
+        The coordinates a.
+    mass, stiffness : (..., c, c) arrays
+    recover : (..., r, c) array
+        Motions of b per motion of a: -K_bb^-1 K_ba.
+    """
+    massless = model.massless[block]
+    kept = block[~massless]
+    mass = model.mass[..., kept[:, None], kept]
+    if not model.batch:
+        (stiffness, _), recover = _reduced(model, block)
+        return kept, mass, stiffness, recover
+    reduced = static_condensation.condense(model.stiffness[..., block[:, None], block], massless)
+    return kept, mass, reduced.matrix, -reduced.follow
+
+
+def _reduced(model: LinearSystem, block: Index) -> tuple[tuple[Any, Any], Any]:
+    """Eliminate the massless coordinates of one system in double-double.
+
+    Returns the stiffness and its low part, and the motion of the massless coordinates.
+    """
+    low = (
+        np.real(model.low)
+        if graded_eigenvalues.has_low_parts(model)
+        else np.zeros_like(model.stiffness)
+    )
+    rows = np.ix_(block, np.concatenate([np.arange(6), block]))
+    reduced, motion = static_condensation.condense_double_double(
+        model.stiffness[rows], low[rows], model.massless[block]
+    )
+    high, rounding = static_condensation.rounded(reduced)
+    return (high[:, 6:], rounding[:, 6:]), -motion[:, 6:]
+
+
+def _solve_block(model: LinearSystem, block: Index, tension: float) -> tuple[Array, Array]:
+    """Solve one block: omega^2 (m,) and shapes (c, m) over all of its coordinates."""
+    massless = model.massless[block]
+    if massless.all():
+        return np.zeros(0), np.zeros((len(block), 0))
+    kept = block[~massless]
+    mass = model.mass[np.ix_(kept, kept)]
+    (stiffness, low), recover = _reduced(model, block)
+    values, vectors = graded_eigenvalues.solve(mass, stiffness, low)
+    shapes_all = np.zeros((len(values), model.size))
+    shapes_all[:, kept], shapes_all[:, block[massless]] = vectors.T, (recover @ vectors).T
+    values = graded_eigenvalues.rigid(
+        values,
+        graded_eigenvalues.rounding_with_low_parts(model, shapes_all)
+        if graded_eigenvalues.has_low_parts(model)
+        else graded_eigenvalues.rounding(stiffness, vectors.T),
+        tension,
+    )
+    if (np.diff(values) <= DEGENERATE * np.abs(values[1:])).any():
+        root = np.linalg.cholesky(mass)
+        vectors = np.linalg.solve(root.T, localise(values, root.T @ vectors))
+    shapes = np.zeros((len(block), len(values)))
+    shapes[~massless] = vectors
+    shapes[massless] = recover @ vectors
+    return values, shapes
+
+
+def localise(values: Array, vectors: Array) -> Array:
+    """Rotate each degenerate group of modes to the basis that moves as few coordinates as possible.
+
+    Any rotation of degenerate modes solves the equations; this one does not depend on rounding:
+    each mode in turn takes the coordinate in which the group moves most, and the remaining modes
+    leave it at rest.
+
+    Parameters
+    ----------
+    values : (m,) array
+        omega^2, ascending.
+    vectors : (c, m) array
+        Orthonormal columns.
+    """
+    result, start = vectors.copy(), 0
+    while start < len(values):
+        stop = start + 1
+        while stop < len(values) and values[stop] - values[start] <= DEGENERATE * abs(values[stop]):
+            stop += 1
+        for first in range(start, stop - 1):
+            group = result[:, first:stop]
+            size = (group**2).sum(1)
+            row = group[int(np.flatnonzero(size >= size.max() * (1 - 1e-9))[0])]
+            rotation = np.linalg.qr(np.column_stack([row, np.eye(len(row))]))[0]
+            result[:, first:stop] = group @ rotation
+        start = stop
+    return result
+
+
+def energy_fractions(model: LinearSystem, shapes: Array) -> tuple[Array, Array]:
+    """Fractions of kinetic energy in the coordinates of bodies (m, 6 n) and of tips, summing to 1.
+
+    Squares of M^(1/2) v with the M of each body, so never negative; a tip mass that moves with its
+    body counts as that body's.
+    """
+    bodies = len(model.body)
+    body_energy = np.zeros((len(shapes), 6 * bodies))
+    for n in range(bodies):
+        rows = slice(6 * (n + 1), 6 * (n + 2))
+        values, vectors = np.linalg.eigh(model.mass[rows, rows])
+        root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+        body_energy[:, 6 * n : 6 * (n + 1)] = (shapes[:, rows] @ root) ** 2
+    tips = slice(6 * (bodies + 1), model.size)
+    mass = model.basis[tips, tips] @ model.mass[tips, tips] @ model.basis[tips, tips].T
+    tip_energy = (shapes @ model.basis.T)[:, tips] ** 2 * np.diag(mass)
+    total = (body_energy.sum(1) + tip_energy.sum(1))[:, None]
+    return body_energy / total, tip_energy / total
+
+
+def decay_rates(squared: Array, q: Array) -> Array:
+    """Decay rates omega / 2 Q (m,) of the amplitudes of weakly damped modes, in 1/s."""
+    return np.where(
+        squared > 0, np.sqrt(np.maximum(squared, 0.0)) / (2 * np.where(q > 0, q, np.inf)), 0.0
+    )
+
+
+def _q_and_dilution(model: LinearSystem, shapes: Array, values: Array) -> tuple[Array, Array]:
+    """Compute Q = omega^2 / (v K'' v + omega v C v) and dilution; v has unit modal mass."""
+    omega = np.sqrt(np.maximum(values, 0.0))
+    dissipation, elastic = quality.dissipation(
+        model, omega, shapes, quality.end_motions(model, shapes)
+    )
+    return quality.safe_ratio(omega**2, dissipation), quality.safe_ratio(
+        omega**2, elastic
+    ) if model.terms else np.full(len(omega), np.nan)
+
+
+def fix_signs(shapes: Array, shares: Array) -> Array:
+    """Choose the sign of shapes (m, N) in which the coordinate of largest energy is positive."""
+    leading = shapes[np.arange(len(shapes)), 6 + shares.argmax(1)]
+    return shapes * np.where(leading < 0, -1.0, 1.0)[:, None]

@@ -1,0 +1,307 @@
+"""Blocks of a linear system whose stiffness depends on frequency, solvable at any frequency.
+
+They are eliminated body by body (`elimination`), as constant matrices are. Massless blade tips stay
+coordinates, as the losses of blades and wires depend on frequency; so are the tensions of wires, in
+order that a stiff wire costs a soft blade no digits (`stretching`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear import elimination
+from suspension_cli.linear.double_double import DoubleDouble
+from suspension_cli.linear.frequency_terms import Evaluated, EvaluatedWires, Term, WireTerm
+from suspension_cli.linear.stretching import distinct
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array, Index
+
+
+@dataclass(frozen=True)
+class Tensions:
+    """Tensions of the wires of one kind as coordinates p.
+
+    Even motion U_s and odd motion U_a of the ends of a wire cause the tension
+
+        F_aa (U_a + F_sa / F_aa U_s) = s p.
+
+    Attributes
+    ----------
+    number : int
+        Index of these wires among the block's terms.
+    odd, even : (r, 6 + c) arrays
+        s times U_a and U_s of each wire per support coordinate and block coordinate; wires that
+        move alike in the block are one.
+    count : (r,) array
+        Number of wires that each stands for.
+    scale : float
+        s, N/m: tension over length, a typical soft stiffness.
+    """
+
+    number: int
+    odd: Any
+    even: Any
+    count: Any
+    scale: float
+
+    def rows(self, now: EvaluatedWires) -> tuple[Any, Any]:
+        """Rows of the tensions at f frequencies: (r, 6 + c, f) off and (r, f) on the diagonal."""
+        _, mixed, odd = now.stretching
+        across = (
+            self.odd[..., None] + self.even[..., None] * (mixed / odd)
+            if mixed.any()
+            else self.odd[..., None]
+        )
+        return across, -(self.scale**2) / (self.count[:, None] * odd)
+
+
+@dataclass(frozen=True)
+class FrequencyDependentBlock:
+    """One block of a linear system whose stiffness depends on frequency.
+
+    Attributes
+    ----------
+    keep : (c,) int array
+        Coordinates of the system, parents before children.
+    constant, damping, mass : (c, 6 + c) arrays
+        K without the stretching of wires (complex if lossy), C and M, towards the support's
+        coordinates and the block's own.
+    terms : tuple of Term
+        In the support's coordinates and the block's own.
+    tensions : tuple of Tensions
+        Further coordinates after all others, t in total.
+    tree : Tree
+        Coordinates and tensions by body.
+    """
+
+    keep: Index
+    constant: Any
+    damping: Any
+    mass: Any
+    terms: tuple[Term, ...]
+    tensions: tuple[Tensions, ...]
+    tree: elimination.Tree
+
+    @cached_property
+    def _dispersive(self) -> tuple[Any, Any, list[Any], Any]:
+        """Elements that depend on frequency: rows and columns (e,), the functions of each term in
+        them, and the weights (e, n) of these.
+        """
+        matrices_of = [term.matrices[:, 6:] for term in self.terms]
+        used = [np.flatnonzero(matrices.any((1, 2))) for matrices in matrices_of]
+        stacked = np.concatenate(
+            [
+                np.zeros((0, *self.mass.shape)),
+                *(
+                    matrices[functions]
+                    for matrices, functions in zip(matrices_of, used, strict=True)
+                ),
+            ]
+        )
+        rows, columns = np.nonzero(stacked.any(0))
+        return rows, columns, used, stacked[:, rows, columns].T
+
+    def at(self, omega: Array, *, lossy: bool = True) -> EvaluatedBlock:
+        """Evaluate at frequencies (f,), rad/s; complex steps differentiate by frequency."""
+        return EvaluatedBlock(
+            self, omega, [term.at(omega, lossy=lossy) for term in self.terms], lossy
+        )
+
+    def pulled(self, moves: Any) -> bool:
+        """Whether motions of the support (6, i) drive this block."""
+        matrices = [
+            self.constant,
+            self.damping,
+            self.mass,
+            *(matrix for term in self.terms for matrix in term.matrices[:, 6:]),
+        ]
+        matrices += [part for each in self.tensions for part in (each.odd, each.even)]
+        return any((np.abs(matrix[:, :6]) @ np.abs(moves)).any() for matrix in matrices)
+
+    def whole(self, omega: Array, now: list[Evaluated], *, lossy: bool) -> Any:
+        """Assemble the dynamic stiffness, tensions of wires last: (c + t, 6 + c + t, f)."""
+        stiffness = self._without_tensions(omega, now, lossy=lossy)
+        tension_rows: list[tuple[Any, Any]] = []
+        for each in self.tensions:
+            evaluated = now[each.number]
+            assert isinstance(evaluated, EvaluatedWires)
+            tension_rows.append(each.rows(evaluated))
+        count, extra = len(stiffness), sum(len(diagonal) for _, diagonal in tension_rows)
+        result = np.zeros(
+            (count + extra, 6 + count + extra, len(omega)),
+            dtype=np.result_type(stiffness, *(diagonal for _, diagonal in tension_rows)),
+        )
+        result[:count, : 6 + count] = stiffness
+        start = count
+        for across, diagonal in tension_rows:
+            rows = np.arange(start, start + len(diagonal))
+            result[rows, : 6 + count] = across
+            result[:count, 6 + rows] = np.swapaxes(across[:, 6:], 0, 1)
+            result[rows, 6 + rows] = diagonal
+            start += len(diagonal)
+        return result
+
+    def _without_tensions(self, omega: Array, now: list[Evaluated], *, lossy: bool) -> Any:
+        """Assemble the dynamic stiffness without the stretching of wires: (c, 6 + c, f)."""
+        rows, columns, used, weights = self._dispersive
+        functions = [
+            term.functions(which) for term, which in zip(now, used, strict=True) if len(which)
+        ]
+        constant = self.constant if lossy else self.constant.real
+        damped = lossy and self.damping.any()
+        kind = np.result_type(constant, omega, complex if damped else float, *functions)
+        result = np.empty((*constant.shape, len(omega)), dtype=kind)
+        result[:] = constant[..., None]
+        for r, c in np.argwhere(self.mass):
+            result[r, c] -= self.mass[r, c] * omega**2
+        if damped:
+            for r, c in np.argwhere(self.damping):
+                result[r, c] += 1j * self.damping[r, c] * omega
+        if functions:
+            result[rows, columns] += _multiply(weights, np.concatenate(functions))
+        return result
+
+
+@dataclass(frozen=True)
+class EvaluatedBlock:
+    """One block at given frequencies (f,)."""
+
+    block: FrequencyDependentBlock
+    omega: Array
+    terms: list[Evaluated]
+    lossy: bool
+
+    @cached_property
+    def matrix(self) -> Any:
+        """Dynamic stiffness (c + t, 6 + c + t, f); columns: support, block, tensions."""
+        return self.block.whole(self.omega, self.terms, lossy=self.lossy)
+
+    def solve(self, moves: Any, forces: Any) -> Any:
+        """Solve for coordinates (c, i, f), given support motions (6, i) and forces (c, i)."""
+        count = len(forces)
+        forces = np.concatenate([forces, np.zeros((len(self.matrix) - count, forces.shape[1]))])
+        right = np.broadcast_to(forces[..., None], (*forces.shape, len(self.omega)))
+        if moves.any():
+            right = right - np.einsum("csf,si->cif", self.matrix[:, :6], moves)
+        tree = self.block.tree
+        return elimination.solve(self.matrix[:, 6:], right, tree if len(tree.nodes) > 1 else None)[
+            :count
+        ]
+
+
+def _multiply(weights: Any, functions: Any) -> Any:
+    """Compute weights @ functions for real weights, in real arithmetic."""
+    if not np.iscomplexobj(functions):
+        return weights @ functions
+    flat = np.ascontiguousarray(functions).view(float)
+    return (weights @ flat).view(complex)
+
+
+def build_blocks(model: LinearSystem) -> list[FrequencyDependentBlock]:
+    """Build all blocks of a system with frequency-dependent terms, once."""
+    if "dispersive" not in model.prepared:
+        model.prepared["dispersive"] = [_block(model, group) for group in model.blocks]
+    return model.prepared["dispersive"]
+
+
+def _block(model: LinearSystem, group: Index) -> FrequencyDependentBlock:
+    owner = [model.coordinate[n].split(".", 1)[0] for n in group]
+    rank = [-1 if name == "frame" else model.body.index(name) for name in owner]
+    order = np.argsort(rank, kind="stable")
+    keep = group[order]
+    with_support = np.concatenate([np.arange(6), keep])
+    terms = tuple(term.within(with_support) for term in model.terms)
+    terms = tuple(
+        term
+        for term in terms
+        if isinstance(term, WireTerm)
+        or term.matrices[:, 6:, 6:].any()
+        or term.matrices[:, 6:, :6].any()
+    )
+    tensions = tuple(
+        found
+        for n, term in enumerate(terms)
+        if isinstance(term, WireTerm) and len((found := _tension_coordinates(n, term)).count)
+    )
+    stiffness = stiffness_without_stretching(model)
+    coupled = np.zeros((len(keep),) * 2, dtype=bool)
+    for matrix in (model.mass, stiffness, model.damping):
+        coupled |= matrix[np.ix_(keep, keep)] != 0
+    for term in terms:
+        coupled |= (term.matrices[:, 6:, 6:] != 0).any(0)
+    tension_pattern = np.concatenate(
+        [
+            np.zeros((0, len(keep)), dtype=bool),
+            *((each.odd[:, 6:] != 0) | (each.even[:, 6:] != 0) for each in tensions),
+        ]
+    )
+    coupled = np.block(
+        [[coupled, tension_pattern.T], [tension_pattern, np.eye(len(tension_pattern), dtype=bool)]]
+    )
+    stages = [terms[each.number].stage for each in tensions for _ in each.count]  # pyright: ignore[reportAttributeAccessIssue]
+    tree = elimination.tree([*(owner[n] for n in order), *stages], coupled) or elimination.Tree(
+        (np.arange(len(coupled)),), (-1,)
+    )
+    rows = np.ix_(keep, with_support)
+    return FrequencyDependentBlock(
+        keep, stiffness[rows], model.damping[rows], model.mass[rows], terms, tensions, tree
+    )
+
+
+def _tension_coordinates(number: int, term: WireTerm) -> Tensions:
+    forms = np.where(
+        np.append(term.allowed[6:, :6].any(0), np.ones(len(term.allowed) - 6, dtype=bool)),
+        term.forms["stretch"],
+        0.0,
+    )
+    rows, members = distinct(np.concatenate([forms[:, 1], forms[:, 0]], axis=1))
+    width = forms.shape[-1]
+    nonzero = rows[:, 6:width].any(1) | rows[:, width + 6 :].any(1)
+    scale = float(term.strand.tension) / sum(
+        section.length for section in term.strand.fibre.sections
+    )
+    count = np.array([len(group) for group in members], dtype=float)
+    return Tensions(
+        number, scale * rows[nonzero, :width], scale * rows[nonzero, width:], count[nonzero], scale
+    )
+
+
+def stiffness_without_stretching(model: LinearSystem) -> Any:
+    """Stiffness (N, N) without the stretching of the wires among the terms; complex if lossy."""
+    if "soft" not in model.prepared:
+        full = model.stiffness if model.lossy is None else model.lossy
+        if model.stretched is not None and any(isinstance(term, WireTerm) for term in model.terms):
+            low = np.zeros_like(model.stiffness) if model.low is None else model.low.real
+            remainder = model.stretched.added(
+                DoubleDouble(model.stiffness, low), -model.stretched.stiffness
+            )
+            full = remainder.value if model.lossy is None else remainder.value + 1j * full.imag
+        model.prepared["soft"] = full
+    return model.prepared["soft"]
+
+
+def coordinate_scales(diagonal: Any, across: Any, first: int | None = None) -> Any:
+    """Scales (f, c + t) of coordinates that make the elements of a matrix at most about 1.
+
+    Parameters
+    ----------
+    diagonal : (f, c + t) array
+        Diagonal of the matrix; a coordinate without stiffness has scale 1.
+    across : (f, t, c) array
+        Absolute elements between the tensions and the other coordinates.
+    first : int, optional
+        Number of coordinates that the scales of the tensions follow from, if not all: the others
+        may have almost no stiffness apart from the tensions.
+    """
+    count = across.shape[-1]
+    result = np.sqrt(np.abs(diagonal))
+    result = np.where(result == 0, 1.0, result)
+    if across.shape[1]:
+        pull = (across[..., :first] / result[:, None, :count][..., :first]).max(-1, initial=0.0)
+        result[:, count:] = np.maximum(np.sqrt(np.abs(diagonal[:, count:])), pull)
+        result[:, :count] = np.maximum(result[:, :count], (across / result[:, count:, None]).max(1))
+    return result

@@ -1,0 +1,296 @@
+"""Frequency-dependent terms of the stiffness: wires with mass, and losses.
+
+Each term adds to the stiffness a few functions of frequency times constant matrices,
+
+    Z(omega) = K + i omega C - omega^2 M + sum over terms and n of f_n(omega) A_n,
+
+where K is the static, lossless stiffness of everything: f_n(0) is 0 without loss. Equal wires share
+their functions. The odd stretching motion of the ends of a wire is not among these, as a stiff wire
+would cost soft parts all their digits: its tension is a coordinate instead (`stretching`), and only
+the rest of the stretching, on the even motion, is a function here. A term also computes its
+dissipation in a motion x, x^H Im(f A) x, split by cause: sums of squares, in which nothing cancels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from suspension_cli.elements.beam import ELEMENT_PLACES
+from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS, TautWire, WireAtFrequencies
+from suspension_cli.linear.stretching import distinct
+
+
+class Term(Protocol):
+    """Frequency-dependent part of a linear system."""
+
+    @property
+    def matrices(self) -> Any:
+        """A_n: (n, N, N), real and symmetric."""
+        ...
+
+    @property
+    def all_matrices(self) -> Any:
+        """A_n, and last that of the odd stretching motion, left to the tensions by `matrices`."""
+        ...
+
+    def at(self, omega: Any, *, lossy: bool = True) -> Evaluated:
+        """Evaluate at frequencies (f,), rad/s; complex steps differentiate by frequency."""
+        ...
+
+    def within(self, columns: Any) -> Term:
+        """Restrict to some coordinates."""
+        ...
+
+    def spread(self, from_new: Any) -> Term:
+        """Change to new coordinates: old = `from_new` (N, N') @ new."""
+        ...
+
+
+class Evaluated(Protocol):
+    """One term at given frequencies (f,)."""
+
+    def functions(self, which: Any) -> Any:
+        """Select functions f_n by number: (w, f), complex where lossy."""
+        ...
+
+    def all_functions(self) -> Any:
+        """Functions f_n (n, f) of `Term.all_matrices`, for wires without mass."""
+        ...
+
+    def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
+        """Dissipation x^H Im(f A) x (f,) in motions (N, f), by (cause, temperature in K)."""
+        ...
+
+
+@dataclass(frozen=True)
+class WireTerm:
+    """Equal wires of one stage under equal tension.
+
+    Attributes
+    ----------
+    stage : str
+        Stage that hangs on them.
+    strand : TautWire
+        The wire that all of them equal.
+    forms : dict of (w, c, N) arrays
+        Motion of the ends of each wire per coordinate, for each of `dynamic_wire.PARTS`.
+    allowed : (N, N) bool array
+        Elements of a matrix that the symmetry allows.
+    """
+
+    stage: str
+    strand: TautWire
+    forms: dict[str, Any]
+    allowed: Any
+
+    @cached_property
+    def functions(self) -> tuple[tuple[str, int, int], ...]:
+        """Part and element (i, j) of each f_n; both planes of a round wire share theirs."""
+        simple = len(self.strand.fibre.sections) == 1
+        parts = [part for part in PARTS if part != "bend-2" or not self.strand.round]
+        result = []
+        for part in parts:
+            every = [(i, j) for i in range(COORDINATES[part]) for j in range(i, COORDINATES[part])]
+            places = {"stretch": ((0, 0),), "twist": ((0, 0), (1, 1)) if simple else every}
+            result += [
+                (part, i, j) for i, j in places.get(part, ELEMENT_PLACES if simple else every)
+            ]
+        return tuple(result)
+
+    @cached_property
+    def matrices(self) -> Any:
+        """A_n: (n, N, N)."""
+        result = []
+        for part, i, j in self.functions:
+            total = 0.0
+            for name in ("bend-1", "bend-2") if part == "bend-1" and self.strand.round else (part,):
+                product = self.forms[name][:, i].T @ self.forms[name][:, j]
+                total = total + (product if i == j else product + product.T)
+            result.append(np.where(self.allowed, total, 0.0))
+        return np.array(result)
+
+    @cached_property
+    def all_matrices(self) -> Any:
+        """A_n with that of the odd stretching motion last: (n + 1, N, N)."""
+        odd = self.forms["stretch"][:, 1]
+        return np.concatenate([self.matrices, np.where(self.allowed, odd.T @ odd, 0.0)[None]])
+
+    def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedWires:
+        """Evaluate at frequencies (f,), rad/s."""
+        strand = self.strand if lossy else replace(self.strand, lossy=False)
+        return EvaluatedWires(self, strand.at(omega))
+
+    @cached_property
+    def distinct(self) -> dict[str, tuple[Any, Any]]:
+        """Forms (r, c, N) that differ by more than sign, and the number (r,) of wires of each."""
+        result = {}
+        for part, forms in self.forms.items():
+            shape = forms.shape[1:]
+            rows, members = distinct(forms.reshape(len(forms), shape[0] * shape[1]))
+            count = np.array([len(wires) for wires in members], dtype=float)
+            result[part] = (rows.reshape(-1, *shape), count)
+        return result
+
+    def within(self, columns: Any) -> WireTerm:
+        """Restrict to some coordinates."""
+        largest = {part: np.abs(form).max(initial=0.0) for part, form in self.forms.items()}
+        some = {
+            part: np.where(np.abs(f := form[..., columns]) > 1e-14 * largest[part], f, 0.0)
+            for part, form in self.forms.items()
+        }
+        return WireTerm(self.stage, self.strand, some, self.allowed[np.ix_(columns, columns)])
+
+    def spread(self, from_new: Any) -> WireTerm:
+        """Change to new coordinates."""
+        reach = (from_new != 0).astype(float)
+        forms = {part: form @ from_new for part, form in self.forms.items()}
+        return WireTerm(self.stage, self.strand, forms, reach.T @ self.allowed @ reach > 0)
+
+
+@dataclass(frozen=True)
+class EvaluatedWires:
+    """Equal wires at given frequencies (f,)."""
+
+    term: WireTerm
+    moving: WireAtFrequencies
+
+    def functions(self, which: Any) -> Any:
+        """Select functions f_n by number: (w, f)."""
+        static = self.term.strand.static
+        wanted = [self.term.functions[n] for n in which]
+        return np.stack(
+            [
+                self.beside
+                if part == "stretch"
+                else self.moving.stiffness(part)[i, j] - static[part][i, j]
+                for part, i, j in wanted
+            ]
+        )
+
+    def all_functions(self) -> Any:
+        """Functions f_n (n + 1, f) of `all_matrices`.
+
+        For wires without mass, which only the odd motion of their ends stretches.
+        """
+        odd = self.stretching[2] - self.term.strand.static["stretch"][1, 1]
+        return np.concatenate([self.functions(range(len(self.term.functions))), odd[None]])
+
+    @property
+    def beside(self) -> Any:
+        """Stiffness F_ss - F_sa^2 / F_aa (f,) of the even motion, with the tension a coordinate."""
+        even, mixed, odd = self.stretching
+        return even - mixed**2 / odd
+
+    @property
+    def stretching(self) -> tuple[Any, Any, Any]:
+        """Stretching stiffness F_ss, F_sa, F_aa (f,) of even (s) and odd (a) motion of the ends."""
+        whole = self.moving.stiffness("stretch")
+        return whole[0, 0], whole[0, 1], whole[1, 1]
+
+    def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
+        """Dissipation x^H Im(f A) x (f,) by bending at either end, stretching, torsion and gas."""
+        fibre, gas = self.term.strand.fibre, self.term.strand.surrounded
+        upper, lower = fibre.temperature
+        temperatures = {
+            "bending-upper": upper,
+            "bending-lower": lower,
+            "gas": gas.temperature if gas else 0.0,
+        }
+        result: dict[tuple[str, float], Any] = {}
+        for part in PARTS:
+            rows, count = self.term.distinct[part]
+            if not len(rows):
+                continue
+            ends = np.moveaxis(rows @ motion, 0, 1)  # (c, r, f)
+            for cause, value in self.moving.dissipated(part, ends).items():
+                key = (f"{self.term.stage}.{cause}", temperatures.get(cause, (upper + lower) / 2))
+                result[key] = result.get(key, 0.0) + count @ value
+        return result
+
+
+@dataclass(frozen=True)
+class LossTerm:
+    """Loss of a constant stiffness, i phi(omega) K, or of a damper, i omega C.
+
+    Attributes
+    ----------
+    cause : str
+        For example ``upper.blades``.
+    temperature : float
+        K.
+    matrix : (N, N) array
+        K in N/m, or C in N s/m.
+    angle : callable
+        phi (f,) of omega (f,); omega itself for a damper.
+    elastic : bool
+        Whether the matrix also stores energy.
+    """
+
+    cause: str
+    temperature: float
+    matrix: Any
+    angle: Callable[[Any], Any]
+    elastic: bool = True
+
+    @property
+    def matrices(self) -> Any:
+        """A_n: (1, N, N)."""
+        return self.matrix[None]
+
+    @property
+    def all_matrices(self) -> Any:
+        """A_n: (1, N, N)."""
+        return self.matrices
+
+    def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedLoss:
+        """Evaluate at frequencies (f,), rad/s."""
+        # loss angles are taken at the frequency of oscillation, the real part
+        angle = self.angle(np.real(omega) if self.elastic else omega)
+        return EvaluatedLoss(self, angle if lossy else np.zeros(np.shape(omega)), lossy)
+
+    def within(self, columns: Any) -> LossTerm:
+        """Restrict to some coordinates."""
+        return LossTerm(
+            self.cause,
+            self.temperature,
+            self.matrix[np.ix_(columns, columns)],
+            self.angle,
+            self.elastic,
+        )
+
+    def spread(self, from_new: Any) -> LossTerm:
+        """Change to new coordinates."""
+        return LossTerm(
+            self.cause,
+            self.temperature,
+            from_new.T @ self.matrix @ from_new,
+            self.angle,
+            self.elastic,
+        )
+
+
+@dataclass(frozen=True)
+class EvaluatedLoss:
+    """One loss at given frequencies, with its angle (f,)."""
+
+    term: LossTerm
+    angle: Any
+    lossy: bool
+
+    def functions(self, which: Any) -> Any:
+        """Select functions f_n by number: (w, f)."""
+        return (1j * self.angle if self.lossy else self.angle)[None][which]
+
+    def all_functions(self) -> Any:
+        """All functions f_n: (1, f)."""
+        return self.functions(slice(None))
+
+    def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
+        """Dissipation x^H Im(f A) x (f,)."""
+        value = np.einsum("if,if->f", np.conj(motion), self.term.matrix @ motion).real
+        return {(self.term.cause, self.term.temperature): self.angle * value}

@@ -1,0 +1,212 @@
+"""Generalised symmetric eigenvalues with the same relative accuracy for small and large ones.
+
+A symmetric eigenvalue solver leaves rounding errors of the largest omega^2 in all of them: with
+wires 1e12 times stiffer along than across, a pendulum mode is off by 1e-4. Its vectors leave the
+space of the soft modes only by a rounding error d, however, which changes Rayleigh quotients in
+second order (d^2 times the stiffness ratio). So K and M are projected on the soft modes, whose own
+scale is small, and solved there again, until all remaining eigenvalues are of one size (Parlett,
+The Symmetric Eigenvalue Problem, chapter 11). Where the low parts of K (what rounding took from it)
+are known, K is projected in double-double arithmetic, and leaning wires or blades with tip masses
+keep their soft part however stiff they are; otherwise that is lost, see `rounding`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear.double_double import DoubleDouble
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array
+
+APART = 1e-3
+"""Modes below this fraction of the largest omega^2 are solved again in their own space; the others
+lose at most three digits."""
+WIDE = 1e-6
+"""Fraction of the largest omega^2 below which the batched solver has errors above 1e-9."""
+RIGID = 64 * np.finfo(float).eps
+"""Fraction of its terms below which omega^2 is a rounding error and the mode rigid."""
+TURNING = 1e3
+"""Largest ratio of omega^2 from tension in rotation to that in translation: mass times lever arm
+squared over moment of inertia."""
+EPS = np.finfo(float).eps
+
+
+def solve(mass: Array, stiffness: Array, low: Array | None = None) -> tuple[Any, Any]:
+    """Solve for eigenvalues (..., m), ascending, and shapes (..., c, m) of unit modal mass.
+
+    Parameters
+    ----------
+    mass : (..., c, c) array
+        kg, kg m^2; positive definite.
+    stiffness : (..., c, c) array
+        N/m, N m/rad; symmetric.
+    low : (c, c) array, optional
+        Low parts of the elements of one stiffness (c, c).
+    """
+    if stiffness.ndim == 2:
+        values, shapes = solve(mass[None], stiffness[None], low)
+        return values[0], shapes[0]
+    inverse = np.linalg.inv(np.linalg.cholesky(mass))
+    dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
+    values, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
+    shapes = np.swapaxes(inverse, -1, -2) @ vectors
+    soft = np.abs(values) < APART * np.abs(values).max(-1, keepdims=True)
+    for pattern, members in _group_rows(soft):
+        if not pattern.any():
+            continue
+        soft_shapes = shapes[members][:, :, pattern]
+        transposed = np.swapaxes(soft_shapes, -1, -2)
+        less_mass, less_stiffness = (
+            transposed @ matrix[members] @ soft_shapes for matrix in (mass, stiffness)
+        )
+        less_low = None
+        if low is not None:
+            projected = DoubleDouble.of(transposed[0]) @ (
+                DoubleDouble(stiffness[0], low) @ DoubleDouble.of(soft_shapes[0])
+            )
+            less_stiffness = projected.high[None]
+            less_low = projected.low + (less_stiffness - np.swapaxes(less_stiffness, -1, -2))[0] / 2
+        less_mass, less_stiffness = (
+            (matrix + np.swapaxes(matrix, -1, -2)) / 2 for matrix in (less_mass, less_stiffness)
+        )
+        soft_values, combination = solve(less_mass, less_stiffness, less_low)
+        values[np.ix_(members, pattern)] = soft_values
+        shapes[members[:, None], :, np.flatnonzero(pattern)] = np.swapaxes(
+            soft_shapes @ combination, -1, -2
+        )
+    return values, shapes
+
+
+def _group_rows(soft: Any) -> list[tuple[Any, Any]]:
+    """Group equal rows of (p, m): each pattern (m,) with the numbers (q,) of its rows."""
+    if (soft == soft[:1]).all():
+        return [(soft[0], np.arange(len(soft)))]
+    patterns, pattern_of = np.unique(soft, axis=0, return_inverse=True)
+    return [
+        (pattern, np.flatnonzero(pattern_of.ravel() == number))
+        for number, pattern in enumerate(patterns)
+    ]
+
+
+def solve_batch(mass: Array, stiffness: Array, tension: Array) -> tuple[Any, Any]:
+    """Solve for eigenvalues (p, m) and orthonormal vectors L^T v (p, c, m), M = L L^T, of a batch.
+
+    Only systems with modes that are `WIDE` apart are solved again in soft subspaces.
+
+    Parameters
+    ----------
+    mass, stiffness : (p, c, c) arrays
+        As for `solve`.
+    tension : (p,) array
+        See `rigid`.
+    """
+    root = np.linalg.cholesky(mass)
+    inverse = np.linalg.inv(root)
+    dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
+    values, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
+    size = np.abs(values)
+    wide = size.min(-1) < WIDE * size.max(-1)
+    if wide.any():
+        resolved, shapes = solve(mass[wide], stiffness[wide])
+        values[wide] = rigid(
+            resolved, rounding(stiffness[wide], np.swapaxes(shapes, -1, -2)), tension[wide]
+        )
+        vectors[wide] = np.swapaxes(root[wide], -1, -2) @ shapes
+    return values, vectors
+
+
+def rigid(values: Array, error: Array, tension: Any) -> Any:
+    """Set eigenvalues (..., m) of rigid modes to exactly 0.
+
+    A mode is rigid if its omega^2 is a rounding error of its terms.
+
+    Parameters
+    ----------
+    values : (..., m) array
+        omega^2, (rad/s)^2.
+    error : (..., m) array
+        Their errors from rounding K, see `rounding`.
+    tension : (...) array
+        omega^2 that tension gives a rotation (at most the largest eigenvalue counts), for where
+        the elements of K have cancelled already.
+    """
+    size = np.abs(values)
+    terms = np.maximum(
+        error / EPS, np.minimum(np.asarray(tension)[..., None], size.max(-1, keepdims=True))
+    )
+    return np.where(size < RIGID * terms, 0.0, values)
+
+
+def rounding(stiffness: Array, shapes: Array) -> Array:
+    """Bound on the error of omega^2 from rounding K, eps |v|^T |K| |v|, (rad/s)^2.
+
+    For shapes v (..., m, N) of unit modal mass.
+    """
+    size = np.abs(shapes)
+    return EPS * ((size @ np.abs(stiffness)) * size).sum(-1)
+
+
+def has_low_parts(model: LinearSystem) -> bool:
+    """Whether the low parts of the stiffness of a system are known."""
+    return model.low is not None and not model.batch
+
+
+def rounding_with_low_parts(model: LinearSystem, shapes: Array) -> Any:
+    """Bound (m,) on the error of omega^2 with the stretching of wires in double-double.
+
+    It counts the rounding of all other stiffness and of the elongations of wires. For shapes (m, N)
+    of unit modal mass in the system's own coordinates.
+    """
+    stretched, low = model.stretched, np.real(model.low)
+    assert stretched is not None
+    soft = stretched.added(DoubleDouble(model.stiffness, low), -stretched.stiffness).value
+    pull = np.abs(shapes @ stretched.form.T) * stretched.stiffness
+    return rounding(soft, shapes) + 2 * EPS * (
+        pull * (np.abs(shapes) @ np.abs(stretched.form).T)
+    ).sum(-1)
+
+
+def softest_translation(model: LinearSystem) -> Any:
+    """Largest over the bodies of the omega^2 (...) of their softest translation, (rad/s)^2.
+
+    From the diagonal of the stiffness; about tension over length and mass.
+    """
+    stop = 6 * (len(model.body) + 1)
+    own, mass = (
+        np.diagonal(matrix, axis1=-2, axis2=-1)[..., 6:stop]
+        for matrix in (model.stiffness, model.mass)
+    )
+    softest = (
+        np.abs(own / mass)
+        .reshape(*np.broadcast_shapes(own.shape, mass.shape)[:-1], -1, 6)[..., :3]
+        .min(-1)
+    )
+    return softest.max(-1)
+
+
+def relative_error_bound(model: LinearSystem, omega_squared: Array, shape: Array) -> Any:
+    """Bound on the relative error (m,) of each mode's frequency from rounding the stiffness.
+
+    Infinite for a rigid mode.
+
+    Parameters
+    ----------
+    model : LinearSystem
+    omega_squared : (m,) array
+        (rad/s)^2.
+    shape : (m, N - 6) array
+        Of unit modal mass in the named coordinates, as in `eigenmodes.Modes`.
+    """
+    adapted = np.pad(shape, ((0, 0), (6, 0))) @ model.basis  # the basis is orthogonal
+    size = (
+        rounding_with_low_parts(model, adapted)
+        if has_low_parts(model)
+        else rounding(model.stiffness, adapted)
+    )
+    return np.where(
+        omega_squared != 0,
+        size / (2 * np.abs(np.where(omega_squared == 0, 1.0, omega_squared))),
+        np.inf,
+    )

@@ -1,0 +1,113 @@
+"""Number of modes below a frequency, by the Wittrick-Williams theorem.
+
+With massive wires the dynamic stiffness Z(omega) is no polynomial and its determinant has poles, so
+a search for its zeros may miss some. The number of modes below omega is, however,
+
+    J(omega) = J_0(omega) + s(Z(omega)),
+
+with J_0 the number of resonances below omega of all wires clamped at both ends and s the number of
+negative eigenvalues of Z (Wittrick and Williams, Q. J. Mech. Appl. Math. 24, 263, 1971). It is an
+integer that never decreases, so bisection finds each mode, including near-degenerate pairs and
+modes that move no body.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear import frequency_dependent
+from suspension_cli.linear.frequency_terms import WireTerm
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array
+
+GRID = 256
+"""Number of frequencies of the initial count."""
+CHUNK = 256
+"""Number of frequencies computed at once."""
+
+
+Progress = Callable[[int, int, float], None]
+"""Called with (steps done, total steps, steps per second)."""
+
+
+def silent(_done: int, _all: int, _rate: float) -> None:
+    """Report no progress."""
+
+
+def modes_below(
+    model: LinearSystem, omega: Array, step: Callable[[int], None] = lambda _: None
+) -> Any:
+    """Count the modes (f,) below frequencies (f,) in rad/s, above 0.
+
+    `step` is called with the number of frequencies done since its last call.
+    """
+    total = np.zeros(len(omega), dtype=int)
+    for start in range(0, len(omega), CHUNK):
+        span = slice(start, start + CHUNK)
+        total[span] = _count_below(model, omega[span])
+        step(len(omega[span]))
+    return total
+
+
+def _count_below(model: LinearSystem, omega: Array) -> Any:
+    total = np.zeros(len(omega), dtype=int)
+    for term in model.terms:
+        if isinstance(term, WireTerm):
+            total += len(term.forms["twist"]) * term.strand.resonances_below(omega)
+    for block in frequency_dependent.build_blocks(model):
+        matrix = np.moveaxis(block.at(omega, lossy=False).matrix[:, 6:], -1, 0)
+        coordinates = len(block.keep)
+        scale = frequency_dependent.coordinate_scales(
+            np.diagonal(matrix, axis1=-2, axis2=-1), np.abs(matrix[:, coordinates:, :coordinates])
+        )
+        # scaling does not change the signs of eigenvalues (Sylvester)
+        total += (np.linalg.eigvalsh(matrix / (scale[:, :, None] * scale[:, None, :])) < 0).sum(-1)
+        total -= (np.diagonal(matrix[:, coordinates:, coordinates:], axis1=-2, axis2=-1) < 0).sum(
+            -1
+        )
+    return total
+
+
+def frequencies(
+    model: LinearSystem, highest: float, lowest: float, progress: Progress = silent
+) -> Array:
+    """Find all modes between two frequencies by bisection to the last bit: (m,) in rad/s.
+
+    Ascending; a degenerate frequency is repeated.
+
+    Parameters
+    ----------
+    model : LinearSystem
+        With massive wires (violin model).
+    highest, lowest : float
+        rad/s, above 0.
+    progress : callable
+        Called with (steps done, total steps, steps per second).
+    """
+    grid = np.geomspace(lowest, highest, GRID)
+    counts = np.maximum.accumulate(modes_below(model, grid))
+    number = np.arange(counts[0] + 1, counts[-1] + 1)
+    upper = np.searchsorted(counts, number)
+    low, high = grid[upper - 1], grid[upper]
+    halvings = np.ceil(np.log2(np.maximum((high - low) / np.spacing(high), 1.0))) + 1
+    started, done, expected, repeats = time.monotonic(), 0.0, int(halvings.sum()), 1.0
+
+    def step(number: int) -> None:
+        nonlocal done
+        done = min(done + number * repeats, expected)
+        progress(int(done), expected, done / max(time.monotonic() - started, 1e-9))
+
+    while True:
+        middle = (low + high) / 2
+        unresolved = (middle > low) & (middle < high)
+        if not unresolved.any():
+            return high
+        unique, where = np.unique(middle[unresolved], return_inverse=True)
+        repeats = len(where) / len(unique)
+        is_reached = modes_below(model, unique, step)[where] >= number[unresolved]
+        high[unresolved] = np.where(is_reached, middle[unresolved], high[unresolved])
+        low[unresolved] = np.where(is_reached, low[unresolved], middle[unresolved])

@@ -1,0 +1,74 @@
+"""One-to-one pairing of the modes of two models or designs by their shapes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def pair_by_overlap(overlap: Any) -> Any:
+    """Pair rows with columns one to one for the largest sum of overlaps.
+
+    Parameters
+    ----------
+    overlap : (m, n) array
+
+    Returns
+    -------
+    (m,) int array
+        The column of each row; -1 for rows without partner, if there are fewer columns than rows.
+
+    Examples
+    --------
+    >>> pair_by_overlap([[0.9, 0.8], [0.7, 0.1]])
+    array([1, 0])
+    """
+    overlap = np.asarray(overlap, dtype=float)
+    if not overlap.size:
+        return np.full(len(overlap), -1)
+    choice = overlap.argmax(1)
+    if len(np.unique(choice)) == len(choice):  # no sum exceeds that of the row maxima
+        return choice
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = linear_sum_assignment(overlap, maximize=True)
+    choice = np.full(len(overlap), -1)
+    choice[rows] = columns
+    return choice
+
+
+def pair_by_shape(before: Any, after: Any) -> tuple[Any, Any]:
+    """Pair the modes of two designs by the overlap of their shapes.
+
+    Parameters
+    ----------
+    before, after : (m, c) arrays
+        Orthonormal shapes, as in `batch_modes.Spectrum`.
+
+    Returns
+    -------
+    choice : (m,) int array
+        The mode of the second design paired with each of the first.
+    overlap : (m,) array
+        Squared scalar products: 1 for equal shapes.
+    """
+    overlap = (np.asarray(before, dtype=float) @ np.asarray(after, dtype=float).T) ** 2
+    choice = pair_by_overlap(overlap)
+    return choice, overlap[np.arange(len(choice)), choice]
+
+
+def body_overlap(rows: Any, columns: Any, mass: Any) -> Any:
+    """Overlaps |u^T M v| (m, n) of mode shapes in the motion of the bodies alone.
+
+    These coordinates are common to models with different coordinates of blade tips or wires.
+
+    Parameters
+    ----------
+    rows, columns : (m, N - 6), (n, N' - 6) arrays
+        Shapes of unit modal mass in the named coordinates, those of bodies first.
+    mass : (6 b, 6 b) array
+        Mass matrix of the bodies.
+    """
+    count = len(mass)
+    return np.abs(rows[:, :count] @ mass @ columns[:, :count].T)

@@ -1,0 +1,180 @@
+"""Scalar results of a design by name: mode frequencies and response magnitudes.
+
+- ``test pitch``: frequency of the mode with that label in `pendsus modes`; ``test pitch#2``: of the
+  second mode with that label
+- ``5``: frequency of mode number 5
+- ``test.x@0,0,0.001/support.x:10``: magnitude of a response at 10 Hz
+- ``test.x/test.z/support.z:50``: magnitude of the ratio of two responses to one input (a coupling)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from suspension_cli.design.faults import suggest
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear import signals
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.signals import Signal
+
+ALL = "modes"
+"""Name that stands for all modes."""
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Frequency of one mode.
+
+    Attributes
+    ----------
+    text : str
+        Label of the mode, numbered if several modes have it.
+    number : int
+        Position among the modes of the design as drawn, from 0.
+    """
+
+    text: str
+    number: int
+
+    @property
+    def unit(self) -> str:
+        """Unit of the frequency."""
+        return "Hz"
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Magnitude of a response, or of the ratio of two, at one frequency.
+
+    Attributes
+    ----------
+    text : str
+    over : Signal
+        An output.
+    under : Signal or None
+        Another output, for the ratio of the two.
+    input : Signal
+    frequency : float
+        Hz.
+    """
+
+    text: str
+    over: Signal
+    under: Signal | None
+    input: Signal
+    frequency: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of the ratio."""
+        below = self.under or self.input
+        return (
+            "1"
+            if self.over.unit == below.unit
+            else f"{self.over.unit}/{below.unit}".replace("/N m", "/(N m)")
+        )
+
+
+Scalar = Mode | Ratio
+
+
+def labels(modes: Modes) -> list[str]:
+    """Distinct names of the modes: their labels, numbered by frequency where several are equal."""
+    plain = modes.label
+    return [
+        label if plain.count(label) == 1 else f"{label}#{plain[: n + 1].count(label)}"
+        for n, label in enumerate(plain)
+    ]
+
+
+def parse(
+    texts: list[str], modes: Modes, known: tuple[str, ...], option: str = "--result"
+) -> tuple[Scalar, ...]:
+    """Parse the names of scalar results.
+
+    Parameters
+    ----------
+    texts : list of str
+    modes : Modes
+        Of the design as drawn.
+    known : tuple of str
+        Bodies, see `signals.bodies_with_signals`; empty if only modes are allowed.
+    option : str
+        Option to name in error messages.
+    """
+    found: list[Scalar] = []
+    for text in texts:
+        found += (
+            [_ratio(text, known, option)]
+            if "/" in text and known
+            else _modes(text.strip(), modes, option, only=not known)
+        )
+    return tuple(dict.fromkeys(found))
+
+
+def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[Mode]:
+    """Select modes by label or number; `only` if responses are not allowed."""
+    names = labels(modes)
+    every = [Mode(name, n) for n, name in enumerate(names)]
+    if text == ALL:
+        return every
+    if text.isascii() and text.isdigit() and 1 <= int(text) <= len(every):
+        return [every[int(text) - 1]]
+    chosen = [
+        mode for mode, label in zip(every, modes.label, strict=True) if text in (mode.text, label)
+    ]
+    if len(chosen) > 1 and "#" not in text:
+        remedy = (
+            f"write {chosen[0].text!r} to {chosen[-1].text!r}, or its number in pendsus modes on"
+            " the same model"
+        )
+        raise InputError(
+            [Fault(option, f"is the label of {len(chosen)} modes", remedy, format_value(text))]
+        )
+    if not chosen:
+        remedy = suggest(text, names) + (
+            ""
+            if only
+            else "; a response is OUTPUT/INPUT:FREQUENCY, a coupling OVER/UNDER/INPUT:FREQUENCY"
+        )
+        raise InputError([Fault(option, "is the label of no mode", remedy, format_value(text))])
+    return chosen
+
+
+def _ratio(text: str, known: tuple[str, ...], option: str) -> Ratio:
+    names, colon, at = text.partition(":")
+    parts = [part.strip() for part in names.split("/")]
+    try:
+        frequency = float(at)
+    except ValueError:
+        frequency = math.nan
+    if not colon or not 0 <= frequency < 1e9 or len(parts) not in (2, 3):
+        remedy = (
+            "write OUTPUT/INPUT:FREQUENCY or OVER/UNDER/INPUT:FREQUENCY, in Hz: test.x/support.x:10"
+        )
+        raise InputError([Fault(option, "is no response", remedy, format_value(text))])
+    found = [signals.parse(part, option, known) for part in parts]
+    for signal in found[:-1]:
+        if signal.acts:
+            raise InputError(
+                [
+                    Fault(
+                        option,
+                        f"{signal.text} is an input",
+                        "divide a motion by it",
+                        format_value(text),
+                    )
+                ]
+            )
+    drive = found[-1]
+    if not drive.acts and drive.body != "support":
+        remedy = f"end with support.x, or a force such as {drive.body}.{signals.FORCES[drive.dof]}"
+        raise InputError([Fault(option, f"{drive.text} is an output", remedy, format_value(text))])
+    return Ratio(
+        "/".join(parts) + f":{frequency:g}",
+        found[0],
+        found[1] if len(found) == 3 else None,
+        drive,
+        frequency,
+    )

@@ -1,0 +1,97 @@
+"""Poles and impulse responses of a linear system."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear import statespace
+from suspension_cli.scene.scene import Array
+
+ROUNDING = 1e-10
+"""Real part of a pole, relative to its modulus, that may be a rounding error."""
+NAMED = 0.2
+"""Fraction of a pole's participation in mechanical states above which it is named after one."""
+
+
+@dataclass(frozen=True)
+class Poles:
+    """Poles of a linear system, one of each conjugate pair, in ascending order of modulus.
+
+    Attributes
+    ----------
+    value : (p,) complex array
+        rad/s.
+    state : tuple of str
+        The state that participates most in each pole.
+    rounding : float
+        Real part, relative to the modulus, that may be a rounding error.
+    """
+
+    value: Any
+    state: tuple[str, ...]
+    rounding: float = 0.0
+
+    @property
+    def frequency(self) -> Array:
+        """Moduli over 2 pi, Hz."""
+        return np.abs(self.value) / (2 * np.pi)
+
+    @property
+    def growth_rate(self) -> Array:
+        """Growth rates, 1/s; 0 for a stable pole."""
+        return np.where(self.value.real > self.rounding * np.abs(self.value), self.value.real, 0.0)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no pole has a growth rate."""
+        return not self.growth_rate.any()
+
+    @property
+    def q(self) -> Array:
+        """Q = |p| / (-2 Re p): infinite if undamped, 1/2 if real, negative if unstable."""
+        undamped = np.abs(self.value.real) <= self.rounding * np.abs(self.value)
+        return np.where(
+            undamped, np.inf, np.abs(self.value) / (-2 * np.where(undamped, 1.0, self.value.real))
+        )
+
+
+def poles(system: statespace.StateSpace) -> Poles:
+    """Compute the poles of a state space, and the state that participates most in each.
+
+    A pole with at least `NAMED` of its participation in mechanical states is named after one of
+    these, not after a state of a filter.
+    """
+    eigen: Any = np.linalg.eig(system.a)
+    values, right = eigen.eigenvalues.astype(complex), eigen.eigenvectors
+    participation = np.abs(right * np.linalg.pinv(right).T)
+    upper_half = values.imag >= 0
+    order = np.argsort(np.abs(values[upper_half]), kind="stable")
+    mechanical = np.array([not name.startswith("loop ") for name in system.state])[:, None]
+    mechanical_fraction = (participation * mechanical).sum(0) / participation.sum(0)
+    participation = np.where(mechanical | (mechanical_fraction < NAMED), participation, 0.0)
+    leading = participation[:, upper_half].argmax(0)[order]
+    return Poles(
+        values[upper_half][order],
+        tuple(system.state[n].removesuffix(" rate") for n in leading),
+        ROUNDING,
+    )
+
+
+def impulse(system: statespace.StateSpace, time: Array) -> Array:
+    """Compute the response (t, o, i) of a state space to unit impulses at evenly spaced times in s.
+
+    A unit impulse is 1 N s, 1 m s, etc. Each sample follows from the last by exp(A dt), exact for
+    any step; the direct feed-through, a delta function at 0, is omitted.
+    """
+    from scipy.linalg import expm
+
+    step = expm(system.a * (time[1] - time[0])) if len(time) > 1 else np.eye(len(system.a))
+    x, result = expm(system.a * time[0]) @ system.b, []
+    with np.errstate(over="ignore", invalid="ignore"):  # unstable systems overflow
+        for _ in time:
+            result.append(system.c @ x)
+            x = step @ x
+    return np.array(result)

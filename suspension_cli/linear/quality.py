@@ -1,0 +1,105 @@
+"""Q and dilution of modes to first order in the loss, from the dissipation in undamped shapes.
+
+    1/Q = x^H Im(Z(omega)) x / (omega^2 x^T G x),    G = -d Re(Z) / d(omega^2)  (G = M where the
+    stiffness does not depend on frequency).
+
+In eigenvalues of the lossy system a Q of 1e9 would be lost in the rounding of the frequency; sums
+of squares keep all its digits. `analyses.modes.damped` goes beyond first order. The dilution factor
+is the total energy over that in lossy elements (bending, stretching, blades, ...; not the energy of
+the tension): 1/Q = phi / dilution for a single loss angle phi.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.elements.dynamic_wire import PARTS, TautWire
+from suspension_cli.linear.double_double import DoubleDouble
+from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.fibres import Fibre, Losses
+from suspension_cli.scene.scene import Array
+
+NOTHING = 1e-30
+"""Ratio of dissipation to energy that rounding errors of a shape cause in parts at rest."""
+UNIT = 1e-9
+"""A loss angle, rad, small enough that dissipation is proportional to it."""
+
+
+def dissipation(
+    model: LinearSystem,
+    omega: Array,
+    shapes: Array,
+    wires: Sequence[tuple[TautWire, dict[str, Any]]],
+) -> tuple[Array, Array]:
+    """Compute the dissipation of modes, and twice their energy in lossy elements.
+
+    Parameters
+    ----------
+    model : LinearSystem
+    omega : (m,) array
+        rad/s.
+    shapes : (m, N) array
+        Motion of the system's own coordinates.
+    wires : sequence of (TautWire, dict of (c, w, m) arrays)
+        Each kind of wire and the motion of its ends, for each of `dynamic_wire.PARTS`.
+
+    Returns
+    -------
+    dissipation, elastic : (m,) arrays
+        x^H Im(Z) x, and its value with all loss angles 1 rad.
+    """
+    dissipation, elastic = np.zeros(len(omega)), np.zeros(len(omega))
+    for strand, ends in wires:
+        actual, unit = (
+            strand.at(omega),
+            replace(strand, fibre=_with_unit_loss(strand.fibre), surrounded=None).at(omega),
+        )
+        for part in PARTS:
+            dissipation += sum(
+                value.sum(0) for value in actual.dissipated(part, ends[part]).values()
+            )
+            elastic += (
+                sum(value.sum(0) for value in unit.dissipated(part, ends[part]).values()) / UNIT
+            )
+    for term in model.terms:
+        if isinstance(term, LossTerm):
+            value = np.einsum("mi,ij,mj->m", shapes, term.matrix, shapes)
+            dissipation += term.angle(omega) * value
+            elastic += value if term.elastic else 0.0
+    dissipation += omega * np.einsum("mi,ij,mj->m", shapes, model.damping, shapes)
+    if model.lossy is not None:
+        low = np.zeros_like(model.stiffness) if model.low is None else np.imag(model.low)
+        motion = DoubleDouble.of(shapes.T)
+        dissipation += (motion * (DoubleDouble(model.lossy.imag, low) @ motion)).summed().value
+    return dissipation, elastic
+
+
+def end_motions(model: LinearSystem, shapes: Array) -> list[tuple[TautWire, dict[str, Any]]]:
+    """Compute the motion of the ends of each kind of wire in shapes (m, N), see `dissipation`."""
+    terms = [term for term in model.terms if isinstance(term, WireTerm)]
+    return [
+        (
+            term.strand,
+            {part: np.einsum("wcN,mN->cwm", rows, shapes) for part, rows in term.forms.items()},
+        )
+        for term in terms
+    ]
+
+
+def safe_ratio(total: Array, part: Array) -> Array:
+    """Divide total by part; infinite where part is 0 to the square of a rounding error."""
+    some = part > NOTHING * total
+    return np.where(some, total / np.where(some, part, 1.0), np.inf)
+
+
+def _with_unit_loss(fibre: Fibre) -> Fibre:
+    """Copy of a wire in which all deformations have the loss angle `UNIT`."""
+    losses = Losses(UNIT, None, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+    return replace(
+        fibre, sections=tuple(replace(section, losses=losses) for section in fibre.sections)
+    )

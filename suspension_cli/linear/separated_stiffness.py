@@ -1,0 +1,58 @@
+"""Tangent stiffness of a scene, split into the stretching of its wires and the rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.elements import string
+from suspension_cli.equilibrium.energy import gradient_and_stiffness
+from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.linear.double_double import DoubleDouble
+from suspension_cli.linear.rigid_motion_invariance import TOGETHER
+from suspension_cli.linear.stretching import Stretching
+from suspension_cli.linear.symmetry import Symmetry
+from suspension_cli.scene.pose import Layout, rigid_motion
+from suspension_cli.scene.scene import Array, Index, Scene
+
+
+def separate_stretching(
+    scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
+) -> tuple[Array, Stretching]:
+    """Compute the tangent stiffness (N, N) without the stretching of wires, and that stretching.
+
+    In symmetry-adapted coordinates, for a scene without batch axes.
+    """
+    wires = scene.wires
+    wire_state = string.state(scene, balanced.pose)
+    slack = replace(wires, tension=wire_state.tension, stiffness=np.zeros_like(wire_state.tension))
+    form = (
+        (string.span_jacobian(scene, numbering, balanced.pose, wire_state) * wire_state.direction)
+        .sum(-1)
+        .T
+    )
+    low = _low_parts(
+        form, rigid_motion(numbering.size, scene.bodies.position + balanced.pose.shift), wires.lower
+    )
+    soft = gradient_and_stiffness(replace(scene, wires=slack), numbering, balanced.pose)[1]
+    return adapted.apply(soft), Stretching(
+        form @ adapted.basis, low @ adapted.basis, wires.stiffness, adapted.allowed
+    )
+
+
+def _low_parts(form: Any, rigid: Any, body: Index) -> Any:
+    """Compute the low parts (w, N) of linear forms (w, N) that are 0 in rigid motion.
+
+    The elements towards one `body` (w,) of each form follow from the others.
+    """
+    low, place = np.zeros_like(form), np.arange(len(form))
+    for dof in TOGETHER:
+        column = 6 * body + dof
+        others = np.arange(form.shape[1]) != column[:, None]
+        terms = DoubleDouble(
+            np.where(others, form, 0.0), np.where(others, low, 0.0)
+        ) * DoubleDouble.of(np.broadcast_to(rigid[:, dof], form.shape))
+        low[place, column] = (-terms.total() - DoubleDouble.of(form[place, column])).value
+    return low

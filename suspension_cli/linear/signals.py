@@ -1,0 +1,204 @@
+"""Input and output signals by name: ``support.x``, ``test.x@0,0,-0.001``, ``upper.force_x``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.faults import suggest
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.rotations import cross_matrix
+from suspension_cli.scene.scene import Array
+
+FORCES = tuple(f"force_{dof}" for dof in DOFS[:3]) + tuple(f"torque_{dof}" for dof in DOFS[3:])
+"""Names of forces and torques on a body, in the order of its coordinates."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Motion of a body (or of a point fixed in it), or force or torque on it.
+
+    Attributes
+    ----------
+    text : str
+        As the user wrote it.
+    body : str
+    dof : int
+        Index in `DOFS` of the motion, or of the motion that the force acts along.
+    point : tuple of float
+        From the COM in the body's frame, m.
+    acts : bool
+        Whether it is a force or torque.
+    """
+
+    text: str
+    body: str
+    dof: int
+    point: tuple[float, float, float]
+    acts: bool
+
+    @property
+    def unit(self) -> str:
+        """SI unit."""
+        if self.acts:
+            return "N" if self.dof < 3 else "N m"
+        return "m" if self.dof < 3 else "rad"
+
+
+def bodies_with_signals(model: LinearSystem) -> tuple[str, ...]:
+    """List bodies with signals: the support, the stages, and the frame if there is one."""
+    frame = ("frame",) if any(name.startswith("frame.") for name in model.coordinate) else ()
+    return (SUPPORT, *model.body, *frame)
+
+
+def local_control_signals(model: LinearSystem) -> tuple[list[str], list[str]]:
+    """List the signals of local control.
+
+    Inputs are the motions of the support and the forces on the first stage, outputs the motions of
+    the first and the last stage.
+    """
+    first, last = model.body[0], model.body[-1]
+    inputs = [f"{SUPPORT}.{dof}" for dof in DOFS] + [f"{first}.{force}" for force in FORCES]
+    return inputs, [f"{body}.{dof}" for body in dict.fromkeys((first, last)) for dof in DOFS]
+
+
+def parse_input(text: str, known: tuple[str, ...]) -> Signal:
+    """Parse an input: a motion of the support, or a force or torque."""
+    signal = parse(text, "--input", known)
+    if not signal.acts and signal.body != SUPPORT:
+        remedy = f"give support.{DOFS[signal.dof]}, or {signal.body}.{FORCES[signal.dof]}"
+        raise InputError(
+            [Fault("--input", "a motion of a stage is an output", remedy, format_value(text))]
+        )
+    return signal
+
+
+def parse_output(text: str, known: tuple[str, ...]) -> Signal:
+    """Parse an output: a motion."""
+    signal = parse(text, "--output", known)
+    if signal.acts:
+        raise InputError(
+            [
+                Fault(
+                    "--output",
+                    "a force is an input",
+                    f"give {signal.body}.{DOFS[signal.dof]}",
+                    format_value(text),
+                )
+            ]
+        )
+    return signal
+
+
+def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
+    """Parse the name of a signal.
+
+    Parameters
+    ----------
+    text : str
+    option : str
+        Option to name in error messages.
+    bodies : tuple of str
+        Names of the support, the stages, and the frame if there is one; see `bodies_with_signals`.
+    """
+    name, at, where = text.partition("@")
+    body, _, motion = name.rpartition(".")
+    if body not in bodies:
+        raise InputError(
+            [
+                Fault(
+                    option,
+                    "names no body",
+                    suggest(body or name, list(bodies)) + "; write for example test.x",
+                    format_value(text),
+                )
+            ]
+        )
+    if motion not in DOFS and motion not in FORCES:
+        raise InputError(
+            [
+                Fault(
+                    option,
+                    "names no motion or force",
+                    suggest(motion, [*DOFS, *FORCES]),
+                    format_value(text),
+                )
+            ]
+        )
+    acts = motion in FORCES
+    if acts and body == SUPPORT:
+        raise InputError(
+            [
+                Fault(
+                    option,
+                    "the support's motion is given, so a force on it has no effect",
+                    "take support.x, or a force on a stage",
+                    format_value(text),
+                )
+            ]
+        )
+    return Signal(
+        text, body, (FORCES if acts else DOFS).index(motion), _point(where, at, text, option), acts
+    )
+
+
+def _point(where: str, at: str, text: str, option: str) -> tuple[float, float, float]:
+    if not at:
+        return (0.0, 0.0, 0.0)
+    try:
+        x, y, z = (float(part) for part in where.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(math.isfinite(value) and abs(value) < 1e5 for value in (x, y, z)):
+        raise InputError(
+            [
+                Fault(
+                    option,
+                    "is no point",
+                    "write three lengths in m, for example test.x@0,0,-0.001",
+                    format_value(text),
+                )
+            ]
+        )
+    return (x, y, z)
+
+
+def linear_form(signal: Signal, model: LinearSystem) -> Array:
+    """Compute the linear form (..., N) of a signal in the coordinates of a system.
+
+    A point p of a body that moves by x and turns by t moves by x + t x p; a force at p acts on the
+    coordinates by the same form (virtual work).
+    """
+    turn = model.orientation
+    result = (
+        np.zeros((*turn.shape[:-3], model.size), dtype=turn.dtype)
+        if turn is not None
+        else np.zeros(model.size)
+    )
+    if signal.body == "frame":
+        name = f"frame.{DOFS[signal.dof]}"
+        if name not in model.coordinate:
+            raise InputError(
+                [
+                    Fault(
+                        "--output",
+                        "the support structure is rigid in this direction",
+                        "give it a stiffness in [support.stiffness]",
+                        format_value(signal.text),
+                    )
+                ]
+            )
+        result[..., model.coordinate.index(name)] = 1.0
+        return result
+    body = 0 if signal.body == SUPPORT else model.body.index(signal.body) + 1
+    result[..., 6 * body + signal.dof] = 1.0
+    if signal.dof < 3 and any(signal.point):
+        point = np.array(signal.point)
+        if turn is not None:
+            point = turn[..., body, :, :] @ point
+        result[..., 6 * body + 3 : 6 * body + 6] = -cross_matrix(point)[..., signal.dof, :]
+    return result

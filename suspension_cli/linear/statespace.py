@@ -1,0 +1,367 @@
+"""State space x' = A x + B u, y = C x + D u of a linear system, all variables named.
+
+With body coordinates q (massless ones eliminated) the equations of motion are
+
+    M q'' + Cv q' + K q + Ms s'' + Cs s' + Ks s = f
+
+for motions s of the support. In z = q + M^-1 Ms s the accelerations of the support drop out, and in
+w = z' + M^-1 (Cv z + (Cs - Cv M^-1 Ms) s) its velocities do, so that displacements of the support
+are a proper input:
+
+    z' = w - M^-1 (Cv z + Cs~ s),    w' = M^-1 (f - K z - Ks~ s),
+    Cs~ = Cs - Cv M^-1 Ms,    Ks~ = Ks - K M^-1 Ms.
+
+Without damping w is the velocity. Loss angles have no finite state space: the modes of each block
+get viscous damping of the same Q, and `agreement_band` reports over which frequencies the result
+agrees with the direct solution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.linear import blocks, response, signals, static_condensation
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.scene import Array, Index
+
+FAINT = 1e-6
+"""Fraction of an output's largest response below which errors are relative to that fraction."""
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """Linear system in state space.
+
+    Attributes
+    ----------
+    a, b, c, d : (n, n), (n, i), (o, n), (o, i) arrays
+        SI.
+    state, state_unit, input, input_unit, output, output_unit : tuple of str
+        Names and units.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    state: tuple[str, ...]
+    state_unit: tuple[str, ...]
+    input: tuple[str, ...]
+    input_unit: tuple[str, ...]
+    output: tuple[str, ...]
+    output_unit: tuple[str, ...]
+
+    def at(self, frequency: Array) -> Any:
+        """Compute the transfer matrix (f, o, i) by a dense solve at each frequency in Hz.
+
+        States are first scaled by powers of 2 that balance A, as MATLAB does: SI rates are larger
+        than displacements by a factor of omega, which misleads pivoting and costs up to 9 digits
+        far above the modes.
+        """
+        from scipy.linalg import matrix_balance
+
+        s = 2j * np.pi * np.asarray(frequency)
+        scale = (
+            matrix_balance(self.a, permute=False, separate=True)[1][0]
+            if len(self.a)
+            else np.ones(0)
+        )
+        dynamic = s[:, None, None] * np.eye(len(scale)) - self.a * scale / scale[:, None]
+        drive = np.broadcast_to((self.b / scale[:, None]).astype(complex), (len(s), *self.b.shape))
+        return (self.c * scale) @ np.linalg.solve(dynamic, drive) + self.d
+
+
+def build(model: LinearSystem, inputs: list[Signal], outputs: list[Signal]) -> StateSpace:
+    """Build the state space from support motions and forces to motions.
+
+    Parameters
+    ----------
+    model : LinearSystem
+        Without batch axes.
+    inputs, outputs : list of Signal
+
+    Returns
+    -------
+    StateSpace
+        Of the blocks that an input drives and an output senses.
+    """
+    rows = np.array([signals.linear_form(signal, model) for signal in outputs])
+    drives = np.array([signals.linear_form(signal, model) for signal in inputs])
+    return assemble(model, drives, inputs, rows, outputs)
+
+
+def assemble(
+    model: LinearSystem,
+    drives: Array,
+    inputs: list[Signal],
+    rows: Array,
+    outputs: list[Signal],
+    *,
+    undriven: bool = False,
+) -> StateSpace:
+    """Build the state space from driving linear forms (i, N) to sensed linear forms (o, N).
+
+    It covers the blocks that are driven and sensed; with `undriven`, all that are sensed.
+    """
+    acts = np.array([signal.acts for signal in inputs], dtype=bool)
+    drives = drives.reshape(len(inputs), model.size)
+    moves = np.where(acts[:, None], 0.0, drives[:, :6]).T
+    forces = np.where(acts[:, None], drives, 0.0).T
+    a: list[Array] = []
+    b: list[Array] = []
+    c: list[Array] = []
+    feed = rows[:, :6] @ moves
+    states: list[str] = []
+    for block in blocks.condense_blocks(model):
+        if (not undriven and not block.is_driven(moves, forces).any()) or not rows[
+            :, [*block.kept, *block.massless]
+        ].any():
+            continue
+        part = _block(block, moves, forces, rows)
+        a.append(part.a)
+        b.append(part.b)
+        c.append(part.c)
+        feed = feed + part.d
+        states += [
+            f"{model.coordinate[n]}{kind}" for kind, coordinates in part.states for n in coordinates
+        ]
+    size = sum(len(part) for part in a)
+    whole, place = np.zeros((size, size)), 0
+    for part in a:
+        whole[place : place + len(part), place : place + len(part)] = part
+        place += len(part)
+    return StateSpace(
+        a=whole,
+        b=np.concatenate([np.zeros((0, len(inputs))), *b]),
+        c=np.concatenate([np.zeros((len(outputs), 0)), *c], axis=1),
+        d=feed,
+        state=tuple(states),
+        state_unit=tuple(_unit(name) for name in states),
+        input=tuple(signal.text for signal in inputs),
+        input_unit=tuple(signal.unit for signal in inputs),
+        output=tuple(signal.text for signal in outputs),
+        output_unit=tuple(signal.unit for signal in outputs),
+    )
+
+
+def _unit(state: str) -> str:
+    name, _, kind = state.partition(" ")
+    linear = name.rsplit(".", 1)[1] in "xyz"
+    if kind == "momentum":
+        return "N s" if linear else "N m s"
+    return ("m" if linear else "rad") + ("/s" if kind else "")
+
+
+@dataclass(frozen=True)
+class _Part:
+    """State space of one block, and the coordinates of its states by kind (suffix of the name)."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    states: tuple[tuple[str, Index], ...]
+
+
+def _block(block: blocks.CondensedBlock, moves: Array, forces: Array, rows: Array) -> _Part:
+    """Build the state space of one block: inputs `moves` (6, i), `forces` (N, i), outputs `rows`.
+
+    Coordinates b without mass that a damper resists (those of a support structure without mass) add
+    the momenta p of that damper as states:
+
+        p = U^T (C_ba a + C_bb b + C_bs s),    p' = U^T (f - K_ba a - K_bb b - K_bs s),
+
+    with U the directions that dampers resist; in the other directions the spring forces balance.
+    Both together determine b.
+    """
+    from scipy.linalg import qr
+
+    heavy = np.flatnonzero((block.mass[:, 6:] != 0).any(1))
+    light = np.setdiff1d(np.arange(len(block.kept)), heavy)
+    mass = block.mass[np.ix_(heavy, 6 + heavy)]
+    stiffness, damping = block.stiffness.real, block.damping.copy()
+    if np.iscomplexobj(block.stiffness):
+        damping[np.ix_(heavy, 6 + heavy)] += _equivalent(block, mass, light)
+    force = forces[block.kept] + block.force_transfer.real @ forces[block.massless]
+    k, c = stiffness[:, 6:], damping[:, 6:]
+    parts = [np.ix_(r, s) for r in (heavy, light) for s in (heavy, light)]
+    (k_hh, k_hl, k_lh, k_ll), (c_hh, c_hl, c_lh, c_ll) = (
+        [m[part] for part in parts] for m in (k, c)
+    )
+    k_s, c_s = stiffness[:, :6] @ moves, damping[:, :6] @ moves
+    shift = -np.linalg.solve(mass, block.mass[heavy, :6] @ moves)  # a = z + shift u
+    directions, _, _ = np.linalg.svd(c_ll)
+    rank = np.linalg.matrix_rank(c_ll, tol=1e-12 * np.abs(c).max(initial=0.0)) if len(light) else 0
+    resisted, unresisted = directions[:, :rank].T, directions[:, rank:].T
+    if np.abs(unresisted @ damping[light]).max(initial=0.0) > 1e-12 * np.abs(damping).max(
+        initial=0.0
+    ):
+        remedy = "give [support] a mass and inertia"
+        raise InputError(
+            [
+                Fault(
+                    "control.loop",
+                    "a damper pushes a support structure without mass along a motion that it does"
+                    " not sense, which leaves that motion undetermined",
+                    remedy,
+                )
+            ]
+        )
+    solve = np.linalg.inv(np.concatenate([resisted @ c_ll, unresisted @ k_ll]))
+    coupling = np.concatenate([resisted @ c_lh, unresisted @ k_lh])
+    follow_z = _sum(np.zeros_like(coupling), -solve, coupling)
+    # coordinates q = of_z z + of_p p + of_u u
+    of_z, of_p, of_u = (
+        np.zeros((len(k), len(heavy))),
+        np.zeros((len(k), rank)),
+        np.zeros((len(k), moves.shape[1])),
+    )
+    of_z[heavy], of_z[light] = np.eye(len(heavy)), follow_z
+    of_p[light] = solve[:, :rank]
+    of_u[heavy], of_u[light] = (
+        shift,
+        follow_z @ shift
+        + solve
+        @ np.concatenate([-resisted @ c_s[light], unresisted @ (force[light] - k_s[light])]),
+    )
+    z, w, p = (
+        slice(n, m)
+        for n, m in (
+            (0, len(heavy)),
+            (len(heavy), 2 * len(heavy)),
+            (2 * len(heavy), 2 * len(heavy) + rank),
+        )
+    )
+    a, b = np.zeros((p.stop, p.stop)), np.zeros((p.stop, moves.shape[1]))
+    a[z, w] = np.eye(len(heavy))
+    a[z, z] = -np.linalg.solve(mass, _sum(c_hh, c_hl, follow_z))
+    a[w, z] = -np.linalg.solve(mass, _sum(k_hh, k_hl, follow_z))
+    a[p, z] = -resisted @ _sum(k_lh, k_ll, follow_z)
+    a[z, p], a[w, p], a[p, p] = (
+        -np.linalg.solve(mass, c[heavy] @ of_p),
+        -np.linalg.solve(mass, k[heavy] @ of_p),
+        -resisted @ k[light] @ of_p,
+    )
+    b[z] = -np.linalg.solve(mass, _sum(c_s[heavy], c[heavy], of_u))
+    b[w] = np.linalg.solve(mass, force[heavy] - _sum(k_s[heavy], k[heavy], of_u))
+    b[p] = resisted @ (force[light] - _sum(k_s[light], k[light], of_u))
+    sensed = rows[:, block.kept] + rows[:, block.massless] @ block.force_transfer.real.T
+    massless_motion = block.compliance.real @ (
+        forces[block.massless] - block.support_stiffness.real @ moves
+    )
+    sensed_z, sensed_p = sensed @ of_z, sensed @ of_p
+    leading = light[qr(resisted, mode="r", pivoting=True)[-1][:rank]] if rank else light[:0]
+    return _Part(
+        a,
+        b,
+        np.concatenate([sensed_z, np.zeros_like(sensed_z), sensed_p], axis=1),
+        sensed @ of_u + rows[:, block.massless] @ massless_motion,
+        (("", block.kept[heavy]), (" rate", block.kept[heavy]), (" momentum", block.kept[leading])),
+    )
+
+
+def _sum(direct: Array, matrix: Array, shift: Array) -> Array:
+    """Compute direct + matrix @ shift, exactly 0 where its terms cancel to rounding.
+
+    A residue of 1e-16 would be a spurious coupling with transmission zeros of its own.
+    """
+    total, size = direct + matrix @ shift, np.abs(direct) + np.abs(matrix) @ np.abs(shift)
+    return np.where(np.abs(total) > 64 * np.finfo(float).eps * size, total, 0.0)
+
+
+def _equivalent(block: blocks.CondensedBlock, mass: Array, light: Index) -> Array:
+    """Viscous damping of a block's coordinates with mass, equivalent to all its loss angles."""
+    reduced = static_condensation.condense(
+        block.stiffness[:, 6:], np.isin(np.arange(len(block.kept)), light)
+    ).matrix
+    return equivalent_damping(mass, reduced.real, reduced.imag)
+
+
+def equivalent_damping(mass: Array, stiffness: Array, loss: Array) -> Array:
+    """Viscous damping (c, c) that gives each mode of a block the Q of its loss angles.
+
+    A mode v of unit modal mass has the loss angle eta = v^T K'' v / omega^2, and
+    C = M (sum over modes of v eta omega v^T) M damps it as much.
+
+    Parameters
+    ----------
+    mass, stiffness, loss : (c, c) arrays
+        M, Re K and K'' = Im K.
+    """
+    root = np.linalg.inv(np.linalg.cholesky(mass))
+    values, vectors = np.linalg.eigh(root @ stiffness @ root.T)
+    shapes = root.T @ vectors
+    dissipated = np.einsum("im,ij,jm->m", shapes, loss, shapes)
+    rate = np.where(values > 0, dissipated / np.sqrt(np.where(values > 0, values, 1.0)), 0.0)
+    return mass @ (shapes * rate) @ shapes.T @ mass
+
+
+def agreement_band(
+    system: Any,
+    model: LinearSystem,
+    inputs: list[Signal],
+    outputs: list[Signal],
+    tolerance: float = 1e-9,
+) -> tuple[tuple[float, float] | None, float, tuple[float, float]]:
+    """Find the frequency band in which a system agrees with the direct solution.
+
+    Parameters
+    ----------
+    system : object with ``at(frequency)``
+    model : LinearSystem
+    inputs, outputs : list of Signal
+    tolerance : float
+        Largest error relative to each response's magnitude, or to `FAINT` of the same output's
+        largest response to an input of the same unit, as the direct solution of fainter responses
+        loses digits too.
+
+    Returns
+    -------
+    band : tuple of float or None
+        Widest band of agreement, Hz; None if no two neighbouring frequencies agree.
+    worst : float
+        Largest error at the frequencies tried; infinite where a response is NaN.
+    tried : tuple of float
+        Lowest and highest frequency tried, Hz: 1/100 of the lowest and 100 times the highest mode.
+    """
+    lowest, highest = mode_range(model)
+    frequency = np.geomspace(lowest / 100, highest * 100, 801)
+    exact = response.solve(model, frequency, inputs, outputs).value
+    values = system.at(frequency)
+    size = np.abs(exact)
+    for unit in {signal.unit for signal in inputs}:
+        same_unit = [signal.unit == unit for signal in inputs]
+        size[:, :, same_unit] = np.where(
+            exact[:, :, same_unit] == 0,
+            0.0,
+            np.maximum(size[:, :, same_unit], FAINT * size[:, :, same_unit].max(-1, keepdims=True)),
+        )
+    error = np.where(
+        size > 0,
+        np.abs(values - exact) / np.where(size > 0, size, 1.0),
+        np.where(values == 0, 0.0, np.inf),
+    ).max((1, 2))
+    error = np.where(np.isnan(error), np.inf, error)
+    worst, tried = float(error.max()), (float(frequency[0]), float(frequency[-1]))
+    edges = np.flatnonzero(
+        np.diff(np.concatenate([[False], error <= tolerance, [False]]).astype(int))
+    )
+    starts, stops = edges[::2], edges[1::2]
+    if (stops - starts).max(initial=0) < 2:
+        return None, worst, tried
+    widest = int((stops - starts).argmax())
+    return (float(frequency[starts[widest]]), float(frequency[stops[widest] - 1])), worst, tried
+
+
+def mode_range(model: LinearSystem) -> tuple[float, float]:
+    """Lowest and highest frequency of modes that are neither rigid nor unstable, Hz."""
+    from suspension_cli.linear import eigenmodes
+
+    found = eigenmodes.solve(model).omega_squared
+    positive = np.sqrt(found[found > 0]) / (2 * np.pi)
+    return (float(positive[0]), float(positive[-1])) if len(positive) else (1.0, 1.0)

@@ -1,0 +1,95 @@
+"""Stretching stiffness of wires, kept separate so that stiff wires cost soft parts no digits.
+
+An elongation e = a . x of a wire stores k (a . x)^2 / 2, so a stiffness is a soft part plus a sum
+of k a a^T. In one double the sum of k and the stiffness of a blade that is 1e10 times softer keeps
+six digits of the blade, and eliminating the blade's tip squares that loss. Two remedies:
+
+- The sum is taken in double-double arithmetic, and the low parts of its elements are kept.
+- The tension of a wire becomes a coordinate (p in m, with the force s p): with  k e = s p  each
+  k a a^T becomes
+
+      ( soft   s a    )
+      ( s a^T  -s^2/k )
+
+  with k in one element alone, as a compliance. Eliminating a tip then adds the compliances of wire
+  and blade, and nothing cancels however large k is (mixed formulation: Zienkiewicz and Taylor, The
+  Finite Element Method, 5th ed., vol. 1, chapter 11).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear.double_double import DoubleDouble
+from suspension_cli.scene.scene import Array
+
+ALIKE = 1e-13
+"""Relative difference of two linear forms that counts as rounding."""
+
+
+@dataclass(frozen=True)
+class Stretching:
+    """Elongations and stiffnesses of wires.
+
+    Attributes
+    ----------
+    form, low : (w, N) arrays
+        Elongation of each wire per coordinate, and its low part.
+    stiffness : (w,) array
+        N/m.
+    allowed : (N, N) bool array
+        Elements of a matrix that the symmetry allows.
+    """
+
+    form: Array
+    low: Array
+    stiffness: Any
+    allowed: Any
+
+    def added(self, matrix: DoubleDouble, stiffness: Any) -> DoubleDouble:
+        """Add the sum of k a a^T, for stiffnesses k (w,), to a matrix (N, N), exactly symmetric."""
+        form = DoubleDouble(self.form, self.low)
+        square = form[:, :, None] * form[:, None, :]
+        total = (
+            square
+            * DoubleDouble.of(np.broadcast_to(np.reshape(stiffness, (-1, 1, 1)), square.high.shape))
+        ).summed()
+        upper = np.triu(self.allowed)
+        high, low = (np.where(upper, part, 0.0) for part in (total.high, total.low))
+        return matrix + DoubleDouble(*(part + np.triu(part, 1).T for part in (high, low)))
+
+    def spread(self, from_new: Any) -> Stretching:
+        """Change to new coordinates: old = `from_new` (N, N') @ new."""
+        reach = (from_new != 0).astype(float)
+        return replace(
+            self,
+            form=self.form @ from_new,
+            low=self.low @ from_new,
+            allowed=reach.T @ self.allowed @ reach > 0,
+        )
+
+
+def distinct(forms: Array) -> tuple[Array, Any]:
+    """Find the non-zero forms of (w, N) that differ by more than sign, and the wires of each."""
+    size = np.abs(forms).max(1, initial=0.0)
+    rows: list[Array] = []
+    members: list[list[int]] = []
+    for n in np.flatnonzero(size > 0).tolist():
+        form, tolerance = forms[n], ALIKE * size[n]
+        known = next(
+            (
+                m
+                for m, row in enumerate(rows)
+                if min(np.abs(row - form).max(), np.abs(row + form).max()) <= tolerance
+            ),
+            None,
+        )
+        if known is None:
+            rows.append(form)
+            members.append([n])
+        else:
+            members[known].append(n)
+    return np.array(rows).reshape(-1, forms.shape[1]), members

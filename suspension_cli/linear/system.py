@@ -1,0 +1,142 @@
+"""Linear system of small motions: the result of every model, the input of every analysis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import DOFS
+from suspension_cli.linear.frequency_terms import Term
+from suspension_cli.linear.stretching import Stretching
+from suspension_cli.scene.scene import Index
+
+
+@dataclass(frozen=True)
+class LinearSystem:
+    """Linear equations of motion M x'' + C x' + K x = f, the support's coordinates included.
+
+    The coordinates are, in this order: six of the support, six of each body, then those of blade
+    tips. Tips may be combined (sum and difference of two blades that are mirror images), so that
+    motions of different symmetry share no matrix element; coordinates of bodies are never combined.
+
+    Attributes
+    ----------
+    body : tuple of str
+        Names of the stages.
+    coordinate : tuple of str
+        N names: ``support.x``, ..., ``test.yaw``, ``test.blade1.z``.
+    basis : (N, N) array
+        The named coordinates (rows) in terms of the system's own (columns).
+    massless : (N,) bool array
+        Whether each coordinate has no inertia (blade tips without tip mass).
+    mass, stiffness, damping : (..., N, N) arrays
+        SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling.
+    lossy : (..., N, N) complex array or None
+        The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
+    low : (N, N) array or None
+        Low parts: what rounding to doubles took from the elements of `lossy`, or of `stiffness` if
+        nothing is lossy; None if not known.
+    stretched : Stretching or None
+        The part of the stiffness from the stretching of wires; None if not known.
+    orientation : (..., n + 1, 3, 3) array or None
+        Rotation of each body (support first) from its nominal orientation; None if none is rotated.
+    residual : float
+        Largest unbalanced force in the equilibrium, as a fraction of the weight.
+    wire : tuple of str
+        Names of the wires (string model).
+    terms : tuple of Term
+        Parts that depend on frequency (beam and violin models): see `frequency_terms`.
+    rigid : (..., N, 6) array or None
+        Rigid motion: the coordinates per unit motion of the support (m, rad) when everything moves
+        with it as one body; 0 for coordinates relative to a body (blade tips, the frame). None if
+        not known.
+    """
+
+    body: tuple[str, ...]
+    coordinate: tuple[str, ...]
+    basis: Any
+    massless: Any
+    mass: Any
+    stiffness: Any
+    damping: Any
+    lossy: Any = None
+    low: Any = None
+    stretched: Stretching | None = None
+    orientation: Any = None
+    residual: float = 0.0
+    wire: tuple[str, ...] = ()
+    terms: tuple[Term, ...] = ()
+    rigid: Any = None
+
+    @property
+    def size(self) -> int:
+        """Number N of coordinates."""
+        return len(self.coordinate)
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the batch axes."""
+        return np.broadcast_shapes(self.mass.shape[:-2], self.stiffness.shape[:-2])
+
+    def index(self, body: str, dof: str) -> int:
+        """Return the number of a coordinate of a body."""
+        return 6 * (self.body.index(body) + 1) + DOFS.index(dof)
+
+    @cached_property
+    def pulled(self) -> Any:
+        """Whether each motion of the support acts on each coordinate: (N, 6); no batch axes."""
+        full = self.stiffness if self.lossy is None else self.lossy
+        return (full[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
+
+    @cached_property
+    def prepared(self) -> dict[Any, Any]:
+        """Cache of the solvers, by block."""
+        return {}
+
+    @cached_property
+    def member(self) -> Any:
+        """Block number of each coordinate (N,); -1 for those of the support."""
+        result = np.full(self.size, -1)
+        for number, group in enumerate(self.blocks):
+            result[group] = number
+        return result
+
+    @cached_property
+    def blocks(self) -> tuple[Index, ...]:
+        """Groups of coordinates that do not couple, without the support, by first coordinate.
+
+        The connected components of the graph of non-zero matrix elements.
+        """
+        coupled = np.zeros((self.size, self.size), dtype=bool)
+        frequency_dependent = (matrix for term in self.terms for matrix in term.matrices)
+        for matrix in (
+            self.mass,
+            self.stiffness,
+            self.damping,
+            *(() if self.lossy is None else (self.lossy,)),
+            *frequency_dependent,
+        ):
+            coupled |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
+        coupled |= coupled.T  # a damper may sense one body and push another
+        # each row as the bits of one integer: fastest for few coordinates
+        rows = [
+            int.from_bytes(row.tobytes(), "little")
+            for row in np.packbits(coupled, axis=1, bitorder="little")
+        ]
+        remaining = (1 << self.size) - (1 << 6)
+        groups: list[Index] = []
+        while remaining:
+            group, front = 0, remaining & -remaining
+            while front:
+                group |= front
+                reached = 0
+                for n in range(self.size):
+                    if front >> n & 1:
+                        reached |= rows[n]
+                front = reached & remaining & ~group
+            remaining &= ~group
+            groups.append(np.array([n for n in range(self.size) if group >> n & 1]))
+        return tuple(groups)

@@ -1,0 +1,404 @@
+"""The cheapest model whose error in a quantity of interest is below a tolerance (``auto``).
+
+Three refinements may be neglected: `base.BLADE_TIPS`, `base.BENDING` and `base.MASS`. Their effect
+is estimated from the modes of the simplest model (`estimates`), before any other is built. A
+refinement far below the tolerance is neglected, one far above it is included; in between the
+quantity of interest itself is computed with and without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry, wire_mass
+from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
+from suspension_cli.models.estimates import estimates
+from suspension_cli.models.quantity_of_interest import QuantityOfInterest
+from suspension_cli.models.registry import AUTO, MOST_COMPLETE, Choice
+from suspension_cli.scene.scene import Array
+
+TOLERANCE = 1e-3
+"""Relative error that `auto` allows by default."""
+MARGIN = 0.8
+"""Fraction of the tolerance that all neglected refinements together may change."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Effect of one refinement of the model on a quantity of interest.
+
+    Attributes
+    ----------
+    name : str
+        `base.BLADE_TIPS`, `base.BENDING` or `base.MASS`.
+    indicator : float
+        Estimated relative change; NaN where the design lacks the wires' properties.
+    stage : str
+        The stage that contributes most.
+    change : float or None
+        The relative change, computed; None where the estimate sufficed.
+    taken : bool
+        Whether the chosen model includes it on its account.
+    what : str
+        The part of the quantity that changes most; "" where nothing was computed.
+    words : str
+        Replaces the number in messages where that is infinite; "" elsewhere.
+    """
+
+    name: str
+    indicator: float
+    stage: str
+    change: float | None
+    taken: bool
+    what: str = ""
+    words: str = ""
+
+    @property
+    def estimate(self) -> float:
+        """Relative change, computed or estimated."""
+        return self.indicator if self.change is None else self.change
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A chosen model, its linear system, and the refinements that were considered."""
+
+    choice: Choice
+    model: LinearSystem
+    refinements: tuple[Refinement, ...]
+
+    @property
+    def missed(self) -> str:
+        """The part of the quantity that neglected physics changes most; "" if not computed."""
+        return "" if self._worst is None else self._worst.what
+
+    @property
+    def physics(self) -> str:
+        """The neglected physics that changes it: "wire bending"; "" if not computed."""
+        return "" if self._worst is None else self._worst.name
+
+    @property
+    def needed(self) -> str:
+        """Name of the model that includes this physics; "" if not computed."""
+        return "" if self._worst is None else registry.cheapest_with(self._worst.name).name
+
+    @property
+    def _worst(self) -> Refinement | None:
+        left = [
+            item
+            for item in _neglected(list(self.refinements), self.choice.model)
+            if item.change is not None
+        ]
+        return max(left, key=lambda item: item.estimate, default=None)
+
+
+def decide(
+    design: Design,
+    make: Callable[[LinearSystem], QuantityOfInterest],
+    tolerance: float = TOLERANCE,
+    top: str = MOST_COMPLETE.name,
+) -> Decision:
+    """Choose the cheapest model in which a quantity is accurate to a relative tolerance.
+
+    Where a design lacks the cross-section or material of its wires, their bending and mass are
+    unknown, and are neglected.
+
+    Parameters
+    ----------
+    design : Design
+    make : callable
+        From the simplest linear system to the quantity of interest.
+    tolerance : float
+    top : str
+        The most complete model allowed; physics that it omits is neglected, however large.
+    """
+    base, highest = registry.choose(design), registry.by_name(top)
+    build = _Builder(design)
+    quantity, expected, stages, found = _expected(design, build(base.model), make)
+    refinements = _series(design, base.model, quantity, build, _room([], tolerance))
+    for name in (BENDING, MASS):
+        left = _estimated(name, stages, expected[name])
+        refinements.append(
+            _weighed(left, quantity, build, tolerance, _room(refinements, tolerance))
+            if name not in highest.omits
+            else _sampled(left, quantity, build)
+        )
+    refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
+    model = _chosen(refinements) or base.model
+    why = base.reason if model is base.model else _clauses(refinements, quantity)
+    return Decision(
+        Choice(
+            model.name,
+            why + _remainder(model, refinements, f" (tolerance {100 * tolerance:g} %)"),
+            _error(refinements, model),
+        ),
+        build(model),
+        tuple(refinements),
+    )
+
+
+def estimate_error(
+    design: Design, choice: Choice, make: Callable[[LinearSystem], QuantityOfInterest]
+) -> Decision:
+    """Estimate the error of a model that was chosen for another reason.
+
+    Parameters
+    ----------
+    design : Design
+    choice : Choice
+        Its error, and the neglected physics in its reason, are filled in.
+    make : callable
+        From the model's linear system to the quantity of interest.
+    """
+    build, model = _Builder(design), choice.model
+    if not model.omits:
+        return Decision(replace(choice, error=0.0), build(model), ())
+    quantity, expected, stages, found = _expected(design, build(model), make)
+    refinements = [
+        replace(item, taken=False) for item in _series(design, model, quantity, build, 0.0)
+    ]
+    refinements += [
+        _sampled(_estimated(name, stages, expected[name]), quantity, build)
+        for name in (BENDING, MASS)
+        if name in model.omits
+    ]
+    refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
+    return Decision(
+        replace(
+            choice,
+            reason=choice.reason + _remainder(model, refinements, ""),
+            error=_error(refinements, model),
+        ),
+        build(model),
+        tuple(refinements),
+    )
+
+
+def for_thermal_noise(
+    design: Design, wanted: str, highest: float, tolerance: float = TOLERANCE
+) -> Choice:
+    """Choose the model for thermal noise, which must know where along a wire its loss acts.
+
+    Parameters
+    ----------
+    design : Design
+    wanted : str
+        One of `registry.LEVELS`.
+    highest : float
+        The highest frequency of interest, Hz.
+    tolerance : float
+        Relative error that ``auto`` may leave, away from resonances.
+
+    Raises
+    ------
+    InputError
+        If the requested model does not resolve wires, or the design lacks their properties.
+    """
+    light, heavy = (registry.cheapest_with(name) for name in (BENDING, MASS))
+    if wanted not in (AUTO, light.name, heavy.name):
+        problem = f"the {wanted} model does not know where along a wire its loss acts"
+        remedy = f"take {AUTO}, {light.name} or {heavy.name}"
+        raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
+    _demand(light, design, "give its material and radius or section, for its loss")
+    if wanted == light.name and heavy.unsuitable(design):
+        return Choice(light.name, f"as requested; neglected: {MASS}, of unknown effect")
+    _demand(heavy, design, f"give its material's density, or take --fidelity {light.name}")
+    if wanted == heavy.name:
+        return Choice(heavy.name, "as requested", 0.0)
+    effect = wire_mass.effect_on_noise(design, highest)
+    if not effect.wire:
+        return Choice(light.name, "no wire has a violin mode", 0.0)
+    size = percent(effect.error) if np.isfinite(effect.error) else "without bound"
+    if wanted == light.name:
+        return Choice(
+            light.name, f"as requested; neglected: {MASS}, {size}, {effect.where}", effect.error
+        )
+    if effect.load > tolerance:
+        why = f"a third of the mass of wires is {percent(effect.load)} of the mass that they hold"
+        return Choice(heavy.name, why, 0.0)
+    if effect.fraction > wire_mass.BELOW * (tolerance / TOLERANCE) ** 0.5:
+        return Choice(heavy.name, f"{MASS} matters, {effect.where}", 0.0)
+    return Choice(
+        light.name,
+        f"losses along wires matter; neglected: {MASS}, {size}, {effect.where} (tolerance"
+        f" {100 * tolerance:g} %)",
+        effect.error,
+    )
+
+
+def _demand(model: Model, design: Design, remedy: str) -> None:
+    why = model.unsuitable(design)
+    if why:
+        raise InputError([Fault("stage", why, remedy)])
+
+
+def _expected(
+    design: Design, system: LinearSystem, make: Callable[[LinearSystem], QuantityOfInterest]
+) -> tuple[QuantityOfInterest, dict[str, Array], tuple[str, ...], Modes]:
+    """The quantity of interest, its estimated changes by stage, these stages, and the modes."""
+    quantity, found = make(system), eigenmodes.solve(replace(system, terms=()))
+    of = estimates(design, found)
+    return quantity, quantity.estimate(found, of), of.stage, found
+
+
+def _series(
+    design: Design, model: Model, quantity: QuantityOfInterest, build: _Builder, room: float
+) -> list[Refinement]:
+    """Blade tips as coordinates, where a model takes blades in series and that is not exact."""
+    stages = model.approximated_stages(design)
+    if not stages:
+        return []
+    change, what = quantity.change(build(model), build(registry.cheapest_with(BLADE_TIPS)))
+    return [Refinement(BLADE_TIPS, 1.0, stages[0], change, not change <= room, what)]
+
+
+def _estimated(name: str, stages: tuple[str, ...], expected: Array) -> Refinement:
+    """A neglected refinement with its estimate."""
+    return Refinement(
+        name,
+        float(expected.sum()),
+        stages[int(np.argmax(expected))] if stages else "",
+        None,
+        taken=False,
+    )
+
+
+def _weighed(
+    left: Refinement,
+    quantity: QuantityOfInterest,
+    build: _Builder,
+    tolerance: float,
+    room: float,
+) -> Refinement:
+    """A refinement, taken if it changes more than the `room` that is left of the tolerance."""
+    low, high = quantity.thresholds[left.name]
+    if np.isnan(left.indicator) or left.indicator < low * tolerance:
+        return left
+    if left.indicator > high * tolerance:
+        return replace(left, taken=True)
+    seen = _computed(left, quantity, build)
+    return replace(seen, taken=not seen.estimate <= room)
+
+
+def _sampled(left: Refinement, quantity: QuantityOfInterest, build: _Builder) -> Refinement:
+    """A neglected refinement; its change is computed where it matters, as estimates are coarse."""
+    return _computed(left, quantity, build) if left.indicator > TOLERANCE else left
+
+
+def _computed(left: Refinement, quantity: QuantityOfInterest, build: _Builder) -> Refinement:
+    """A refinement with its computed change, without the other refinements."""
+    refined = registry.cheapest_with(left.name)
+    change, what = quantity.change(build(registry.before(refined)), build(refined))
+    return replace(left, change=change, what=what)
+
+
+def _room(refinements: list[Refinement], tolerance: float) -> float:
+    """The part of the tolerance that is left for the next refinement, if it is neglected."""
+    model = _chosen(refinements)
+    left = refinements if model is None else _neglected(refinements, model)
+    return MARGIN * tolerance - float(np.nansum([item.estimate for item in left]))
+
+
+def _chosen(refinements: list[Refinement]) -> Model | None:
+    """The cheapest model with all refinements that are taken; None if none is."""
+    return next(
+        (registry.cheapest_with(item.name) for item in reversed(refinements) if item.taken), None
+    )
+
+
+def _neglected(refinements: list[Refinement], model: Model) -> list[Refinement]:
+    """Refinements that a model omits; it may include more than it was taken for."""
+    return [item for item in refinements if item.name in model.omits]
+
+
+def _error(refinements: list[Refinement], model: Model) -> float:
+    """Sum of the changes by all neglected refinements."""
+    return float(sum(item.estimate for item in _neglected(refinements, model)))
+
+
+class _Builder:
+    """Builds the linear system of each model once."""
+
+    def __init__(self, design: Design) -> None:
+        self._design = design
+        self._built: dict[str, LinearSystem] = {}
+
+    def __call__(self, model: Model) -> LinearSystem:
+        if model.name not in self._built:
+            self._built[model.name] = model.refined(self._design, self._built)
+        return self._built[model.name]
+
+
+def _words(item: Refinement, found: Modes, build: _Builder) -> str:
+    """Words in place of an infinite change, given the modes of the simplest model; "" if finite."""
+    if (
+        item.name == BENDING
+        and item.taken
+        and not found.stable
+        and eigenmodes.solve(replace(build(registry.cheapest_with(BENDING)), terms=())).stable
+    ):
+        return unrestrained_mode(found, unstable=True)
+    if not np.isinf(item.estimate):
+        return ""
+    if item.name == MASS:
+        return "frequencies lie near or above the first violin mode"
+    return unrestrained_mode(found, unstable=item.change is not None) or "it makes a result nonzero"
+
+
+def unrestrained_mode(found: Modes, *, unstable: bool) -> str:
+    """Name the mode that is `unstable`, or else free, on straight wires alone; "" if none is."""
+    sign = -1 if unstable else 0
+    names = [
+        label
+        for label, value in zip(found.label, found.omega_squared, strict=True)
+        if np.sign(value) == sign
+    ]
+    if not names:
+        return ""
+    return (
+        f"straight wires leave {names[0]} unstable, bending stabilizes it"
+        if unstable
+        else f"straight wires leave {names[0]} free, bending restrains it"
+    )
+
+
+def percent(value: float) -> str:
+    """A relative change in per cent, to one digit: "0.01 %"."""
+    return f"{float(f'{100 * value:.1g}'):g} %"
+
+
+def _clauses(refinements: list[Refinement], quantity: QuantityOfInterest) -> str:
+    """Why each included refinement is needed."""
+    clauses: list[str] = []
+    verb = f" {quantity.effect}"
+    for item in refinements:
+        if item.taken and item.words:
+            clauses.append(f"{item.name}: {item.words}")
+        elif item.taken:
+            size = percent(item.estimate)
+            clauses.append(f"{item.name}{verb} by up to {size}, stage {item.stage}")
+            verb = ""
+    return ", and ".join(clauses)
+
+
+def _remainder(model: Model, refinements: list[Refinement], limit: str) -> str:
+    """The neglected and the unknown physics, for the end of a reason; "" if there is none."""
+    left = _neglected(refinements, model)
+    small = [
+        f"{item.name} ({item.words})" if item.words else f"{item.name}, {percent(item.estimate)}"
+        for item in left
+        if not np.isnan(item.indicator)
+    ]
+    unknown = [item.name for item in left if np.isnan(item.indicator)]
+    text = f"; neglected: {', and '.join(small)}{limit}" if small else ""
+    if unknown:
+        text += f"; unknown: {' and '.join(unknown)}, as wires lack a material or a cross-section"
+    return text

@@ -1,0 +1,122 @@
+"""Protocol of the models: the physics that one omits, where it is valid, its linear system.
+
+A model is one object, listed once in `registry.MODELS`. Code outside this folder asks its
+properties, never its name.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar
+
+from suspension_cli.models.surroundings import surrounded
+
+if TYPE_CHECKING:
+    from suspension_cli.design.schema import Design
+    from suspension_cli.linear.system import LinearSystem
+
+BLADE_TIPS, BENDING, MASS = "blade tip motion", "wire bending", "wire mass"
+"""Physics that a model may omit: blade tips as coordinates of their own (else blades act in series
+with the stretching of their wires); bending, torsion and frequency-dependent loss of wires; the
+distributed mass of wires."""
+
+
+class Model(ABC):
+    """A model of a suspension, from one design to its linear equations of motion.
+
+    Attributes
+    ----------
+    name : str
+        As ``--fidelity`` takes it.
+    description : str
+        One line for the user.
+    valid_for : str
+        The geometries that it models, in words.
+    omits : tuple of str
+        Physics that is neglected: of `BLADE_TIPS`, `BENDING`, `MASS`.
+    cost : float
+        Time from a design to its modes, relative to the closed forms (a single pendulum).
+    automatic : bool
+        Whether ``auto`` may take it.
+    supports_builds : bool
+        Whether it models imperfect builds, which balance away from the nominal pose; then it has
+        the methods of `string.SceneModel`.
+    supports_derivatives : bool
+        Whether the derivatives of its matrices with respect to a design's numbers are available.
+    exact_derivatives : bool
+        Whether these are exact (one complex step), not differences.
+    """
+
+    name: ClassVar[str]
+    description: ClassVar[str]
+    valid_for: ClassVar[str]
+    omits: ClassVar[tuple[str, ...]]
+    cost: ClassVar[float]
+    automatic: ClassVar[bool] = True
+    supports_builds: ClassVar[bool] = False
+    supports_derivatives: ClassVar[bool] = False
+    exact_derivatives: ClassVar[bool] = False
+
+    @property
+    def bends_wires(self) -> bool:
+        """True if wires bend and twist, so that their losses act where they bend."""
+        return BENDING not in self.omits
+
+    @property
+    def has_wire_mass(self) -> bool:
+        """True if wires have mass, so that there are violin modes and no finite state space."""
+        return MASS not in self.omits
+
+    @abstractmethod
+    def unsuitable(self, design: Design) -> str:
+        """Why the model is not valid for a design; "" if it is."""
+
+    @abstractmethod
+    def suspension(self, design: Design) -> LinearSystem:
+        """The linear model of the bodies on a rigid support, without dampers."""
+
+    def system(self, design: Design) -> LinearSystem:
+        """The linear model of a design, with its dampers and its support structure.
+
+        Parameters
+        ----------
+        design : Design
+            One for which the model is valid.
+
+        Raises
+        ------
+        InputError
+            If there is no equilibrium, or a wire is slack in it.
+        """
+        return surrounded(self.suspension(design), design)
+
+    def refined(self, design: Design, built: Mapping[str, LinearSystem]) -> LinearSystem:
+        """`system`, reusing the systems of simpler models (by name) where that saves time."""
+        del built
+        return self.system(design)
+
+    def approximated_stages(self, design: Design) -> tuple[str, ...]:
+        """Stages of a design that the model approximates, by `BLADE_TIPS` that it omits."""
+        del design
+        return ()
+
+    def batch_key(self, design: Design) -> Hashable:
+        """Key that designs of one batch share; None if each design is solved alone."""
+        del design
+
+    def batch(self, designs: Sequence[Design]) -> LinearSystem:
+        """The suspensions of designs of one `batch_key` as one linear model, designs first axis."""
+        (design,) = designs
+        return _as_batch(self.suspension(design))
+
+
+def _as_batch(model: LinearSystem) -> LinearSystem:
+    """A model as a batch of one."""
+    return replace(
+        model,
+        mass=model.mass[None],
+        stiffness=model.stiffness[None],
+        lossy=None if model.lossy is None else model.lossy[None],
+    )

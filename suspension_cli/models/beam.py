@@ -1,0 +1,296 @@
+"""Linear model of a suspension whose wires bend and twist, with losses as functions of frequency.
+
+A wire is a beam under tension (`elements.dynamic_wire`), solved exactly. The violin model is the
+same with the mass of the wires (`massive`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.schema import Design
+from suspension_cli.elements import string
+from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, PARTS, TautWire, fit_to_equilibrium
+from suspension_cli.elements.gas import body_damping
+from suspension_cli.equilibrium import bending_wires
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm
+from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import string as string_model
+from suspension_cli.models.base import MASS
+from suspension_cli.models.batch_terms import BatchTerm, LossBatchTerm, WireBatchTerm
+from suspension_cli.models.loss_terms import Drag, gas_terms, loss_terms, lossless
+from suspension_cli.rotations import cross
+from suspension_cli.scene import fibres as fibres_of
+from suspension_cli.scene.pose import Layout, Pose, layout, point_jacobian
+from suspension_cli.scene.scene import Scene
+
+
+def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSystem:
+    """Linear model of small motions of a scene whose wires bend.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without batch axes; `fibres` filled.
+    drag : Drag
+    massive : bool
+        Whether wires have mass (the violin model).
+
+    Returns
+    -------
+    LinearModel
+        Its stiffness is static and lossless; `terms` are the rest, functions of frequency.
+
+    Raises
+    ------
+    InputError
+        If there is no equilibrium, or a wire is slack in it.
+    """
+    numbering = layout(scene)
+    scene, balanced = bending_wires.solve_bending(scene, numbering)
+    balanced.demand(scene)
+    adapted = find_symmetry(scene, numbering)
+    model = string_model.linear_model(lossless(scene), balanced)
+    terms = [
+        *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
+        *loss_terms(scene, numbering, balanced.pose, adapted),
+        *gas_terms(scene, numbering, balanced.pose, adapted, drag),
+    ]
+    return replace(model, terms=tuple(terms))
+
+
+def _wire_terms(
+    scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry, *, massive: bool
+) -> list[Term]:
+    assert scene.fibres is not None
+    if not scene.wires.label:
+        return []
+    forms = wire_forms(scene, numbering, balanced.pose)
+    length = string.state(scene, balanced.pose).length
+    terms: list[Term] = []
+    left = list(range(len(scene.wires.label)))
+    while left:
+        first = left[0]
+        alike = [n for n in left if _alike(scene, balanced.tension, length, first, n)]
+        left = [n for n in left if n not in alike]
+        tension, k, torsion = (
+            float(v)
+            for v in (
+                balanced.tension[alike].mean(),
+                scene.wires.stiffness[first],
+                scene.wires.torsion[first],
+            )
+        )
+        fibre = fit_to_equilibrium(
+            scene.fibres.wire[first], float(length[alike].mean()), k, tension, torsion
+        )
+        strand = TautWire(fibre, tension, massive, lossy=True, surrounded=scene.fibres.gas)
+        stage = scene.bodies.name[scene.wires.lower[first] - 1]
+        some = {
+            part: np.transpose(rows[:, alike], (1, 2, 0)) @ adapted.basis
+            for part, rows in forms.items()
+        }
+        terms.append(WireTerm(stage, strand, some, adapted.allowed))
+    return terms
+
+
+def _alike(scene: Scene, tension: Any, length: Any, one: int, other: int) -> bool:
+    """Whether two wires agree in every number that their motion depends on."""
+    assert scene.fibres is not None
+    wires, (a, b) = scene.wires, (scene.fibres.wire[n] for n in (one, other))
+    same = (
+        wires.lower[one] == wires.lower[other]
+        and a.sections == b.sections
+        and a.temperature == b.temperature
+    )
+    return bool(
+        same
+        and all(
+            abs(v[one] - v[other]) <= EQUAL_WITHIN * abs(v[one])
+            for v in (tension, length, wires.stiffness, wires.torsion)
+        )
+    )
+
+
+def wire_forms(scene: Scene, numbering: Layout, pose: Pose) -> dict[str, Any]:
+    """Motion of the ends of every wire with the coordinates, (..., N, w, c) for each of `PARTS`.
+
+    In the axes of the wire as it hangs: e from its upper to its lower end, n_1 its first principal
+    plane across e, n_2 = e x n_1. A rotation t of a body turns the wire's end to the slope (t x e)
+    . n and twists it by t . e.
+    """
+    wires, now, flex = scene.wires, string.state(scene, pose), scene.flex
+    assert flex is not None
+    e = now.direction
+    upper, lower = (
+        pose.rotation[..., body, :, :] @ vector[..., 0, :, None]
+        for body, vector in ((wires.upper, flex.upper), (wires.lower, flex.lower))
+    )
+    first = (upper + lower)[..., 0]
+    first = first - (first * e).sum(-1, keepdims=True) * e
+    first = first / np.sqrt((first**2).sum(-1, keepdims=True))
+    planes = (first, cross(e, first))
+    moved = (
+        point_jacobian(numbering, pose, wires.upper, now.upper_arm, wires.blade),
+        point_jacobian(numbering, pose, wires.lower, now.lower_arm),
+    )
+    turned = tuple(_turning(numbering, body) for body in (wires.upper, wires.lower))
+
+    def even_odd(ends: Any, along: Any) -> tuple[Any, Any]:
+        upper, lower = ((j * along[..., None, :, :]).sum(-1) for j in ends)
+        return (upper + lower) / 2, (lower - upper) / 2
+
+    result = {}
+    for part, n in zip(("bend-1", "bend-2"), planes, strict=True):
+        even, odd = even_odd(moved, n)
+        # (t x e) . n = t . (e x n)
+        odd_turn, even_turn = even_odd(turned, cross(e, n))
+        result[part] = np.stack([even, even_turn, odd, odd_turn], axis=-1)
+    result["stretch"] = np.stack(even_odd(moved, e), axis=-1)
+    result["twist"] = np.stack(even_odd(turned, e), axis=-1)
+    return result
+
+
+def _turning(numbering: Layout, body: Any) -> Any:
+    """Rotation (N, w, 3) of the wires' bodies with the coordinates."""
+    result = np.zeros((numbering.size, len(body), 3))
+    for axis in range(3):
+        result[6 * body + 3 + axis, np.arange(len(body)), axis] = 1.0
+    return result
+
+
+def linear_models(
+    scene: Scene, drag: Drag = (), *, massive: bool, split: bool = False
+) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
+    """Static, lossless linear models of many builds, and their frequency-dependent terms.
+
+    Parameters
+    ----------
+    scene : Scene
+        With one batch axis; `fibres` filled.
+    drag, massive
+        See `linear_model`.
+    split : bool
+        See `string.SceneModel.in_equilibrium`.
+
+    Returns
+    -------
+    LinearModel
+        With the builds as first axis.
+    Equilibrium
+        Not necessarily converged.
+    terms : tuple of BatchTerm
+    """
+    numbering = layout(scene)
+    scene, found = bending_wires.solve_bending(scene, numbering)
+    model = string_model.linear_model(lossless(scene), found, split=split)
+    plain = no_symmetry(numbering)
+    lossy = [
+        *loss_terms(scene, numbering, found.pose, plain),
+        *gas_terms(scene, numbering, found.pose, plain, drag),
+    ]
+    terms = [
+        *_batch_wires(scene, numbering, found, massive=massive),
+        *(LossBatchTerm(term) for term in lossy if isinstance(term, LossTerm)),
+    ]
+    return model, found, tuple(term.spread(model.basis) if split else term for term in terms)
+
+
+def _batch_wires(
+    scene: Scene, numbering: Layout, found: Equilibrium, *, massive: bool
+) -> list[WireBatchTerm]:
+    wires, fibres, result = scene.wires, scene.fibres, []
+    assert fibres is not None
+    every = wire_forms(scene, numbering, found.pose)
+    forms = np.concatenate([every[part] for part in PARTS], axis=-1)
+    length = string.state(scene, found.pose).length
+    stiffness, torsion = (
+        np.broadcast_to(values, found.tension.shape) for values in (wires.stiffness, wires.torsion)
+    )
+    for n, fibre in enumerate(fibres.wire):
+        bodies = [6 * body + np.arange(6) for body in (wires.upper[n], wires.lower[n])]
+        tip = numbering.blade[wires.blade[n]] if wires.blade[n] >= 0 else np.zeros(0, dtype=np.intp)
+        rows = np.concatenate([*bodies, tip[tip < numbering.size]])
+        own = (..., n)
+        result.append(
+            WireBatchTerm(
+                fibre,
+                length[own],
+                found.tension[own],
+                stiffness[own],
+                torsion[own],
+                massive,
+                fibres.gas,
+                rows,
+                forms[:, rows, n],
+            )
+        )
+    return result
+
+
+def with_fibres(scene: Scene, design: Design) -> tuple[Scene, Drag]:
+    """A scene (or batch of builds) with its wires' properties, and gas damping of its bodies."""
+    filled = replace(scene, fibres=fibres_of.compose(design))
+    return filled, _gas_damping(filled, design)
+
+
+def _gas_damping(scene: Scene, design: Design) -> Drag:
+    assert scene.fibres is not None
+    gas = scene.fibres.gas
+    return () if gas is None else tuple(body_damping(stage.body, gas) for stage in design.stage)
+
+
+class Beam(string_model.SceneModel):
+    """The beam model, valid below the first violin mode."""
+
+    name = "beam"
+    description = "wires bend and twist, with all losses"
+    omits = (MASS,)
+    cost = 20.0
+    supports_derivatives = True
+
+    def unsuitable(self, design: Design) -> str:
+        """Why wires lack a property that the model needs; "" if none does."""
+        return fibres_of.explain_unsuitable(design, massive=self.has_wire_mass)
+
+    def suspension(self, design: Design) -> LinearSystem:
+        """The linear model on a rigid support."""
+        scene, drag = with_fibres(expand(design), design)
+        return linear_model(scene, drag, massive=self.has_wire_mass)
+
+    def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
+        """Sections, clamps and losses of wires, losses of blades, and gas damping."""
+        scene, drag = with_fibres(expand(design), design)
+        made = scene.fibres
+        assert made is not None
+        directions = [np.array([fibre.plane, *fibre.clamp]).tobytes() for fibre in made.wire]
+        kinds = [(fibre.sections, fibre.temperature, fibre.effective) for fibre in made.wire]
+        return (
+            *directions,
+            *kinds,
+            made.blade,
+            made.gas,
+            made.temperature,
+            *(None if own is None else own.tobytes() for own in drag),
+        )
+
+    def completed(self, scene: Scene, design: Design) -> Scene:
+        """The scene with the sections, clamps, losses and gas of its wires."""
+        return with_fibres(scene, design)[0]
+
+    def in_equilibrium(
+        self, scene: Scene, design: Design, *, split: bool = False
+    ) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
+        """Builds whose wires bend, each as long and as taut as it is in its own equilibrium."""
+        drag = _gas_damping(scene, design)
+        return linear_models(scene, drag, massive=self.has_wire_mass, split=split)
+
+
+BEAM = Beam()

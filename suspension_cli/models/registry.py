@@ -1,0 +1,148 @@
+"""The models from the cheapest to the most complete, and which of them a design needs.
+
+Adding a model takes its file and an entry in `MODELS`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.models.base import Model
+from suspension_cli.models.beam import BEAM
+from suspension_cli.models.closed_form import CLOSED_FORM
+from suspension_cli.models.force import FORCE
+from suspension_cli.models.names import AUTO as AUTO
+from suspension_cli.models.names import LEVELS as LEVELS
+from suspension_cli.models.string import STRING, SceneModel
+from suspension_cli.models.violin import VIOLIN
+
+MODELS: tuple[Model, ...] = (CLOSED_FORM, FORCE, STRING, BEAM, VIOLIN)
+"""From the cheapest to the most complete."""
+MOST_COMPLETE = MODELS[-1]
+SCENE_MODELS: tuple[SceneModel, ...] = tuple(
+    model for model in MODELS if isinstance(model, SceneModel)
+)
+"""Models of any geometry, with imperfect builds."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A model and why it was chosen.
+
+    Attributes
+    ----------
+    level : str
+        Name of the model.
+    reason : str
+        Why, then (after a semicolon) what is neglected, for the user.
+    error : float
+        Estimated relative error of the quantity of interest; NaN where none was estimated.
+    """
+
+    level: str
+    reason: str
+    error: float = math.nan
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+        return by_name(self.level)
+
+    @property
+    def line(self) -> str:
+        """The choice in one line: ``model: beam (as requested); neglected: wire mass, 0.01 %``."""
+        why, semicolon, rest = self.reason.partition("; ")
+        return f"model: {self.level} ({why}){semicolon}{rest}"
+
+
+def by_name(name: str) -> Model:
+    """The model of a name, as ``--fidelity`` takes it (not ``auto``).
+
+    >>> by_name("beam").bends_wires
+    True
+    """
+    return _BY_NAME[name]
+
+
+_BY_NAME = {model.name: model for model in MODELS}
+
+
+def scene_model(name: str) -> SceneModel:
+    """The model of a name that supports imperfect builds; a KeyError if it does not."""
+    return _SCENE_MODELS[name]
+
+
+_SCENE_MODELS = {model.name: model for model in SCENE_MODELS}
+
+
+def cheapest_with(physics: str) -> Model:
+    """The cheapest general model that ``auto`` may take with some physics (of `Model.omits`)."""
+    return next(m for m in MODELS if m.supports_builds and m.automatic and physics not in m.omits)
+
+
+def before(model: Model) -> Model:
+    """The next cheaper model that ``auto`` may take."""
+    return next(m for m in reversed(MODELS[: MODELS.index(model)]) if m.automatic)
+
+
+def adds(refined: Model, simple: Model) -> str:
+    """Physics in one model that another omits, in words: "wire bending and wire mass"."""
+    return " and ".join(item for item in simple.omits if item not in refined.omits)
+
+
+def choose(design: Design, wanted: str = AUTO) -> Choice:
+    """The simplest model that is valid for a design, or the requested one.
+
+    Parameters
+    ----------
+    design : Design
+    wanted : str
+        One of `LEVELS`; ``auto`` looks at the structure of the design alone (`auto.decide` takes
+        the quantity of interest into account too).
+
+    Raises
+    ------
+    InputError
+        If the requested model is not valid for the design.
+    """
+    if wanted == AUTO:
+        return _simplest(design)
+    model = by_name(wanted)
+    why = model.unsuitable(design)
+    if why:
+        raise InputError(
+            [
+                Fault(
+                    "--fidelity",
+                    f"is not valid for {design.design.name}: {why}",
+                    f"use {AUTO} or {STRING.name}",
+                    format_value(wanted),
+                )
+            ]
+        )
+    return Choice(wanted, "as requested" + _approximation(model, design))
+
+
+def _simplest(design: Design) -> Choice:
+    """The cheapest model that is valid for a design, of those that ``auto`` takes."""
+    refused = ""
+    for model in MODELS:
+        if model.automatic:
+            why = model.unsuitable(design)
+            if not why:
+                return Choice(model.name, model.valid_for + refused + _approximation(model, design))
+            refused = f", as {why}"
+    raise AssertionError("the general models are valid for every design")
+
+
+def _approximation(model: Model, design: Design) -> str:
+    stages = model.approximated_stages(design)
+    if not stages:
+        return ""
+    return (
+        f", with blades in series with the angled wires of {', '.join(stages)}, an approximation"
+        f" that --fidelity {STRING.name} avoids"
+    )

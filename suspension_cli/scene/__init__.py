@@ -1,0 +1,1 @@
+"""Scenes: bodies, wires, blades and springs of a design as arrays; imperfections; tensions."""

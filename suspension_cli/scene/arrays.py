@@ -1,0 +1,38 @@
+"""Types of the arrays of a scene, and their axes behind the batch axes."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_KEY = "inner axes"
+
+
+def inner(count: int) -> dict[str, int]:
+    """Metadata of a dataclass field that may carry batch axes in front of `count` axes of its own.
+
+    Examples
+    --------
+    >>> @dataclass
+    ... class Points:
+    ...     label: tuple[str, ...]  # one for the whole batch
+    ...     point: Array = field(metadata=inner(2))  # (..., n, 3)
+    """
+    return {_KEY: count}
+
+
+@cache
+def inner_axes(kind: type[Any]) -> dict[str, int]:
+    """Number of axes behind the batch axes, by field name; fields without batch axes are left out.
+
+    >>> inner_axes(Points)
+    {'point': 2}
+    """
+    return {item.name: item.metadata[_KEY] for item in fields(kind) if _KEY in item.metadata}

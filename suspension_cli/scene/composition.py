@@ -1,0 +1,186 @@
+"""Composition of wires and blades: cross-sections, materials, losses, clamps and temperatures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from suspension_cli.scene.arrays import Array
+
+
+@dataclass(frozen=True)
+class Losses:
+    """Constants that determine the loss of a material; `elements.loss` has the formulas.
+
+    Attributes
+    ----------
+    angle : float
+        Constant loss angle of the bulk, rad.
+    table : two tuples of n numbers or None
+        Frequencies (Hz, ascending) and loss angles of the bulk (rad) instead of a constant one.
+    surface_depth : float
+        Dissipation depth d_s of the surface, m.
+    youngs_modulus, density : float
+        Pa, kg/m^3.
+    expansion : float
+        Linear thermal expansion, 1/K.
+    modulus_slope : float
+        (1/E) dE/dT, 1/K.
+    heat_capacity : float
+        Specific heat, J/(kg K); 0 for no thermoelastic loss.
+    conductivity : float
+        Thermal conductivity, W/(m K); 0 for no thermoelastic loss.
+    """
+
+    angle: float
+    table: tuple[tuple[float, ...], tuple[float, ...]] | None
+    surface_depth: float
+    youngs_modulus: float
+    density: float
+    expansion: float
+    modulus_slope: float
+    heat_capacity: float
+    conductivity: float
+
+
+@dataclass(frozen=True)
+class Section:
+    """A stretch of wire with a uniform cross-section.
+
+    Attributes
+    ----------
+    length : float
+        Loaded, m.
+    area : float
+        m^2.
+    rigidity : tuple of float
+        E I for bending in the two principal planes, N m^2; the first is the plane of a ribbon's
+        thickness (its soft plane).
+    stretching : float
+        E A, N.
+    twisting : float
+        G J, N m^2; the tension T adds T I_p/A to it, see `polar_area`.
+    mass, polar : float
+        Mass and polar moment of inertia per length, kg/m and kg m.
+    depth : tuple of float
+        Size across the wire in the two planes (diameter; thickness and width), m.
+    round : bool
+    losses : Losses
+    torsion_factor : float
+        Factor on G J + T I_p/A, for a wire whose torsional stiffness is given.
+    """
+
+    length: float
+    area: float
+    rigidity: tuple[float, float]
+    stretching: float
+    twisting: float
+    mass: float
+    polar: float
+    depth: tuple[float, float]
+    round: bool
+    losses: Losses
+    torsion_factor: float = 1.0
+
+    @property
+    def polar_area(self) -> float:
+        """Polar second moment of area over area, I_p/A in m^2.
+
+        d^2/8 of a round wire of diameter d, (w^2 + t^2)/12 of a ribbon of width w, thickness t.
+        """
+        first, second = self.depth
+        return first**2 / 8 if self.round else (first**2 + second**2) / 12
+
+
+@dataclass(frozen=True)
+class Fibre:
+    """Composition of one wire.
+
+    Attributes
+    ----------
+    label : str
+        ``test.1``.
+    sections : tuple of Section
+        From the upper to the lower end.
+    plane : (3,) array
+        Unit vector across the nominal wire in the first principal plane (direction of a ribbon's
+        thickness).
+    clamp : tuple of two (3,) arrays
+        Unit vectors along which the wire leaves its upper and its lower clamp, both pointing from
+        the upper towards the lower end.
+    temperature : tuple of float
+        At the upper and the lower end, K.
+    effective : bool
+        Whether the ends that the design gives are the effective bending points, with the clamps
+        beyond them.
+    """
+
+    label: str
+    sections: tuple[Section, ...]
+    plane: Array
+    clamp: tuple[Array, Array]
+    temperature: tuple[float, float]
+    effective: bool = False
+
+
+@dataclass(frozen=True)
+class BladeLoss:
+    """Loss of one blade.
+
+    Attributes
+    ----------
+    label : str
+    angle : float
+        Constant loss angle where no material is known, rad.
+    losses : Losses or None
+        Of the blade's material, if known.
+    thickness : float
+        m; 0 if unknown, and then there is no thermoelastic loss.
+    temperature : float
+        K.
+    """
+
+    label: str
+    angle: float
+    losses: Losses | None
+    thickness: float
+    temperature: float
+
+
+@dataclass(frozen=True)
+class Gas:
+    """Residual gas around the suspension.
+
+    Attributes
+    ----------
+    pressure : float
+        Pa.
+    molecule : float
+        Mass of a molecule, kg.
+    temperature : float
+        K.
+    """
+
+    pressure: float
+    molecule: float
+    temperature: float
+
+
+@dataclass(frozen=True)
+class Fibres:
+    """Composition of all wires and blades of a scene, and the gas around them.
+
+    Attributes
+    ----------
+    wire : tuple of Fibre
+        In the order of `Scene.wires`.
+    blade : tuple of BladeLoss
+        In the order of `Scene.blades`.
+    gas : Gas or None
+    temperature : float
+        Of everything for which the design gives none, K.
+    """
+
+    wire: tuple[Fibre, ...]
+    blade: tuple[BladeLoss, ...]
+    gas: Gas | None
+    temperature: float

@@ -1,0 +1,192 @@
+"""Wires, blades and stages as single objects, and their packing into the arrays of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from suspension_cli.design.derive import body_inertia, body_mass
+from suspension_cli.design.schema import Design, Spring, Stage
+from suspension_cli.scene.scene import Array, Blades, Bodies, Scene, Springs, Wires
+
+
+@dataclass(frozen=True)
+class WirePart:
+    """One wire.
+
+    Attributes
+    ----------
+    label : str
+    upper_point, lower_point : (3,) arrays
+        Ends in the frames of the two bodies, m.
+    span : (3,) array
+        From the upper to the lower end in the nominal pose, m.
+    stiffness : float
+        N/m.
+    torsion : float
+        N m/rad; 0 if not given.
+    loss : float
+        Loss angle, rad.
+    blade : str or None
+        Name of the blade that carries the upper end.
+    given : float or None
+        Tension in the nominal pose that the design fixes, N.
+    natural : bool
+        Whether a natural length fixes it, so that the pose has to be solved for.
+    """
+
+    label: str
+    upper_point: Array
+    lower_point: Array
+    span: Array
+    stiffness: float
+    torsion: float
+    loss: float
+    blade: str | None
+    given: float | None
+    natural: bool
+
+    @cached_property
+    def direction(self) -> Array:
+        """Unit vector from the upper to the lower end."""
+        return self.span / np.sqrt(self.span @ self.span)
+
+
+@dataclass(frozen=True)
+class BladePart:
+    """One blade.
+
+    Attributes
+    ----------
+    label : str
+    tip : (3,) array
+        In the frame of the body that carries the blade, m.
+    axes : (3,) bool array
+        Axes along which the tip moves.
+    stiffness : (3,) array
+        N/m.
+    tip_mass : float
+        kg.
+    loss : float
+        Loss angle, rad.
+    load : float or None
+        Weight under which the tip is at `tip`, N, if the design gives it.
+    """
+
+    label: str
+    tip: Array
+    axes: NDArray[np.bool_]
+    stiffness: Array
+    tip_mass: float
+    loss: float
+    load: float | None = None
+
+
+@dataclass
+class StagePart:
+    """One stage: its wires and blades by name, their tensions (w,) and loads (3,) in N.
+
+    `offset` is the vector from the COM above to its COM, m; `parent` the number of the body above.
+    """
+
+    stage: Stage
+    parent: int
+    offset: Array
+    wires: list[WirePart] = field(default_factory=list)
+    blades: dict[str, BladePart] = field(default_factory=dict)
+    tension: Array = field(default_factory=lambda: np.zeros(0))
+    loads: dict[str, Array] = field(default_factory=dict)
+
+
+def pack(design: Design, parts: list[StagePart]) -> Scene:
+    """Pack stages into the arrays of a scene."""
+    position = [np.zeros(3)]
+    for part in parts:
+        position.append(position[part.parent] + part.offset)
+    bodies = Bodies(
+        name=tuple(part.stage.name for part in parts),
+        mass=np.array([body_mass(part.stage.body) for part in parts]),
+        inertia=np.array([body_inertia(part.stage.body) for part in parts]),
+        position=np.array(position),
+    )
+    return Scene(
+        name=design.design.name,
+        gravity=design.constants.gravity,
+        bodies=bodies,
+        wires=_wires(parts),
+        blades=_blades(parts),
+        springs=_springs(parts),
+    )
+
+
+def _wires(parts: list[StagePart]) -> Wires:
+    first: dict[int, int] = {}
+    count = 0
+    for n, part in enumerate(parts):
+        first[n] = count
+        count += len(part.blades)
+    rows = [(n, part, wire) for n, part in enumerate(parts) for wire in part.wires]
+    blade = [
+        first[n] + list(part.blades).index(wire.blade) if wire.blade else -1
+        for n, part, wire in rows
+    ]
+    span = np.array([wire.span for _, _, wire in rows]).reshape(-1, 3)
+    return Wires(
+        label=tuple(wire.label for _, _, wire in rows),
+        upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
+        lower=np.array([n + 1 for n, _, _ in rows], dtype=np.intp),
+        blade=np.array(blade, dtype=np.intp),
+        upper_point=np.array([wire.upper_point for _, _, wire in rows]).reshape(-1, 3),
+        lower_point=np.array([wire.lower_point for _, _, wire in rows]).reshape(-1, 3),
+        span=span,
+        length=np.sqrt((span**2).sum(-1)),
+        tension=np.concatenate([part.tension for part in parts]),
+        stiffness=np.array([wire.stiffness for _, _, wire in rows]),
+        torsion=np.array([wire.torsion for _, _, wire in rows]),
+        loss=np.array([wire.loss for _, _, wire in rows]),
+    )
+
+
+def _blades(parts: list[StagePart]) -> Blades:
+    rows = [(part, name, blade) for part in parts for name, blade in part.blades.items()]
+    return Blades(
+        label=tuple(blade.label for _, _, blade in rows),
+        body=np.array([part.parent for part, _, _ in rows], dtype=np.intp),
+        axes=np.array([blade.axes for _, _, blade in rows], dtype=bool).reshape(-1, 3),
+        tip=np.array([blade.tip for _, _, blade in rows]).reshape(-1, 3),
+        stiffness=np.array([blade.stiffness for _, _, blade in rows]).reshape(-1, 3),
+        load=np.array([part.loads[name] for part, name, _ in rows]).reshape(-1, 3),
+        tip_mass=np.array([blade.tip_mass for _, _, blade in rows]),
+        loss=np.array([blade.loss for _, _, blade in rows]),
+    )
+
+
+def _springs(parts: list[StagePart]) -> Springs:
+    rows = [(n, part, spring) for n, part in enumerate(parts, 1) for spring in part.stage.spring]
+    lower = np.array([spring.at for _, _, spring in rows]).reshape(-1, 3)
+    return Springs(
+        label=tuple(
+            f"{part.stage.name}.spring{number}" for number, (_, part, _) in enumerate(rows, 1)
+        ),
+        upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
+        lower=np.array([n for n, _, _ in rows], dtype=np.intp),
+        upper_point=lower + np.array([part.offset for _, part, _ in rows]).reshape(-1, 3),
+        lower_point=lower,
+        stiffness=np.array([_matrix(spring, "stiffness") for _, _, spring in rows]).reshape(
+            -1, 6, 6
+        ),
+        damping=np.array([_matrix(spring, "damping") for _, _, spring in rows]).reshape(-1, 6, 6),
+        preload=np.array([spring.preload for _, _, spring in rows]).reshape(-1, 6),
+        loss=np.array([spring.loss_angle or 0.0 for _, _, spring in rows]),
+    )
+
+
+def _matrix(spring: Spring, key: str) -> Array:
+    given = getattr(spring, key)
+    if given is None:
+        return np.zeros((6, 6))
+    matrix = np.array(given)
+    return matrix if matrix.ndim == 2 else np.diag(matrix)

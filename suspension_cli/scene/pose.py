@@ -1,0 +1,173 @@
+"""Pose of a scene, and the numbering of its generalised coordinates.
+
+The coordinates are, in this order: six of the support, six of every body (displacement of the COM
+in m and a rotation vector in rad, both along the global axes, from the current pose) and one for
+every direction in which a blade's tip can move (m, along the axes of the blade's body).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.rotations import cross_matrix, rotation_minus_identity
+from suspension_cli.scene.arrays import inner
+from suspension_cli.scene.scene import Array, Index, Scene
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Numbering of the coordinates of a scene.
+
+    Attributes
+    ----------
+    size : int
+        Number N of coordinates, the support's six included.
+    blade : (b, 3) int array
+        Coordinate of each blade's tip along each axis; N (one past the end) where it is rigid.
+    name : tuple of str
+        ``support.x``, ..., ``test.yaw``, ``upper.blade1.z``.
+    """
+
+    size: int
+    blade: Index
+    name: tuple[str, ...]
+
+
+def layout(scene: Scene) -> Layout:
+    """Number the coordinates of a scene."""
+    bodies = [f"{body}.{dof}" for body in (SUPPORT, *scene.bodies.name) for dof in DOFS]
+    axes = scene.blades.axes
+    size = len(bodies) + int(axes.sum())
+    blade = np.full(axes.shape, size, dtype=np.intp)
+    blade[axes] = np.arange(len(bodies), size)
+    tips = [
+        f"{label}.{DOFS[axis]}"
+        for label, row in zip(scene.blades.label, axes, strict=True)
+        for axis in np.flatnonzero(row)
+    ]
+    return Layout(size, blade, (*bodies, *tips))
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A configuration of a scene.
+
+    Attributes
+    ----------
+    shift : (..., n + 1, 3) array
+        Displacement of each COM from its nominal position, m; row 0 is the support.
+    turn : (..., n + 1, 3, 3) array
+        Rotation matrices from body to global axes, minus the unit matrix: added to its ones, a
+        rotation by 1e-9 rad would keep only seven digits.
+    deflection : (..., b, 3) array
+        Of each blade's tip from its nominal position, along the axes of its body, m.
+    """
+
+    shift: Any = field(metadata=inner(2))
+    turn: Any = field(metadata=inner(3))
+    deflection: Any = field(metadata=inner(2))
+
+    @cached_property
+    def rotation(self) -> Any:
+        """Rotation matrices (..., n + 1, 3, 3) from body to global axes."""
+        return np.eye(3) + self.turn
+
+    def arms(self, body: Index, point: Any) -> Any:
+        """Rotate vectors (..., k, 3) from the COMs of bodies to points in them to global axes."""
+        return point + (self.turn[..., body, :, :] @ point[..., None])[..., 0]
+
+
+def nominal_pose(scene: Scene) -> Pose:
+    """Make the nominal pose of a scene."""
+    count = len(scene.bodies.name) + 1
+    return Pose(
+        np.zeros((*scene.batch, count, 3)),
+        np.zeros((*scene.batch, count, 3, 3)),
+        np.zeros((*scene.batch, len(scene.blades.label), 3)),
+    )
+
+
+def displace(numbering: Layout, pose: Pose, step: Any) -> Pose:
+    """Move a pose by a finite step (..., N) in the generalised coordinates.
+
+    Translations add, rotations multiply.
+    """
+    bodies = pose.shift.shape[-2]
+    motion = step[..., : 6 * bodies].reshape(*step.shape[:-1], bodies, 6)
+    padded = np.concatenate([step, np.zeros_like(step[..., :1])], axis=-1)
+    turn = rotation_minus_identity(motion[..., 3:])
+    return replace(
+        pose,
+        shift=pose.shift + motion[..., :3],
+        turn=turn + pose.turn + turn @ pose.turn,
+        deflection=pose.deflection + padded[..., numbering.blade],
+    )
+
+
+def rigid_motion(size: int, position: Any) -> Array:
+    """Compute the motion of all coordinates when the scene moves rigidly with the support.
+
+    Parameters
+    ----------
+    size : int
+        Number N of coordinates; those after the bodies' are relative to a body, and stay 0.
+    position : (..., n + 1, 3) array
+        COM of each body from the suspension point, m; row 0 is the support.
+
+    Returns
+    -------
+    (..., N, 6) array
+        For unit motions of the support, in m and rad.
+    """
+    position = np.asarray(position, dtype=float)
+    result = np.zeros((*position.shape[:-2], size, 6))
+    for n in range(position.shape[-2]):
+        result[..., 6 * n : 6 * n + 6, :] = np.eye(6)
+        result[..., 6 * n : 6 * n + 3, 3:] = -cross_matrix(
+            position[..., n, :] - position[..., 0, :]
+        )
+    return result
+
+
+def point_jacobian(
+    numbering: Layout, pose: Pose, body: Index, arm: Any, blade: Index | None = None
+) -> Array:
+    """Compute the derivatives of positions of points with respect to the coordinates.
+
+    Parameters
+    ----------
+    numbering : Layout
+    pose : Pose
+    body : (k,) int array
+    arm : (..., k, 3) array
+        From the COM of the body to the point, global axes, m.
+    blade : (k,) int array, optional
+        The blade whose tip carries the point, or -1.
+
+    Returns
+    -------
+    (..., N, k, 3) array
+        Derivative of each point's position with respect to each coordinate.
+    """
+    batch, count = np.broadcast_shapes(arm.shape[:-2], pose.shift.shape[:-2]), len(body)
+    result = np.zeros(
+        (*batch, numbering.size + 1, count, 3), dtype=np.result_type(arm, pose.rotation)
+    )
+    points = np.arange(count)
+    for axis in range(3):
+        result[..., 6 * body + axis, points, axis] = 1.0
+    x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
+    # rotation by a small vector t moves the point by t x arm
+    result[..., 6 * body + 3, points, 1], result[..., 6 * body + 3, points, 2] = -z, y
+    result[..., 6 * body + 4, points, 0], result[..., 6 * body + 4, points, 2] = z, -x
+    result[..., 6 * body + 5, points, 0], result[..., 6 * body + 5, points, 1] = -y, x
+    if blade is not None and numbering.blade.size:
+        columns = np.where((blade >= 0)[:, None], numbering.blade[blade], numbering.size)
+        for axis in range(3):
+            result[..., columns[:, axis], points, :] = pose.rotation[..., body, :, :][..., axis]
+    return result[..., :-1, :, :]

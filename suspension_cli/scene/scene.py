@@ -1,0 +1,235 @@
+"""Scene: every body, wire, blade and spring of a suspension as arrays.
+
+The models `string`, `beam` and `violin` start from a scene. Its topology (which wire joins which
+bodies) is fixed; its numbers may carry batch axes in front, shown as ``...`` below, so that a
+million imperfect builds are one scene. Body 0 is the support, body n the n-th stage. Points are in
+the frame of their body, from its centre of mass; in the nominal pose all frames are parallel to
+x, y, z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from suspension_cli.scene.arrays import Array, Index, inner, inner_axes
+from suspension_cli.scene.composition import Fibres
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """Rigid bodies.
+
+    Attributes
+    ----------
+    name : tuple of str
+        Stage names, without the support.
+    mass : (..., n) array
+        kg.
+    inertia : (..., n, 3, 3) array
+        About the COM, kg m^2.
+    position : (..., n + 1, 3) array
+        Nominal COM from the suspension point, m; row 0 is the support.
+    """
+
+    name: tuple[str, ...]
+    mass: Array = field(metadata=inner(1))
+    inertia: Array = field(metadata=inner(3))
+    position: Array = field(metadata=inner(2))
+
+
+@dataclass(frozen=True)
+class Wires:
+    """Straight elastic wires.
+
+    At length L a wire pulls with ``tension + stiffness (L - length)``; it resists twisting if the
+    design gives it a torsional stiffness.
+
+    Attributes
+    ----------
+    label : tuple of str
+        ``test.1`` and so on.
+    upper, lower : (w,) int arrays
+        The bodies joined.
+    blade : (w,) int array
+        Number of the blade whose tip carries the upper end, or -1.
+    upper_point, lower_point : (..., w, 3) arrays
+        The ends, m.
+    span : (..., w, 3) array
+        From upper to lower end in the nominal pose, m.
+    length : (..., w) array
+        Norm of `span`.
+    tension : (..., w) array
+        At that length, N.
+    stiffness : (..., w) array
+        N/m.
+    torsion : (..., w) array
+        Torsional stiffness that the design gives, N m/rad; 0 if it gives none.
+    loss : (w,) array
+        Loss angle of the stretching, and of a torsion that is given, rad.
+    """
+
+    label: tuple[str, ...]
+    upper: Index
+    lower: Index
+    blade: Index
+    upper_point: Array = field(metadata=inner(2))
+    lower_point: Array = field(metadata=inner(2))
+    span: Array = field(metadata=inner(2))
+    length: Array = field(metadata=inner(1))
+    tension: Array = field(metadata=inner(1))
+    stiffness: Array = field(metadata=inner(1))
+    torsion: Array = field(metadata=inner(1))
+    loss: Array
+
+
+@dataclass(frozen=True)
+class Blades:
+    """Cantilever blades: springs along the axes of their body between it and a tip.
+
+    Attributes
+    ----------
+    label : tuple of str
+    body : (b,) int array
+        The body (or support) on which the blade is clamped.
+    axes : (b, 3) bool array
+        Along which axes the tip moves; the others are rigid.
+    tip : (..., b, 3) array
+        Nominal position of the tip, m.
+    stiffness : (..., b, 3) array
+        N/m (0 along rigid axes).
+    load : (..., b, 3) array
+        Force of the blade on its tip in the nominal pose, N.
+    tip_mass : (..., b) array
+        kg.
+    loss : (b,) array
+        Loss angle, rad.
+    """
+
+    label: tuple[str, ...]
+    body: Index
+    axes: NDArray[np.bool_]
+    tip: Array = field(metadata=inner(2))
+    stiffness: Array = field(metadata=inner(2))
+    load: Array = field(metadata=inner(2))
+    tip_mass: Array = field(metadata=inner(1))
+    loss: Array
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Linear springs between coincident points of two bodies, in the frame of the upper one.
+
+    Attributes
+    ----------
+    label : tuple of str
+    upper, lower : (s,) int arrays
+    upper_point, lower_point : (..., s, 3) arrays
+        The point in the frame of each body, m.
+    stiffness, damping : (..., s, 6, 6) arrays
+        N/m, N m/rad and mixed; N s/m and so on.
+    preload : (..., s, 6) array
+        Force (N) and torque (N m) on the lower body in the nominal pose.
+    loss : (s,) array
+        Loss angle, rad.
+    """
+
+    label: tuple[str, ...]
+    upper: Index
+    lower: Index
+    upper_point: Array = field(metadata=inner(2))
+    lower_point: Array = field(metadata=inner(2))
+    stiffness: Array = field(metadata=inner(3))
+    damping: Array = field(metadata=inner(3))
+    preload: Array = field(metadata=inner(2))
+    loss: Array
+
+
+@dataclass(frozen=True)
+class Flex:
+    """Static stiffness of wires against bending and twisting, or against twisting alone.
+
+    Attributes
+    ----------
+    upper, lower : (..., w, 2, 3) arrays
+        Unit vectors of each wire's principal planes, in the frames of the two bodies.
+    bend : (..., w, 2, 3) array or None
+        S_uu, S_ul, S_ll in each plane: moments at the ends per slope there, N m/rad; None for
+        strings.
+    twist : (..., w) array
+        Torque per twist, N m/rad.
+    """
+
+    upper: Array = field(metadata=inner(3))
+    lower: Array = field(metadata=inner(3))
+    bend: Array | None = field(metadata=inner(3))
+    twist: Array = field(metadata=inner(1))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A whole suspension.
+
+    Attributes
+    ----------
+    name : str
+        The design's name.
+    gravity : float
+        m/s^2.
+    bodies, wires, blades, springs
+    drawn : Scene or None
+        Of an imperfect scene, the same without imperfections, in balance in its nominal pose.
+    fibres : Fibres or None
+        Composition of wires and blades, where wires bend (`beam`, `violin`); None for strings.
+    flex : Flex or None
+        Stiffness of the wires against bending and twisting.
+    """
+
+    name: str
+    gravity: float
+    bodies: Bodies
+    wires: Wires
+    blades: Blades
+    springs: Springs
+    drawn: Scene | None = None
+    fibres: Fibres | None = None
+    flex: Flex | None = None
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """Bodies, wires, blades and springs by the name of their field."""
+        return {name: getattr(self, name) for name in ("bodies", "wires", "blades", "springs")}
+
+    @cached_property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the batch axes."""
+        return np.broadcast_shapes(
+            *(
+                getattr(part, name).shape[:-axes]
+                for part in self.parts.values()
+                for name, axes in inner_axes(type(part)).items()
+            )
+        )
+
+    @cached_property
+    def kind(self) -> Any:
+        """Type of the numbers: complex while a derivative is taken by a complex step."""
+        return np.result_type(
+            float,
+            self.gravity,
+            *(
+                value
+                for part in self.parts.values()
+                for value in vars(part).values()
+                if isinstance(value, np.ndarray) and value.dtype == complex
+            ),
+        )
+
+    @property
+    def weight(self) -> Array:
+        """Weight of everything that hangs, N, shape ``batch``."""
+        return self.gravity * (self.bodies.mass.sum(-1) + self.blades.tip_mass.sum(-1))

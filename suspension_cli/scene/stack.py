@@ -1,0 +1,88 @@
+"""Batches of scenes of one topology: stack scenes, select some, scale their imperfections."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.scene.arrays import inner_axes
+from suspension_cli.scene.scene import Scene
+
+
+def stack_scenes(scenes: Sequence[Scene], pick: Any = None) -> Scene:
+    """Stack scenes into one whose first axis runs over them.
+
+    Parameters
+    ----------
+    scenes : sequence of Scene
+        Without batch axes, of the same bodies, wires, blades and springs.
+    pick : (p,) int array, optional
+        Number of the scene that each member of the batch is; default: each in turn.
+
+    Returns
+    -------
+    Scene
+        Batch shape (p,); what has no batch axes (labels, losses, ...) is that of the first scene.
+    """
+    order = np.arange(len(scenes)) if pick is None else pick
+    drawn = [scene.drawn for scene in scenes if scene.drawn is not None]
+    parts = {
+        key: replace(
+            part,
+            **{
+                name: np.stack([getattr(scene.parts[key], name) for scene in scenes])[order]
+                for name in inner_axes(type(part))
+            },
+        )
+        for key, part in scenes[0].parts.items()
+    }
+    return replace(
+        scenes[0], drawn=stack_scenes(drawn, pick) if len(drawn) == len(scenes) else None, **parts
+    )
+
+
+def select_scenes(scene: Scene, which: Any) -> Scene:
+    """Select scenes of a batch, along one axis.
+
+    Parameters
+    ----------
+    scene : Scene
+    which : bool array of the batch's shape
+    """
+
+    def selected(part: Any) -> Any:
+        values = {name: (getattr(part, name), n) for name, n in inner_axes(type(part)).items()}
+        return replace(
+            part,
+            **{
+                name: np.broadcast_to(value, scene.batch + value.shape[value.ndim - axes :])[which]
+                for name, (value, axes) in values.items()
+            },
+        )
+
+    drawn = scene.drawn
+    if drawn is not None and drawn.batch:
+        drawn = select_scenes(drawn, np.broadcast_to(which, drawn.batch))
+    parts = scene.parts if scene.flex is None else scene.parts | {"flex": scene.flex}
+    return replace(scene, drawn=drawn, **{key: selected(part) for key, part in parts.items()})
+
+
+def scale_imperfections(scene: Scene, fraction: float) -> Scene:
+    """Scale the imperfections of a scene by a fraction (0 to 1).
+
+    Every number lies at that fraction of the way from its value in `scene.drawn`.
+    """
+    drawn = scene.drawn
+    assert drawn is not None
+
+    def between(old: Any, new: Any) -> Any:
+        values = {name: (getattr(old, name), getattr(new, name)) for name in inner_axes(type(new))}
+        return replace(new, **{name: a + fraction * (b - a) for name, (a, b) in values.items()})
+
+    parts = {key: between(drawn.parts[key], part) for key, part in scene.parts.items()}
+    wires = parts["wires"]
+    parts["wires"] = replace(wires, length=np.sqrt((wires.span**2).sum(-1)))
+    return replace(scene, **parts)

@@ -1,0 +1,179 @@
+"""Tensions of wires that balance a load in the nominal pose.
+
+The wires of a stage carry everything below. Where balance alone does not determine the tension of
+each, they are those of least elastic energy (Castigliano's theorem).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.errors import Fault
+from suspension_cli.rotations import cross
+from suspension_cli.scene.scene import Array
+
+BALANCE = 1e-9
+"""Residual force (relative to the weight) and torque (relative to weight times 1 m) that count as
+balanced."""
+
+TORQUES = 1e-3
+"""Weight (1/m) of torques relative to forces where not all of a load can be balanced."""
+
+ROUNDING = 1e-12
+"""Relative difference of tensions that are equal but for rounding."""
+
+_NAMES = (
+    "force along x",
+    "force along y",
+    "force along z",
+    "roll torque",
+    "pitch torque",
+    "yaw torque",
+)
+
+
+def move_wrench(wrench: Array, offset: Array) -> Array:
+    """Transform a wrench (..., 6) to a point that lies at -offset (..., 3) from its own, m."""
+    force = wrench[..., :3]
+    return np.concatenate([force, wrench[..., 3:] + cross(offset, force)], axis=-1)
+
+
+def wire_wrenches(direction: Array, point: Array) -> Array:
+    """Compute force and torque on the lower body of a unit tension in each wire, shape (w, 6).
+
+    Parameters
+    ----------
+    direction : (w, 3) array
+        Unit vectors from upper to lower end.
+    point : (w, 3) array
+        Lower ends from the COM, m.
+    """
+    return np.concatenate([-direction, cross(point, -direction)], axis=-1)
+
+
+def least_energy(wrenches: Array, load: Array, compliance: Array) -> tuple[Array, Array]:
+    """Find the tensions of least elastic energy that balance a load.
+
+    Minimise T C T / 2 subject to sum_i T_i w_i + load = 0 (in the sense of least squares where that
+    has no solution).
+
+    Parameters
+    ----------
+    wrenches : (w, 6) array
+        Of unit tensions.
+    load : (6,) array
+        Everything else that acts on the body, N and N m.
+    compliance : (w, w) array
+        C: elongation of the wires, with the blades that carry them, per tension, m/N.
+
+    Returns
+    -------
+    tension : (w,) array
+        N.
+    left_over : (6,) array
+        The wrench that they cannot balance, N and N m.
+    """
+    if complex in (wrenches.dtype, load.dtype, compliance.dtype):
+        return _with_derivative(wrenches, load, compliance)
+    scaled = compliance / np.trace(compliance)
+    root = _inverse_root(scaled)
+    tension = root @ (np.linalg.pinv(wrenches.T @ root, rcond=1e-10) @ -load)
+    left_over = wrenches.T @ tension + load
+    # where not all can be balanced, balance the forces first: what is left over reads better
+    if np.abs(left_over).max() > BALANCE * np.abs(load).max():
+        rows = np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES])
+        best = root @ (
+            np.linalg.pinv(rows[:, None] * (wrenches.T @ root), rcond=1e-10) @ -(rows * load)
+        )
+        left_over = wrenches.T @ best + load
+    return tension, left_over
+
+
+def _with_derivative(wrenches: Array, load: Array, compliance: Array) -> tuple[Array, Array]:
+    """Find the tensions of least energy, with the imaginary parts (a complex step) to first order.
+
+    T = R A^+ b with A = W^T R, b = -load and C^-1 = R R^T. For constant rank dA^+ = -A^+ dA A^+ +
+    A^+ A^+^T dA^T (1 - A A^+) + (1 - A^+ A) dA^T A^+^T A^+ (Golub and Pereyra, SIAM J. Numer. Anal.
+    10, 413 (1973)), and for C = L L^T, R = L^-T it is dR = -R P^T with the lower triangle P of L^-1
+    dC L^-T, its diagonal halved.
+    """
+    root = np.linalg.inv(np.linalg.cholesky(compliance.real)).T
+    strain = root.T @ compliance.imag @ root
+    half = np.tril(strain) - np.diag(np.diag(strain)) / 2
+    turned = -root @ half.T
+    a, b = wrenches.real.T @ root, -load.real
+    da, db = wrenches.imag.T @ root + wrenches.real.T @ turned, -load.imag
+    inverse = np.linalg.pinv(a, rcond=1e-10)
+    solution, left = inverse @ b, b - a @ (inverse @ b)
+    change = (
+        inverse @ (db - da @ solution + inverse.T @ (da.T @ left))
+        + (da.T @ (inverse.T @ solution))
+        - inverse @ (a @ (da.T @ (inverse.T @ solution)))
+    )
+    whole: Array = root @ solution + 1j * (turned @ solution + root @ change)  # pyright: ignore[reportAssignmentType]
+    return whole, wrenches.T @ whole + load
+
+
+def _inverse_root(matrix: Array) -> Array:
+    """Compute R with R R^T = C^-1 for a positive definite C.
+
+    Where a blade is so soft that the compliance of its wires is lost in rounding, eigenvalues are
+    kept above the rounding error of the largest.
+    """
+    try:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(matrix)).T, dtype=np.float64)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(matrix)
+        return vectors / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
+
+
+def compliance(
+    stiffness: Array, direction: Array, blade: Any, axes: Any, blade_stiffness: Array
+) -> Array:
+    """Compute the elongation per tension of wires in series with their blades, (w, w), m/N.
+
+    It is not diagonal where two wires hang from one blade.
+    """
+    result = np.diag(1.0 / stiffness)
+    if complex in (direction.dtype, blade_stiffness.dtype):
+        result = result.astype(complex)
+    for number in np.unique(blade[blade >= 0]):
+        on = blade == number
+        for axis in np.flatnonzero(axes[number]):
+            pull = np.where(on, direction[:, axis], 0.0)
+            result += np.outer(pull, pull) / blade_stiffness[number, axis]
+    return result
+
+
+def equalise_mirrored(tension: Array, upper: Array, lower: Array, stiffness: Array) -> Array:
+    """Make tensions (w,) exactly equal between wires that are mirror images in x or in y.
+
+    Only where they differ by no more than rounding.
+    """
+    for axis in (0, 1):
+        flip = np.ones(3)
+        flip[axis] = -1.0
+        wires = np.concatenate([upper, lower, stiffness[:, None]], axis=1)
+        images = np.concatenate([upper * flip, lower * flip, stiffness[:, None]], axis=1)
+        same = (wires[:, None, :] == images[None, :, :]).all(-1)
+        if (same.sum(0) == 1).all():
+            even = (tension + tension[same.argmax(0)]) / 2
+            if np.abs(even - tension).max() <= ROUNDING * np.abs(tension).max():
+                tension = even
+    return tension
+
+
+def report_imbalance(left_over: Array, weight: float, key: str, remedy: str) -> list[Fault]:
+    """Name the largest forces and torques of a residual wrench (6,), as a fault, if any."""
+    found = [
+        f"{left_over[axis]:.3g} {'N' if axis < 3 else 'N m'} of {_NAMES[axis]}"
+        for axis in np.argsort(-np.abs(left_over))
+        if abs(left_over[axis]) > max(BALANCE * weight, 1e-3 * np.abs(left_over).max())
+    ]
+    if not found:
+        return []
+    return [
+        Fault(key, f"cannot balance in the nominal pose: {', '.join(found[:3])} left over", remedy)
+    ]

@@ -1,0 +1,77 @@
+"""Axes of a sweep: parameters with their values, and the product of several."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.errors import Fault, InputError
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A swept parameter and its values.
+
+    Its name is that of an imperfection (`analyses.xcouple.solve.PARAMETERS`) or a dotted path.
+    """
+
+    name: str
+    values: tuple[float, ...]
+
+
+class Product:
+    """A job over the product of some axes; the first varies slowest."""
+
+    axes: tuple[Axis, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the axes."""
+        return tuple(len(axis.values) for axis in self.axes)
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return int(np.prod(self.shape, dtype=int))
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """Names of the datasets with the values of the axes."""
+        return tuple(scale_name(axis.name) for axis in self.axes)
+
+    def values(self, start: int, stop: int) -> dict[str, Any]:
+        """Values (stop - start,) of every parameter at points start to stop - 1."""
+        chosen = np.unravel_index(np.arange(start, stop), self.shape)
+        return {
+            axis.name: np.array(axis.values)[pick]
+            for axis, pick in zip(self.axes, chosen, strict=True)
+        }
+
+
+def of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
+    """Faults of the design with one value of an axis, attributed to the option that gave it."""
+    found = []
+    for fault in error.faults:
+        if fault.key.startswith("--") and fault.key != "--set":
+            found.append(fault)
+            continue
+        same = (
+            fault.key in ("", "--set")
+            or fault.key.rpartition(".")[2] == axis.name.rpartition(".")[2]
+        )
+        found.append(
+            Fault(
+                f"{option} {axis.name}",
+                fault.problem if same else f"{fault.key}: {fault.problem}",
+                fault.remedy,
+                f"{value:g}",
+            )
+        )
+    return InputError(found, error.file)
+
+
+def scale_name(axis: str) -> str:
+    """Name of the dataset with the values of an axis."""
+    return f"axis {axis}".replace("/", "_")

@@ -1,0 +1,200 @@
+"""Equilibrium, linear model and response of many imperfect builds of one design at once.
+
+All functions work on arrays over the builds; the result for one build does not depend on which
+others are computed with it, to the last bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.conventions import PARITY_X, PARITY_Y
+from suspension_cli.design.schema import Design
+from suspension_cli.equilibrium.definite import positive_definite
+from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.linear.graded_eigenvalues import RIGID
+from suspension_cli.linear.signals import Signal, linear_form
+from suspension_cli.linear.symmetry import is_mirror_symmetric
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.models.batch_terms import BatchTerm
+from suspension_cli.models.surroundings import framed, surrounded
+from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.studies.systems import Systems, dispersive
+
+GOOD, SLACK, UNBALANCED, UNSTABLE, IMPOSSIBLE = 0, 1, 2, 3, 4
+STATUS = (
+    "good",
+    "a wire is slack",
+    "no equilibrium near the nominal pose",
+    "the equilibrium is unstable",
+    "the design is not possible",
+)
+"""Meanings of the status of a build."""
+NOTHING = complex(np.nan, np.nan)
+"""Response of a build that failed."""
+SYSTEMS = 4096
+"""Largest number of systems (builds times frequencies) solved at once, if there are no more builds;
+a quarter of that where wires bend, which takes more memory."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One dataset that a job fills; its first axes are the points.
+
+    Attributes
+    ----------
+    name : str
+    dtype : str
+    shape : tuple of int
+        Of one point.
+    units : str
+    axes : tuple of str
+        Names of the datasets that are the scales of `shape`.
+    """
+
+    name: str
+    dtype: str
+    shape: tuple[int, ...]
+    units: str
+    axes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Builds:
+    """Balanced builds.
+
+    Attributes
+    ----------
+    model : LinearModel
+        With the builds as first axis; valid for builds with status `GOOD`.
+    status : (p,) uint8 array
+    wire : (p,) int16 array
+        The first slack wire, or -1.
+    residual : (p,) array
+        Largest residual force, relative to the weight.
+    mirrors : (p, 2) bool array
+        Whether each build is symmetric when x, or y, is mirrored.
+    terms : tuple of BatchTerm
+        Frequency-dependent parts, where wires bend.
+    """
+
+    model: LinearSystem
+    status: Any
+    wire: Any
+    residual: Any
+    mirrors: Any
+    terms: tuple[BatchTerm, ...] = ()
+
+
+def balance(
+    scene: Scene,
+    design: Design,
+    *,
+    level: str = registry.STRING.name,
+    allow_unstable: bool = False,
+    split: bool = False,
+) -> Builds:
+    """Balance every scene of a batch, and build its linear model.
+
+    Parameters
+    ----------
+    scene : Scene
+        With one batch axis.
+    design : Design
+        The design of all.
+    level : str
+        Name of a model that supports builds (`registry.SCENE_MODELS`).
+    allow_unstable : bool
+        Whether an unstable equilibrium has status `GOOD`.
+    split : bool
+        Whether to use mirror symmetries that all scenes share: then the result for one scene
+        depends on the others, unless all have the same symmetries.
+    """
+    physics = registry.scene_model(level)
+    scene = physics.completed(scene, design)
+    with np.errstate(all="ignore"):
+        plain, found, terms = physics.in_equilibrium(scene, design, split=split)
+        model, terms = surrounded(plain, design), framed(terms, plain.size, design)
+        slack = found.tension <= 0
+        status = np.full(scene.batch, GOOD, dtype=np.uint8)
+        if not allow_unstable:
+            status[grows(model)] = UNSTABLE
+        status[slack.any(-1)] = SLACK
+        status[~found.converged] = UNBALANCED
+    wire = np.full(status.shape, -1, dtype=np.int16)
+    wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
+    return Builds(
+        oriented(model, found), status, wire, found.residual, is_mirror_symmetric(scene), terms
+    )
+
+
+def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:
+    """A linear model with the rotations of its bodies, even if none of the batch is turned."""
+    return replace(
+        model,
+        orientation=model.orientation if model.orientation is not None else found.pose.rotation,
+    )
+
+
+def grows(model: LinearSystem) -> Any:
+    """Find models (p,) with an unstable mode: K + c M is not positive definite.
+
+    The small c covers the rounding error of a rigid mode.
+    """
+    stiffness, mass = np.nan_to_num(model.stiffness[..., 6:, 6:]), model.mass[..., 6:, 6:]
+    k, m = (np.diagonal(matrix, axis1=-2, axis2=-1) for matrix in (stiffness, mass))
+    largest = np.where(m > 0, np.abs(k) / np.where(m > 0, m, 1.0), 0.0).sum(-1)
+    return ~positive_definite(stiffness + np.nan_to_num(RIGID * largest[..., None, None] * mass))
+
+
+def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: list[Signal]) -> Any:
+    """Responses (p, f, o, i) of all builds: NaN where one failed, exactly 0 where symmetry demands.
+
+    Parameters
+    ----------
+    builds : Builds
+    frequency : (f,) array
+        Hz.
+    inputs, outputs : list of Signal
+    """
+    model, acts = builds.model, np.array([signal.acts for signal in inputs])
+    rows = np.stack([linear_form(signal, model) for signal in outputs], axis=-2)  # (p, o, N)
+    drives = np.stack([linear_form(signal, model) for signal in inputs], axis=-1)  # (p, N, i)
+    moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives[..., 6:, :], 0.0)
+    omega = 2 * np.pi * np.asarray(frequency)
+    result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
+    good = np.flatnonzero(builds.status == GOOD)
+    step = max(1, SYSTEMS // (4 if builds.terms else 1) // max(len(good), 1))
+    systems = None if builds.terms else Systems.of(model, good)
+    for start in range(0, len(omega) if len(good) else 0, step):
+        now = slice(start, start + step)
+        x = (
+            dispersive(model, builds.terms, good, omega[now], moves, forces)
+            if systems is None
+            else systems.solve(omega[now], moves[good], forces[good])
+        )
+        result[good, now] = (
+            rows[good][:, None, :, 6:] @ x + (rows[good][..., :6] @ moves[good])[:, None]
+        )
+    for o, out in enumerate(outputs):
+        for i, into in enumerate(inputs):
+            result[..., o, i] = np.where(
+                (forbidden(builds.mirrors, out, into) & (builds.status == GOOD))[..., None],
+                0.0,
+                result[..., o, i],
+            )
+    return result
+
+
+def forbidden(mirrors: Any, out: Signal, into: Signal) -> Any:
+    """Builds (p,) in which two signals have opposite parity under a mirror, so no response."""
+    result = np.zeros(mirrors.shape[:-1], dtype=bool)
+    for axis, parity in enumerate((PARITY_X, PARITY_Y)):
+        on_plane = out.point[axis] == 0 and into.point[axis] == 0
+        if on_plane and parity[out.dof] != parity[into.dof]:
+            result |= mirrors[..., axis]
+    return result

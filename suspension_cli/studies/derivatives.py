@@ -1,0 +1,271 @@
+"""Exact derivatives of a design's matrices with respect to its numbers, in the string model.
+
+They include the change of the equilibrium. All matrices are closed forms of the scene. A number p
+enters the scene, and through it the gradient g and the Hessian K of the energy in a pose q. In
+equilibrium g(q, p) = 0, so the pose follows with dq/dp = -K^-1 dg/dp (the implicit function
+theorem), and
+
+    dK/dp = d/dh Im K(q + ih dq/dp, p + ih)   for h -> 0,
+
+one complex step (see `parameters`) through the code that computes K itself; M, C and the losses
+likewise. Newton's iterations are not differentiated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.derive import gives_natural_lengths, solves_pose
+from suspension_cli.design.schema import Design
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.energy import gradient_and_stiffness
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear.symmetry import is_mirror_symmetric
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import string as string_model
+from suspension_cli.models.surroundings import surrounded, with_frame
+from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
+from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.studies.parameters import STEP, stepped
+
+MOVED = 1e-7
+"""Residual force (relative to the weight, per relative change of a number) above which that number
+cannot change alone."""
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A linear model, or its derivative, in the named coordinates: (N, N) arrays, the support's
+    coordinates included.
+
+    Attributes
+    ----------
+    mass, stiffness, damping, loss : (N, N) arrays
+        SI; `loss` is the imaginary part of the stiffness.
+    orientation : (n + 1, 3, 3) array
+        Of each body, the support first.
+    scene : Scene
+        The scene of the model, with a complex step where this is a derivative.
+    """
+
+    mass: Array
+    stiffness: Array
+    damping: Array
+    loss: Array
+    orientation: Array
+    scene: Scene
+
+    @cached_property
+    def mirrors(self) -> Any:
+        """Symmetry (2,) under mirroring x and y; of a derivative, whether the change keeps it."""
+        return is_mirror_symmetric(_enlarged(self.scene))
+
+    @property
+    def matters(self) -> bool:
+        """True if any matrix is not 0."""
+        return any(
+            value.any()
+            for value in (self.mass, self.stiffness, self.damping, self.loss, self.orientation)
+        )
+
+
+@dataclass(frozen=True)
+class Differentiable:
+    """A design in its equilibrium, with all that its derivatives need.
+
+    Attributes
+    ----------
+    design : Design
+    scene : Scene
+    numbering : Layout
+    pose : Pose
+    stiffness : (N, N) array
+        Of the suspension alone, without dampers and a compliant support.
+    model : LinearModel
+        The complete model, without symmetry-adapted coordinates.
+    linear : Linear
+        Its matrices.
+    """
+
+    design: Design
+    scene: Scene
+    numbering: Layout
+    pose: Pose
+    stiffness: Array
+    model: LinearSystem
+    linear: Linear
+
+
+def prepared(design: Design) -> Differentiable:
+    """Find the equilibrium of a design, and the matrices there.
+
+    Raises
+    ------
+    InputError
+        If there is none, or a wire is slack in it.
+    """
+    scene = expand(design)
+    numbering = layout(scene)
+    found = equilibrium.solve(scene, numbering)
+    found.demand(scene)
+    model = surrounded(string_model.linear_model(scene, found, split=False), design)
+    return Differentiable(
+        design,
+        scene,
+        numbering,
+        found.pose,
+        found.stiffness,
+        model,
+        _linear(design, scene, numbering, found.pose, found.stiffness),
+    )
+
+
+def of(base: Differentiable, name: str) -> Linear | None:
+    """Differentiate all matrices with respect to one number.
+
+    Parameters
+    ----------
+    base : Differentiable
+    name : str
+        Dotted path, see `parameters.every`.
+
+    Returns
+    -------
+    Linear or None
+        Per SI unit of the number; None if it cannot change alone: the suspension would not balance
+        in its nominal pose.
+    """
+    return along(base, {name: 1.0})
+
+
+def along(base: Differentiable, rates: dict[str, float]) -> Linear | None:
+    """Differentiate all matrices as several numbers change together, each at its rate."""
+    now = moved(base, rates)
+    return None if now is None else linear(base, now)
+
+
+def linear(base: Differentiable, now: Moved) -> Linear:
+    """Differentiate all matrices along a step that was made."""
+    whole = _linear(now.design, now.scene, base.numbering, now.pose, now.stiffness)
+    parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
+    return Linear(*(np.imag(part) / STEP for part in parts), scene=now.scene)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A design, its equilibrium and its stiffness after a complex step of some of its numbers.
+
+    Each number has `STEP` i times its rate added; imaginary parts over `STEP` are derivatives.
+    """
+
+    design: Design
+    scene: Scene
+    pose: Pose
+    stiffness: Any
+
+
+def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
+    """Step numbers of a design into the complex plane, each at its rate, and its equilibrium.
+
+    None if the suspension would not balance in its nominal pose.
+    """
+    design = base.design
+    for name, rate in rates.items():
+        design = stepped(design, name, rate)
+    scene = expand(design)
+    if _unbalanced(base, scene, design):
+        return None
+    gradient, stiffness = gradient_and_stiffness(scene, base.numbering, base.pose)
+    pose = base.pose
+    if _searched(base):
+        free = slice(6, None)
+        change = np.zeros(base.numbering.size)
+        change[free] = -_solved(base.stiffness[free, free], gradient[free].imag / STEP)
+        if change.any():
+            pose = displace(base.numbering, pose, 1j * STEP * change)
+            stiffness = gradient_and_stiffness(scene, base.numbering, pose)[1]
+    return Moved(design, scene, pose, stiffness)
+
+
+def _enlarged(scene: Scene) -> Scene:
+    """A scene with the derivatives as imaginary parts, for comparisons that allow for rounding."""
+
+    def grown(part: Any) -> Any:
+        steps = {
+            name: value.real + 1j * (value.imag / STEP)
+            for name, value in vars(part).items()
+            if isinstance(value, np.ndarray) and value.dtype == complex
+        }
+        return replace(part, **steps)
+
+    return replace(
+        scene,
+        bodies=grown(scene.bodies),
+        wires=grown(scene.wires),
+        blades=grown(scene.blades),
+        springs=grown(scene.springs),
+    )
+
+
+def _searched(base: Differentiable) -> bool:
+    """True if the pose was solved for, and so depends on the design's numbers."""
+    return base.scene.drawn is not None or solves_pose(base.design)
+
+
+def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
+    """True if a suspension that balances in its nominal pose no longer does after the step."""
+    if gives_natural_lengths(design):
+        return False
+    drawn = scene.drawn or scene
+    gradient = gradient_and_stiffness(drawn, base.numbering, nominal_pose(drawn))[0]
+    # the loads of blades may differ from those in the nominal pose
+    bodies = slice(6, 6 + 6 * len(drawn.bodies.name))
+    left = np.abs(gradient[bodies].imag).max() / STEP
+    return bool(left > MOVED * float(base.scene.weight))
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """K^-1 f in scaled coordinates; the shortest solution where K is singular."""
+    root = np.sqrt(np.abs(np.diag(matrix)))
+    root[root == 0] = 1.0
+    return np.linalg.lstsq(matrix / np.outer(root, root), right / root, rcond=1e-13)[0] / root
+
+
+def _linear(design: Design, scene: Scene, numbering: Layout, pose: Pose, stiffness: Any) -> Linear:
+    """All matrices in a pose, real or with complex steps."""
+    body = scene.bodies.name
+    plain = LinearSystem(
+        body=body,
+        coordinate=numbering.name,
+        basis=np.eye(numbering.size),
+        massless=np.zeros(numbering.size, dtype=bool),
+        mass=string_model.mass_matrix(scene, numbering, pose),
+        stiffness=stiffness,
+        damping=string_model.damping_matrix(scene, numbering, pose),
+    )
+    whole = surrounded(plain, design)
+    loss = string_model.loss_matrix(scene, numbering, pose)
+    if design.support is not None:
+        loss = with_frame(replace(plain, stiffness=loss), _lossy_frame(design)).stiffness
+    turned = pose.rotation + np.zeros((len(body) + 1, 3, 3))
+    return Linear(whole.mass, whole.stiffness, whole.damping, loss, turned, scene)
+
+
+def _lossy_frame(design: Design) -> Design:
+    """The design with the loss of its support structure in place of its stiffness."""
+    support = design.support
+    assert support is not None
+    given = {dof: getattr(support.stiffness, dof) for dof in DOFS}
+    lossy = {dof: value * support.loss_angle for dof, value in given.items() if value is not None}
+    return msgspec.structs.replace(
+        design,
+        support=msgspec.structs.replace(
+            support, stiffness=msgspec.structs.replace(support.stiffness, **lossy)
+        ),
+    )

@@ -1,0 +1,241 @@
+"""Derivatives of a design's matrices with respect to its numbers, by differences.
+
+They serve models without exact derivatives (`derivatives`): in the beam model stiffness comes from
+complex functions and equilibria from iterations, so there is no complex step. Each number is moved
+by h and 2h either way, and each matrix A has
+
+    dA/dp = (8 (A(p + h) - A(p - h)) - (A(p + 2h) - A(p - 2h))) / 12h + O(h^4),
+
+a central difference with one step of Richardson's (Phil. Trans. R. Soc. A 210, 307 (1911)).
+Matrices change smoothly where modes cross, part or are degenerate, and on resonances; derivatives
+of modes and responses follow from those of the matrices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.models import registry
+from suspension_cli.scene import stack
+from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.studies import builds, derivatives, variants
+from suspension_cli.studies.builds import Builds
+from suspension_cli.studies.derivatives import Differentiable, Linear
+from suspension_cli.studies.parameters import Parameter, shifted
+
+STEP = 1e-3
+"""Step, relative to a number or to the change of it that would change a matrix by its own size:
+truncation errors go with its fourth power, rounding errors with its inverse."""
+FREE = 1e-7
+"""Root of a diagonal element, relative to the largest, below which it is a rounding error."""
+NODES = (-2, -1, 1, 2)
+"""Steps at which the matrices are evaluated."""
+
+
+@dataclass(frozen=True)
+class DispersiveLinear(Linear):
+    """Matrices of a model with frequency-dependent terms, or their derivatives.
+
+    Attributes
+    ----------
+    dispersive : (f, N, N) complex array
+        Frequency-dependent part of the stiffness at each of the requested frequencies.
+    kept : (2,) bool array
+        See `mirrors`.
+    """
+
+    dispersive: Any
+    kept: Any
+
+    @cached_property
+    def mirrors(self) -> Any:
+        """Symmetry (2,) under mirroring x and y, clamps and materials of wires included."""
+        return self.kept
+
+    @property
+    def matters(self) -> bool:
+        """True if any matrix is not 0."""
+        return super().matters or bool(self.dispersive.any())
+
+    def at(self, number: int) -> DispersiveLinear:
+        """The matrices at one of the frequencies."""
+        more = self.dispersive[number]
+        return replace(self, stiffness=self.stiffness + more.real, loss=self.loss + more.imag)
+
+
+def changes(
+    design: Design, numbers: Sequence[Parameter], level: str, omega: Sequence[float] = ()
+) -> tuple[Differentiable, Mapping[str, Linear | None]]:
+    """The matrices of a design and their derivatives, exact where the model has them.
+
+    See `derived`; `level` is the name of a model that supports derivatives.
+    """
+    if not registry.by_name(level).exact_derivatives:
+        return derived(design, numbers, level, omega)
+    base = derivatives.prepared(design)
+    return base, {item.name: derivatives.of(base, item.name) for item in numbers}
+
+
+def at(linear: Linear, number: int) -> Linear:
+    """Matrices at one of the requested frequencies; those of exact derivatives are constant."""
+    return linear.at(number) if isinstance(linear, DispersiveLinear) else linear
+
+
+def derived(
+    design: Design,
+    numbers: Iterable[Parameter],
+    level: str = registry.BEAM.name,
+    omega: Sequence[float] = (),
+) -> tuple[Differentiable, dict[str, DispersiveLinear | None]]:
+    """The matrices of a design and their derivatives, by differences.
+
+    Parameters
+    ----------
+    design : Design
+    numbers : iterable of Parameter
+    level : str
+        Name of a model that supports builds.
+    omega : sequence of float
+        Frequencies at which matrices are evaluated, rad/s.
+
+    Returns
+    -------
+    Differentiable
+        Of the string model, but for `linear`, which is a `DispersiveLinear`.
+    changes : dict
+        By name; None for a number that cannot change alone: the suspension would not balance in
+        its nominal pose.
+
+    Raises
+    ------
+    InputError
+        If there is no equilibrium, or a wire is slack in it.
+    """
+    base, steps = derivatives.prepared(design), dict[str, float | None]()
+    for item in numbers:
+        change = derivatives.of(base, item.name)
+        steps[item.name] = (
+            None if change is None else STEP * _scale(base.linear, change, item.value)
+        )
+    moves = [
+        (name, step, node) for name, step in steps.items() if step is not None for node in NODES
+    ]
+    solved = _solved(
+        [design, *(shifted(design, name, node * step) for name, step, node in moves)],
+        np.array(omega, dtype=float),
+        base.scene,
+        level,
+    )
+    found: dict[str, DispersiveLinear | None] = dict.fromkeys(steps)
+    for n in range(1, len(solved), len(NODES)):
+        name, step, _ = moves[n - 1]
+        found[name] = _difference(solved[n : n + len(NODES)], step)
+    here = solved[0]
+    if here is None:
+        raise InputError(
+            [
+                Fault(
+                    "stage",
+                    "has no equilibrium near the nominal pose with wires that bend",
+                    "see pendsus check",
+                )
+            ]
+        )
+    return replace(base, linear=here), found
+
+
+def _scale(linear: Linear, change: Linear, value: float) -> float:
+    """Change of a number that changes a matrix of the string model by about its own size.
+
+    At most the size of the number.
+    """
+    rates = [np.abs(change.orientation).max()]
+    for whole, part in ((linear.mass, change.mass), (linear.stiffness, change.stiffness)):
+        own = np.sqrt(np.abs(np.diag(whole)))[6:]
+        alive = own > FREE * own.max()
+        rates.append(
+            np.abs(part[6:, 6:][np.ix_(alive, alive)] / np.outer(own[alive], own[alive])).max(
+                initial=0.0
+            )
+        )
+    largest = float(max(rates))
+    return min(
+        abs(value) or np.inf,
+        1 / largest if largest else np.inf,
+        np.inf if value or largest else 1.0,
+    )
+
+
+def _solved(
+    designs: list[Design], omega: Array, scene: Scene, level: str
+) -> list[DispersiveLinear | None]:
+    """Matrices of each design in its equilibrium; None where it has none."""
+    result: list[DispersiveLinear | None] = [None] * len(designs)
+    for places, scenes, design in variants.alike(designs, level):
+        found = builds.balance(stack.stack_scenes(scenes), design, level=level, allow_unstable=True)
+        for place, one in zip(places, _each(found, omega, scene), strict=True):
+            result[place] = one
+    return result
+
+
+def _each(found: Builds, omega: Array, scene: Scene) -> list[DispersiveLinear | None]:
+    """Matrices of each build of a batch."""
+    model, count = found.model, len(found.status)
+    which, size = np.arange(count), model.size
+    dispersive = np.zeros((count, len(omega), size, size), dtype=complex)
+    for n, at in enumerate(omega):
+        for term in found.terms:
+            term.add(dispersive[:, n], np.full(count, at), which)
+    dispersive = (dispersive + np.swapaxes(dispersive, -1, -2)) / 2
+    mass, stiffness, damping = (
+        np.broadcast_to(matrix, (count, size, size))
+        for matrix in (model.mass, model.stiffness, model.damping)
+    )
+    loss = (
+        np.zeros((count, size, size))
+        if model.lossy is None
+        else np.broadcast_to(model.lossy.imag, (count, size, size))
+    )
+    assert model.orientation is not None
+    turned, good = model.orientation, found.status == builds.GOOD
+    return [
+        DispersiveLinear(
+            mass[n],
+            stiffness[n],
+            damping[n],
+            loss[n],
+            turned[n],
+            scene,
+            dispersive[n],
+            found.mirrors[n],
+        )
+        if good[n]
+        else None
+        for n in range(count)
+    ]
+
+
+def _difference(around: list[DispersiveLinear | None], step: float) -> DispersiveLinear | None:
+    """Differentiate from the designs at `NODES`; None if one of them has no equilibrium."""
+    if any(one is None for one in around):
+        return None
+    before, near, after, far = (one for one in around if one is not None)
+
+    def slope(name: str) -> Any:
+        a, b, c, d = (getattr(one, name) for one in (before, near, after, far))
+        return (8 * (c - b) - (d - a)) / (12 * step)
+
+    moving = {
+        name: slope(name)
+        for name in ("mass", "stiffness", "damping", "loss", "orientation", "dispersive")
+    }
+    return replace(
+        near, **moving, kept=np.all([one.kept for one in (before, near, after, far)], axis=0)
+    )

@@ -1,0 +1,111 @@
+"""Modes followed over a grid of designs by their shapes, through crossings.
+
+From the nominal design to the nearest grid point, and from there to the neighbours of points
+already visited, each mode becomes the one that overlaps it most (`linear.mode_pairing`).
+Points without modes are bypassed; beyond a gap the nearest visited point is used instead.
+
+Where two modes that couple come close, their shapes pass through all mixtures: on a fine grid each
+would turn into the other, step by step, however weak the coupling. While modes are closer than
+`CLOSE` they are therefore compared with the shape they had before: tilt is tilt again beyond a near
+crossing, and lines jump by less than `CLOSE`. Modes that stay farther apart turn into each other on
+unbroken lines.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear.mode_pairing import pair_by_shape
+
+CLOSE = 0.1
+"""Relative difference of omega^2 (5 % in frequency) within which the current shapes of two modes
+do not identify them."""
+
+
+def follow(
+    omega_squared: Any, shapes: Any, good: Any, start: tuple[int, ...], nominal: Any
+) -> tuple[Any, Any]:
+    """Find which mode of every grid point each mode of the nominal design has become.
+
+    Parameters
+    ----------
+    omega_squared : (axis 1, axis 2, ..., m) array
+        In ascending order at each point.
+    shapes : (axis 1, axis 2, ..., m, c) array
+        As in `linear.batch_modes`; an HDF5 dataset works too.
+    good : (axis 1, axis 2, ...) bool array
+        Points that have modes.
+    start : tuple of int
+        The point nearest to the nominal design.
+    nominal : (m, c) array
+        Shapes of the nominal design.
+
+    Returns
+    -------
+    rank : (axis 1, axis 2, ..., m) int16 array
+        Rank of each mode among the point's modes; -1 where there are none.
+    overlap : (axis 1, axis 2, ..., m) array
+        With the shape that it was followed from, 0 to 1; NaN where there are none.
+    """
+    rank = np.full((*good.shape, len(nominal)), -1, dtype=np.int16)
+    overlap = np.full((*good.shape, len(nominal)), np.nan)
+    left = good.copy()
+    reached: list[tuple[int, ...]] = []
+    while left.any():
+        point, before = _nearest(left, start, reached)
+        known = (
+            np.asarray(nominal, dtype=float)
+            if before is None
+            else np.asarray(shapes[before])[rank[before]]
+        )
+        queue = deque([(point, known)])
+        left[point] = False
+        while queue:
+            here, known = queue.popleft()
+            mine = np.asarray(shapes[here], dtype=float)
+            rank[here], overlap[here] = pair_by_shape(known, mine)
+            reached.append(here)
+            sure = ~_close(omega_squared[here], mine)[rank[here]]
+            known = np.where(sure[:, None], mine[rank[here]], known)
+            for there in _neighbours(here, left):
+                left[there] = False
+                queue.append((there, known))
+    return rank, overlap
+
+
+def _close(squared: Any, shape: Any) -> Any:
+    """True for modes (m,) of one point that are close to another with which they can mix."""
+    near = np.abs(squared[:, None] - squared) < CLOSE * np.maximum(
+        np.abs(squared[:, None]), np.abs(squared)
+    )
+    mixing = np.abs(shape) @ np.abs(shape).T > 0
+    return (near & mixing & ~np.eye(len(squared), dtype=bool)).any(1)
+
+
+def _neighbours(here: tuple[int, ...], left: Any) -> list[tuple[int, ...]]:
+    """Neighbours of a point that are still to be visited."""
+    steps = [
+        (*here[:axis], here[axis] + step, *here[axis + 1 :])
+        for axis in range(left.ndim)
+        for step in (-1, 1)
+    ]
+    return [
+        there
+        for there in steps
+        if all(0 <= k < n for k, n in zip(there, left.shape, strict=True)) and left[there]
+    ]
+
+
+def _nearest(
+    left: Any, start: tuple[int, ...], reached: list[tuple[int, ...]]
+) -> tuple[tuple[int, ...], tuple[int, ...] | None]:
+    """The next point to visit (at the start, or across a gap) and the one to follow modes from."""
+    points = np.argwhere(left)
+    if not reached:
+        return tuple(points[np.abs(points - np.array(start)).sum(1).argmin()].tolist()), None
+    known = np.array(reached)
+    point = points[np.abs(points - np.array(start)).sum(1).argmin()]
+    return tuple(point.tolist()), tuple(known[np.abs(known - point).sum(1).argmin()].tolist())

@@ -1,0 +1,133 @@
+"""The numbers of a design by dotted path, and designs with one of them changed or made complex.
+
+A function of real numbers that is analytic takes f(p + ih) = f(p) + ih f'(p) + O(h^2); with h =
+1e-30 the imaginary part is the derivative to rounding, as nothing is subtracted (Squire and Trapp,
+SIAM Review 40, 110 (1998)). The code that computes matrices from a design so differentiates them.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+
+import msgspec
+
+from suspension_cli.design import materials, paths, reader
+from suspension_cli.design.paths import twins
+from suspension_cli.design.schema import Design, Material
+from suspension_cli.design.sections import stretches
+from suspension_cli.design.wires import Wire, WireSet
+from suspension_cli.models import registry
+
+STEP = 1e-30
+"""Imaginary step in a parameter's own unit; its square is far below rounding for any number that a
+design may hold."""
+OTHER_TABLES = ("design", "analysis", "control", "tolerance")
+"""Tables that do not describe the suspension itself."""
+NOT_CONTINUOUS = ("count", "steps", "temperature")
+"""Keys whose numbers cannot change a little, or do not matter to any model."""
+TWIST = "poisson_ratio"
+"""The number that matters where wires twist alone."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a design.
+
+    Attributes
+    ----------
+    name : str
+        Dotted path as ``--set`` takes it: ``stage.test.wires.s``, ``stage.test.body.inertia.2``.
+    value : float
+    """
+
+    name: str
+    value: float
+
+
+def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]:
+    """List every number of a design that can change a little, with implied gravity and moduli.
+
+    Parameters
+    ----------
+    text : str
+        The design as TOML.
+    level : str
+        Name of a model; where wires bend, the materials of all wires matter, Poisson's ratio too.
+    """
+    design, raw = reader.parse(text), tomllib.loads(text)
+    bends = registry.by_name(level).bends_wires
+    found = [
+        Parameter(name, number)
+        for key, value in raw.items()
+        if key not in OTHER_TABLES
+        for name, number in paths.numbers(key, value, NOT_CONTINUOUS)
+        if bends or not name.endswith(TWIST)
+    ]
+    known = {item.name for item in found}
+    implied = [Parameter("constants.gravity", design.constants.gravity)]
+    bent = _bent(design) if bends else set[str]()
+    for name in sorted(_used(design) | bent):
+        made = materials.resolve(design, name)
+        assert made.youngs_modulus is not None
+        implied.append(Parameter(f"materials.{name}.youngs_modulus", made.youngs_modulus))
+        if name in bent and made.poisson_ratio is not None:
+            implied.append(Parameter(f"materials.{name}.{TWIST}", made.poisson_ratio))
+    return (*found, *(item for item in implied if item.name not in known))
+
+
+def _wires(design: Design) -> list[WireSet | Wire]:
+    return [
+        wire
+        for stage in design.stage
+        for wire in (*([stage.wires] if stage.wires else []), *stage.wire)
+    ]
+
+
+def _bent(design: Design) -> set[str]:
+    """Materials of the wires of a model in which they bend."""
+    return {
+        piece.material
+        for wire in _wires(design)
+        for piece in stretches(wire, 1.0)
+        if piece.material is not None
+    }
+
+
+def _used(design: Design) -> set[str]:
+    """Materials whose Young's modulus matters in the string model."""
+    blades = [
+        blade
+        for stage in design.stage
+        for blade in (*([stage.blades] if stage.blades else []), *stage.blade)
+    ]
+    named = {
+        wire.material for wire in _wires(design) if wire.k is None and wire.material is not None
+    }
+    return named | {blade.geometry.material for blade in blades if blade.geometry is not None}
+
+
+def stepped(design: Design, name: str, rate: float = 1.0) -> Design:
+    """A design with `STEP` i, times a rate, added to one of its numbers."""
+    return shifted(design, name, STEP * rate * 1j)
+
+
+def shifted(design: Design, name: str, by: complex) -> Design:
+    """A design with a constant added to one of its numbers, without the reader's checks."""
+    keys = name.split(".")
+
+    def add(number: complex) -> complex:
+        return number + by
+
+    if keys[0] == "materials":  # of the built-in ones too
+        # losses stay as given: only given ones matter to strings
+        given = design.materials.get(keys[1], Material())
+        own = msgspec.structs.replace(
+            materials.resolve(design, keys[1]), loss=given.loss, loss_angle=given.loss_angle
+        )
+        return msgspec.structs.replace(
+            design, materials=design.materials | {keys[1]: paths.changed(own, keys[2:], add)}
+        )
+    for path in twins(name):
+        design = paths.changed(design, path.split("."), add)
+    return design

@@ -1,0 +1,120 @@
+"""Derivatives of the magnitude of a response at one frequency, by the adjoint method.
+
+For a response y = r x with A x = f, dy = dr x + a (df - dA x) with A^T a = r: all derivatives of
+one response cost one more solution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.linear import response, signals
+from suspension_cli.linear.named_results import Ratio
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.studies import parameters
+from suspension_cli.studies.builds import forbidden
+from suspension_cli.studies.derivatives import Differentiable, Linear
+
+
+@dataclass(frozen=True)
+class Slope:
+    """A response of a design, or the ratio of two, with its adjoint solutions.
+
+    Attributes
+    ----------
+    size : float
+    outputs : list of (value, row, adjoint)
+        Complex value y, linear form r (N,), a (N - 6,).
+    state : (N,) array
+        All coordinates for a unit input.
+    omega : float
+    base : Differentiable
+    signals : list of Signal
+        The outputs, then the input.
+    """
+
+    size: float
+    outputs: list[tuple[complex, Any, Any]]
+    state: Any
+    omega: float
+    base: Differentiable
+    signals: list[Signal]
+
+    @staticmethod
+    def of(base: Differentiable, model: LinearSystem, item: Ratio) -> Slope:
+        """Solve for a response; `model` is the design's system in symmetry-adapted coordinates."""
+        watched = [item.over] + ([] if item.under is None else [item.under])
+        # in symmetry-adapted coordinates zeros by symmetry are exact
+        known = signals.bodies_with_signals(model)
+        plain = [signals.parse_output(signal.text, known) for signal in watched]
+        exact = response.solve(model, np.array([item.frequency]), [item.input], plain).value[
+            0, :, 0
+        ]
+        omega = 2 * np.pi * item.frequency
+        matrix = _dynamic(base.linear, omega)
+        drive, own = _row(base, base.linear, item.input), slice(6, None)
+        state = np.zeros(len(matrix), dtype=complex)
+        state[:6] = 0.0 if item.input.acts else drive[:6]
+        force = drive[6:] if item.input.acts else 0.0
+        state[own] = _solved(matrix[own, own], force - matrix[own, :6] @ state[:6])
+        rows = [_row(base, base.linear, signal) for signal in watched]
+        outputs = [
+            (complex(value), row, _solved(matrix[own, own].T, row[6:]))
+            for value, row in zip(exact, rows, strict=True)
+        ]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            size = abs(exact[0]) if len(exact) == 1 else abs(exact[0] / exact[1])
+        return Slope(float(size), outputs, state, omega, base, [*watched, item.input])
+
+    def of_size(self, change: Linear) -> float:
+        """Derivative of the magnitude; NaN for a ratio to 0."""
+        *watched, drive = self.signals
+        right = -_dynamic(change, self.omega)[6:] @ self.state
+        if drive.acts:
+            right = right + _turned(self.base, change, drive)[6:]
+        moved = [
+            0.0
+            if forbidden(change.mirrors, signal, drive)
+            else _turned(self.base, change, signal) @ self.state + a @ right
+            for signal, (_, _, a) in zip(watched, self.outputs, strict=True)
+        ]
+        value, slope = self.outputs[0][0], moved[0]
+        if len(moved) > 1:
+            under, other = self.outputs[1][0], moved[1]
+            if under == 0:
+                return np.nan
+            value, slope = value / under, (slope * under - value * other) / under**2
+        return float(abs(slope) if value == 0 else (np.conj(value) * slope).real / abs(value))
+
+
+def _dynamic(linear: Linear, omega: float) -> Any:
+    """K + i K'' + i omega C - omega^2 M."""
+    return (
+        linear.stiffness + 1j * linear.loss + 1j * omega * linear.damping - omega**2 * linear.mass
+    )
+
+
+def _solved(matrix: Any, right: Any) -> Any:
+    """Solve in scaled coordinates."""
+    root = np.sqrt(np.abs(np.diag(matrix)))
+    root[root == 0] = 1.0
+    return np.linalg.solve(matrix / np.outer(root, root), right / root) / root
+
+
+def _row(base: Differentiable, linear: Linear, signal: Signal) -> Any:
+    """The linear form (N,) of a signal."""
+    return signals.linear_form(signal, replace(base.model, orientation=linear.orientation))
+
+
+def _turned(base: Differentiable, change: Linear, signal: Signal) -> Any:
+    """The derivative of that form: points move with their bodies."""
+    if not change.orientation.any():
+        return np.zeros(base.model.size)
+    whole = base.linear.orientation + 1j * parameters.STEP * change.orientation
+    return (
+        signals.linear_form(signal, replace(base.model, orientation=whole)).imag / parameters.STEP
+    )

@@ -1,0 +1,161 @@
+"""Random imperfections of builds, from the `[tolerance]` table: which numbers scatter, how, and how
+they get into a scene.
+
+Random numbers are counter-based (Philox; Salmon et al., Proc. SC11 (2011)): build n takes the n-th
+row of one stream of uniform numbers, whichever builds are drawn with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.imperfections import AXES, Imperfection, scattered
+from suspension_cli.design.schema import Design, Distribution
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.scene import imperfections
+from suspension_cli.scene.scene import Array, Scene
+
+SMALLEST = 1e-3
+"""Factors (on k, mass, ...) are kept above this: a normal distribution has tails."""
+
+
+@dataclass(frozen=True)
+class ScatteredNumber:
+    """One number that scatters.
+
+    Attributes
+    ----------
+    label : str
+        ``test.1 length``, ``test com x``.
+    number : int
+        The wire or blade from 0, the body from 1.
+    imperfection : Imperfection
+    axis : int
+        0, 1, 2 for vectors, else 0.
+    spread : Distribution
+        Of the number, in `unit`.
+    hold : str
+        For wires.
+    """
+
+    label: str
+    number: int
+    imperfection: Imperfection
+    axis: int
+    spread: Distribution
+    hold: str = "loaded-length"
+
+    @property
+    def unit(self) -> str:
+        """``m``, or ``1`` for a fraction of the nominal value."""
+        return self.imperfection.unit
+
+
+def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
+    """List the numbers that a design's `[tolerance]` table lets scatter, in a fixed order.
+
+    Raises
+    ------
+    InputError
+        If there is no such table.
+    """
+    given = design.tolerance
+    if given is None:
+        raise InputError(
+            [
+                Fault(
+                    "tolerance",
+                    "missing",
+                    "add [[tolerance.wire]], [[tolerance.body]] or [[tolerance.blade]]",
+                )
+            ]
+        )
+    wires, blades = list(enumerate(scene.wires.label)), list(enumerate(scene.blades.label))
+    found: list[ScatteredNumber] = []
+    for item in given.wire:
+        for number, label in wires:
+            if label == item.wire or label.rsplit(".", 1)[0] == item.stage:
+                found += _of_part("wire", item, number, label, item.hold)
+    for item in given.body:
+        found += _of_part("body", item, scene.bodies.name.index(item.stage) + 1, item.stage)
+    for item in given.blade:
+        for number, label in blades:
+            if label.split(".", 1)[0] == item.stage:
+                found += _of_part("blade", item, number, label)
+    return tuple(found)
+
+
+def _of_part(
+    part: str, item: Any, number: int, label: str, hold: str = "loaded-length"
+) -> Iterator[ScatteredNumber]:
+    """List the numbers of one wire, body or blade to which a table gives a distribution."""
+    for row in scattered(part):
+        if spread := getattr(item, row.spread):
+            for axis, name in enumerate(AXES if row.vector else ("",)):
+                full = f"{label} {row.spread} {name}".rstrip()
+                yield ScatteredNumber(full, number, row, axis, spread, hold)
+
+
+def uniforms(seed: int, start: int, stop: int, width: int) -> Array:
+    """Uniform numbers in [0, 1) of builds start to stop - 1: (stop - start, width).
+
+    Each build takes a whole number of Philox blocks (four numbers each), so its numbers depend on
+    nothing but seed and build.
+    """
+    blocks = -(-width // 4)
+    stream = np.random.Philox(key=seed)
+    stream.advance(start * blocks)
+    return np.random.Generator(stream).random((stop - start, 4 * blocks))[:, :width]
+
+
+def deviations(chosen: tuple[ScatteredNumber, ...], seed: int, start: int, stop: int) -> Array:
+    """Deviations of every factor (columns) from nominal for builds start to stop - 1, m or
+    shares.
+    """
+    from scipy.special import ndtr, ndtri
+
+    u = uniforms(seed, start, stop, len(chosen))
+    result = np.empty_like(u)
+    for n, factor in enumerate(chosen):
+        spread = factor.spread
+        if spread.uniform is not None:
+            result[:, n] = spread.uniform * (2 * u[:, n] - 1)
+            continue
+        sigma = spread.normal or 0.0
+        tail = ndtr(-spread.truncate / sigma) if spread.truncate and sigma else 0.0
+        # the middle of the interval that a 53-bit number stands for; the last one rounds to 1,
+        # whose deviation is infinite
+        middle = np.minimum(u[:, n] + 2.0**-54, 1 - 2.0**-53)
+        result[:, n] = sigma * ndtri(tail + (1 - 2 * tail) * middle)
+        if spread.truncate:
+            result[:, n] = np.clip(result[:, n], -spread.truncate, spread.truncate)
+    return result
+
+
+def imperfect(scene: Scene, chosen: tuple[ScatteredNumber, ...], values: Array) -> Scene:
+    """Apply deviations (p, factors) to a scene; the builds become its first axis.
+
+    Deviations of one number by several tables add.
+    """
+    table: dict[tuple[str, int, str], dict[Imperfection, Array]] = {}
+    for n, factor in enumerate(chosen):
+        row = factor.imperfection
+        here = table.setdefault((row.part, factor.number, factor.hold), {})
+        amount = here.setdefault(row, np.zeros((len(values), 3 if row.vector else 1)))
+        amount[:, factor.axis] += values[:, n]
+    # a wire is trimmed first
+    for key in sorted(table, key=lambda key: key[2] == "natural-length"):
+        part, number, hold = key
+        amounts = {row.name: _amount(row, errors) for row, errors in table[key].items()}
+        scene = imperfections.impose(scene, part, number, amounts, hold)
+    return scene
+
+
+def _amount(row: Imperfection, errors: Array) -> Array:
+    """Convert deviations (p, 1 or 3) to values of an imperfection, (p,) or (p, 3)."""
+    values = np.maximum(1.0 + errors, SMALLEST) if row.relative else errors
+    return values if row.vector else values[:, 0]

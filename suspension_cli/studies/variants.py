@@ -1,0 +1,197 @@
+"""Designs that differ in a few numbers, as batches of balanced linear models.
+
+Every design passes the reader's checks on its own; equilibria, matrices and all that follows from
+them are then computed for arrays of designs of one topology.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design import paths, reader
+from suspension_cli.design.schema import Design
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.errors import InputError
+from suspension_cli.linear.symmetry import is_mirror_symmetric
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.models.base import Model
+from suspension_cli.models.surroundings import surrounded, surroundings_key
+from suspension_cli.scene import stack
+from suspension_cli.scene.arrays import inner_axes
+from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.studies import builds
+from suspension_cli.studies.builds import Builds
+
+
+def overridden(text: str, values: dict[str, float]) -> Design:
+    """The design of a TOML text with numbers replaced at dotted paths."""
+    return reader.parse_with_overrides(text, paths.settings(values))
+
+
+def scenes(
+    text: str, values: dict[str, Array], level: str = registry.STRING.name
+) -> Iterator[tuple[Scene, Design, Any]]:
+    """Expand the designs given by values at dotted paths, in batches of one topology.
+
+    Designs of a batch differ in nothing but the arrays of their scenes.
+
+    Parameters
+    ----------
+    text : str
+        The design as TOML.
+    values : dict of (p,) arrays
+        By dotted path.
+    level : str
+        Name of a model that supports builds; `SceneModel.wire_properties` are the same in a batch.
+
+    Yields
+    ------
+    scene : Scene
+        With the points as its first axis.
+    design : Design
+        One of them.
+    here : (p,) int array
+        Numbers of the points. Points with an invalid design are in no batch.
+    """
+    rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
+    for numbers, members, design in alike(
+        (_valid(text, dict(zip(values, row, strict=True))) for row in rows), level
+    ):
+        place = np.full(len(rows), -1)
+        place[numbers] = np.arange(len(members))
+        here = np.flatnonzero(place[pick.ravel()] >= 0)
+        yield stack.stack_scenes(members, place[pick.ravel()[here]]), design, here
+
+
+def _valid(text: str, values: dict[str, float]) -> Design | None:
+    """The design with these numbers; None if it is invalid."""
+    try:
+        return overridden(text, values)
+    except InputError:
+        return None
+
+
+def alike(
+    designs: Iterable[Design | None], level: str
+) -> Iterator[tuple[list[int], list[Scene], Design]]:
+    """Group designs that differ in nothing but the arrays of their scenes.
+
+    Yields
+    ------
+    numbers : list of int
+        Places of the designs of a group; those without a scene are left out.
+    scenes : list of Scene
+    design : Design
+        One of them.
+    """
+    model = registry.scene_model(level)
+    kinds: dict[tuple[Any, ...], list[tuple[int, Scene, Design]]] = {}
+    for n, design in enumerate(designs):
+        try:
+            scene = None if design is None else expand(design)
+        except InputError:
+            continue
+        if design is None or scene is None:
+            continue
+        key = (*_topology(scene, design), model.wire_properties(design))
+        kinds.setdefault(key, []).append((n, scene, design))
+    for members in kinds.values():
+        yield [n for n, _, _ in members], [scene for _, scene, _ in members], members[0][2]
+
+
+def balanced(
+    text: str, values: dict[str, Array], level: str, *, allow_unstable: bool = False
+) -> Iterator[tuple[Builds, Any]]:
+    """Balance the designs given by values at dotted paths, and build their linear models.
+
+    Parameters
+    ----------
+    text, values
+        See `scenes`.
+    level : str
+        Name of a model.
+    allow_unstable : bool
+        Whether an unstable equilibrium has status `builds.GOOD`.
+
+    Yields
+    ------
+    Builds
+        With the points as first axis of the linear model; mirror symmetries are used.
+    here : (p,) int array
+        Numbers of the points.
+    """
+    model = registry.by_name(level)
+    batches = (
+        _balanced_scenes(text, values, level, allow_unstable)
+        if model.supports_builds
+        else _balanced_designs(text, values, model, allow_unstable)
+    )
+    yield from batches
+
+
+def _balanced_scenes(
+    text: str, values: dict[str, Array], level: str, allow_unstable: bool
+) -> Iterator[tuple[Builds, Any]]:
+    """Batches of one topology and the same mirror symmetries."""
+    for scene, design, here in scenes(text, values, level):
+        flags = is_mirror_symmetric(scene)
+        for mirrors in np.unique(flags, axis=0):
+            some = (flags == mirrors).all(-1)
+            found = builds.balance(
+                stack.select_scenes(scene, some),
+                design,
+                level=level,
+                allow_unstable=allow_unstable,
+                split=True,
+            )
+            yield found, here[some]
+
+
+def _balanced_designs(
+    text: str, values: dict[str, Array], model: Model, allow_unstable: bool
+) -> Iterator[tuple[Builds, Any]]:
+    """Batches of symmetric designs of one key; in these the nominal pose is the equilibrium."""
+    kinds: dict[Any, list[tuple[int, Design]]] = {}
+    for n, row in enumerate(np.stack(list(values.values()), axis=1)):
+        design = _valid(text, dict(zip(values, row, strict=True)))
+        if design is None or model.unsuitable(design):
+            continue
+        key = model.batch_key(design)
+        kinds.setdefault(n if key is None else key, []).append((n, design))
+    for members in kinds.values():
+        designs = [design for _, design in members]
+        found = _in_nominal_pose(surrounded(model.batch(designs), designs[0]), allow_unstable)
+        yield found, np.array([n for n, _ in members])
+
+
+def _in_nominal_pose(model: LinearSystem, allow_unstable: bool) -> Builds:
+    """Builds of symmetric designs, which balance in their nominal pose."""
+    count = model.stiffness.shape[0]
+    status = np.full(count, builds.GOOD, dtype=np.uint8)
+    if not allow_unstable:
+        status[builds.grows(model)] = builds.UNSTABLE
+    upright = np.broadcast_to(np.eye(3), (count, len(model.body) + 1, 3, 3))
+    wire, mirrors = np.full(count, -1, dtype=np.int16), np.ones((count, 2), dtype=bool)
+    return Builds(replace(model, orientation=upright), status, wire, np.zeros(count), mirrors)
+
+
+def _topology(scene: Scene, design: Design) -> tuple[Any, ...]:
+    """Properties that scenes of one batch share."""
+    static = [
+        value
+        for part in scene.parts.values()
+        for name, value in vars(part).items()
+        if name not in inner_axes(type(part))
+    ]
+    kinds = [np.array(item).tobytes() if isinstance(item, np.ndarray) else item for item in static]
+    light, damped, twisted = (
+        (scene.blades.tip_mass == 0).tobytes(),
+        bool(scene.springs.damping.any()),
+        (scene.wires.torsion > 0).tobytes(),
+    )
+    return (scene.gravity, *kinds, light, damped, twisted, surroundings_key(design))

@@ -1,0 +1,137 @@
+"""Designs near a limit are told so, with a number that is right; ordinary ones are not."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+import tomli_w
+
+from suspension_cli.analyses.check import limits, statics
+from suspension_cli.design.reader import convert
+from suspension_cli.linear import eigenmodes
+from suspension_cli.models import registry
+from tests.support.commandline import run
+from tests.support.golden import ROOT
+from tools.stability import geometry
+from tools.stability.references import MP, SHAPE, document, omega_squared, stage
+
+
+def near(raw, level="string"):
+    design = convert(raw)
+    model = registry.by_name(level).system(design)
+    return limits.find_limits(design, model, eigenmodes.solve(model))
+
+
+def written(tmp_path, raw):
+    path = tmp_path / "design.toml"
+    path.write_text(tomli_w.dumps(raw))
+    return path
+
+
+def test_an_ordinary_design_is_near_nothing():
+    for level in ("force", "string"):
+        assert near(document(), level) == limits.Limits(None, None, None, 0.0)
+
+
+@pytest.mark.parametrize(
+    "config", sorted((ROOT / "configs").rglob("*.toml")), ids=lambda path: path.stem
+)
+def test_no_shipped_design_is_near_a_limit(config, tmp_path):
+    result = run("modes", config, "--fidelity", "string", "--no-plot", "--out", tmp_path)
+    assert result.exit_code == 0
+    for word in ("few digits", "close to unstable", "go slack", "has a residual"):
+        assert word not in result.stderr
+
+
+@pytest.mark.parametrize("ratio", [1e12, 1e14, 1e15])
+@pytest.mark.parametrize("level", ["force", "string"])
+def test_the_digits_told_are_those_lost(ratio, level):
+    """Never less than what is lost, and within a factor of 300 of it: a bound by rounding errors
+    that all add up. On `string` none are."""
+    k = ratio * geometry.MASS * 9.81 / 4 / SHAPE["l"]
+    raw = document(k=k, t1=0.0815)
+    model = registry.by_name(level).system(convert(raw))
+    found = eigenmodes.solve(model)
+    wanted = [float(MP.sqrt(v)) for v in omega_squared(stage(shape={"k": k, "t1": 0.0815}))[:2]]
+    lost = max(abs(found.omega_squared[n] ** 0.5 / wanted[n] - 1) for n in range(2))
+    told = near(raw, level).digits
+    if level == "string":
+        assert lost < 1e-12
+    if level == "string" or ratio < 1e13:
+        assert told is None
+    else:
+        assert told is not None
+        assert lost <= told.value <= 300 * lost
+
+
+def test_vertical_wires_however_stiff_lose_nothing():
+    assert near(document(k=1e15)).digits is None
+
+
+@pytest.mark.parametrize("above", [2e-5, 8e-5, 2e-4])
+def test_the_height_told_is_that_at_which_it_tips(above):
+    d = float(geometry.tipping_height()) + above
+    told = near(document(s=geometry.CLOSE, d=d)).tipping
+    if above > limits.TIPPING:
+        assert told is None
+    else:
+        assert told is not None
+        assert told.name == "test pitch"
+        assert told.value == pytest.approx(above, rel=0.05)  # the mode's x goes along a little
+
+
+@pytest.mark.parametrize("left", [0.5, 5e-3, 1e-5])
+def test_the_tension_told_is_the_one_left(left):
+    change = float(geometry.slack_length() * (1 - MP.mpf(left)))
+    raw = document() | {"perturbation": [{"wire": "test.1", "length_change": change}]}
+    carried = statics.solve(convert(raw))
+    told = near(raw).slack
+    if left > limits.SLACK:
+        assert told is None
+    else:
+        assert told is not None
+        assert told.value == pytest.approx(
+            min(w.tension for w in carried.wires) * 4 / sum(w.tension for w in carried.wires),
+            rel=1e-9,
+        )
+
+
+def test_commands_say_it(tmp_path):
+    stiff = written(tmp_path, document(k=1e16, t1=0.0815))
+    result = run("modes", stiff, "--json", "--out", tmp_path)
+    assert json.loads(result.stdout)["stable"]
+    assert re.search(
+        r"warning: one-stage: stiff wires leave soft modes few digits: the frequency of test \w+"
+        r" has a relative error of up to [\d.e-]+",
+        result.stderr,
+    )
+    low = written(tmp_path, document(s=geometry.CLOSE, d=float(geometry.tipping_height()) + 2e-5))
+    result = run(
+        "response", low, "--frequency", "1", "--fidelity", "string", "--no-plot", "--out", tmp_path
+    )
+    assert (
+        "test pitch is close to unstable: attaching the wires 0.02 mm lower makes it unstable"
+        in result.stderr
+    )
+    change = float(geometry.slack_length() * MP.mpf("0.995"))
+    loose = written(
+        tmp_path, document() | {"perturbation": [{"wire": "test.1", "length_change": change}]}
+    )
+    for command in (
+        ["check", loose],
+        ["modes", loose, "--no-plot", "--fidelity", "string", "--out", tmp_path],
+    ):
+        assert re.search(
+            r"wire test\.[14] is about to go slack: it carries 0\.\d+ % of the mean tension of its"
+            r" stage",
+            run(*command).stderr,
+        )
+
+
+def test_faint_couplings_are_told(tmp_path):
+    config = ROOT / "configs" / "husman2000" / "figure6.toml"
+    sweep = ["xcouple", config, "--workers", "1", "--no-plot", "--out", tmp_path, "--sweep"]
+    assert "below 1e-17" in run(*sweep, "offset=1e-9,1e-3").stderr
+    assert "below" not in run(*sweep, "lower_offset=1e-9,1e-3").stderr

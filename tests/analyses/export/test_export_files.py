@@ -1,0 +1,226 @@
+"""What `pendsus export` writes: every format read back is the system that was built, with names,
+units and what was measured."""
+
+from __future__ import annotations
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from suspension_cli.analyses.export import file as files
+from suspension_cli.analyses.export import solve as export
+from suspension_cli.files.hdf5 import Provenance, open_results
+from suspension_cli.linear import eigenmodes, signals
+from tests.support import plants
+from tests.support.commandline import run, strict_json, written
+
+MATRICES = ("A", "B", "C", "D")
+NAMES = ("state", "state_unit", "input", "input_unit", "output", "output_unit")
+
+
+@pytest.fixture(scope="module")
+def made():
+    """A triple with dampers, from support and forces to two bodies."""
+    model = plants.model("triple", "force", damping=True)
+    inputs, outputs = signals.local_control_signals(model)
+    return export.build(model, plants.drives(model, *inputs), plants.motions(model, *outputs))
+
+
+@pytest.fixture(scope="module")
+def origin():
+    return Provenance(
+        "[design]\nname = 'triple'\n", "pendsus export triple.toml", "force", "a chain"
+    )
+
+
+def matrices(system):
+    return dict(zip(MATRICES, (system.a, system.b, system.c, system.d), strict=True))
+
+
+def test_matlab(made, origin, tmp_path):
+    path = tmp_path / "triple.mat"
+    files.save(path, "mat", made, origin)
+    read = loadmat(path, simplify_cells=True)["pendsus"]
+    for name, matrix in matrices(made.system).items():
+        np.testing.assert_array_equal(read[name], matrix)
+    for name in NAMES:
+        assert tuple(read[name]) == getattr(made.system, name)
+    # a column of cells
+    assert loadmat(path)["pendsus"]["state"][0, 0].shape == (len(made.system.state), 1)
+    assert tuple(read["band_hz"]) == made.band
+    assert (read["tolerance"], read["worst_error"]) == (made.tolerance, made.worst)
+    assert (read["design"], read["command"], read["fidelity"]) == (
+        origin.design,
+        origin.command,
+        origin.fidelity,
+    )
+
+
+def test_numpy(made, origin, tmp_path):
+    path = tmp_path / "triple.npz"
+    files.save(path, "npz", made, origin)
+    with np.load(path, allow_pickle=False) as read:
+        for name, matrix in matrices(made.system).items():
+            np.testing.assert_array_equal(read[name], matrix)
+        for name in NAMES:
+            assert tuple(read[name]) == getattr(made.system, name)
+        assert tuple(read["band_hz"]) == made.band
+        assert str(read["design"]) == origin.design
+
+
+def test_hdf5(made, origin, tmp_path):
+    path = tmp_path / "triple.h5"
+    files.save(path, "hdf5", made, origin)
+    with open_results(path) as file:
+        assert file.attrs["design"] == origin.design
+        group = file["statespace"]
+        for name, matrix in matrices(made.system).items():
+            np.testing.assert_array_equal(group[name][:], matrix)
+            assert group[name].attrs["units"]
+        axes = {
+            "A": ("state", "state"),
+            "B": ("state", "input"),
+            "C": ("output", "state"),
+            "D": ("output", "input"),
+        }
+        for name, (rows, columns) in axes.items():
+            assert [axis.label for axis in group[name].dims] == [rows, columns]
+            assert [next(iter(axis.values())).name for axis in group[name].dims] == [
+                f"/statespace/{rows}",
+                f"/statespace/{columns}",
+            ]
+        for name in NAMES:
+            assert tuple(group[name].asstr()[:]) == getattr(made.system, name)
+        assert tuple(group.attrs["band_hz"]) == made.band
+
+
+def test_zero_pole_gain(origin, tmp_path):
+    model = plants.model("triple", "force")
+    made = export.build(
+        model,
+        plants.drives(model, "support.x", "support.z"),
+        plants.motions(model, "test.x", "test.z@0,0.01,0"),
+        zpk=True,
+    )
+    path = tmp_path / "triple-zpk.h5"
+    files.save(path, "zpk", made, origin)
+    with open_results(path) as file:
+        group = file["zpk"]
+        np.testing.assert_array_equal(group["gain"][:], made.zpk.gain)
+        for o, out in enumerate(("test.x", "test.z@0,0.01,0")):
+            for i, into in enumerate(("support.x", "support.z")):
+                pair = group[f"{out} from {into}"]
+                np.testing.assert_array_equal(pair["zeros"][:], made.zpk.zeros[o][i])
+                np.testing.assert_array_equal(pair["poles"][:], made.zpk.poles[o][i])
+                assert pair["zeros"].attrs["units"] == pair["poles"].attrs["units"] == "rad/s"
+
+
+def test_python_control(made, origin, tmp_path):
+    control = pytest.importorskip("control")
+    path = tmp_path / "triple-control.json"
+    files.save(path, "control", made, origin)
+    system = files.python_control(path)
+    assert isinstance(system, control.StateSpace)
+    for name, matrix in matrices(made.system).items():
+        np.testing.assert_array_equal(getattr(system, name), matrix)
+    for labels, names in (
+        (system.state_labels, made.system.state),
+        (system.input_labels, made.system.input),
+        (system.output_labels, made.system.output),
+    ):
+        assert labels == [name.replace(".", "_") for name in names]
+    poles, own = np.sort_complex(system.poles()), np.sort_complex(np.linalg.eigvals(made.system.a))
+    np.testing.assert_allclose(poles, own, rtol=1e-10, atol=1e-9)
+    frequency = np.array([0.1, 0.7, 3.3])
+    np.testing.assert_allclose(
+        np.moveaxis(system(2j * np.pi * frequency), -1, 0),
+        made.system.at(frequency),
+        rtol=1e-7,
+        atol=1e-15,
+    )
+
+
+def test_zero_states_still_have_shapes(origin, tmp_path):
+    model = plants.model("triple", "force")
+    made = export.build(model, plants.drives(model, "support.x"), plants.motions(model, "test.z"))
+    for form, name in (("mat", "a.mat"), ("npz", "a.npz"), ("hdf5", "a.h5"), ("control", "a.json")):
+        files.save(tmp_path / name, form, made, origin)
+    assert json.loads((tmp_path / "a.json").read_text())["D"] == [[0.0]]
+    with np.load(tmp_path / "a.npz") as read:
+        assert read["D"].tolist() == [[0.0]]
+        assert read["B"].shape == (len(made.system.state), 1)
+
+
+@pytest.mark.parametrize(
+    ("form", "suffix"),
+    [
+        ("mat", ".mat"),
+        ("npz", ".npz"),
+        ("hdf5", ".h5"),
+        ("zpk", "-zpk.h5"),
+        ("control", "-control.json"),
+    ],
+)
+def test_the_command(form, suffix, tmp_path):
+    file = written(tmp_path, plants.raw("triple"), "triple.toml")
+    result = run(
+        "export",
+        file,
+        "--format",
+        form,
+        "--input",
+        "support.x",
+        "--output",
+        "test.x",
+        "--json",
+        "--out",
+        tmp_path / "out",
+    )
+    assert result.exit_code == 0, result.stderr
+    answer = strict_json(result.stdout)
+    path = tmp_path / "out" / f"triple-statespace{suffix}"
+    assert [entry.name for entry in path.parent.iterdir()] == [path.name]
+    assert answer["file"] == str(path)
+    assert (answer["command"], answer["format"], answer["input"], answer["output"]) == (
+        "export",
+        form,
+        ["support.x"],
+        ["test.x"],
+    )
+    frequencies = eigenmodes.solve(plants.model("triple", answer["fidelity"])).frequency
+    assert answer["band_hz"] == pytest.approx([frequencies.min() / 100, frequencies.max() * 100])
+    assert answer["worst_error"] < answer["tolerance"]
+    assert len(answer["state"]) == 12
+    if suffix.endswith(".h5"):
+        with h5py.File(path) as written_file:
+            assert written_file.attrs["format"] == "pendsus"
+
+
+def test_the_command_takes_all_signals_by_default(tmp_path):
+    file = written(tmp_path, plants.raw("five"), "five.toml")
+    answer = strict_json(run("export", file, "--json", "--out", tmp_path).stdout)
+    assert len(answer["input"]) == 12
+    assert answer["output"] == [f"test.{dof}" for dof in ("x", "y", "z", "roll", "pitch", "yaw")]
+    assert len(answer["state"]) == 12
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--input", "test.x"), "a motion of a stage is an output"),
+        (("--output", "test.force_x"), "a force is an input"),
+        (("--output", "mirror.x"), "names no body"),
+        (("--input", "support.force_x"), "the support's motion is given"),
+    ],
+)
+def test_bad_signals(options, message, tmp_path):
+    file = written(tmp_path, plants.raw("triple"), "triple.toml")
+    result = run("export", file, *options, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()

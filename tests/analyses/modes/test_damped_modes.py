@@ -1,0 +1,445 @@
+"""Modes with losses of any size: closed forms, and roots in fifty digits that share nothing with
+the program."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.modes import damped, wire_modes
+from suspension_cli.analyses.modes import file as stored
+from suspension_cli.elements import joined_sections
+from suspension_cli.files.hdf5 import open_results
+from suspension_cli.linear import eigenmodes
+from suspension_cli.models import registry
+from tests.support import scenes
+from tests.support.commandline import modes_json, run, written
+from tests.support.paths import CONFIGS
+
+MP = mpmath.mp.clone()
+MP.dps = 50
+GRAVITY = 9.81
+
+
+def pendulum(mass, length, wires, **more):
+    return {
+        "body": {"mass": mass, "inertia": [0.1] * 3},
+        "wires": {"count": 4, "l": length, "s": 0.1, "t1": 0.1, "t2": 0.1, "k": 1e5} | wires,
+    } | more
+
+
+def pair(damping, **wires):
+    """20 kg and 2 kg, each on four vertical wires attached at the height of the centres of mass, so
+    that x does not couple to pitch."""
+    upper = {"name": "top", **pendulum(20.0, 0.5, wires)}
+    lower = {"name": "test", **pendulum(2.0, 0.5, wires, damping={"x": damping, "against": "top"})}
+    return {"design": {"name": "pair"}, "stage": [upper, lower]}
+
+
+def single(damping=None, **more):
+    return {
+        "design": {"name": "single"},
+        "stage": [
+            {
+                "name": "test",
+                **pendulum(3.0, 0.7, {}, **({"damping": damping} if damping else {}), **more),
+            }
+        ],
+    }
+
+
+def solved(raw, level="string"):
+    model = registry.by_name(level).system(scenes.design_of(raw))
+    return model, damped.solve(model, eigenmodes.solve(model))
+
+
+def determinant_roots(model, starts, loss=lambda _: 0.0, block=None):
+    """Zeros of det(K (1 + i phi) + s C + s^2 M) of one block near starts, in 50 digits."""
+    free = np.arange(6, model.size) if block is None else block
+    k, c, m = (
+        MP.matrix(matrix[np.ix_(free, free)].tolist())
+        for matrix in (model.stiffness, model.damping, model.mass)
+    )
+
+    def determinant(s):
+        return MP.det(k * (1 + 1j * loss(s.imag)) + s * c + s**2 * m)
+
+    return [
+        complex(
+            MP.findroot(determinant, MP.mpmathify(complex(s)), tol=1e-60, maxsteps=60, verify=False)
+        )
+        for s in starts
+    ]
+
+
+def block_of(model, coordinate):
+    return next(group for group in model.blocks if model.coordinate.index(coordinate) in group)
+
+
+@pytest.mark.parametrize("damping", [1e-9, 0.1, 5.0, 22.0, 23.0, 400.0, 1e6])
+def test_one_damped_oscillator(damping):
+    """m s^2 + c s + k = 0 of a body on springs, light to far overdamped: 2 sqrt(k m) is 22.45 N
+    s/m."""
+    k = 42.0
+    raw = {
+        "design": {"name": "one"},
+        "stage": [
+            {"name": "test", "body": {"mass": 3.0, "inertia": [0.1] * 3}, "position": [0, 0, -0.1]}
+        ],
+    }
+    raw["stage"][0]["spring"] = [
+        {
+            "stiffness": [k, 50.0, 60.0, 3.0, 4.0, 5.0],
+            "damping": [damping, 0, 0, 0, 0, 0],
+            "preload": [0, 0, 3 * GRAVITY, 0, 0, 0],
+        }
+    ]
+    _, found = solved(raw)
+    rate = damping / 6
+    if rate**2 < k / 3:
+        [n] = np.flatnonzero(found.decay_rate > 0)
+        assert found.frequency[n] == pytest.approx(np.sqrt(k / 3) / (2 * np.pi), rel=1e-12)
+        assert found.q[n] == pytest.approx(np.sqrt(k / 3 - rate**2) / (2 * rate), rel=1e-11)
+        assert len(found.q) == 6
+    else:
+        assert found.overdamped.tolist() == [True, True] + [False] * 5
+        fast = rate + np.sqrt(rate**2 - k / 3)
+        assert found.decay_rate[:2] == pytest.approx([k / 3 / fast, fast], rel=1e-11)
+        assert np.isnan(found.frequency[:2]).all()
+        assert (found.q[:2] == 0).all()
+    assert not found.decay_rate[found.frequency > 0][found.q[found.frequency > 0] == np.inf].any()
+
+
+@pytest.mark.parametrize("angle", [1e-12, 1e-6, 0.1, 0.7])
+def test_a_constant_loss_angle(angle):
+    """s = i omega_0 sqrt(1 + i phi): Q = 1 / (2 tan(atan(phi) / 2)), 10.025 at phi = 0.1, where
+    first order says 10."""
+    raw = {
+        "design": {"name": "one"},
+        "stage": [
+            {"name": "test", "body": {"mass": 3.0, "inertia": [0.1] * 3}, "position": [0, 0, -0.1]}
+        ],
+    }
+    raw["stage"][0]["spring"] = [
+        {
+            "stiffness": [42.0, 50.0, 60.0, 3.0, 4.0, 5.0],
+            "loss_angle": angle,
+            "preload": [0, 0, 3 * GRAVITY, 0, 0, 0],
+        }
+    ]
+    _, found = solved(raw)
+    expected = 1 / (2 * np.tan(np.arctan(angle) / 2))
+    if angle == 0.1:
+        assert expected == pytest.approx(10.025, abs=5e-4)
+    assert found.q == pytest.approx(expected, rel=1e-12)
+    still = np.sort(np.sqrt([42 / 3, 50 / 3, 60 / 3, 30, 40, 50])) / (2 * np.pi)
+    assert found.frequency == pytest.approx(still * (1 + angle**2) ** 0.25, rel=1e-13)
+
+
+def test_a_strongly_damped_pair():
+    """Two masses by the characteristic polynomial of degree four, in fifty digits: one pair at
+    0.7047 Hz with Q 36.99, and two real poles."""
+    _, found = solved(pair(30.0, d=0.0))
+    model, _ = solved(pair(30.0))
+    a, b, c, m1, m2 = 22 * GRAVITY / 0.5, 2 * GRAVITY / 0.5, 30, 20, 2
+    roots = MP.polyroots(
+        [m1 * m2, c * (m1 + m2), m1 * b + m2 * (a + b), c * a, a * b], maxsteps=200, extraprec=200
+    )
+    oscillating = next(complex(s) for s in roots if s.imag > 0)
+    assert abs(oscillating) / (2 * np.pi) == pytest.approx(0.7047, abs=5e-5)
+    assert oscillating.imag / (-2 * oscillating.real) == pytest.approx(36.99, abs=5e-3)
+    group = block_of(model, "test.x")
+    expected = determinant_roots(
+        model, [oscillating, *(complex(s) for s in roots if s.imag == 0)], block=group
+    )
+    assert found.overdamped.sum() == 2
+    assert found.decay_rate[:2] == pytest.approx(sorted(-s.real for s in expected[1:]), rel=1e-11)
+    n = int(np.abs(found.frequency - abs(expected[0]) / (2 * np.pi))[2:].argmin()) + 2
+    assert found.frequency[n] == pytest.approx(abs(expected[0]) / (2 * np.pi), rel=1e-12)
+    assert found.q[n] == pytest.approx(expected[0].imag / (-2 * expected[0].real), rel=1e-11)
+    assert found.home[n] == ("top", "x")
+
+
+def test_the_paper_pair_without_stretch():
+    """With rigid wires the pair is the chain of two pendulums."""
+    _, found = solved(pair(30.0, k=1e13))
+    a, b, c, m1, m2 = 22 * GRAVITY / 0.5, 2 * GRAVITY / 0.5, 30, 20, 2
+    roots = [
+        complex(s) for s in np.roots([m1 * m2, c * (m1 + m2), m1 * b + m2 * (a + b), c * a, a * b])
+    ]
+    oscillating = next(s for s in roots if s.imag > 0)
+    assert found.decay_rate[:2] == pytest.approx(
+        sorted(-s.real for s in roots if s.imag == 0), rel=1e-6
+    )
+    n = int(np.nanargmin(np.abs(found.frequency - 0.7047)))
+    assert found.frequency[n] == pytest.approx(0.7047, abs=5e-5)
+    assert found.q[n] == pytest.approx(oscillating.imag / (-2 * oscillating.real), rel=1e-5)
+    assert found.q[n] == pytest.approx(36.99, abs=5e-3)
+
+
+@pytest.mark.parametrize("detuning", [0.0, 3e-10, 1e-9, 1e-7, 1e-5, 1e-3])
+def test_two_modes_closer_than_their_widths(detuning):
+    """Two equal bodies on springs that a damper joins to one another: weak damping couples modes
+    whose frequencies all but agree."""
+    body, k = {"mass": 1.0, "inertia": [0.1] * 3}, 100.0
+    stages = []
+    for n, name in enumerate(("one", "two")):
+        spring = {
+            "stiffness": [k * (1 + n * detuning), 130.0, 160.0, 3.0, 4.0, 5.0],
+            "preload": [0, 0, GRAVITY, 0, 0, 0],
+        }
+        stages.append(
+            {
+                "name": name,
+                "body": body,
+                "hangs_from": "support",
+                "position": [0, 0, -0.1],
+                "spring": [spring],
+            }
+        )
+    stages[0]["damping"] = {"x": 1e-5}
+    stages[1]["damping"] = {"x": 1e-5, "against": "one"}
+    model, found = solved({"design": {"name": "twins"}, "stage": stages})
+    own = np.flatnonzero(found.decay_rate > 0)
+    assert len(own) == 2
+    c = np.array([[2e-5, -1e-5], [-1e-5, 1e-5]])
+    one, two, c1, c2, c12 = (
+        MP.mpf(float(value))
+        for value in (model.stiffness[6, 6], model.stiffness[12, 12], c[0, 0], c[1, 1], c[0, 1])
+    )
+    mp_roots = MP.polyroots(
+        [1, c1 + c2, one + two + c1 * c2 - c12**2, one * c2 + two * c1, one * two],
+        maxsteps=500,
+        extraprec=400,
+    )
+    expected = sorted(float(-s.real) for s in mp_roots if s.imag > 0)
+    assert sorted(found.decay_rate[own]) == pytest.approx(expected, rel=1e-9)
+
+
+def test_losses_that_depend_on_frequency():
+    """A blade of tabulated loss: the root of m s^2 + k (1 + i phi(Im s)) in fifty digits."""
+    table = {"frequency": [0.1, 10.0], "angle": [0.01, 0.9]}
+    raw = single()
+    raw["materials"] = {
+        "putty": {
+            "youngs_modulus": 1e11,
+            "poisson_ratio": 0.3,
+            "density": 8000.0,
+            "loss": {"table": table},
+        }
+    }
+    raw["stage"][0]["wires"] |= {"material": "putty", "radius": 2e-4}
+    del raw["stage"][0]["wires"]["k"]
+    model, found = solved(raw, "beam")
+    [n] = [n for n, home in enumerate(found.home) if home == ("test", "z")]
+    group = block_of(model, "test.z")
+    stiffness, mass = model.stiffness[group[0], group[0]], model.mass[group[0], group[0]]
+    assert len(group) == 1
+    omega = np.sqrt(stiffness / mass)
+    for _ in range(200):
+        angle = np.exp(
+            np.interp(
+                np.log(np.clip(omega / (2 * np.pi), 0.1, 10.0)),
+                np.log([0.1, 10.0]),
+                np.log([0.01, 0.9]),
+            )
+        )
+        s = 1j * np.sqrt(stiffness / mass * (1 + 1j * angle))
+        omega = s.imag
+    assert found.frequency[n] == pytest.approx(abs(s) / (2 * np.pi), rel=1e-10)
+    assert found.q[n] == pytest.approx(s.imag / (-2 * s.real), rel=1e-10)
+
+
+def test_random_chains_with_dampers_in_fifty_digits():
+    """All poles of blocks with random dampers between stages: each is a root, and there are as many
+    as degrees of freedom."""
+    rng = np.random.default_rng(11)
+    raw = scenes.chain(rng, 2)
+    names = [stage["name"] for stage in raw["stage"]]
+    for stage, against in zip(raw["stage"], ["support", names[0]], strict=True):
+        stage["damping"] = {dof: float(rng.uniform(0, 60)) for dof in ("x", "z", "yaw")} | {
+            "against": against
+        }
+    model, found = solved(raw)
+    poles = np.where(
+        found.overdamped,
+        -found.decay_rate + 0j,
+        -found.decay_rate + 1j * np.sqrt(np.maximum(found.omega_squared - found.decay_rate**2, 0)),
+    )
+    for number, group in enumerate(model.blocks):
+        own = poles[found.block == number]
+        assert (2 * (own.imag > 0) + (own.imag == 0)).sum() == 2 * len(group)
+        roots = determinant_roots(model, own[:2], block=group)
+        np.testing.assert_allclose(own[:2], roots, rtol=1e-9)
+
+
+def test_a_massless_tip_on_a_dashpot():
+    """A support structure without mass on a spring and a damper adds a real pole: m s^2 + 1 / (1/k
+    + 1/(k_f + s c)) = 0, a cubic."""
+    raw = single()
+    raw["support"] = {"stiffness": {"z": 5e4}, "damping": {"z": 2e4}}
+    _, found = solved(raw)
+    k, kf, c, m = 4e5, 5e4, 2e4, 3.0
+    roots = np.roots([m * c, m * (kf + k), k * c, k * kf])
+    real = next(s.real for s in roots if abs(s.imag) < 1e-9)
+    pole = next(s for s in roots if s.imag > 0)
+    vertical = [
+        n for n, home in enumerate(found.home) if home[1] == "z" and not found.overdamped[n]
+    ]
+    assert found.decay_rate[found.overdamped] == pytest.approx([-real], rel=1e-6)
+    assert found.frequency[vertical] == pytest.approx([abs(pole) / (2 * np.pi)], rel=1e-6)
+    assert found.q[vertical] == pytest.approx([pole.imag / (-2 * pole.real)], rel=1e-6)
+
+
+def test_growth_and_rest_with_dampers():
+    """A free rotation with a damper is a rigid mode and a decay at c / I; an inverted pendulum
+    grows at the root of the damped equation."""
+    free = {
+        "name": "test",
+        "body": {"mass": 3.0, "inertia": [0.1] * 3},
+        "wires": {"count": 1, "l": 0.7, "k": 1e5, "d": 0.01},
+        "damping": {"yaw": 0.02},
+    }
+    _, found = solved({"design": {"name": "spin"}, "stage": [free]})
+    assert ((found.omega_squared == 0) & ~found.overdamped).sum() == 1
+    assert found.decay_rate[found.overdamped] == pytest.approx([0.2], rel=1e-12)
+    top = single({"x": 0.5}, spring=[{"stiffness": [-150.0, 0, 0, 0, 0, 0]}])
+    model, found = solved(top)
+    k, m = model.stiffness, model.mass
+    assert not found.stable
+    group = block_of(model, "test.x")
+    growth = found.growth_rate[0]
+    matrix = (
+        k[np.ix_(group, group)]
+        + growth * model.damping[np.ix_(group, group)]
+        + growth**2 * m[np.ix_(group, group)]
+    )
+    assert np.abs(np.linalg.eigvalsh(matrix)).min() < 1e-12 * growth**2 * m[group[0], group[0]]
+    assert growth < np.sqrt(
+        np.linalg.eigvalsh(-k[np.ix_(group, group)]).max() / m[group[0], group[0]]
+    )
+    assert not found.overdamped.any()
+
+
+def test_wires_with_mass():
+    """As wires get lighter, damped modes tend to those of wires without mass; Q and frequency of
+    strongly damped ones too."""
+    raw = pair(30.0, material="c70steel", radius=2e-4)
+    raw["materials"] = {
+        "airy": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 1e-2, "loss_angle": 2e-4}
+    }
+    for stage in raw["stage"]:
+        stage["wires"]["material"] = "airy"
+    _, beam = solved(raw, "beam")
+    found = wire_modes.solve(registry.VIOLIN.system(scenes.design_of(raw)), 80.0, damping=True)
+    assert found.overdamped.sum() == beam.overdamped.sum() == 2
+    assert len(found.q) == len(beam.q)
+    np.testing.assert_allclose(found.decay_rate, beam.decay_rate, rtol=1e-6)
+    np.testing.assert_allclose(found.frequency, beam.frequency, rtol=1e-6)
+
+
+def test_q_of_light_losses_is_that_of_first_order():
+    """Q of 1e10 to all digits, on beam and on violin."""
+    raw = scenes.fibred(scenes.chain(np.random.default_rng(5), 1), 5e8, ribbons=False)
+    raw["materials"] = {
+        "pure": {
+            "youngs_modulus": 7e10,
+            "poisson_ratio": 0.2,
+            "density": 2200.0,
+            "loss_angle": 1e-10,
+        }
+    }
+    raw["stage"][0]["wires"]["material"] = "pure"
+    model, found = solved(raw, "beam")
+    first = eigenmodes.solve(model)
+    assert found.q.max() > 1e10
+    np.testing.assert_allclose(found.q, first.q, rtol=1e-9)
+    np.testing.assert_allclose(found.frequency, first.frequency, rtol=1e-13)
+    model = registry.VIOLIN.system(scenes.design_of(raw))
+    highest = 1.1 * model.terms[0].strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi)
+    one, other = (wire_modes.solve(model, highest, damping=damping) for damping in (False, True))
+    np.testing.assert_allclose(other.q, one.q, rtol=1e-8)
+    assert other.label == one.label
+
+
+def test_the_command_lists_overdamped_modes(tmp_path):
+    file = written(tmp_path, scenes.plain(pair(30.0)))
+    answer = modes_json(file, "--out", tmp_path, "--no-plot")
+    over = [mode for mode in answer["modes"] if "decay_rate_per_s" in mode]
+    assert [mode["frequency_hz"] for mode in over] == [None, None]
+    assert [mode["q"] for mode in over] == [0.0, 0.0]
+    assert all(mode["decay_rate_per_s"] > 0 for mode in over)
+    assert answer["stable"]
+    frequency = [
+        mode["frequency_hz"] for mode in answer["modes"] if mode["frequency_hz"] is not None
+    ]
+    assert frequency == sorted(frequency)
+    with open_results(tmp_path / "pair-modes.h5") as results:
+        found = stored.load(results["modes"])
+    assert found.overdamped.sum() == 2
+    assert found.decay_rate[found.overdamped].tolist() == [
+        mode["decay_rate_per_s"] for mode in over
+    ]
+    shown = run("modes", file, "--out", tmp_path)
+    assert shown.exit_code == 0
+    assert shown.stdout.count("overdamped") == 4
+    assert "decays at" in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["double.toml", "--max-frequency", "1e6"], "modes up to"),
+        (["geo-silica-triple.toml", "--set", "stage.middle.wires.radius=0.55"], "modes up to"),
+        (["husman2000/table2.toml", "--set", "stage.middle.wires.s=28235"], "modes up to"),
+        (
+            ["double.toml", "--max-frequency", "0.1", "--fidelity", "string"],
+            "is below the lowest mode",
+        ),
+    ],
+)
+def test_nonsense_ends_at_once(options, said, tmp_path):
+    """Thousands of modes are counted, not computed; a range without modes is refused on every
+    rung."""
+    result = run("modes", CONFIGS / options[0], *options[1:], "--out", tmp_path / "out")
+    assert result.exit_code == 2, result.stderr
+    assert said in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_number_of_modes_is_that_of_the_list():
+    model = registry.VIOLIN.system(
+        scenes.design_of(scenes.fibred(scenes.chain(np.random.default_rng(2), 1), 5e8))
+    )
+    highest = 2.5 * model.terms[0].strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi)
+    assert (
+        wire_modes.count_modes(model, highest)
+        == (wire_modes.solve(model, highest).omega_squared > 0).sum()
+    )
+
+
+def test_sections_whose_node_resonates_to_the_last_bit():
+    """Two rods whose stiffnesses cancel at their node: no singular matrix, and one side of the
+    resonance or the other."""
+    upper, lower = (
+        np.array([[[stiffness], [1.0]], [[1.0], [stiffness]]]) for stiffness in (2.0, -2.0)
+    )
+    whole, nodes, negative = joined_sections.join([upper, lower])
+    assert np.isfinite(whole).all()
+    assert np.isfinite(nodes[0]).all()
+    assert negative.tolist() in ([0], [1])
+
+
+def test_two_free_rotations_and_a_damper_between():
+    """Poles 0 (three times) and -c (1/I_1 + 1/I_2): two rigid modes, and one that decays."""
+    wires = {"count": 1, "l": 0.7, "k": 1e5, "d": 0.01}
+    stages = [
+        {"name": name, "body": {"mass": 3.0, "inertia": [0.1, 0.1, inertia]}, "wires": wires}
+        for name, inertia in (("one", 0.2), ("two", 0.05))
+    ]
+    stages[1]["damping"] = {"yaw": 0.02, "against": "one"}
+    _, found = solved({"design": {"name": "spins"}, "stage": stages})
+    assert ((found.omega_squared == 0) & ~found.overdamped).sum() == 2
+    assert found.decay_rate[found.overdamped] == pytest.approx([0.02 * (5 + 20)], rel=1e-12)

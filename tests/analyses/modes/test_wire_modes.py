@@ -1,0 +1,238 @@
+"""Modes of suspensions whose wires have mass: all of them and no others, with the Q that a lossy
+system has."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.design.reader import read
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.errors import InputError
+from suspension_cli.linear import eigenmodes, mode_count, response, signals
+from suspension_cli.models import registry
+from tests.support import finite_elements, scenes
+from tests.support.paths import CONFIGS
+
+ELEMENTS = 16
+
+
+def random_design(seed):
+    """One or two stages on steel wires, round or ribbons, with or without blades; every third has
+    no symmetry left in its wires."""
+    rng = np.random.default_rng([77, seed])
+    kind = seed % 4
+    raw = (
+        scenes.chain(rng, 1)
+        if kind < 2
+        else scenes.chain(rng, 2)
+        if kind == 2
+        else scenes.bladed_chain(rng, 1, tip_mass=bool(seed % 8 < 4), lateral=False)
+    )
+    return scenes.fibred(raw, rng.uniform(2e8, 8e8), ribbons=bool(rng.random() < 0.3))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_count_is_that_of_finite_elements(seed):
+    """In every gap between modes that is wider than finite elements are wrong; both polarisations
+    of violin modes lie within a gap."""
+    raw = random_design(seed)
+    model = registry.VIOLIN.system(scenes.design_of(raw))
+    scene = scenes.scene_of(raw)
+    scene = finite_elements.with_fibres(scene, scenes.design_of(raw))
+    found = finite_elements.frequencies(scene, ELEMENTS)
+    frequency, below = finite_elements.between(
+        found[found < finite_elements.limit(scene, ELEMENTS)]
+    )
+    assert len(frequency) >= 6
+    assert mode_count.modes_below(model, 2 * np.pi * frequency).tolist() == below.tolist()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_frequencies_are_those_of_finite_elements(seed):
+    raw = random_design(seed)
+    design = scenes.design_of(raw)
+    scene = finite_elements.with_fibres(scenes.scene_of(raw), design)
+    highest = finite_elements.limit(scene, ELEMENTS)
+    expected = finite_elements.frequencies(scene, ELEMENTS)
+    found = wire_modes.solve(registry.VIOLIN.system(design), highest).frequency
+    assert found == pytest.approx(expected[: len(found)], rel=3e-3)
+    assert found[:6] == pytest.approx(expected[:6], rel=2e-4)
+
+
+def test_pairs_that_all_but_agree_are_told_apart():
+    """Violin modes of one wire in two planes whose thickness differs by a part in 1e9."""
+    raw = scenes.fibred(scenes.chain(np.random.default_rng(5), 1), 5e8, ribbons=True)
+    side = 3e-4
+    raw["stage"][0]["wires"]["section"] = {"width": side * (1 + 1e-9), "thickness": side}
+    model = registry.VIOLIN.system(scenes.design_of(raw))
+    found = wire_modes.solve(model, 1.2 * _first_violin(model))
+    kinds = [home[1] for home, order in zip(found.home, found.order, strict=True) if order]
+    assert kinds.count("violin-x") == kinds.count("violin-y") == len(kinds) // 2 > 0
+    strand = model.terms[0].strand
+    soft, stiff = (strand.held_resonances(part, 1.0)[0] for part in ("bend-1", "bend-2"))
+    assert 0 < stiff / soft - 1 < 1e-9
+    frequency = found.frequency[found.order > 0]
+    assert (np.diff(frequency) >= 0).all()
+    assert np.abs(frequency[0] * 2 * np.pi / soft - 1) < 1e-3
+
+
+def _first_violin(model):
+    strand = model.terms[0].strand
+    return strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_modes_are_orthogonal_and_their_energy_is_all_there(seed):
+    """Shares sum to 1; at a mode the dynamic stiffness of the bodies takes its shape to nothing."""
+    design = scenes.design_of(random_design(seed))
+    model = registry.VIOLIN.system(design)
+    found = wire_modes.solve(model, 1.3 * _first_violin(model))
+    assert found.shares.sum(1) == pytest.approx(1.0, abs=1e-9)
+    assert (found.shares > -1e-12).all()
+    assert (found.order > 0).any()
+    bodies = eigenmodes.solve(registry.BEAM.system(design))
+    # the mass of wires, at most 1 % of the bodies'
+    assert found.frequency[:6] == pytest.approx(bodies.frequency[:6], rel=2e-3)
+    assert found.q[:6] == pytest.approx(bodies.q[:6], rel=2e-2)
+
+
+@pytest.mark.parametrize("which", ["body", "violin"])
+def test_q_is_the_width_of_the_resonance(which):
+    """Lossy enough to be resolved: half the peak's power at f (1 +- 1/2Q), from the response
+    alone."""
+    raw = scenes.fibred(scenes.chain(np.random.default_rng(11), 1), 5e8)
+    raw["materials"] = {
+        "steel302": {"loss": {"angle": 2e-4 if which == "body" else 5e-2, "thermoelastic": False}}
+    }
+    model = registry.VIOLIN.system(scenes.design_of(raw))
+    found = wire_modes.solve(model, 1.2 * _first_violin(model))
+    known = signals.bodies_with_signals(model)
+    drive, motion = (
+        [signals.parse_input("mass1.force_x", known)],
+        [signals.parse_output("mass1.x", known)],
+    )
+    violin = np.flatnonzero(
+        (found.order == 1) & (found.shares[:, list(found.place).index("mass1.x")] > 1e-8)
+    )
+    number = (
+        int(np.flatnonzero([home == ("mass1", "x") for home in found.home])[0])
+        if which == "body"
+        else int(violin[-1])
+    )
+    f, q = found.frequency[number], found.q[number]
+    grid = f * (1 + np.linspace(-8, 8, 4001) / q)
+    power = -response.solve(model, grid, drive, motion).value[:, 0, 0].imag
+    power -= np.interp(grid, grid[[0, -1]], power[[0, -1]]) * 0
+    high = np.flatnonzero(power >= power.max() / 2)
+    assert grid[power.argmax()] == pytest.approx(f, rel=1 / q)
+    assert (grid[high[-1]] - grid[high[0]]) / f == pytest.approx(1 / q, rel=0.03)
+
+
+def test_dilution_of_a_pendulum_on_one_wire():
+    """E_total / E_bending = 2 L / u if the mass may turn, L / u if it may not (u = sqrt(EI / T);
+    Gonzalez and Saulson 1994)."""
+    stage = {
+        "name": "test",
+        "body": {"mass": 1.0, "inertia": [1e3] * 3},
+        "wires": {"count": 1, "l": 0.5, "material": "c70steel", "radius": 1e-4, "d": 0.0},
+    }
+    model = registry.BEAM.system(scenes.design_of({"design": {"name": "one"}, "stage": [stage]}))
+    found = eigenmodes.solve(model)
+    number = next(n for n, home in enumerate(found.home) if home[1] == "x")
+    u = np.sqrt(2.12e11 * np.pi / 4 * 1e-16 / 9.81)
+    # so much inertia does not turn
+    assert found.dilution[number] == pytest.approx(0.5 / u, rel=0.02)
+
+
+def test_order_of_shapes_pairs_with_the_beam():
+    """Modes of bodies on `violin` and on `beam` are the same motions."""
+    design = scenes.design_of(random_design(2))
+    quick = eigenmodes.solve(registry.BEAM.system(design))
+    model = registry.VIOLIN.system(design)
+    slow = wire_modes.solve(model, 1.5 * float(quick.frequency[-1]))
+    n = len(quick.q)
+    mass = model.mass[6 : 6 + quick.shape.shape[1], 6 : 6 + quick.shape.shape[1]]
+    overlap = np.abs(quick.shape @ mass @ slow.shape[:n].T)
+    rows, columns = linear_sum_assignment(-overlap)
+    assert (rows == columns).all()
+    assert overlap[rows, columns].min() > 0.99
+
+
+def test_held_twisting_is_diluted_by_tension_alone():
+    """Wires that twist between bodies that all but stand still: every wire has its mode, with its
+    energy in shear, which is lossy, and in its tension: 1 + T (r^2/2)/(G pi r^4/2)."""
+    design = read(CONFIGS / "double.toml").design
+    found = wire_modes.solve(registry.VIOLIN.system(design), 6000.0)
+    for stage in design.stage:
+        here = [n for n, home in enumerate(found.home) if home == (stage.name, "twist")]
+        assert len(here) == stage.wires.count
+        shear = 2.12e11 / (2 * (1 + 0.29)) * math.pi * stage.wires.radius**2
+        pull = float(
+            expand(design)
+            .wires.tension[[label.startswith(stage.name) for label in expand(design).wires.label]]
+            .mean()
+        )
+        assert found.dilution[here] == pytest.approx(1 + pull / shear, abs=1e-6)
+
+
+def test_orders_of_wires_that_are_not_alike():
+    """Each violin mode is near the multiple, by its order, of the first of its own wire."""
+    model = registry.VIOLIN.system(read(CONFIGS / "five-wires.toml").design)
+    found = wire_modes.solve(model, 600.0)
+    assert found.order.max() > 1
+    firsts = np.array(
+        [
+            term.strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi)
+            for term in model.terms
+            if hasattr(term, "strand")
+        ]
+    )
+    assert len(firsts) > 2
+    for frequency, order in zip(
+        found.frequency[found.order > 0], found.order[found.order > 0], strict=True
+    ):
+        assert np.abs(frequency / (order * firsts) - 1).min() < 0.01
+
+
+def test_ends_at_their_own_temperature():
+    """Thermoelastic loss and noise of each end at its own: with both alike they are those of a wire
+    of that temperature."""
+    stage = {
+        "name": "test",
+        "body": {"mass": 1.0, "inertia": [1e-3] * 3},
+        "wires": {"count": 1, "l": 0.5, "material": "c70steel", "radius": 2e-4, "d": 0.0},
+    }
+    raw = {
+        "design": {"name": "one"},
+        "materials": {"c70steel": {"loss": {"angle": 0.0}}},
+        "stage": [stage],
+    }
+    parts = {}
+    for name, temperature in (
+        ("cold", 100.0),
+        ("warm", 290.0),
+        ("both", {"upper": 100.0, "lower": 290.0}),
+    ):
+        stage["wires"]["temperature"] = temperature
+        model = registry.BEAM.system(scenes.design_of(raw))
+        parts[name] = thermal.solve(
+            model, np.array([10.0]), *reversed(thermal.parse_motion(model, "test.x")), 290.0
+        ).parts
+    assert parts["both"]["test.bending-upper"] == pytest.approx(
+        parts["cold"]["test.bending-upper"], rel=1e-6
+    )
+    assert parts["both"]["test.bending-lower"] == pytest.approx(
+        parts["warm"]["test.bending-lower"], rel=1e-6
+    )
+
+
+def test_nothing_below_the_lowest_mode():
+    model = registry.VIOLIN.system(read(CONFIGS / "double.toml").design)
+    with pytest.raises(InputError, match="is below the lowest mode"):
+        wire_modes.solve(model, 0.1)

@@ -1,0 +1,483 @@
+"""`pendsus optimise` as a command: what it tells and writes, its exit codes, and the goals that it
+refuses."""
+
+from __future__ import annotations
+
+import h5py
+import msgspec
+import numpy as np
+import pytest
+
+from suspension_cli.analyses import registry
+from suspension_cli.analyses.optimise import file as files
+from suspension_cli.design import goals, reader
+from suspension_cli.design.goals import Free, Goal, Goals
+from suspension_cli.files.hdf5 import open_results
+from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.golden import CONFIGS, ROOT
+from tests.support.optima import EXAMPLE, PAPER, TRIPLE, VERTICAL, WANTED, WIRES, solved
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The shipped example, from its own start alone."""
+    folder = tmp_path_factory.mktemp("optimised")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        result = run(*EXAMPLE, "--out", folder, "--json", "--plot")
+    assert result.exit_code == 0, result.stderr
+    return folder, strict_json(result.stdout)
+
+
+def test_the_story_of_section_5a(made):
+    """From vertical wires whose rotation is too fast to a triple whose modes to be damped all are
+    as section 1 wants them, by `pendsus modes` alone."""
+    folder, answer = made
+    before, after = (
+        strict_json(run("modes", file, "--json", "--out", folder / "modes").stdout)
+        for file in (TRIPLE, folder / "husman2000-triple-vertical-optimised.toml")
+    )
+    fast = [mode for mode in before["modes"] if mode["verdict"] != "can be damped"]
+    assert sorted(mode["dof"] for mode in fast) == ["roll", "yaw", "z"]
+    left = [mode for mode in after["modes"] if mode["verdict"] != "can be damped"]
+    assert sorted(mode["dof"] for mode in left) == ["roll", "z"] and all(
+        mode["frequency_hz"] > 20 and mode["top_mass_share"] < 1e-3 for mode in left
+    )
+    damped = [mode for mode in after["modes"] if mode not in left]
+    assert len(damped) == 16 and all(
+        0.5 <= mode["frequency_hz"] <= 5 and mode["top_mass_share"] >= 0.05 for mode in damped
+    )
+    assert answer["goals_met"] and all(limit["met"] for limit in answer["limits"])
+    told = sorted(mode["after_hz"] for mode in answer["modes"])
+    # the latter with losses, 1/(8 Q²) away
+    np.testing.assert_allclose(told, [mode["frequency_hz"] for mode in after["modes"]], rtol=1e-6)
+    wires = reader.read(folder / "husman2000-triple-vertical-optimised.toml").design.stage[1].wires
+    assert wires.t1 < 0.8 * wires.t2  # the paper's remedy: they lean
+
+
+def test_files_tell_the_same(made):
+    folder, answer = made
+    path = folder / "husman2000-triple-vertical-optimise.h5"
+    with h5py.File(path) as file:
+        found = files.load(file["optimise"])
+        assert (
+            file["optimise"].attrs["goals"] == WANTED.read_text()
+            and file["optimise"].attrs["goals_met"]
+        )
+    assert (
+        reader.parse(found.design)
+        == reader.read(folder / "husman2000-triple-vertical-optimised.toml").design
+    )
+    assert found.limits.margin.tolist() == [limit["margin"] for limit in answer["limits"]]
+    assert found.numbers.after.tolist() == [number["after"] for number in answer["parameters"]]
+    png = path.with_suffix(".png")
+    before = png.read_bytes()
+    assert run("plot", path).exit_code == 0
+    assert png.read_bytes() == before
+
+
+def test_what_is_not_met_has_exit_code_1(tmp_path):
+    raw = {
+        "goal": [{"kind": "band", "modes": ["test longitudinal"], "at_least": 3.0}],
+        "free": [{"name": f"{WIRES}.l", "lower": 0.1, "upper": 0.5}],
+    }
+    result = run(
+        "optimise",
+        VERTICAL,
+        written(tmp_path, raw, "goals.toml"),
+        "--starts",
+        "1",
+        "--out",
+        tmp_path,
+        "--no-plot",
+        "--fidelity",
+        "string",
+    )
+    assert result.exit_code == 1
+    assert "NOT MET" in result.stdout and "1 limit, 1 NOT MET" in result.stdout
+    with open_results(tmp_path / "husman2000-table1-case1-optimise.h5") as file:
+        loaded = registry.loaded(file, "")
+    assert f"{loaded}\n" == result.stdout and loaded.analysis.exit_code(loaded) == 1
+    assert (
+        "# " in (text := (tmp_path / "husman2000-table1-case1-optimised.toml").read_text())
+        and "NOT MET: test longitudinal >= 3 Hz" in text
+    )
+
+
+def test_room_is_told_as_a_share_of_the_limit(tmp_path):
+    """Half the least there may be is 50 % short, and twice the most 100 % over, which margins in
+    logarithms have alike."""
+    limits = [{"at_least": 2.0}, {"at_most": 0.25}, {"equals": 2.0}, {"at_most": 2.0}]
+    goal = [{"kind": "band", "modes": ["test longitudinal"]} | limit for limit in limits]
+    raw = {"goal": goal, "free": [{"name": f"{WIRES}.l", "lower": 0.2, "upper": 0.5}]}
+    result = run(
+        "optimise",
+        VERTICAL,
+        written(tmp_path, raw, "goals.toml"),
+        "--starts",
+        "1",
+        "--out",
+        tmp_path,
+        "--json",
+        "--fidelity",
+        "string",
+    )
+    answer = strict_json(result.stdout)
+    value = answer["limits"][0]["value"]
+    np.testing.assert_allclose(
+        [limit["room"] for limit in answer["limits"]],
+        [value / 2 - 1, 1 - value / 0.25, value / 2 - 1, 1 - value / 2],
+        rtol=1e-12,
+    )
+    with h5py.File(tmp_path / "husman2000-table1-case1-optimise.h5") as file:
+        found = files.load(file["optimise"])
+    assert found.limits.room.tolist() == [limit["room"] for limit in answer["limits"]]
+
+
+def test_what_is_not_known_is_not_all_met(tmp_path):
+    """Of two materials one has a strength; the last line says so, as does the exit code."""
+    raw = {
+        "goal": [{"kind": "stress", "at_most": 0.9}],
+        "free": [{"name": "stage.mirror.wires.l", "lower": 0.5, "upper": 0.9}],
+    }
+    file = written(tmp_path, raw, "goals.toml")
+    unknown = [
+        word
+        for stage in ("mirror", "recoil-mass")
+        for word in ("--set", f"stage.{stage}.wires.material=tungsten")
+    ]
+    design = CONFIGS / "payload-recoil-mass.toml"
+    result = run(
+        "optimise",
+        design,
+        file,
+        *unknown,
+        "--starts",
+        "1",
+        "--out",
+        tmp_path,
+        "--no-plot",
+        "--fidelity",
+        "string",
+    )
+    assert result.exit_code == 1
+    assert "1 limit, met, 2 NOT KNOWN, checked on string" in result.stdout
+
+
+def test_a_limit_that_symmetry_keeps_is_told(tmp_path):
+    raw = {
+        "goal": [
+            {"kind": "cross-coupling", "response": "test.x/test.z/support.z:50", "at_most": 1e-3}
+        ],
+        "free": [{"name": f"{WIRES}.l", "lower": 0.2, "upper": 0.5}],
+    }
+    result = run(
+        "optimise",
+        VERTICAL,
+        written(tmp_path, raw, "goals.toml"),
+        "--starts",
+        "1",
+        "--out",
+        tmp_path,
+        "--no-plot",
+        "--fidelity",
+        "string",
+    )
+    assert result.exit_code == 0 and "is 0: the design's symmetry forbids it" in result.stderr
+
+
+def test_a_design_that_falls_over_is_told(tmp_path):
+    """No goal is about its pitch."""
+    raw = {
+        "goal": [{"kind": "height", "at_most": 1.0}],
+        "free": [{"name": "stage.upper.wires.d", "lower": -0.05, "upper": 0.01, "start": -0.05}],
+    }
+    options = ("--starts", "1", "--no-plot", "--quiet", "--out", tmp_path)
+    result = run(
+        "optimise", CONFIGS / "double.toml", written(tmp_path, raw, "goals.toml"), *options
+    )
+    assert result.exit_code == 0 and result.stderr.startswith(
+        "warning: the design found is unstable: upper pitch;"
+    )
+
+
+def test_an_unstable_start_has_no_frequency(tmp_path):
+    """The start topples (wires end below the centre of mass); what was is then none, and the search
+    gets it upright."""
+    raw = {
+        "goal": [{"kind": "band", "modes": ["test pitch"], "at_least": 0.5}],
+        "free": [
+            {"name": f"{WIRES}.d", "lower": -0.2, "upper": 0.01, "start": -0.15},
+            {"name": f"{WIRES}.s", "lower": 0.001, "upper": 0.05, "start": 0.001},
+        ],
+    }
+    goals_file = written(tmp_path, raw, "goals.toml")
+    result = run(
+        "optimise",
+        VERTICAL,
+        goals_file,
+        "--starts",
+        "1",
+        "--out",
+        tmp_path,
+        "--no-plot",
+        "--fidelity",
+        "string",
+    )
+    assert result.exit_code == 0, result.stderr
+    assert ", was none (+0.00 %, active)" in result.stdout and "nan" not in result.stdout
+
+
+def test_a_value_to_equal_is_drawn(tmp_path):
+    """As a line in the row of its mode, which is in another colour where it is not met."""
+    from suspension_cli.analyses.optimise import picture
+
+    free = [Free(name=f"{WIRES}.l", lower=0.2, upper=0.3)]
+    goal = [
+        Goal(kind="band", modes=["test longitudinal"], equals=0.5),
+        Goal(kind="band", modes=["test yaw"], equals=1.79),
+    ]
+    figure = picture.draw(solved(VERTICAL, goal, free), "")
+    axes = figure.axes[0]
+    drawn = [
+        path
+        for one in axes.collections
+        for path in one.get_paths()
+        if "allowed" in str(one.get_label()) or len(path.vertices) > 2
+    ]
+    assert {0.5, 1.79} <= {round(float(path.vertices[0][0]), 6) for path in drawn}
+    assert "after, not met" in axes.get_legend_handles_labels()[1]
+
+
+BAND = {"kind": "band", "dof": ["x"], "at_least": 0.5}
+LENGTH = {"name": f"{WIRES}.l", "lower": 0.1, "upper": 1.0}
+BAD = {
+    "empty": ({}, "is empty; write tables into it"),
+    "no goal": ({"free": [LENGTH]}, "goal: missing"),
+    "unknown kind": (
+        {"goal": [{"kind": "colour"}], "free": [LENGTH]},
+        'goal.1.kind = "colour": must be one of band',
+    ),
+    "unknown key": (
+        {"goal": [BAND | {"limit": 1}], "free": [LENGTH]},
+        "goal.1.limit = 1: unknown key",
+    ),
+    "not of this kind": (
+        {"goal": [BAND | {"response": "a/b:1"}], "free": [LENGTH]},
+        'goal.1.response = "a/b:1": is not for a goal of kind band',
+    ),
+    "no limit": (
+        {"goal": [{"kind": "band", "dof": ["x"]}], "free": [LENGTH]},
+        "goal.1: sets no limit",
+    ),
+    "both ways": (
+        {"goal": [BAND | {"minimise": True, "maximise": True}], "free": [LENGTH]},
+        "goal.1: has both minimise and maximise",
+    ),
+    "weight alone": (
+        {"goal": [BAND | {"weight": 2.0}], "free": [LENGTH]},
+        "goal.1.weight = 2.0: has no effect on a limit",
+    ),
+    "crossed": (
+        {"goal": [BAND | {"at_most": 0.4}], "free": [LENGTH]},
+        "goal.1.at_least = 0.5: is not below at_most",
+    ),
+    "equals and more": (
+        {"goal": [BAND | {"equals": 0.6}], "free": [LENGTH]},
+        "goal.1.equals = 0.6: conflicts with another limit",
+    ),
+    "which modes": (
+        {"goal": [{"kind": "band", "at_least": 0.5}], "free": [LENGTH]},
+        "goal.1: must say which modes",
+    ),
+    "lowest of labels": (
+        {
+            "goal": [{"kind": "band", "modes": ["1"], "lowest": 1, "at_least": 0.5}],
+            "free": [LENGTH],
+        },
+        "goal.1.lowest = 1: goes with dof",
+    ),
+    "more than all": (
+        {"goal": [{"kind": "coupling", "dof": ["x"], "at_least": 5.0}], "free": [LENGTH]},
+        "goal.1.at_least = 5.0: is more than the whole",
+    ),
+    "no ratio": (
+        {"goal": [{"kind": "separation", "dof": ["x"], "at_least": 0.1}], "free": [LENGTH]},
+        "goal.1.at_least = 0.1: must be a ratio above 1",
+    ),
+    "wish of a separation": (
+        {"goal": [{"kind": "separation", "dof": ["x"], "maximise": True}], "free": [LENGTH]},
+        "goal.1: a separation cannot be minimised",
+    ),
+    "no response": (
+        {"goal": [{"kind": "isolation", "at_most": 1.0}], "free": [LENGTH]},
+        "goal.1.response: missing",
+    ),
+    "half a coupling": (
+        {
+            "goal": [{"kind": "cross-coupling", "response": "test.x/support.z:1", "at_most": 1.0}],
+            "free": [LENGTH],
+        },
+        'goal.1.response = "test.x/support.z:1": has the wrong form for cross-coupling',
+    ),
+    "bounds": (
+        {"goal": [BAND], "free": [LENGTH | {"upper": 0.05}]},
+        "free.1.lower = 0.1: is not below the upper bound",
+    ),
+    "start": (
+        {"goal": [BAND], "free": [LENGTH | {"start": 2.0}]},
+        "free.1.start = 2.0: lies outside",
+    ),
+    "no logarithm": (
+        {"goal": [BAND], "free": [LENGTH | {"lower": 0.0, "scale": "log"}]},
+        "free.1.lower = 0.0: must be positive on a logarithmic scale",
+    ),
+    "twice": (
+        {
+            "goal": [BAND],
+            "free": [LENGTH],
+            "equal": [{"name": f"{WIRES}.l", "terms": {f"{WIRES}.s": 1.0}}],
+        },
+        "equal.1.name",
+    ),
+    "chained": (
+        {
+            "goal": [BAND],
+            "free": [LENGTH],
+            "equal": [
+                {"name": "a", "terms": {"b": 1.0}},
+                {"name": "b", "terms": {f"{WIRES}.l": 1.0}},
+            ],
+        },
+        "equal.1.terms: b is itself given by [[equal]]",
+    ),
+    "no terms": (
+        {"goal": [BAND], "free": [LENGTH], "equal": [{"name": "a", "terms": {}}]},
+        "equal.1.terms: is empty",
+    ),
+    "tie bounds": (
+        {
+            "goal": [BAND],
+            "free": [LENGTH],
+            "equal": [{"name": "a", "terms": {f"{WIRES}.l": 1.0}, "lower": 2.0, "upper": 1.0}],
+        },
+        "equal.1.lower = 2.0: is not below the upper bound",
+    ),
+    # what does not go with the design
+    "no such number": (
+        {"goal": [BAND], "free": [LENGTH | {"name": f"{WIRES}.q"}]},
+        f'free.1.name = "{WIRES}.q": is no number',
+    ),
+    "no such term": (
+        {"goal": [BAND], "free": [LENGTH], "equal": [{"name": f"{WIRES}.s", "terms": {"q": 1.0}}]},
+        'equal.1.terms = "q": is no number',
+    ),
+    "starts outside": (
+        {"goal": [BAND], "free": [LENGTH | {"lower": 0.5}]},
+        "free.1: the design's value 0.27 lies outside the bounds",
+    ),
+    "no such mode": (
+        {"goal": [{"kind": "band", "modes": ["test sideways"], "at_least": 0.5}], "free": [LENGTH]},
+        'goal.1.modes = "test sideways": is the label of no mode',
+    ),
+    "too many modes": (
+        {"goal": [BAND | {"lowest": 3}], "free": [LENGTH]},
+        "goal.1.lowest = 3: the design has 2 modes of family longitudinal-pitch",
+    ),
+    "one mode apart": (
+        {"goal": [{"kind": "separation", "dof": ["z"], "at_least": 1.1}], "free": [LENGTH]},
+        "goal.1: there are no two modes",
+    ),
+    "a response for a mode": (
+        {
+            "goal": [{"kind": "band", "modes": ["test.x/support.x:1"], "at_least": 0.5}],
+            "free": [LENGTH],
+        },
+        'goal.1.modes = "test.x/support.x:1": is the label of no mode',
+    ),
+    "nothing to divide by": (
+        {
+            "goal": [
+                {"kind": "cross-coupling", "response": "test.z/test.x/support.z:50", "at_most": 1.0}
+            ],
+            "free": [LENGTH],
+        },
+        'goal = "|test.z/test.x/support.z| at 50 Hz": has no finite value',
+    ),
+    "no wires at all": (
+        {"goal": [{"kind": "stress", "wires": [], "at_most": 1.0}], "free": [LENGTH]},
+        "goal.1.wires = []: has 0 elements",
+    ),
+    "out of reach": (
+        {
+            "goal": [BAND],
+            "free": [LENGTH],
+            "equal": [
+                {"name": f"{WIRES}.s", "terms": {f"{WIRES}.l": 0.1}, "lower": 0.2, "upper": 0.3}
+            ],
+        },
+        f"equal.1.lower = 0.2: {WIRES}.s comes no closer to this bound than",
+    ),
+    "no such body": (
+        {
+            "goal": [{"kind": "isolation", "response": "tset.x/support.x:1", "at_most": 1.0}],
+            "free": [LENGTH],
+        },
+        'goal.1.response = "tset.x"',
+    ),
+    "no such stage": (
+        {"goal": [{"kind": "height", "stage": "tset", "at_most": 1.0}], "free": [LENGTH]},
+        'goal.1.stage = "tset": names no stage',
+    ),
+    "no blades": (
+        {"goal": [{"kind": "stress", "blades": ["test"], "at_most": 1.0}], "free": [LENGTH]},
+        'goal.1.blades = "test": names no stage with blades',
+    ),
+    "no such wire": (
+        {
+            "goal": [
+                {
+                    "kind": "isolation",
+                    "response": "test.x/support.x:1",
+                    "at_most": 1.0,
+                    "perturbation": [{"wire": "test.9", "k_factor": 1.1}],
+                }
+            ],
+            "free": [LENGTH],
+        },
+        'goal.1.perturbation.1.wire = "test.9": names no wire',
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_bad_goals_are_refused(kind, tmp_path):
+    raw, problem = BAD[kind]
+    file = written(tmp_path, raw, "goals.toml")
+    lines = assert_refused(
+        run("optimise", VERTICAL, file, "--starts", "1", "--out", tmp_path / "out", "--quiet"),
+        file,
+        tmp_path / "out",
+    )
+    named = [line.replace(f"free.{WIRES}.l.", "free.1.") for line in lines]
+    assert any(line.startswith(problem) for line in named), lines
+
+
+def test_unknown_strength_is_refused_where_it_is_asked_for(tmp_path):
+    raw = {
+        "goal": [{"kind": "stress", "blades": ["upper"], "at_most": 0.5}],
+        "free": [{"name": "stage.upper.wires.radius", "lower": 1e-4, "upper": 1e-3}],
+    }
+    file = written(tmp_path, raw, "goals.toml")
+    (line,) = assert_refused(
+        run("optimise", PAPER / "table2.toml", file, "--out", tmp_path / "out"),
+        file,
+        tmp_path / "out",
+    )
+    assert "the stress of upper blades is unknown; give stage.upper.blades.geometry" in line
+
+
+def test_goals_are_read():
+    wanted = goals.read(WANTED)
+    assert len(wanted.free) == 12 and wanted.margin == 0.005
+    assert msgspec.convert(msgspec.to_builtins(wanted), Goals) == wanted

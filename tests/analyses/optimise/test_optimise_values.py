@@ -1,0 +1,195 @@
+"""What `pendsus optimise` works out of a design: exact derivatives, batches, stress, shares, and
+which mode is which."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.optimise import loads, mode_families, objective
+from suspension_cli.analyses.optimise.mode_families import Families
+from suspension_cli.design import reader
+from suspension_cli.design.goals import Free, Goal
+from suspension_cli.equilibrium.nominal import expand_nominal
+from suspension_cli.linear import batch_modes, eigenmodes
+from suspension_cli.linear.symmetry import is_mirror_symmetric
+from suspension_cli.models import registry
+from suspension_cli.studies import derivatives
+from tests.support import derivatives as differences
+from tests.support.golden import CONFIGS
+from tests.support.optima import EVERY, TRIPLE, G, solved, values_of
+
+
+@pytest.fixture(scope="module")
+def every():
+    return values_of(TRIPLE, EVERY)
+
+
+def test_derivatives_of_every_kind_of_goal(every):
+    """Along a change of all numbers at once, against differences of the eighth order of the values
+    themselves, ties and the imperfect equilibrium included."""
+    shares = (0.6, -0.8, 1.0, 0.7, -0.9)
+    assert len(shares) == len(EVERY.free)
+    # away from coincidences of the design as drawn
+    start = every.freed.start * [1.01, 1.02, 0.97, 1.03, 1.01]
+    change, step = start * shares, 2e-3
+    sides = {
+        n: (every.at(start + n * step * change).log, every.at(start - n * step * change).log)
+        for n in differences.STENCIL
+    }
+    slope = (
+        sum(weight * (sides[n][0] - sides[n][1]) for n, weight in differences.STENCIL.items())
+        / step
+    )
+    np.testing.assert_allclose(every.at(start).slope @ change, slope, rtol=1e-8, atol=1e-8)
+
+
+def test_the_batch_has_the_values_of_each(every):
+    numbers = every.freed.start * np.array(
+        [[1.0] * 5, [0.9, 1.1, 0.95, 1.1, 1.05], [1.05, 0.9, 1.2, 0.8, 0.9]]
+    )
+    batch = every.batch(numbers)
+    for row, number in zip(batch, numbers, strict=True):
+        np.testing.assert_allclose(row, every.at(number).log, atol=1e-9)
+
+
+def test_logarithms_of_frequencies_go_on_to_unstable_modes():
+    floor = 0.3
+    below, above = (objective._of_square(floor * (1 + side * 1e-9), 1.0, floor) for side in (-1, 1))
+    assert below[0] == pytest.approx(above[0], abs=1e-8) and below[1] == pytest.approx(
+        above[1], rel=1e-8
+    )
+    value, slope = objective._of_square(-2.0, 1.0, floor)
+    assert value == pytest.approx(np.log(np.sqrt(floor) / (2 * np.pi)) + slope * (-2.0 - floor))
+    assert slope == pytest.approx(1 / (2 * floor))
+
+
+def test_stress_by_hand():
+    """T/A with T a share of the weight below, and 6 F L/(b h^2) of blades that carry it."""
+    design = reader.read(TRIPLE).design
+    found = solved(
+        TRIPLE,
+        [Goal(kind="stress", at_most=1.0)],
+        [Free(name="stage.upper.wires.radius", lower=1e-4, upper=3e-4)],
+    )
+    told = dict(zip(found.quantities.name, found.quantities.after, strict=True))
+    weight = G * np.array([5.8 + 5.6 + 5.6, 5.6 + 5.6, 5.6])
+    for stage, carried in zip(design.stage, weight, strict=True):
+        tension = carried / stage.wires.count
+        assert told[f"stress of {stage.name} wires"] == pytest.approx(
+            tension / (np.pi * stage.wires.radius**2) / 2.07e9, rel=1e-9
+        )
+        if stage.blades is not None:
+            shape = stage.blades.geometry
+            bending = (
+                6
+                * carried
+                / stage.blades.count
+                * shape.length
+                / (shape.base_width * shape.thickness**2)
+            )
+            assert told[f"stress of {stage.name} blades"] == pytest.approx(
+                bending / 1.7e9, rel=1e-9
+            )
+
+
+def test_every_wire_of_an_imperfect_design_has_its_own_stress():
+    raw = tomllib.loads(TRIPLE.read_text()) | {
+        "perturbation": [{"wire": "test.1", "k_factor": 1.2, "length_change": -1e-4}]
+    }
+    design = reader.convert(raw)
+    labels = [part.label for part in loads.parts(design) if part.stage == "test"]
+    assert labels == [f"wire test.{n}" for n in (1, 2, 3, 4)]
+    found = solved(
+        reader.write_toml(raw),
+        [Goal(kind="stress", wires=["test"], at_most=1.0)],
+        [Free(name="stage.test.wires.radius", lower=1e-4, upper=2e-4)],
+    )
+    # it is shorter, and carries more
+    assert found.quantities.after[0] > 1.01 * found.quantities.after[1]
+    np.testing.assert_allclose(found.quantities.searched, found.quantities.after, rtol=1e-9)
+
+
+def test_the_share_in_the_top_mass_is_how_fast_a_mode_is_damped_from_there():
+    """With C = beta M of the top mass every pole moves to the left by beta s/2, for a small
+    beta."""
+    model, beta = registry.STRING.system(reader.read(TRIPLE).design), 1e-4
+    top = np.zeros_like(model.mass)
+    top[6:12, 6:12] = beta * model.mass[6:12, 6:12]
+    own = slice(6, None)
+    keep, drop = np.flatnonzero(~model.massless[own]), np.flatnonzero(model.massless[own])
+    mass, stiffness, damping = model.mass[own, own], model.stiffness[own, own], top[own, own]
+    soft = stiffness[np.ix_(keep, keep)] - stiffness[np.ix_(keep, drop)] @ np.linalg.solve(
+        stiffness[np.ix_(drop, drop)], stiffness[np.ix_(drop, keep)]
+    )
+    inverse = np.linalg.inv(mass[np.ix_(keep, keep)])
+    zero, one = np.zeros_like(soft), np.eye(len(soft))
+    poles = np.linalg.eigvals(
+        np.block([[zero, one], [-inverse @ soft, -inverse @ damping[np.ix_(keep, keep)]]])
+    )
+    poles = poles[poles.imag > 0]
+    found = eigenmodes.solve(model)
+    for omega, share in zip(2 * np.pi * found.frequency, found.top_share, strict=True):
+        near = poles[np.abs(poles.imag / omega - 1) < 1e-7]
+        assert np.abs(-near.real / (beta / 2) - share).min() < 1e-6
+
+
+def test_families_name_modes_in_any_design():
+    for file, kin in (
+        (TRIPLE, ["longitudinal-pitch", "transverse-roll", "vertical", "yaw"]),
+        (CONFIGS / "five-wires.toml", None),
+    ):
+        design = reader.read(file).design
+        found = eigenmodes.solve(registry.STRING.system(design))
+        own = Families.of(is_mirror_symmetric(expand_nominal(design)), found.energy)
+        assert own.size.sum() == len(found.frequency)
+        ranked = own.ranked(found.energy)
+        assert sorted(np.concatenate(ranked)) == list(range(len(found.frequency)))
+        if kin:
+            assert [own.name(k) for k in range(len(own.size))] == kin and own.size.tolist() == [
+                6,
+                6,
+                3,
+                3,
+            ]
+    # an imperfection mixes families, but takes no mode from one to another
+    imperfect = reader.convert(
+        tomllib.loads(TRIPLE.read_text())
+        | {"perturbation": [{"body": "test", "com_offset": [1e-3, 2e-3, 0.0]}]}
+    )
+    mixed = eigenmodes.solve(registry.STRING.system(imperfect))
+    drawn = eigenmodes.solve(registry.STRING.system(reader.read(TRIPLE).design))
+    own = Families.of([True, True], drawn.energy)
+    assert [len(places) for places in own.ranked(mixed.energy)] == [6, 6, 3, 3]
+
+
+def test_shapes_are_followed_to_a_design_itself(every):
+    design = every.freed.design(every.freed.start)
+    model = registry.STRING.system(design)
+    found, start = eigenmodes.solve(model), every.freed.values(every.freed.start)
+    place = mode_families.follow_modes(
+        every.freed.text,
+        start,
+        start,
+        batch_modes.solve_one(model).shape[0],
+        found,
+        model.basis @ model.mass @ model.basis.T,
+    )
+    np.testing.assert_allclose(found.frequency[place], found.frequency, rtol=1e-9)
+
+
+def test_derivatives_along_several_numbers_are_sums():
+    """A direction's derivative is the sum of those of its numbers."""
+    base = derivatives.prepared(reader.read(TRIPLE).design)
+    rates = {
+        "stage.test.wires.s": 2.0,
+        "stage.middle.wires.t1": -0.5,
+        "materials.steel302.youngs_modulus": 1e10,
+    }
+    whole = derivatives.along(base, rates)
+    parts = [(rate, derivatives.of(base, name)) for name, rate in rates.items()]
+    for matrix in ("mass", "stiffness"):
+        total = sum(rate * getattr(part, matrix) for rate, part in parts)
+        np.testing.assert_allclose(getattr(whole, matrix), total, atol=1e-12 * np.abs(total).max())

@@ -1,0 +1,417 @@
+"""`pendsus response`: the JSON that scripts rely on, grids, results files and refusals."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.response import file as files
+from suspension_cli.files.hdf5 import open_results
+from suspension_cli.linear import eigenmodes, response
+from tests.support import plants
+from tests.support.commandline import assert_refused, run, strict_json, written
+
+UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
+MATRIX = (
+    "--input",
+    "support.x",
+    "--input",
+    "upper.torque_pitch",
+    "--output",
+    "test.x@0,0,0.001",
+    "--output",
+    "test.pitch",
+    "--output",
+    "upper.z",
+)
+
+
+@pytest.fixture
+def file(tmp_path):
+    return written(tmp_path, plants.raw("triple"), "triple.toml")
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out"
+
+
+def asked(file, out, *options, rung=("--fidelity", "force")):
+    """The JSON document of a run that went well and wrote nothing but its results."""
+    result = run("response", file, "--json", "--out", out, *rung, *options)
+    assert result.exit_code == 0, result.stderr
+    assert [path.name for path in out.iterdir()] == ["triple-response.h5"]
+    return strict_json(result.stdout)
+
+
+def expected(frequency, inputs, outputs):
+    model = plants.model("triple", "force")
+    return response.solve(
+        model, np.asarray(frequency), plants.drives(model, *inputs), plants.motions(model, *outputs)
+    )
+
+
+def test_one_response_is_flat(file, out):
+    answer = asked(
+        file, out, "--input", "support.x", "--output", "test.x@0,0,0.001", "--frequency", "0.3,3,30"
+    )
+    assert list(answer) == [
+        "command",
+        "design",
+        "fidelity",
+        "frequency_hz",
+        "input",
+        "output",
+        "unit",
+        "real",
+        "imag",
+        "estimated_error",
+    ]
+    assert (answer["command"], answer["design"], answer["fidelity"]) == (
+        "response",
+        "triple",
+        "force",
+    )
+    assert (answer["input"], answer["output"], answer["unit"]) == (
+        "support.x",
+        "test.x@0,0,0.001",
+        "m/m",
+    )
+    assert answer["frequency_hz"] == [0.3, 3.0, 30.0]
+    value = expected([0.3, 3.0, 30.0], ["support.x"], ["test.x@0,0,0.001"]).value[:, 0, 0]
+    assert answer["real"] == value.real.tolist()
+    assert answer["imag"] == value.imag.tolist()
+    lossless = [
+        word
+        for name in ("steel302", "maraging")
+        for word in ("--set", f"materials.{name}.loss_angle=0")
+    ]
+    assert asked(file, out, "--frequency", "0.3,3,30", *lossless)["imag"] == [0.0, 0.0, 0.0]
+
+
+def test_several_are_a_list(file, out):
+    answer = asked(file, out, *MATRIX, "--frequency", "1:10:4")
+    assert list(answer) == [
+        "command",
+        "design",
+        "fidelity",
+        "frequency_hz",
+        "responses",
+        "estimated_error",
+    ]
+    inputs, outputs = (
+        ("support.x", "upper.torque_pitch"),
+        ("test.x@0,0,0.001", "test.pitch", "upper.z"),
+    )
+    assert [(one["output"], one["input"]) for one in answer["responses"]] == [
+        (o, i) for o in outputs for i in inputs
+    ]
+    assert [one["unit"] for one in answer["responses"]] == [
+        "m/m",
+        "m/(N m)",
+        "rad/m",
+        "rad/(N m)",
+        "m/m",
+        "m/(N m)",
+    ]
+    value = expected(answer["frequency_hz"], inputs, outputs).value
+    for n, one in enumerate(answer["responses"]):
+        assert set(one) == {"input", "output", "unit", "real", "imag"}
+        assert one["real"] == value[:, n // 2, n % 2].real.tolist()
+    assert not any(answer["responses"][4]["real"])  # upper.z does not come from support.x
+
+
+def test_by_default_from_the_support_to_the_last_stage(file, out):
+    answer = asked(file, out)
+    assert (answer["input"], answer["output"]) == ("support.x", "test.x")
+    frequency = np.array(answer["frequency_hz"])
+    assert len(frequency) == 2000
+    assert (frequency[0], frequency[-1]) == (0.1, 100.0)
+    np.testing.assert_allclose(frequency[1:] / frequency[:-1], 1000 ** (1 / 1999), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("grid", "values"),
+    [
+        ("2.5", [2.5]),
+        ("1e-3,4,2", [1e-3, 4.0, 2.0]),
+        ("1:100:3", [1.0, 10.0, 100.0]),
+        ("1:100:3:log", [1.0, 10.0, 100.0]),
+        ("1:100:3:lin", [1.0, 50.5, 100.0]),
+        ("7:9:1", [7.0]),
+        ("10:1:2", [10.0, 1.0]),
+    ],
+)
+def test_grids(grid, values, file, out):
+    assert asked(file, out, "--frequency", grid)["frequency_hz"] == pytest.approx(values, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    "grid",
+    [
+        "",
+        "a",
+        "1:2",
+        "1:2:x",
+        "1:2:3:cubic",
+        "0:1:5",
+        "-1:1:5:lin",
+        "0",
+        "nan",
+        "inf",
+        "1:inf:5",
+        "1:2:0",
+        "1:2:99999999",
+        "1,,2",
+    ],
+)
+def test_bad_grids(grid, file, out):
+    (line,) = assert_refused(
+        run("response", file, "--json", "--out", out, "--frequency", grid), file, out
+    )
+    assert line.startswith("--frequency = ")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "signal", "message"),
+    [
+        ("--input", "suport.x", "names no body"),
+        ("--input", "support", "names no body"),
+        ("--input", "", "names no body"),
+        ("--input", "support.w", "names no motion or force"),
+        ("--input", "upper.x", "a motion of a stage is an output"),
+        ("--input", "support.force_x", "a force on it has no effect"),
+        ("--output", "test.force_x", "a force is an input"),
+        ("--output", "frame.z", "names no body"),
+        ("--output", "test.x@0,0", "is no point"),
+        ("--output", "test.x@0,0,nan", "is no point"),
+        ("--output", "test.x@0,0,1e9", "is no point"),
+        ("--output", "test.x@", "is no point"),
+        ("--output", "te\nst.x", "names no body"),
+    ],
+)
+def test_bad_signals(option, signal, message, file, out):
+    (line,) = assert_refused(
+        run("response", file, "--json", "--out", out, option, signal), file, out
+    )
+    assert line.startswith(f"{option} = ")
+    assert message in line
+
+
+def test_a_typo_gets_a_proposal(file, out):
+    (line,) = assert_refused(run("response", file, "--out", out, "--output", "tset.x"), file, out)
+    assert "test" in line.partition(";")[2]
+
+
+def test_an_unstable_design_must_be_asked_for(file, out):
+    (line,) = assert_refused(run("response", file, "--json", "--out", out, *UNSTABLE), file, out)
+    assert "unstable" in line
+    assert "--allow-unstable" in line
+    result = run("response", file, "--json", "--out", out, "--allow-unstable", *UNSTABLE, "-q")
+    assert result.exit_code == 0
+    assert result.stderr.startswith("warning: triple is unstable")
+    assert len(strict_json(result.stdout)["real"]) == 2000
+
+
+@pytest.mark.parametrize(
+    ("d", "section", "way"),
+    [
+        (-0.0008, True, "take --fidelity beam"),
+        (-0.005, True, "make it stable"),
+        (-0.0008, False, "make it stable"),
+    ],
+)
+def test_what_bending_holds_is_told_of_beam(tmp_path, out, d, section, way):
+    """Strings tip over 0.35 mm below the COM here, wires that bend 1 mm lower: only between the
+    two, and where sections are known, does beam help."""
+    wires = {"count": 4, "l": 0.28, "s": 5e-4, "t1": 0.0965, "t2": 0.0965, "d": d}
+    wires |= {"material": "steel302", "radius": 1e-4} if section else {"k": 1.9e4}
+    body = {"mass": 5.6, "inertia": [0.0227, 0.016, 0.016]}
+    one = written(
+        tmp_path,
+        {"design": {"name": "soft"}, "stage": [{"name": "test", "body": body, "wires": wires}]},
+    )
+    asks = (
+        "response",
+        one,
+        "--out",
+        out,
+        "--no-plot",
+        "--input",
+        "support.x",
+        "--output",
+        "test.x",
+        "--frequency",
+        "1",
+    )
+    (line,) = assert_refused(run(*asks, "--fidelity", "string"), one, out)
+    assert way in line and line.endswith("or give --allow-unstable")
+    if section:
+        assert (run(*asks, "--fidelity", "beam").exit_code == 0) == ("beam" in way)
+
+
+def test_on_a_lossless_resonance(file, out, tmp_path):
+    """The response is infinite there, which is no number: told, not written. Loss or a hair's
+    breadth make it finite."""
+    stage = {
+        "name": "test",
+        "body": {"mass": 1.0, "inertia": [0.1] * 3},
+        "wires": {"count": 1, "l": 0.5, "k": 100.0},
+    }
+    one = written(tmp_path, {"design": {"name": "one"}, "stage": [stage]})
+    frequency = min(
+        mode["frequency_hz"]
+        for mode in strict_json(run("modes", one, "--json", "--out", tmp_path).stdout)["modes"]
+        if mode["dof"] == "z"
+    )
+    pair = ("--input", "support.z", "--output", "test.z", "--frequency")
+    (line,) = assert_refused(
+        run("response", one, "--json", "--out", out, *pair, repr(frequency)), one, out
+    )
+    assert "resonance" in line
+    strict_json(
+        run("response", one, "--json", "--out", out, *pair, repr(frequency * (1 + 1e-9))).stdout
+    )
+    strict_json(
+        run(
+            "response",
+            one,
+            "--json",
+            "--out",
+            out,
+            *pair,
+            repr(frequency),
+            "--set",
+            "stage.test.damping.z=0.1",
+        ).stdout
+    )
+    triple = asked(
+        file,
+        tmp_path / "triple",
+        "--frequency",
+        ",".join(map(repr, eigenmodes.solve(plants.model("triple", "force")).frequency.tolist())),
+    )
+    assert np.isfinite(triple["real"]).all()
+
+
+def test_results_file(file, out):
+    answer = asked(file, out, *MATRIX, "--frequency", "1:10:5")
+    with h5py.File(out / "triple-response.h5") as results:
+        assert list(results) == ["response"]
+        assert results.attrs["fidelity"] == "force"
+        group = results["response"]
+        assert group["value"].shape == (5, 3, 2)
+        assert group["value"].dtype == complex
+        assert [axis.label for axis in group["value"].dims] == ["frequency", "output", "input"]
+        assert [axis[0] for axis in group["value"].dims] == [
+            group["frequency"],
+            group["output"],
+            group["input"],
+        ]
+        assert [axis.label for axis in group["unit"].dims] == ["output", "input"]
+        assert all(group[name].is_scale for name in ("frequency", "output", "input"))
+        assert all(dataset.attrs["units"] for dataset in group.values())
+        assert group["frequency"].attrs["units"] == "Hz"
+    with open_results(out / "triple-response.h5") as results:
+        loaded = files.load(results["response"])
+    assert loaded.frequency.tolist() == answer["frequency_hz"]
+    assert loaded.output == ("test.x@0,0,0.001", "test.pitch", "upper.z")
+    assert loaded.input == ("support.x", "upper.torque_pitch")
+    assert loaded.unit == (("m/m", "m/(N m)"), ("rad/m", "rad/(N m)"), ("m/m", "m/(N m)"))
+    np.testing.assert_array_equal(
+        loaded.value, expected(loaded.frequency, loaded.input, loaded.output).value
+    )
+
+
+def test_defaults_from_the_design(out, tmp_path):
+    table = {
+        "input": ["support.z"],
+        "output": ["middle.z"],
+        "frequency": "1:2:3:lin",
+        "fidelity": "string",
+    }
+    file = written(
+        tmp_path, plants.raw("triple") | {"analysis": {"response": table}}, "triple.toml"
+    )
+    answer = asked(file, out, rung=())
+    assert (answer["input"], answer["output"], answer["fidelity"], answer["frequency_hz"]) == (
+        "support.z",
+        "middle.z",
+        "string",
+        [1.0, 1.5, 2.0],
+    )
+    answer = asked(file, out, "--output", "test.z", "--fidelity", "force", "--frequency", "4")
+    assert (answer["input"], answer["output"], answer["fidelity"], answer["frequency_hz"]) == (
+        "support.z",
+        "test.z",
+        "force",
+        [4.0],
+    )
+
+
+@pytest.mark.parametrize(
+    ("table", "key"),
+    [
+        ({"inputs": "support.x"}, "inputs"),
+        ({"scale": "loud"}, "scale"),
+        ({"fidelity": "guess"}, "fidelity"),
+        ({"allow-unstable": True}, "allow-unstable"),
+    ],
+)
+def test_bad_defaults(table, key, out, tmp_path):
+    file = written(
+        tmp_path, plants.raw("triple") | {"analysis": {"response": table}}, "triple.toml"
+    )
+    (line,) = assert_refused(run("response", file, "--json", "--out", out), file, out)
+    assert line.startswith(f"analysis.response.{key} = ")
+
+
+def test_pictures(file, out):
+    assert run("response", file, "--no-plot", "--out", out).exit_code == 0
+    assert {path.name for path in out.iterdir()} == {"triple-response.h5"}
+    assert run("response", file, "--out", out, "--frequency", "0.1:50:200").exit_code == 0
+    assert {path.name for path in out.iterdir()} == {"triple-response.h5", "triple-response.png"}
+    (out / "triple-response.png").unlink()
+    result = run(
+        "response",
+        file,
+        "--json",
+        "--plot",
+        "--scale",
+        "absolute",
+        "--out",
+        out,
+        "--frequency",
+        "0.1:50:200",
+    )
+    strict_json(result.stdout)
+    assert (out / "triple-response.png").stat().st_size > 10_000
+
+
+def test_text_for_people(file, out):
+    result = run(
+        "response",
+        file,
+        "--no-plot",
+        "--out",
+        out,
+        "--fidelity",
+        "force",
+        "--frequency",
+        "0.1:10:100",
+    )
+    first, second = result.stdout.splitlines()
+    assert first.startswith("model: force (")
+    assert second.startswith("test.x / support.x (m/m): 1.0")
+    assert "at 0.1 Hz" in second
+    assert "at 10 Hz" in second
+
+
+def test_overrides_reach_the_model(file, out):
+    plain, heavy = (
+        asked(file, out, "--frequency", "5", *options)
+        for options in ((), ("--set", "stage.test.body.mass=11.2"))
+    )
+    assert heavy["real"] != plain["real"]

@@ -1,0 +1,507 @@
+"""Derivatives against the paper's equations in 40 digits, and against eighth-order differences of
+whole runs; degenerate pairs; the command."""
+
+from __future__ import annotations
+
+import tomllib
+
+import h5py
+import mpmath
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.sensitivity import solve as sensitivity
+from suspension_cli.design import reader
+from suspension_cli.errors import InputError
+from suspension_cli.linear import eigenmodes, named_results, response, signals
+from suspension_cli.models import registry
+from suspension_cli.studies import derivatives, parameters
+from tests.support.commandline import assert_refused, edited, run, strict_json, written
+from tests.support.designs import TEXTS
+from tests.support.golden import CONFIGS, configs
+
+CASES = CONFIGS / "husman2000"
+STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+"""Eighth-order central difference."""
+
+
+def solved(text, *results):
+    design = reader.parse(text)
+    model = registry.STRING.system(design)
+    return sensitivity.solve(
+        text,
+        named_results.parse(
+            list(results) or ["modes"], eigenmodes.solve(model), signals.bodies_with_signals(model)
+        ),
+    )
+
+
+def column(found, result):
+    """Derivatives of one result by parameter."""
+    return dict(zip(found.parameter, found.derivative[:, found.result.index(result)], strict=True))
+
+
+def difference(function, value, step):
+    """Eighth-order central difference of a function of one number."""
+    return (
+        sum(
+            weight * (function(value + n * step) - function(value - n * step))
+            for n, weight in STENCIL.items()
+        )
+        / step
+    )
+
+
+def paths(name):
+    """The path of a number, and of its mirror image in a symmetric matrix."""
+    *head, row, col = name.split(".")
+    return (
+        [name, ".".join([*head, col, row])]
+        if row.isdigit() and col.isdigit() and row != col
+        else [name]
+    )
+
+
+class Precise:
+    """The paper's equations for one mass on four vertical or angled wires, as functions of its
+    numbers by path, in 40 digits."""
+
+    def __init__(self, text):
+        self.numbers = {item.name: mpmath.mpf(item.value) for item in parameters.every(text)}
+
+    def frequency(self, mode, **changed):
+        with mpmath.workdps(40):
+            return mpmath.sqrt(self.square(mode, changed)) / (2 * mpmath.pi)
+
+    def square(self, mode, changed):
+        given = self.numbers | changed
+
+        def at(name):
+            return given[f"stage.test.{name}"]
+
+        m, ix, iy, iz = (
+            at(f"body.{name}") for name in ("mass", "inertia.1", "inertia.2", "inertia.3")
+        )
+        l, s, t1, t2, d, radius = (
+            at(f"wires.{name}") for name in ("l", "s", "t1", "t2", "d", "radius")
+        )
+        g, modulus = given["constants.gravity"], given["materials.steel302.youngs_modulus"]
+        k = modulus * mpmath.pi * radius**2 / l
+        sin = (t2 - t1) / l
+        cos = mpmath.sqrt(1 - sin**2)
+        if mode == "test vertical":
+            return 4 * k * cos**2 / m + g * sin**2 / (l * cos)
+        if mode == "test yaw":
+            return m * g * (s**2 * cos**2 + t1 * t2) / (l * iz * cos) + 4 * k * s**2 * (
+                t2 - t1
+            ) ** 2 / (l**2 * iz)
+        if mode in ("test longitudinal", "test pitch"):
+            a11, a12, a21 = g / (l * cos), -g * d / (l * cos), -m * g * d / (iy * l * cos)
+            a22 = (
+                4 * k * s**2 * cos**2
+                + m * g * s**2 * sin**2 / (l * cos)
+                + m * g * d
+                + m * g * d**2 / (l * cos)
+            ) / iy
+        else:
+            tension = m * g / (4 * cos)
+            e, w = (sin, -d * sin - t2 * cos), (cos, -d * cos + t2 * sin)
+            both = [
+                [4 * (k * e[i] * e[j] + tension / l * w[i] * w[j]) for j in (0, 1)] for i in (0, 1)
+            ]
+            a11, a12, a21, a22 = (
+                both[0][0] / m,
+                both[0][1] / m,
+                both[1][0] / ix,
+                (both[1][1] + 4 * tension * (d * cos - t2 * sin)) / ix,
+            )
+        mean, half = (a11 + a22) / 2, mpmath.sqrt(((a11 - a22) / 2) ** 2 + a12 * a21)
+        return mean - half if mode in ("test longitudinal", "test transverse") else mean + half
+
+
+@pytest.mark.parametrize("case", [1, 2, 3, 4])
+def test_modes_against_the_papers_equations_in_40_digits(case):
+    """Case 1 has a degenerate pair: longitudinal and transverse."""
+    text = (CASES / f"table1-case{case}.toml").read_text()
+    found, exact = solved(text), Precise(text)
+    assert set(found.parameter) == set(exact.numbers)
+    for result, nominal in zip(found.result, found.nominal, strict=True):
+        for name, value in column(found, result).items():
+            with mpmath.workdps(40):
+                expected = mpmath.diff(
+                    lambda x, name=name, result=result: exact.frequency(result, **{name: x}),
+                    exact.numbers[name],
+                    h=mpmath.mpf(10) ** -15,
+                )
+            size = float(nominal) / max(abs(float(exact.numbers[name])), 1e-3)
+            assert abs(value - float(expected)) < 1e-8 * max(abs(float(expected)), 1e-4 * size), (
+                result,
+                name,
+            )
+
+
+SLACK_FREE = {
+    "triple": (
+        CASES / "table2.toml",
+        [
+            "test.x@0,0,0.001/support.x:10",
+            "test.x/upper.force_x:3",
+            "test.pitch/test.x/support.x:20",
+        ],
+    ),
+    "imperfect": (
+        CONFIGS / "imperfect.toml",
+        ["test.x@0,0,-0.001/test.z@0,0,-0.001/support.z:50", "test.z/test.force_z@0.01,0,0:5"],
+    ),
+    "tree": (CONFIGS / "payload-recoil-mass.toml", []),
+    "five wires": (CONFIGS / "five-wires.toml", []),
+    "damped": (CONFIGS / "triple-damped.toml", ["test.x/support.x:1"]),
+}
+
+
+@pytest.mark.parametrize("case", SLACK_FREE)
+def test_against_differences_of_whole_runs(case):
+    """Equilibria that move with the numbers, blades, springs, dampers, losses, points of bodies
+    that turn.
+
+    All numbers are changed at once, by random shares of each: a derivative that is wrong in any of
+    them shows.
+    """
+    file, responses = SLACK_FREE[case]
+    text = file.read_text()
+    found = solved(text, "modes", *responses)
+    shape = eigenmodes.solve(registry.STRING.system(reader.parse(text)))
+    chosen, rng = np.flatnonzero(found.free & (found.value != 0)), np.random.default_rng(3)
+    for _ in range(2):
+        change = (
+            found.value[chosen]
+            * rng.uniform(0.5, 1, len(chosen))
+            * rng.choice([-1, 1], len(chosen))
+        )
+
+        def run_at(share, change=change):
+            numbers = {
+                found.parameter[n]: float(found.value[n] + share * x)
+                for n, x in zip(chosen, change, strict=True)
+            }
+            model = registry.STRING.system(
+                reader.parse_with_overrides(
+                    text,
+                    tuple(f"{name}={x!r}" for path, x in numbers.items() for name in paths(path)),
+                )
+            )
+            known = signals.bodies_with_signals(model)
+            asked = named_results.parse(responses, shape, known) if responses else ()
+            sizes = []
+            for item in asked:
+                outputs = [
+                    signals.parse_output(s.text, known)
+                    for s in (item.over, item.under)
+                    if s is not None
+                ]
+                y = response.solve(model, np.array([item.frequency]), [item.input], outputs).value[
+                    0, :, 0
+                ]
+                sizes.append(abs(y[0] if len(y) == 1 else y[0] / y[1]))
+            return np.array([*eigenmodes.solve(model).frequency, *sizes])
+
+        expected = difference(run_at, 0.0, 1e-3)
+        np.testing.assert_allclose(
+            change @ found.derivative[chosen],
+            expected,
+            rtol=1e-8,
+            atol=float((1e-8 * np.abs(found.nominal)).max()),
+        )
+
+
+def test_every_matrix_of_every_design():
+    """dM, dK, dC and losses for every number of every shipped design, against fourth-order
+    differences."""
+    for text in [
+        file.read_text()
+        for file in configs()
+        if file.stem in ("imperfect", "double", "payload-recoil-mass")
+    ] + [TEXTS["rich"]]:
+        design = reader.parse(text)
+        base = derivatives.prepared(design)
+        for item in parameters.every(text)[::6]:
+            change = derivatives.of(base, item.name)
+            step = 1e-4 * max(abs(item.value), 1e-3)
+            names = paths(item.name)
+            try:
+                shifted = [
+                    derivatives.prepared(
+                        reader.parse_with_overrides(
+                            text, tuple(f"{name}={item.value + n * step!r}" for name in names)
+                        )
+                    )
+                    for n in (1, -1, 2, -2)
+                ]
+            except InputError:
+                continue  # at the edge of what a design may hold
+            assert change is not None
+            for key in ("mass", "stiffness", "damping", "loss", "orientation"):
+                a, b, c, d = (getattr(other.linear, key) for other in shifted)
+                expected, own = (8 * (a - b) - (c - d)) / (12 * step), getattr(change, key)
+                noise = 1e-13 * np.abs(getattr(base.linear, key)).max() / step
+                np.testing.assert_allclose(
+                    own,
+                    expected,
+                    rtol=0,
+                    atol=1e-6 * np.abs(expected).max() + 10 * noise,
+                    err_msg=f"{item.name} {key}",
+                )
+
+
+SPRUNG = """
+[design]
+name = "pair"
+[[stage]]
+name = "test"
+body = { mass = 20.0, inertia = [0.147, 0.117, 0.110] }
+[stage.wires]
+count = 4
+l = 0.27
+s = 0.04
+t1 = 0.133
+t2 = 0.133
+material = "steel302"
+radius = 142.5e-6
+[[stage.spring]]
+stiffness = [[0,0,0,0,0,0], [0,0,0,0,0,0], [0,0,0,0,0,0], [0,0,0,0,0,0], [0,0,0,0,0,0], [0,0,0,0,0,0.1]]
+"""
+
+
+def test_a_degenerate_pair_that_mixes():
+    """A spring that couples x and y of a pendulum with equal frequencies splits them into
+    diagonals: omega^2 = g/l +- k/m."""
+    found = solved(SPRUNG, "test longitudinal", "test transverse")
+    assert found.nominal[0] == pytest.approx(found.nominal[1], rel=1e-12)
+    mixed = found.derivative[found.parameter.index("stage.test.spring.1.stiffness.1.2")]
+    with mpmath.workdps(50):
+        step, g, l, m = (
+            mpmath.mpf(10) ** -20,
+            mpmath.mpf("9.81"),
+            mpmath.mpf("0.27"),
+            mpmath.mpf(20),
+        )
+        split = [
+            mpmath.sqrt(square) / (2 * mpmath.pi)
+            for square in mpmath.eigsy(
+                mpmath.matrix([[g / l, step / m], [step / m, g / l]]), eigvals_only=True
+            )
+        ]
+        expected = [float((f - mpmath.sqrt(g / l) / (2 * mpmath.pi)) / step) for f in split]
+    np.testing.assert_allclose(sorted(mixed), expected, rtol=1e-8)
+    one = (
+        column(found, "test longitudinal")["stage.test.spring.1.stiffness.1.1"],
+        column(found, "test transverse")["stage.test.spring.1.stiffness.1.1"],
+    )
+    np.testing.assert_allclose(sorted(one), [0.0, expected[1]], rtol=1e-8, atol=1e-12)
+
+
+def test_a_coupling_that_is_zero_grows_with_what_breaks_the_symmetry():
+    raw = edited(
+        tomllib.loads((CASES / "figure6.toml").read_text()),
+        {("perturbation",): [{"wire": "test.1", "k_factor": 1.0, "upper_offset": [0.0, 0.0, 0.0]}]},
+    )
+    text, name = reader.write_toml(raw), "test.x@0,0,-0.001/test.z@0,0,-0.001/support.z:50"
+    found = solved(text, name)
+    slope = column(found, name)
+    assert found.nominal[0] == 0
+    assert all(
+        slope[p] == 0
+        for p in (
+            "stage.test.wires.s",
+            "stage.test.body.mass",
+            "constants.gravity",
+            "stage.test.wires.d",
+        )
+    )
+    step = 1e-6
+    for path, nominal in (("perturbation.1.k_factor", 1.0), ("perturbation.1.upper_offset.1", 0.0)):
+        sizes = [
+            solved(
+                reader.write_toml(tomllib.loads(text) | _set(text, path, nominal + sign * step)),
+                name,
+            ).nominal[0]
+            / step
+            for sign in (1, -1)
+        ]
+        assert slope[path] == pytest.approx(np.mean(sizes), rel=1e-4, abs=1e-7)
+    # a softer wire tilts the mass that moves up and down; moving its end does so to second order
+    # only (all wires lean, and their pulls add up to 0)
+    assert (
+        slope["perturbation.1.k_factor"] > 1e-4 and slope["perturbation.1.upper_offset.1"] < 1e-12
+    )
+    assert found.one_percent[found.parameter.index("perturbation.1.k_factor"), 0] == pytest.approx(
+        slope["perturbation.1.k_factor"] / 100, rel=1e-12
+    )
+
+
+def _set(text, path, value):
+    raw = tomllib.loads(text)
+    reader.apply_overrides(raw, (f"{path}={value!r}",))
+    return raw
+
+
+def test_numbers_that_cannot_change_alone_are_told():
+    found = solved((CONFIGS / "five-wires.toml").read_text(), "1")
+    fixed = {name for name, free in zip(found.parameter, found.free, strict=True) if not free}
+    assert "stage.bench.position.1" in fixed and "stage.bench.position.3" not in fixed
+    assert (
+        np.isnan(found.derivative[~found.free]).all()
+        and np.isfinite(found.derivative[found.free]).all()
+    )
+    for name in fixed:
+        value = float(found.value[found.parameter.index(name)])
+        text = (CONFIGS / "five-wires.toml").read_text()
+        with pytest.raises(InputError, match="cannot balance"):
+            registry.STRING.system(reader.parse_with_overrides(text, (f"{name}={value + 1e-3!r}",)))
+
+
+def test_rigid_and_unstable_modes_have_no_derivative(tmp_path):
+    text = (CASES / "table1-case2.toml").read_text()
+    file = written(tmp_path, _set(text, "stage.test.wires.d", -0.6))
+    lines = run("sensitivity", file, "--out", tmp_path / "out").stderr
+    assert "the equilibrium is unstable" in lines
+    result = run("sensitivity", file, "--allow-unstable", "--json", "--out", tmp_path)
+    answer = strict_json(result.stdout)
+    growing = [item["nominal"] is None for item in answer["results"]]
+    assert 0 < sum(growing) < 6
+    assert all([value is None for value in row] == growing for row in answer["derivative"])
+
+
+def test_the_command(tmp_path):
+    file = CASES / "table2.toml"
+    result = run(
+        "sensitivity",
+        file,
+        "--out",
+        tmp_path,
+        "--result",
+        "test yaw",
+        "--result",
+        "test.x/support.x:10",
+    )
+    assert result.exit_code == 0, result.stderr
+    assert "constants.gravity" in result.stdout
+    png = tmp_path / "husman2000-table2-sensitivity.png"
+    before = png.read_bytes()
+    assert run("plot", png.with_suffix(".h5")).exit_code == 0
+    assert png.read_bytes() == before
+    answer = strict_json(run("sensitivity", file, "--out", tmp_path, "--json").stdout)
+    with h5py.File(png.with_suffix(".h5")) as stored:
+        np.testing.assert_array_equal(
+            stored["sensitivity/derivative"][:], np.array(answer["derivative"], dtype=float)
+        )
+    place = [item["name"] for item in answer["parameters"]].index("constants.gravity")
+    assert len(answer["results"]) == 18
+    derivative, percent = answer["derivative"][place][0], answer["one_percent"][place][0]
+    assert percent == pytest.approx(derivative * 9.81 / answer["results"][0]["nominal"], rel=1e-12)
+
+
+def test_sections_of_wires():
+    """A stretch of wire k_i = E A_i/l_i in series with others: vertical omega^2 of a plumb mass is
+    4 k/m, k = E/(sum of l_i/A_i)."""
+    raw = tomllib.loads((CASES / "table1-case1.toml").read_text())
+    wires = raw["stage"][0]["wires"]
+    thin, length = wires.pop("radius"), wires["l"]
+    wires["sections"] = [{"radius": thin, "length": 0.1}, {"radius": [1.3 * thin, 1.2 * thin]}]
+    share = dict(
+        zip(
+            (found := solved(reader.write_toml(raw), "test vertical")).parameter,
+            found.one_percent[:, 0],
+            strict=True,
+        )
+    )
+    first, second = 0.1 / thin**2, (length - 0.1) / (1.3 * 1.2 * thin**2)
+    path, whole = "stage.test.wires.sections", first + second
+    # twice its share of the compliance, by half
+    assert share[f"{path}.1.radius"] == pytest.approx(first / whole, rel=1e-9)
+    for end in (1, 2):
+        assert share[f"{path}.2.radius.{end}"] == pytest.approx(second / whole / 2, rel=1e-9)
+    assert share[f"{path}.1.length"] == pytest.approx(
+        -(first - 0.1 / (1.3 * 1.2 * thin**2)) / whole / 2, rel=1e-9
+    )
+
+
+def test_steps_of_a_taper_are_no_number_that_changes_a_little():
+    found = solved((CONFIGS / "geo-silica-triple.toml").read_text(), "test vertical")
+    share = dict(zip(found.parameter, found.one_percent[:, 0], strict=True))
+    assert not [name for name in share if name.endswith("steps")]
+    assert share["stage.test.wires.sections.2.radius.2"] > 0
+
+
+def test_units_of_time_mass_and_length():
+    """f is 1/s: scaled units of time, mass and length scale g (m/s^2), E (kg/(m s^2)), masses and
+    all lengths, and nothing else."""
+    found = solved((CASES / "figure6.toml").read_text())
+    share = dict(zip(found.parameter, found.one_percent, strict=True))
+    g, modulus, mass = (
+        share["constants.gravity"],
+        share["materials.fused-silica.youngs_modulus"],
+        share["stage.test.body.mass"],
+    )
+    lengths = sum(
+        share[name]
+        for name in share
+        if name.rsplit(".", 1)[1] in ("l", "s", "t1", "t2", "d", "radius", "length")
+    )
+    np.testing.assert_allclose(g + modulus, 0.5, atol=1e-9)
+    np.testing.assert_allclose(mass + modulus, 0.0, atol=1e-9)
+    np.testing.assert_allclose(lengths + g - modulus, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        (("--result", "test pitsch"), '--result = "test pitsch": is the label of no mode'),
+        (("--result", "test.x/support.x"), '--result = "test.x/support.x": is no response'),
+        (
+            ("--fidelity", "force"),
+            '--fidelity = "force": has no derivatives; take auto, string or beam',
+        ),
+    ],
+)
+def test_bad_options_are_refused(options, problem, tmp_path):
+    file = CASES / "table1-case2.toml"
+    lines = assert_refused(
+        run("sensitivity", file, *options, "--out", tmp_path / "out"), file, tmp_path / "out"
+    )
+    assert any(line.startswith(problem) for line in lines), lines
+
+
+def test_a_ratio_to_what_symmetry_forbids_has_no_derivative(tmp_path):
+    """Nor is it a traceback: other results are told all the same."""
+    result = run(
+        "sensitivity",
+        CONFIGS / "double.toml",
+        "--result",
+        "test.z/test.x/support.z:50",
+        "--result",
+        "1",
+        "--json",
+        "--out",
+        tmp_path,
+    )
+    told = strict_json(result.stdout)
+    assert told["results"][0]["nominal"] is None and {row[0] for row in told["derivative"]} == {
+        None
+    }
+    assert any(row[1] for row in told["derivative"])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "results",
+    [["test.x/support.x:0"], ["test.x/support.x:10", "5", "test.x@0,0,0.001/test.z/support.z:50"]],
+)
+def test_all_text_lies_within_the_picture(results):
+    """Also of few results, and where nothing moves anything."""
+    from suspension_cli.analyses.sensitivity import picture
+
+    figure = picture.draw(solved((CONFIGS / "quadruple.toml").read_text(), *results), "", "string")
+    for axes in figure.axes:
+        box = axes.get_tightbbox()
+        assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1

@@ -1,0 +1,608 @@
+"""Sweeps over parameters: every point against a run of its own, modes followed by shape, what
+fails, and that it does not matter how it is run."""
+
+from __future__ import annotations
+
+import tomllib
+
+import h5py
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.sweep import file as files
+from suspension_cli.analyses.sweep import solve as sweep
+from suspension_cli.design import reader
+from suspension_cli.linear import batch_modes, eigenmodes, named_results, response, signals
+from suspension_cli.models import closed_form, registry
+from suspension_cli.studies import mode_tracking, variants
+from tests.support.commandline import assert_refused, edited, run, strict_json, written
+from tests.support.golden import CONFIGS
+
+SINGLE = CONFIGS / "husman2000" / "table1-case2.toml"
+TRIPLE = CONFIGS / "husman2000" / "table2.toml"
+
+
+def swept(file, out, *options):
+    """The JSON document of a run that must succeed."""
+    result = run("sweep", file, "--json", "--workers", "1", "--out", out, *options)
+    assert result.exit_code == 0, result.stderr
+    return strict_json(result.stdout)
+
+
+def values(answer, name):
+    """One result of a document."""
+    [found] = [item for item in answer["results"] if item["name"] == name]
+    return np.array(found["values"], dtype=float)
+
+
+CASES = {
+    "force": (
+        TRIPLE,
+        "force",
+        {
+            "stage.test.wires.t1": [0.05, 0.09, 0.12],
+            "stage.middle.blades.stiffness": [500.0, 900.0, 700.0],
+        },
+    ),
+    "string": (
+        TRIPLE,
+        "string",
+        {"stage.test.wires.t1": [0.05, 0.09, 0.12], "stage.middle.wires.d": [1e-3, 2e-3, 1e-3]},
+    ),
+    "closed form": (SINGLE, "closed-form", {"stage.test.wires.s": [0.01, 0.02, 0.03]}),
+    "dampers": (CONFIGS / "triple-damped.toml", "force", {"constants.gravity": [9.7, 9.81, 9.9]}),
+    "imperfect": (
+        CONFIGS / "imperfect.toml",
+        "string",
+        {"perturbation.1.k_factor": [1.0, 1.1, 1.3]},
+    ),
+    "five wires": (CONFIGS / "five-wires.toml", "string", {"constants.gravity": [9.7, 9.81, 9.9]}),
+    "bent": (
+        CONFIGS / "quadruple.toml",
+        "beam",
+        {"stage.test.wires.t1": [0.1, 0.13, 0.15], "stage.top.wires.d": [1e-3, 2e-3, 1e-3]},
+    ),
+    "bent, as thick as they are": (
+        CONFIGS / "double.toml",
+        "beam",
+        {"stage.test.wires.radius": [1e-4, 2e-4, 3e-4]},
+    ),
+    "bent, imperfect": (
+        CONFIGS / "imperfect.toml",
+        "beam",
+        {"perturbation.1.k_factor": [1.0, 1.1, 1.3]},
+    ),
+    "bent, dampers": (
+        CONFIGS / "triple-damped.toml",
+        "beam",
+        {"constants.gravity": [9.7, 9.81, 9.9]},
+    ),
+    "bent, five wires": (
+        CONFIGS / "five-wires.toml",
+        "beam",
+        {"constants.gravity": [9.7, 9.81, 9.9]},
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_batches_of_designs_are_those_designs(case):
+    """Modes and a response of a batch against each design by itself."""
+    file, level, grid = CASES[case]
+    text = file.read_text()
+    grid = {path: np.array(column) for path, column in grid.items()}
+    seen = []
+    for found, here in variants.balanced(text, grid, level):
+        assert (found.status == 0).all()
+        solved = batch_modes.solve(found.model)
+        np.testing.assert_allclose(
+            solved.shape @ np.swapaxes(solved.shape, -1, -2),
+            np.broadcast_to(
+                np.eye(solved.shape.shape[1]), (len(here), *solved.shape.shape[1:2] * 2)
+            ),
+            atol=1e-12,
+        )
+        for n, point in enumerate(here.tolist()):
+            design = variants.overridden(
+                text, {path: column[point] for path, column in grid.items()}
+            )
+            alone = registry.by_name(level).system(design)
+            expected = eigenmodes.solve(alone)
+            np.testing.assert_allclose(
+                solved.omega_squared[n],
+                expected.omega_squared,
+                rtol=1e-9,
+                atol=1e-10 * expected.omega_squared.max(),
+            )
+            ratio = named_results.Ratio(
+                "",
+                signals.parse_output(f"{alone.body[-1]}.x", alone.body),
+                None,
+                signals.parse_input("support.x", ("support",)),
+                7.0,
+            )
+            assert sweep.evaluate_ratio(found, ratio)[n] == pytest.approx(
+                response.solve(alone, np.array([7.0]), [ratio.input], [ratio.over]).value[0, 0, 0],
+                rel=1e-8,
+            )
+            seen.append(point)
+    assert sorted(seen) == [0, 1, 2]
+
+
+@pytest.mark.parametrize("level", ["force", "string", "beam"])
+def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level):
+    """Designs that share them are one batch; a response on a resonance tells who has which, and
+    where they act."""
+    raw = tomllib.loads((CONFIGS / "double.toml").read_text())
+    raw["stage"][1]["damping"] = {"x": 2.0, "pitch": 0.1, "against": "support"}
+    text = reader.write_toml(
+        raw | {"support": {"stiffness": {"x": 1e5}, "mass": 20.0, "damping": {"x": 50.0}}}
+    )
+    grid = {
+        "stage.test.damping.x": [2.0, 2.0, 3.0, 2.0, 2.0],
+        "support.stiffness.x": [1e5, 1e5, 1e5, 2e5, 1e5],
+        "stage.upper.wires.l": [0.3, 0.3, 0.3, 0.3, 0.35],
+        "stage.upper.body.mass": [3.0, 3.5, 3.0, 3.0, 3.0],
+    }
+    batches = list(
+        variants.balanced(text, {path: np.array(column) for path, column in grid.items()}, level)
+    )
+    assert sorted(len(here) for _, here in batches) == [1, 1, 1, 2]
+    for found, here in batches:
+        for n, point in enumerate(here.tolist()):
+            alone = registry.by_name(level).system(
+                variants.overridden(text, {path: column[point] for path, column in grid.items()})
+            )
+            ratio = named_results.Ratio(
+                "",
+                signals.parse_output("test.x", alone.body),
+                None,
+                signals.parse_input("support.x", ("support",)),
+                0.71,
+            )
+            expected = response.solve(alone, np.array([0.71]), [ratio.input], [ratio.over]).value[
+                0, 0, 0
+            ]
+            assert sweep.evaluate_ratio(found, ratio)[n] == pytest.approx(expected, rel=1e-9)
+
+
+def test_modes_are_followed_through_a_crossing(tmp_path):
+    """Yaw against t1 (equation 9) crosses longitudinal and transverse; its rank changes, its line
+    does not."""
+    answer = swept(
+        SINGLE,
+        tmp_path,
+        "--vary",
+        "stage.test.wires.t1=0.002:0.13:60",
+        "--vary",
+        "stage.test.wires.s=0.005,0.01",
+    )
+    t1 = np.linspace(0.002, 0.13, 60)
+    for n, s in enumerate((0.005, 0.01)):
+        raw = edited(tomllib.loads(SINGLE.read_text()), {("stage", 0, "wires", "s"): s})
+        wires = closed_form.four_wires(reader.convert(raw))
+        moved = closed_form.FourWires(
+            wires.mass, wires.inertia, wires.l, s, t1, wires.t2, wires.d, wires.k, wires.gravity
+        )
+        expected = np.sqrt(closed_form.rotation(moved)) / (2 * np.pi)
+        np.testing.assert_allclose(values(answer, "test yaw")[:, n], expected, rtol=1e-10)
+        along = np.sqrt(moved.gravity / (moved.l * moved.cos)) / (2 * np.pi)
+        np.testing.assert_allclose(values(answer, "test longitudinal")[:, n], along, rtol=1e-10)
+        assert (np.diff(np.sign(expected - along)) != 0).sum() == 1, "the lines must cross"
+
+
+def test_following_goes_round_holes():
+    """Two modes that swap their ranks along each axis, with points missing."""
+    angle = np.add.outer(np.linspace(0, 1, 9), np.linspace(0, 1, 7)) * np.pi / 2
+    cos, sin = np.cos(angle), np.sin(angle)
+    shapes = np.stack([np.stack([cos, sin], -1), np.stack([-sin, cos], -1)], -2)
+    flipped = angle > 0.8  # ranks change where the frequencies cross
+    shapes[flipped] = shapes[flipped][:, ::-1]
+    squared = np.broadcast_to([1.0, 2.0], shapes.shape[:-1])
+    good = np.ones((9, 7), dtype=bool)
+    good[4, :6] = good[6, 2] = False
+    rank, overlap = mode_tracking.follow(squared, shapes, good, (0, 0), np.eye(2))
+    assert (rank[~good] == -1).all() and np.isnan(overlap[~good]).all()
+    assert (rank[good] == np.where(flipped[good][:, None], [1, 0], [0, 1])).all()
+    assert np.nanmin(overlap) > 0.9
+    good[4, 6] = False  # now no way round: across the gap
+    rank, overlap = mode_tracking.follow(squared, shapes, good, (0, 0), np.eye(2))
+    assert (rank[good] == np.where(flipped[good][:, None], [1, 0], [0, 1])).all()
+
+
+def test_a_near_miss_is_crossed_on_any_grid(tmp_path):
+    """Tilt and longitudinal couple weakly through d; however fine the grid, tilt is tilt again past
+    the longitudinal mode, and lines jump by 2 % at most."""
+    for points in (30, 600):
+        answer = swept(
+            CONFIGS / "husman2000" / "figure3.toml",
+            tmp_path,
+            "--vary",
+            f"stage.test.wires.s=5e-5:0.05:{points}:log",
+        )
+        tilt, along = values(answer, "test pitch"), values(answer, "test longitudinal")
+        assert tilt[0] < 0.3 and tilt[-1] > 40
+        assert np.ptp(along) < 0.022 * along.mean()
+
+
+def test_unstable_and_impossible_points_are_findings(tmp_path):
+    result = run(
+        "sweep",
+        SINGLE,
+        "--vary",
+        "stage.test.wires.d=-0.6:0.1:15",
+        "--result",
+        "modes",
+        "--result",
+        "test.x/support.x:5",
+        "--json",
+        "--out",
+        tmp_path,
+    )
+    assert result.exit_code == 0
+    assert "points: the equilibrium is unstable" in result.stderr
+    answer = strict_json(result.stdout)
+    yaw, tilt, pushed = (
+        values(answer, name) for name in ("test yaw", "test longitudinal", "test.x/support.x:5")
+    )
+    assert np.isfinite(yaw).all(), "modes that do not grow have frequencies"
+    assert np.isnan(pushed).sum() == answer["failures"]["the equilibrium is unstable"]
+    assert (np.isnan(tilt) | np.isnan(values(answer, "test pitch")) | np.isfinite(pushed)).all()
+    answer = swept(
+        SINGLE, tmp_path, "--vary", "stage.test.wires.t1=0:0.5:11", "--result", "test yaw"
+    )
+    reach = 0.133 + 0.26
+    assert np.isnan(values(answer, "test yaw")).tolist() == [
+        t1 >= reach for t1 in np.linspace(0, 0.5, 11)
+    ]
+    assert sum(answer["failures"].values()) == 3
+
+
+def test_results_by_name(tmp_path):
+    names = [
+        "test pitch",
+        "1",
+        "test.x@0,0,0.001/support.x:10",
+        "test.pitch/test.x/upper.force_x:2",
+    ]
+    answer = swept(
+        TRIPLE,
+        tmp_path,
+        "--vary",
+        "stage.test.wires.t2=0.08,0.09",
+        *(word for name in names for word in ("--result", name)),
+    )
+    assert [(item["name"], item["unit"]) for item in answer["results"]] == [
+        ("test pitch", "Hz"),
+        ("upper yaw", "Hz"),
+        (names[2], "1"),
+        (names[3], "rad/m"),
+    ]
+    model = registry.by_name(answer["fidelity"]).system(
+        variants.overridden(TRIPLE.read_text(), {"stage.test.wires.t2": 0.09})
+    )
+    known = signals.bodies_with_signals(model)
+    outputs = [signals.parse_output(name, known) for name in ("test.pitch", "test.x")]
+    both = response.solve(
+        model, np.array([2.0]), [signals.parse_input("upper.force_x", known)], outputs
+    ).value[0, :, 0]
+    assert values(answer, names[3])[1] == pytest.approx(abs(both[0] / both[1]), rel=1e-12)
+    shaken = response.solve(
+        model,
+        np.array([10.0]),
+        [signals.parse_input("support.x", known)],
+        [signals.parse_output("test.x@0,0,0.001", known)],
+    ).value[0, 0, 0]
+    assert values(answer, names[2])[1] == pytest.approx(abs(shaken), rel=1e-12)
+    drawn = eigenmodes.solve(
+        registry.by_name(answer["fidelity"]).system(reader.read(TRIPLE).design)
+    )
+    assert answer["results"][1]["nominal"] == pytest.approx(drawn.frequency[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("level", ["auto", "beam"])
+def test_it_does_not_matter_how_it_is_run(level, tmp_path):
+    """Chunks, and on one rung processes, change no bit of the file."""
+    options = (
+        "--vary",
+        "stage.test.wires.d=1e-3:3e-3:11",
+        "--vary",
+        "stage.upper.wires.t1=0.03:0.05:6",
+        "--result",
+        "test yaw",
+        "--result",
+        "test.x/support.x:3",
+        "--fidelity",
+        level,
+    )
+    files_written = []
+    for chunk in ("512", "64"):
+        how, out = (
+            ("--workers", "2" if chunk == "64" and level == "beam" else "1", "--chunk", chunk),
+            tmp_path / chunk,
+        )
+        assert (
+            run(
+                "sweep", CONFIGS / "double.toml", *options, "--no-plot", "--out", out, *how
+            ).exit_code
+            == 0
+        )
+        files_written.append((out / "double-sweep.h5").read_bytes())
+    assert files_written[0] == files_written[1]
+
+
+def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
+    options = (
+        "--vary",
+        "stage.test.wires.t1=0.05:0.12:200",
+        "--result",
+        "test yaw",
+        "--no-plot",
+        "--workers",
+        "1",
+        "--chunk",
+        "64",
+    )
+    assert run("sweep", SINGLE, *options, "--out", tmp_path / "whole").exit_code == 0
+    plain = sweep.ParameterSweep.compute
+
+    def stopped(job, start, stop):
+        if start >= 128:
+            raise KeyboardInterrupt
+        return plain(job, start, stop)
+
+    monkeypatch.setattr(sweep.ParameterSweep, "compute", stopped)
+    assert run("sweep", SINGLE, *options, "--out", tmp_path / "parts").exit_code == 130
+    assert (tmp_path / "parts" / "husman2000-table1-case2-sweep.h5.part").exists()
+    monkeypatch.setattr(sweep.ParameterSweep, "compute", plain)
+    assert run("sweep", SINGLE, *options, "--out", tmp_path / "parts", "--resume").exit_code == 0
+    name = "husman2000-table1-case2-sweep.h5"
+    assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_a_mode_that_comes_to_nothing_does_not_hide_the_others(tmp_path):
+    """Yaw of wires that meet is 0: the other modes still stand on a logarithmic axis, unlike a
+    coupling that is 0 throughout."""
+    from suspension_cli.analyses.sweep import picture
+
+    for options, scale in (
+        (("--vary", "stage.upper.wires.t1=0:0.06:4"), "log"),
+        (("--result", "test.x/support.x:10", "--result", "test.x/test.z/support.z:9"), "linear"),
+    ):
+        options = options if scale == "log" else ("--vary", "stage.upper.wires.l=0.1:2:4", *options)
+        swept(CONFIGS / "double.toml", tmp_path, *options)
+        with h5py.File(tmp_path / "double-sweep.h5") as file:
+            (axes,) = picture.draw(files.read(file["sweep"]), "").axes
+        assert axes.get_yscale() == scale and axes.get_xlabel().endswith(" (SI)")
+
+
+def test_pictures_and_the_table(tmp_path):
+    for number, options in enumerate(
+        [
+            ("--vary", "stage.test.wires.t1=0.05:0.12:4", "--result", "1", "--result", "test yaw"),
+            (
+                "--vary",
+                "stage.test.wires.t1=0.05:0.12:3",
+                "--vary",
+                "stage.test.wires.l=0.1:1:3:log",
+                "--result",
+                "1",
+                "--result",
+                "test yaw",
+            ),
+            (
+                "--vary",
+                "stage.test.wires.t1=0.05:0.12:3",
+                "--vary",
+                "constants.gravity=9,10",
+                "--vary",
+                "stage.test.wires.l=0.3,0.4",
+                "--result",
+                "6",
+            ),
+        ]
+    ):
+        out = tmp_path / str(number)
+        result = run("sweep", SINGLE, *options, "--out", out, "--workers", "1")
+        assert result.exit_code == 0, result.stderr
+        assert "as drawn" in result.stdout
+        png = out / "husman2000-table1-case2-sweep.png"
+        before = png.read_bytes()
+        png.unlink()
+        assert run("plot", png.with_suffix(".h5")).exit_code == 0
+        assert png.read_bytes() == before
+
+
+def test_defaults_come_from_the_design(tmp_path):
+    raw = edited(
+        tomllib.loads(SINGLE.read_text()),
+        {
+            ("analysis",): {
+                "sweep": {
+                    "vary": "stage.test.wires.s=0.01,0.02",
+                    "result": ["test yaw", "test pitch"],
+                }
+            }
+        },
+    )
+    file = written(tmp_path, raw)
+    answer = swept(file, tmp_path)
+    assert [item["name"] for item in answer["results"]] == ["test yaw", "test pitch"]
+    assert answer["axes"] == [{"name": "stage.test.wires.s", "values": [0.01, 0.02]}]
+    files.load(tmp_path / f"{raw['design']['name']}-sweep.h5")
+
+
+GOOD = ("--vary", "stage.test.wires.s=0.01:0.02:3")
+BAD = {
+    "nothing varied": ((), "--vary: is missing"),
+    "no grid": (
+        ("--vary", "stage.test.wires.s"),
+        '--vary = "stage.test.wires.s": is not of the form PATH=GRID',
+    ),
+    "bad grid": (
+        ("--vary", "stage.test.wires.s=1:2"),
+        '--vary stage.test.wires.s = "1:2": is not a grid',
+    ),
+    "twice": ((*GOOD, *GOOD), "--vary = "),
+    "unknown key": (
+        ("--vary", "stage.test.wires.q=1:2:3"),
+        "--vary stage.test.wires.q = 1: unknown key",
+    ),
+    "no such stage": (
+        ("--vary", "stage.tset.wires.s=1:2:3"),
+        "--vary stage.tset.wires.s = 1: there is no",
+    ),
+    "no number": (("--vary", "design.name=1:2:3"), "--vary design.name = 1: must be a string"),
+    "never possible": (
+        ("--vary", "stage.test.wires.l=-3:-1:3"),
+        "--vary stage.test.wires.l = -3: must be",
+    ),
+    "no such mode": (
+        (*GOOD, "--result", "test pitsch"),
+        "--result = \"test pitsch\": is the label of no mode; did you mean 'test pitch'?",
+    ),
+    "no such number": ((*GOOD, "--result", "7"), '--result = "7": is the label of no mode'),
+    "no frequency": (
+        (*GOOD, "--result", "test.x/support.x"),
+        '--result = "test.x/support.x": is no response',
+    ),
+    "no such body": (
+        (*GOOD, "--result", "tset.x/support.x:1"),
+        '--result = "tset.x": names no body',
+    ),
+    "output drives": (
+        (*GOOD, "--result", "test.x/test.y:1"),
+        '--result = "test.x/test.y:1": test.y is an output',
+    ),
+    "input watched": (
+        (*GOOD, "--result", "test.force_x/support.x:1"),
+        '--result = "test.force_x/support.x:1": test.force_x is an input',
+    ),
+    "rung": (
+        (*GOOD, "--set", "perturbation=[{wire='test.1', k_factor=1.1}]", "--fidelity", "force"),
+        '--fidelity = "force"',
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_bad_options_are_refused(kind, tmp_path):
+    options, problem = BAD[kind]
+    lines = assert_refused(
+        run("sweep", SINGLE, *options, "--out", tmp_path / "out"), SINGLE, tmp_path / "out"
+    )
+    assert any(line.startswith(problem) for line in lines), lines
+
+
+def test_a_label_of_several_modes(tmp_path):
+    [line] = assert_refused(
+        run(
+            "sweep",
+            TRIPLE,
+            *GOOD[:1],
+            "stage.test.wires.t1=0.08,0.09",
+            "--result",
+            "upper longitudinal",
+            "--out",
+            tmp_path,
+        ),
+        TRIPLE,
+    )
+    assert line.startswith(
+        "--result = \"upper longitudinal\": is the label of 2 modes; write 'upper longitudinal#1'"
+    )
+
+
+def test_a_coarse_grid_is_warned_of(tmp_path):
+    """Where shapes change from point to point past recognition, that is told."""
+    path = "stage.middle.body.mass"
+    for grid, warned in (("1,40", True), ("1:40:60:log", False)):
+        result = run(
+            "sweep",
+            TRIPLE,
+            "--vary",
+            f"{path}={grid}",
+            "--out",
+            tmp_path,
+            "--no-plot",
+            "--workers",
+            "1",
+        )
+        assert result.exit_code == 0
+        assert ("take a finer grid" in result.stderr) is warned
+
+
+def test_modes_of_wires_with_mass_are_refused(tmp_path):
+    options = (
+        "--vary",
+        "stage.test.wires.d=1e-3,2e-3",
+        "--fidelity",
+        "violin",
+        "--json",
+        "--out",
+        tmp_path / "out",
+    )
+    (line,) = assert_refused(run("sweep", SINGLE, *options), SINGLE, tmp_path / "out")
+    assert (
+        line == '--fidelity = "violin": has no modes that could be followed; take beam, or ask for'
+        " responses alone"
+    )
+
+
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_points_are_runs_of_their_own(level, tmp_path):
+    """On wires that bend: a mode (beam) and a response as `modes` and `response` give them at each
+    point."""
+    names = ["test.x/support.x:11", *(["upper yaw"] if level == "beam" else [])]
+    asked = [word for name in names for word in ("--result", name)]
+    answer = swept(
+        CONFIGS / "double.toml",
+        tmp_path,
+        "--vary",
+        "stage.test.wires.d=1e-3,2e-3",
+        "--fidelity",
+        level,
+        *asked,
+    )
+    for n, d in enumerate((1e-3, 2e-3)):
+        model = registry.by_name(level).system(
+            variants.overridden((CONFIGS / "double.toml").read_text(), {"stage.test.wires.d": d})
+        )
+        known = signals.bodies_with_signals(model)
+        shaken = response.solve(
+            model,
+            np.array([11.0]),
+            [signals.parse_input("support.x", known)],
+            [signals.parse_output("test.x", known)],
+        ).value[0, 0, 0]
+        assert values(answer, names[0])[n] == pytest.approx(abs(shaken), rel=1e-9)
+        if level == "beam":
+            found = eigenmodes.solve(model)
+            assert values(answer, "upper yaw")[n] == pytest.approx(
+                found.frequency[found.label.index("upper yaw")], rel=1e-12
+            )
+
+
+def test_what_bending_would_change_is_told(tmp_path):
+    options = (
+        "--vary",
+        "stage.test.wires.d=1e-3,2e-3",
+        "--result",
+        "test pitch",
+        "--json",
+        "--out",
+        tmp_path,
+    )
+    told = run("sweep", CONFIGS / "double.toml", *options).stderr
+    assert (
+        "warning: double: the force model neglects wire bending, which changes test pitch by 25 %;"
+        " rerun with --fidelity beam" in told
+    )
+    assert (
+        "leaves out"
+        not in run("sweep", CONFIGS / "double.toml", *options, "--fidelity", "string").stderr
+    )
+    assert (
+        "leaves out"
+        not in run("sweep", CONFIGS / "double.toml", *options, "--fidelity", "beam").stderr
+    )

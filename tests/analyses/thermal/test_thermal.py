@@ -1,0 +1,353 @@
+"""Thermal noise: the power lost against the susceptibility, a pendulum on one wire in many digits,
+equipartition, symmetry."""
+
+from __future__ import annotations
+
+import copy
+import math
+import tomllib
+
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.conventions import BOLTZMANN
+from suspension_cli.design.reader import template
+from suspension_cli.errors import InputError
+from suspension_cli.linear import eigenmodes, frequency_dependent
+from tests.support import plants
+from tests.support.lossy import CONFIGS, FREQUENCY, KINDS, LEVELS, lossier, model_of, noise, raw
+from tests.support.pendulums import Pendulum
+
+LOST = {"silica": 1e-8}
+"""Short sections are 1e4 times as stiff as the whole fibre; joining them takes as many digits, both
+of the stiffness and of the power."""
+
+
+# two routes and a split
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_power_lost_is_the_imaginary_susceptibility(kind, level):
+    """Measured: 1e-13 for a single pendulum to 8e-10 for silica under three stages, whose loss
+    drowns in the susceptibility."""
+    model = model_of(raw(kind), level)
+    some = FREQUENCY[::5]
+    for dof in ("x", "z", "pitch"):
+        found = noise(model, f"test.{dof}@0,0,0.001" if dof == "x" else f"test.{dof}", some)
+        _, row = thermal.parse_motion(model, found.output)
+        np.testing.assert_allclose(
+            found.density.sum(0),
+            thermal.compute_from_susceptibility(model, some, row, 290.0),
+            rtol=1e-6,
+        )
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_and_to_all_digits_where_loss_is_large(kind, level):
+    model = model_of(lossier(raw(kind), 0.05), level)
+    found = noise(model, "test.x@0,0,0.001")
+    _, row = thermal.parse_motion(model, found.output)
+    np.testing.assert_allclose(
+        found.density.sum(0),
+        thermal.compute_from_susceptibility(model, FREQUENCY, row, 290.0),
+        rtol=LOST.get(kind, 1e-10),
+    )
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_parts_sum_to_the_whole(kind, level):
+    """The sources, each from the shape of its own wires, against x^H Im(Z) x with the whole
+    matrix."""
+    model = model_of(lossier(raw(kind), 0.05), level)
+    omega = 2 * np.pi * FREQUENCY
+    _, row = thermal.parse_motion(model, "test.x")
+    for block in frequency_dependent.build_blocks(model):
+        force = row[block.keep][:, None]
+        if not force.any():
+            continue
+        there = block.at(omega)
+        motion = there.solve(np.zeros((6, 1)), force)[:, 0]
+        parts = sum(thermal.compute_dissipation(there, motion, 290.0).values())
+        lossy = without_tensions(there.matrix[:, 6:], len(motion)).imag
+        whole = np.einsum("if,ijf,jf->f", motion.conj(), lossy, motion).real
+        size = np.einsum("if,ijf,jf->f", np.abs(motion), np.abs(lossy), np.abs(motion))
+        assert (np.abs(parts - whole) <= LOST.get(kind, 1e-12) * size).all()
+
+
+def without_tensions(matrix, count):
+    """A dynamic stiffness (c + t, c + t, f) whose last coordinates, tensions of wires, are
+    eliminated: they do not touch each other."""
+    across, own = matrix[:count, count:], np.einsum("ttf->tf", matrix[count:, count:])
+    return matrix[:count, :count] - np.einsum("itf,tf,jtf->ijf", across, 1 / own, across)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_source_is_negative(kind, level):
+    model = model_of(raw(kind), level)
+    for dof in ("x", "y", "z", "roll", "pitch", "yaw"):
+        found = noise(model, f"test.{dof}", FREQUENCY[::5])
+        assert len(found.source)
+        assert (found.density >= 0).all()
+        assert found.density.any(1).all()
+        np.testing.assert_allclose(
+            sum(part**2 for part in found.parts.values()), found.amplitude**2, rtol=1e-12
+        )
+
+
+def test_every_kind_of_source_has_its_name():
+    found = noise(model_of(raw("around")), "test.x@0,0.01,0.02")
+    assert {name.rpartition(".")[2] for name in found.source} >= {
+        "bending-upper",
+        "bending-lower",
+        "stretching",
+        "damping",
+        "springs",
+        "support",
+    }
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_support_that_hardly_gives_way_changes_nothing(level):
+    rigid = raw("triple")
+    soft = rigid | {
+        "support": {"stiffness": dict.fromkeys(("x", "y", "z", "roll", "pitch", "yaw"), 1e12)}
+    }
+    for text in ("test.x", "test.z"):
+        one, other = (noise(model_of(given, level), text) for given in (rigid, soft))
+        assert one.source == other.source
+        np.testing.assert_allclose(one.density, other.density, rtol=1e-5)
+
+
+# one wire
+
+
+@pytest.mark.parametrize("inertia", [1e-9, 1e-4, 1e3], ids=["free", "between", "clamped"])
+@pytest.mark.parametrize("level", LEVELS)
+def test_point_mass_on_a_wire(level, inertia):
+    """From the wire's equation in 50 digits; the end of the wire is free to turn, turns with the
+    body, is clamped. Violin modes at 284 Hz, ... ."""
+    one = Pendulum(inertia=inertia)
+    frequency = np.array(
+        [
+            0.01,
+            0.3,
+            0.7,
+            1.0,
+            5.0,
+            30.0,
+            100.0,
+            282.0,
+            283.0,
+            283.5,
+            284.0,
+            290.0,
+            560.0,
+            1000.0,
+            5000.0,
+        ]
+    )
+    expected = [one.density_of_noise(value, massive=level == "violin") for value in frequency]
+    np.testing.assert_allclose(
+        noise(model_of(one.raw(), level), "test.x", frequency).density.sum(0), expected, rtol=1e-11
+    )
+
+
+@pytest.mark.parametrize(("inertia", "ends"), [(1e-9, 1), (1e6, 2)], ids=["free", "clamped"])
+def test_dilution(inertia, ends):
+    """Gonzalez and Saulson's pendulum: S = 4 k T w0^2 p / (m w ((w0^2 - w^2)^2 + w0^4 p^2)), p =
+    phi sqrt(EI T) / (2 T L) for each end that bends."""
+    one = Pendulum(inertia=inertia, radius=2e-5, angle=1e-2)
+    depth = math.sqrt(one.rigidity / one.tension) / one.length
+    diluted = one.angle * ends * depth / 2
+    resonance = one.gravity / one.length / (1 - ends * depth)
+    omega = 2 * np.pi * np.array([0.05, 0.2, 0.5, 0.7, 0.72, 2.0, 5.0])
+    expected = (
+        4
+        * BOLTZMANN
+        * 290
+        * resonance
+        * diluted
+        / (one.mass * omega * ((resonance - omega**2) ** 2 + (resonance * diluted) ** 2))
+    )
+    found = noise(model_of(one.raw(), "beam"), "test.x", omega / (2 * np.pi)).density.sum(0)
+    np.testing.assert_allclose(found, expected, rtol=5 * ends * depth)
+
+
+def test_bending_has_two_ends():
+    """A clamped mass bends the wire alike at both ends; one that is free to turn, above only."""
+    clamped, free = (
+        noise(model_of(Pendulum(inertia=inertia).raw(), "beam"), "test.x", [0.1, 3.0]).parts
+        for inertia in (1e6, 1e-9)
+    )
+    np.testing.assert_allclose(
+        clamped["test.bending-upper"], clamped["test.bending-lower"], rtol=1e-6
+    )
+    assert (free["test.bending-lower"] < 1e-4 * free["test.bending-upper"]).all()
+
+
+# equipartition
+
+
+def test_equipartition_in_a_resonance():
+    """The area under the resonance of a lossy pendulum is k T / (m w0^2), whatever its loss."""
+    for angle in (0.01, 0.1):
+        one = Pendulum(angle=angle, radius=2e-4)
+        model = model_of(one.raw(), "beam")
+        found = eigenmodes.solve(model)
+        place = found.home.index(("test", "x"))
+        centre = float(found.frequency[place])
+        # full width at half its height
+        width = centre * angle * math.sqrt(one.rigidity / one.tension) / one.length / 2
+        far = math.atan(centre / 2 / width)
+        turn = np.linspace(-far, far, 40001)
+        frequency = centre + width * np.tan(turn)
+        area = np.trapezoid(
+            noise(model, "test.x", frequency).density.sum(0) * width / np.cos(turn) ** 2, turn
+        )
+        assert area == pytest.approx(
+            BOLTZMANN * 290 / (one.mass * (2 * math.pi * centre) ** 2), rel=3e-4
+        )
+
+
+def test_equipartition_of_everything():
+    """Viscous loss alone: over all frequencies k T times the static compliance, however many modes
+    there are."""
+    design = tomllib.loads(template("single", "single"))
+    design["stage"][0]["damping"] = {
+        "x": 60.0,
+        "y": 50.0,
+        "z": 900.0,
+        "roll": 0.5,
+        "pitch": 0.4,
+        "yaw": 0.4,
+    }
+    design["materials"] = {"steel302": {"loss": {"thermoelastic": False}}}
+    model = model_of(design, "beam")
+    stiffness = model.stiffness[6:, 6:]
+    log = np.linspace(math.log(1e-4), math.log(1e5), 20001)
+    for dof in ("x", "pitch", "z"):
+        found = noise(model, f"test.{dof}", np.exp(log))
+        assert found.source == ("damping",)
+        _, row = thermal.parse_motion(model, f"test.{dof}")
+        area = np.trapezoid(found.density.sum(0) * np.exp(log), log) + found.density[0, 0] * 1e-4
+        expected = BOLTZMANN * 290 * row[6:] @ np.linalg.solve(stiffness, row[6:])
+        assert area == pytest.approx(expected, rel=1e-5)
+
+
+# symmetry and frames
+
+
+def test_a_symmetric_mirror_on_vertical_wires_is_not_twisted():
+    """Moving along x, it only swings and pitches; its centre of mass does not rise."""
+    config = tomllib.loads((CONFIGS / "husman2000" / "figure6.toml").read_text())
+    for level in LEVELS:
+        model = model_of(config, level)
+        for text in ("test.x", "test.x@0,0,0", "test.pitch"):
+            assert set(noise(model, text).source) == {
+                "test.bending-upper",
+                "test.bending-lower",
+                "test.stretching",
+            }
+        np.testing.assert_array_equal(
+            noise(model, "test.x").density, noise(model, "test.x@0,0,0").density
+        )
+        assert "test.torsion" in noise(model, "test.yaw").source
+
+
+@pytest.mark.parametrize("kind", ["five", "silica"])
+def test_points_of_a_body(kind):
+    """S is a quadratic form of what is observed: for x of points at p and -p, S(x + r) + S(x - r) =
+    2 S(x) + 2 S(r)."""
+    model = model_of(raw(kind))
+    (signal, middle), (_, upper) = (
+        thermal.parse_motion(model, text) for text in ("test.x", "test.x@0,0,0.03")
+    )
+    turning = thermal.solve(model, FREQUENCY, upper - middle, signal, 290.0).density.sum(0)
+    both = sum(noise(model, f"test.x@0,0,{z}").density.sum(0) for z in (0.03, -0.03))
+    np.testing.assert_allclose(
+        both, 2 * noise(model, "test.x").density.sum(0) + 2 * turning, rtol=1e-9
+    )
+
+
+def test_turned_by_a_quarter():
+    """A design turned about the vertical: what was along x is along y."""
+
+    def turned(point):
+        return [-point[1], point[0], point[2]]
+
+    first = raw("five")
+    second = copy.deepcopy(first)
+    stage = second["stage"][0]
+    stage["position"] = turned(stage["position"])
+    for wire in stage["wire"]:
+        wire["upper"], wire["lower"] = turned(wire["upper"]), turned(wire["lower"])
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    stage["body"]["inertia"] = (turn @ np.array(stage["body"]["inertia"]) @ turn.T).tolist()
+    for before, after in (
+        ("test.x@0.01,0.02,0.03", "test.y@-0.02,0.01,0.03"),
+        ("test.pitch", "test.roll"),
+        ("test.z", "test.z"),
+    ):
+        one, other = noise(model_of(first), before), noise(model_of(second), after)
+        np.testing.assert_allclose(one.density.sum(0), other.density.sum(0), rtol=1e-7)
+        for source, part in one.parts.items():
+            np.testing.assert_allclose(part, other.parts[source], rtol=1e-5)
+
+
+def test_along_the_beam_of_an_arm():
+    """x and z of a symmetric design do not couple, so their noises add as the beam is tilted."""
+    model, tilt = model_of(raw("silica")), thermal.compute_arm_tilt(4000.0)
+    assert tilt == pytest.approx(3.14e-4, rel=1e-3)
+    along, x, z = noise(model, "test.x", tilt=tilt), noise(model, "test.x"), noise(model, "test.z")
+    np.testing.assert_allclose(
+        along.density.sum(0),
+        math.cos(tilt) ** 2 * x.density.sum(0) + math.sin(tilt) ** 2 * z.density.sum(0),
+        rtol=1e-12,
+    )
+    assert along.amplitude.argmax() == x.amplitude.argmax()
+
+
+def test_temperatures():
+    """Each part dissipates at its own: twice as warm below, twice the power from there."""
+    cold = raw("silica")
+    for stage in cold["stage"]:
+        stage["wires"]["temperature"] = {"upper": 100.0, "lower": 100.0}
+    cold["materials"] = {
+        name: {"loss": {"thermoelastic": False}}
+        for name in ("fused-silica", "c70steel", "maraging")
+    }
+    warm = copy.deepcopy(cold)
+    warm["stage"][-1]["wires"]["temperature"] = {"upper": 100.0, "lower": 200.0}
+    before, after = (noise(model_of(given), "test.x") for given in (cold, warm))
+    for source, part in before.parts.items():
+        if source != "test.stretching":  # at the mean of both ends
+            np.testing.assert_allclose(
+                after.parts[source],
+                part * (math.sqrt(2) if source == "test.bending-lower" else 1),
+                rtol=1e-9,
+            )
+
+
+# faults
+
+
+def test_without_loss_there_is_none():
+    given = plants.raw("single")
+    given["materials"] = {"steel302": {"loss": {"thermoelastic": False}}}
+    found = noise(model_of(given), "test.x")
+    assert found.source == ()
+    assert found.density.shape == (0, len(FREQUENCY))
+    assert not found.amplitude.any()
+
+
+def test_what_gives_power_back_is_refused():
+    given = raw("single")
+    matrix = np.diag([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    given["stage"][0]["spring"] = [{"stiffness": (-10 * matrix).tolist(), "loss_angle": 0.1}]
+    with pytest.raises(InputError, match="gives power back"):
+        noise(model_of(given), "test.x")

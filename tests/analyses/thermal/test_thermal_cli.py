@@ -1,0 +1,378 @@
+"""`pendsus thermal`: the JSON that scripts rely on, rungs, results files, pictures and refusals."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.thermal import file as files
+from suspension_cli.analyses.thermal import picture
+from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.analyses.thermal.command import told
+from suspension_cli.files.hdf5 import open_results
+from suspension_cli.models import registry
+from tests.support import plants, scenes
+from tests.support.commandline import assert_refused, run, strict_json, written
+
+RAW = plants.raw("triple") | {"materials": {"steel302": {"loss_angle": 2e-4}}}
+GRID = ("--frequency", "0.3,3,30")
+
+
+@pytest.fixture
+def file(tmp_path):
+    return written(tmp_path, RAW, "triple.toml")
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out"
+
+
+def asked(file, out, *options):
+    """The JSON document of a run that went well and wrote nothing but its results."""
+    result = run("thermal", file, "--json", "--out", out, *options)
+    assert result.exit_code == 0, result.stderr
+    assert [path.name for path in out.iterdir()] == ["triple-thermal.h5"]
+    return strict_json(result.stdout)
+
+
+def expected(frequency, text, level="beam", tilt=0.0):
+    model = registry.by_name(level).system(scenes.design_of(RAW))
+    signal, row = thermal.parse_motion(model, text, tilt)
+    return thermal.solve(model, np.asarray(frequency), row, signal, 290.0)
+
+
+def test_one_motion_is_flat(file, out):
+    answer = asked(file, out, "--output", "test.x@0,0,0.001", "--frequency", "0.3,3,4")
+    assert list(answer) == [
+        "command",
+        "design",
+        "fidelity",
+        "frequency_hz",
+        "output",
+        "unit",
+        "tilt_rad",
+        "displacement_asd",
+        "contributions",
+        "without_loss",
+        "estimated_error",
+    ]
+    assert (answer["command"], answer["design"], answer["fidelity"]) == (
+        "thermal",
+        "triple",
+        "beam",
+    )
+    assert (answer["output"], answer["unit"], answer["tilt_rad"]) == (
+        "test.x@0,0,0.001",
+        "m/sqrt(Hz)",
+        0.0,
+    )
+    assert answer["frequency_hz"] == [0.3, 3.0, 4.0]
+    found = expected([0.3, 3.0, 4.0], "test.x@0,0,0.001")
+    assert answer["displacement_asd"] == found.amplitude.tolist()
+    assert answer["contributions"] == {name: part.tolist() for name, part in found.parts.items()}
+    power = np.sum([np.square(part) for part in answer["contributions"].values()], axis=0)
+    np.testing.assert_allclose(np.sqrt(power), answer["displacement_asd"], rtol=1e-12)
+
+
+def test_several_are_a_list(file, out):
+    answer = asked(
+        file, out, "--output", "test.x", "--output", "test.pitch", "--output", "upper.z", *GRID
+    )
+    assert list(answer) == [
+        "command",
+        "design",
+        "fidelity",
+        "frequency_hz",
+        "noises",
+        "without_loss",
+        "estimated_error",
+    ]
+    assert [(one["output"], one["unit"]) for one in answer["noises"]] == [
+        ("test.x", "m/sqrt(Hz)"),
+        ("test.pitch", "rad/sqrt(Hz)"),
+        ("upper.z", "m/sqrt(Hz)"),
+    ]
+    assert {"output", "unit", "tilt_rad", "displacement_asd", "contributions"} == set(
+        answer["noises"][0]
+    )
+
+
+def test_defaults(file, out):
+    answer = asked(file, out)
+    assert (answer["output"], answer["fidelity"]) == ("test.x", "violin")
+    frequency = answer["frequency_hz"]
+    assert (len(frequency), frequency[0], frequency[-1]) == (2000, 0.1, 1000.0)
+
+
+def test_defaults_from_the_design(out, tmp_path):
+    table = {"output": ["middle.z"], "frequency": "1:2:3:lin", "fidelity": "violin", "arm": 0}
+    answer = asked(written(tmp_path, RAW | {"analysis": {"thermal": table}}, "triple.toml"), out)
+    assert (answer["output"], answer["fidelity"], answer["frequency_hz"]) == (
+        "middle.z",
+        "violin",
+        [1.0, 1.5, 2.0],
+    )
+
+
+@pytest.mark.parametrize(
+    ("table", "key"),
+    [({"outputs": "test.x"}, "outputs"), ({"fidelity": "guess"}, "fidelity"), ({"arm": -1}, "arm")],
+)
+def test_bad_defaults(table, key, out, tmp_path):
+    file = written(tmp_path, RAW | {"analysis": {"thermal": table}}, "triple.toml")
+    (line,) = assert_refused(run("thermal", file, "--json", "--out", out), file, out)
+    assert line.startswith(f"analysis.thermal.{key} = ")
+
+
+def test_along_the_beam_of_an_arm(file, out):
+    answer = asked(file, out, "--arm", "4000", *GRID)
+    assert answer["tilt_rad"] == thermal.compute_arm_tilt(4000.0)
+    assert (
+        answer["displacement_asd"]
+        == expected(
+            [0.3, 3.0, 30.0], "test.x", "violin", thermal.compute_arm_tilt(4000.0)
+        ).amplitude.tolist()
+    )
+
+
+@pytest.mark.parametrize("highest", ["4", "30"])
+def test_the_mass_of_wires_counts_where_they_vibrate(highest, file, out):
+    result = run("thermal", file, "--no-plot", "--out", out, "--frequency", f"1:{highest}:5")
+    line = result.stdout.splitlines()[0]
+    with h5py.File(out / "triple-thermal.h5") as results:
+        level, reason = results.attrs["fidelity"], results.attrs["fidelity_reason"]
+    assert level == ("beam" if highest == "4" else "violin")
+    assert line.startswith(f"model: {level} ({reason.partition('; ')[0]})")
+    assert f"{highest} Hz is " in reason
+    assert "first violin mode" in reason
+
+
+def test_text_for_people(file, out):
+    result = run(
+        "thermal",
+        file,
+        "--no-plot",
+        "--out",
+        out,
+        "--arm",
+        "600",
+        "--output",
+        "test.x",
+        "--frequency",
+        "0.5:20:1000",
+    )
+    reason, head, *rows = result.stdout.splitlines()
+    assert reason.startswith("model: violin (")
+    assert head.startswith(
+        "test.x along a beam that rises by 47.1 urad: thermal noise in m/sqrt(Hz)"
+    )
+    assert [float(row.split()[0]) for row in rows] == pytest.approx([1.0, 10.0], rel=5e-3)
+    assert all("%" in row and "bending" in row for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "places"),
+    [([2.0, 3.0], [0, 1]), ([5.0], [0]), ([1.0, 10.0, 100.0], [0, 1, 2]), ([100.0, 1.0], [1, 0])],
+)
+def test_frequencies_told(frequency, places):
+    assert told(np.array(frequency)) == places
+
+
+# refusals
+
+
+@pytest.mark.parametrize("level", ["closed-form", "force", "string"])
+def test_rungs_that_do_not_know_where_loss_sits(level, file, out):
+    (line,) = assert_refused(
+        run("thermal", file, "--json", "--out", out, "--fidelity", level), file, out
+    )
+    assert line.startswith("--fidelity = ")
+    assert line.endswith("; take auto, beam or violin")
+
+
+@pytest.mark.parametrize("grid", ["0", "-1", "0:1:5", "0:1:5:lin", "nan", "1:2"])
+def test_bad_grids(grid, file, out):
+    (line,) = assert_refused(
+        run("thermal", file, "--json", "--out", out, "--frequency", grid), file, out
+    )
+    assert line.startswith("--frequency = ")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--output", "tset.x"), "names no body"),
+        (("--output", "test.force_x"), "a force is an input"),
+        (("--output", "support.x"), "the support is at rest"),
+        (("--output", "test.pitch", "--arm", "4000"), "is for motion along x"),
+        (("--output", "test.x", "--output", "test.z", "--arm", "4000"), "is for motion along x"),
+    ],
+)
+def test_bad_outputs(options, message, file, out):
+    (line,) = assert_refused(
+        run("thermal", file, "--json", "--out", out, *GRID, *options), file, out
+    )
+    assert message in line
+    assert line.startswith(("--output", "--arm"))
+
+
+@pytest.mark.parametrize("arm", ["-1", "1e9", "nan", "x"])
+def test_bad_arms(arm, file, out):
+    result = run("thermal", file, "--json", "--out", out, "--arm", arm, *GRID)
+    assert result.exit_code == 2
+    assert "--arm" in result.stderr
+    assert not out.exists()
+
+
+def test_wires_without_material_or_cross_section(out, tmp_path):
+    for change, problem in (
+        ({"k": 1e4}, "has no cross-section"),
+        ({"k": 1e4, "radius": 1e-4}, "has no material"),
+    ):
+        stage = {
+            "name": "test",
+            "body": {"mass": 5.0, "inertia": [0.02] * 3},
+            "wires": {"count": 1, "l": 0.5, **change},
+        }
+        file = written(tmp_path, {"design": {"name": "one"}, "stage": [stage]})
+        for level in ("auto", "beam", "violin"):
+            (line,) = assert_refused(
+                run("thermal", file, "--json", "--out", out, "--fidelity", level), file, out
+            )
+            assert line.startswith(f"stage: wire test.1 {problem}")
+
+
+def test_wires_without_density(out, tmp_path):
+    material = {"youngs_modulus": 2e11, "loss_angle": 1e-4}
+    wires = {"count": 1, "l": 0.5, "material": "mine", "radius": 1e-4}
+    stage = {"name": "test", "body": {"mass": 5.0, "inertia": [0.02] * 3}, "wires": wires}
+    file = written(
+        tmp_path, {"design": {"name": "triple"}, "materials": {"mine": material}, "stage": [stage]}
+    )
+    (line,) = assert_refused(run("thermal", file, "--json", "--out", out, *GRID), file, out)
+    assert "no density" in line
+    assert asked(file, out, "--fidelity", "beam", *GRID)["fidelity"] == "beam"
+
+
+def test_a_design_without_loss(out, tmp_path):
+    raw = RAW | {
+        "materials": {
+            "steel302": {"loss": {"thermoelastic": False}},
+            "maraging": {"loss": {"angle": 0.0, "thermoelastic": False}},
+        }
+    }
+    file = written(tmp_path, raw, "triple.toml")
+    (line,) = assert_refused(run("thermal", file, "--json", "--out", out, *GRID), file, out)
+    assert line.startswith('--output = "test.x": nothing that moves with it dissipates')
+    assert "loss_angle" in line.partition(";")[2]
+
+
+def test_an_unstable_design_must_be_asked_for(file, out):
+    unstable = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
+    (line,) = assert_refused(run("thermal", file, "--json", "--out", out, *unstable), file, out)
+    assert "unstable" in line
+    result = run("thermal", file, "--json", "--out", out, "--allow-unstable", *unstable, "-q")
+    assert result.exit_code == 0
+    assert result.stderr.startswith("warning: triple is unstable")
+
+
+# files and pictures
+
+
+def test_results_file(file, out):
+    answer = asked(file, out, "--output", "test.x", "--output", "test.z", "--frequency", "1:10:5")
+    with h5py.File(out / "triple-thermal.h5") as results:
+        assert list(results) == ["thermal"]
+        group = results["thermal"]
+        assert [axis.label for axis in group["amplitude"].dims] == ["frequency", "output"]
+        assert [axis.label for axis in group["contribution"].dims] == [
+            "frequency",
+            "output",
+            "source",
+        ]
+        assert all(dataset.attrs["units"] for dataset in group.values())
+        assert group["unit"].asstr()[:].tolist() == ["m/sqrt(Hz)", "m/sqrt(Hz)"]
+        np.testing.assert_allclose(
+            np.sqrt((group["contribution"][:] ** 2).sum(-1)), group["amplitude"][:], rtol=1e-12
+        )
+        for n, one in enumerate(answer["noises"]):
+            for s, source in enumerate(group["source"].asstr()[:]):
+                assert group["contribution"][:, n, s].tolist() == one["contributions"].get(
+                    source, [0.0] * 5
+                )
+    with open_results(out / "triple-thermal.h5") as results:
+        loaded = files.load(results["thermal"])
+    for noise, one in zip(loaded, answer["noises"], strict=True):
+        assert (noise.output, noise.frequency.tolist()) == (one["output"], answer["frequency_hz"])
+        assert set(noise.source) == set(one["contributions"])
+        np.testing.assert_allclose(noise.amplitude, one["displacement_asd"], rtol=1e-12)
+
+
+def test_pictures(file, out):
+    result = run(
+        "thermal",
+        file,
+        "--out",
+        out,
+        "--frequency",
+        "0.1:50:40",
+        "--output",
+        "test.x",
+        "--output",
+        "test.pitch",
+    )
+    assert result.exit_code == 0
+    first = (out / "triple-thermal.png").read_bytes()
+    (out / "triple-thermal.png").unlink()
+    assert run("plot", out / "triple-thermal.h5").exit_code == 0
+    assert (out / "triple-thermal.png").read_bytes() == first
+    run("thermal", file, "--out", out, "--frequency", "7", "--no-plot")
+    assert run("plot", out / "triple-thermal.h5").exit_code == 0
+
+
+def many(sources):
+    frequency = np.geomspace(0.1, 1000, 50)
+    level = np.geomspace(1, 1e-12, len(sources))
+    return thermal.Thermal(
+        frequency, "test.x", "m", tuple(sources), level[:, None] * 1e-30 / frequency**4, tilt=3e-4
+    )
+
+
+def test_what_is_drawn_and_what_is_said():
+    names = [f"stage{n}.{kind}" for n in range(4) for kind in list(picture.KINDS)[:6]] + [
+        "damping",
+        "support",
+    ]
+    noise = many(names)
+    drawn, faint = picture.split_by_size(noise)
+    assert drawn + faint == names
+    assert all((noise.parts[name] < picture.FAINT * noise.amplitude).all() for name in faint)
+    figure = picture.draw([noise], "Many sources")
+    (axes,) = figure.axes
+    assert len(axes.lines) == 1 + len(drawn)
+    assert axes.get_ylabel() == "test.x (m/√Hz)"
+    texts = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert texts[:3] == ["sum", "stage0", "bending, upper ends"]
+    assert len(texts) == 1 + len(drawn) + len({name.split(".")[0] for name in drawn})
+    (remark,) = axes.texts
+    assert "300 µrad" in remark.get_text()
+    assert faint[0] in remark.get_text()
+    low, high = axes.get_ylim()
+    assert low < noise.amplitude.min() and high > noise.amplitude.max()
+
+
+def test_every_source_can_be_drawn():
+    """All of the longest list at once, inside the figure."""
+    names = [f"stage{n}.{kind}" for n in range(9) for kind in list(picture.KINDS)[:5]] + [
+        "damping",
+        "support",
+    ]
+    noise = thermal.Thermal(
+        np.geomspace(0.1, 10, 9), "test.x", "m", tuple(names), np.ones((len(names), 9)) * 1e-30
+    )
+    figure = picture.draw([noise], "All alike")
+    box = figure.axes[0].get_legend().get_window_extent(figure.canvas.get_renderer())
+    assert box.y0 >= 0 and box.x1 <= figure.bbox.width
+    assert len(figure.axes[0].lines) == 1 + len(names)

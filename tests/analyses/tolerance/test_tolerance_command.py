@@ -1,0 +1,332 @@
+"""What `pendsus tolerance` promises: the summary, the file, and which tables it refuses."""
+
+from __future__ import annotations
+
+import tomllib
+
+import h5py
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.tolerance.statistics import QUANTILES
+from suspension_cli.equilibrium import solve as equilibrium
+from tests.support.commandline import assert_refused, edited, run, strict_json, written
+from tests.support.couplings import FILE
+from tests.support.golden import CONFIGS
+
+RAW = tomllib.loads(FILE.read_text())
+TRIPLE = CONFIGS / "triple-tolerance.toml"
+
+
+def scattered(folder, **table):
+    """The stage of Figure 6 with a tolerance table."""
+    return written(folder, RAW | {"tolerance": table})
+
+
+def tolerance(file, out, *options, builds=120):
+    """The JSON document of a run that must succeed."""
+    result = run(
+        "tolerance",
+        file,
+        "--builds",
+        str(builds),
+        "--json",
+        "--workers",
+        "1",
+        "--out",
+        out,
+        *options,
+    )
+    assert result.exit_code == 0, result.stderr
+    return strict_json(result.stdout)
+
+
+def test_the_summary_is_that_of_the_file(tmp_path):
+    limit = 7e-4
+    answer = tolerance(TRIPLE, tmp_path, "--seed", "7", "--limit", str(limit))
+    with h5py.File(tmp_path / "triple-tolerance-tolerance.h5") as stored:
+        group = stored["tolerance"]
+        status, frequency, size = (
+            group["status"][:],
+            group["frequency"][:],
+            np.abs(group["ratio"][:, 0]),
+        )
+        nominal, labels = group["nominal_frequency"][:], group["mode_label"].asstr()[:].tolist()
+        assert group.attrs["seed"] == "7"
+    good = status == 0
+    assert (answer["command"], answer["design"], answer["fidelity"], answer["seed"]) == (
+        "tolerance",
+        "triple-tolerance",
+        "string",
+        7,
+    )
+    assert (answer["builds"], answer["good"]) == (120, good.sum())
+    assert sum(answer["failures"].values()) == (~good).sum()
+    assert answer["levels"] == list(QUANTILES)
+    assert [mode["label"] for mode in answer["modes"]] == labels
+    for n, mode in enumerate(answer["modes"]):
+        values = frequency[good, n]
+        assert mode["nominal_hz"] == nominal[n]
+        assert mode["mean_hz"] == pytest.approx(values.mean(), rel=1e-14)
+        assert mode["std_hz"] == pytest.approx(values.std(), rel=1e-12)
+        assert mode["quantiles_hz"] == pytest.approx(
+            np.quantile(values, QUANTILES).tolist(), rel=1e-14
+        )
+        assert len(mode["leading"]) == 5
+    coupling = answer["coupling"]
+    assert (coupling["limit"], coupling["frequency_hz"]) == (limit, 50.0)
+    assert coupling["ratio"] == "test.x@0,0,-0.001 / test.z@0,0,-0.001"
+    assert coupling["share_under_limit"] == (size[good] < limit).mean()
+    assert 0.2 < coupling["share_under_limit"] < 0.8
+    assert coupling["quantiles"] == pytest.approx(
+        np.quantile(size[good], QUANTILES).tolist(), rel=1e-14
+    )
+
+
+def test_every_dataset_has_units_and_scales(tmp_path):
+    tolerance(TRIPLE, tmp_path, "--frequency", "10,50", builds=10)
+    with h5py.File(tmp_path / "triple-tolerance-tolerance.h5") as stored:
+        group = stored["tolerance"]
+        assert group["build"][:].tolist() == list(range(10))
+        shapes = {
+            "frequency": ("build", "mode"),
+            "ratio": ("build", "coupling_frequency"),
+            "factor_unit": ("factor",),
+            "mode_label": ("mode",),
+        }
+        shapes |= dict.fromkeys(("residual", "status", "slack_wire"), ("build",)) | {
+            "nominal_frequency": ("mode",)
+        }
+        assert set(group) == {*shapes, "build", "mode", "factor", "coupling_frequency"}
+        for name, axes in shapes.items():
+            assert [axis[0].name for axis in group[name].dims] == [
+                f"/tolerance/{axis}" for axis in axes
+            ]
+            assert [axis.label for axis in group[name].dims] == list(axes)
+        assert all(values.attrs["units"] for values in group.values())
+        assert group["ratio"].shape == (10, 2)
+
+
+def test_one_factor_explains_everything(tmp_path):
+    file = scattered(tmp_path, wire=[{"wire": "test.1", "length": {"uniform": 1e-5}}])
+    answer = tolerance(file, tmp_path, "--seed", "3")
+    [(name, value)] = answer["coupling"]["leading"]
+    assert name == "test.1 length"
+    assert value == pytest.approx(1.0, abs=1e-12)
+    file = scattered(tmp_path, body=[{"stage": "test", "mass": {"normal": 0.001}}])
+    answer = tolerance(file, tmp_path)
+    vertical = next(mode for mode in answer["modes"] if mode["label"] == "test vertical")
+    [(name, value)] = vertical["leading"]
+    assert (name, value) == ("test mass", pytest.approx(-1.0, abs=1e-12))
+    # f goes with m^(-1/2), and x does not couple to z at all
+    assert vertical["std_hz"] / vertical["nominal_hz"] == pytest.approx(0.0005, rel=0.15)
+    assert answer["coupling"]["share_under_limit"] == 1.0
+    assert answer["coupling"]["quantiles"] == [0.0] * len(QUANTILES)
+
+
+def test_more_builds_keep_the_earlier_ones(tmp_path):
+    file = scattered(
+        tmp_path, wire=[{"stage": "test", "length": {"normal": 1e-5}, "k": {"normal": 0.01}}]
+    )
+    tolerance(file, tmp_path / "few", builds=30)
+    tolerance(file, tmp_path / "many", "--chunk", "64", builds=70)  # in two chunks
+    with (
+        h5py.File(tmp_path / "few/husman2000-figure6-tolerance.h5") as few,
+        h5py.File(tmp_path / "many/husman2000-figure6-tolerance.h5") as many,
+    ):
+        for name in ("frequency", "ratio", "status"):
+            assert few[f"tolerance/{name}"][:].tobytes() == many[f"tolerance/{name}"][:30].tobytes()
+
+
+def test_failures_are_told(tmp_path):
+    file = scattered(tmp_path, wire=[{"stage": "test", "length": {"normal": 3e-3}}])
+    result = run(
+        "tolerance", file, "--builds", "40", "--out", tmp_path, "--workers", "1", "--no-plot"
+    )
+    assert result.exit_code == 0
+    assert "of 40 builds failed: a wire is slack" in result.stderr
+    good = int(result.stdout.split(" of 40 builds hang on taut wires")[0].split("\n")[-1])
+    assert 0 < good < 36
+
+
+def test_nothing_but_failures(tmp_path, monkeypatch):
+    """What hangs nowhere is given up early here."""
+    monkeypatch.setattr(equilibrium, "ITERATIONS", 12)
+    monkeypatch.setattr(equilibrium, "STEPS", equilibrium.STEPS[:1])
+    file = scattered(tmp_path, body=[{"stage": "test", "com": {"uniform": 0.5}}])
+    answer = tolerance(file, tmp_path, builds=4)
+    assert answer["good"] == 0
+    assert answer["coupling"]["share_under_limit"] is None
+    assert all(value is None for mode in answer["modes"] for value in mode["quantiles_hz"])
+    assert (
+        run("tolerance", file, "--builds", "4", "--workers", "1", "--out", tmp_path).exit_code == 0
+    )
+
+
+def test_defaults_come_from_the_design(tmp_path):
+    raw = edited(
+        RAW,
+        {
+            ("tolerance",): {"body": [{"stage": "test", "com": {"normal": 1e-4}}]},
+            ("analysis",): {"tolerance": {"builds": 12, "seed": 4, "limit": 1e-5, "frequency": 20}},
+        },
+    )
+    file = written(tmp_path, raw)
+    result = run("tolerance", file, "--json", "--out", tmp_path)
+    answer = strict_json(result.stdout)
+    assert (
+        answer["builds"],
+        answer["seed"],
+        answer["coupling"]["limit"],
+        answer["coupling"]["frequency_hz"],
+    ) == (12, 4, 1e-5, 20.0)
+    assert (
+        strict_json(run("tolerance", file, "--json", "--out", tmp_path, "--seed", "5").stdout)[
+            "modes"
+        ]
+        != answer["modes"]
+    )
+    assert (
+        strict_json(run("tolerance", file, "--json", "--out", tmp_path, "--workers", "1").stdout)
+        == answer
+    )
+
+
+def test_picture_and_table(tmp_path):
+    result = run("tolerance", TRIPLE, "--builds", "30", "--out", tmp_path, "--workers", "1")
+    assert result.exit_code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "triple-tolerance-tolerance.h5",
+        "triple-tolerance-tolerance.png",
+    ]
+    first = (tmp_path / "triple-tolerance-tolerance.png").read_bytes()
+    (tmp_path / "triple-tolerance-tolerance.png").unlink()
+    assert run("plot", tmp_path / "triple-tolerance-tolerance.h5").exit_code == 0
+    assert (tmp_path / "triple-tolerance-tolerance.png").read_bytes() == first
+    assert "% of builds lie below 0.001" in result.stdout
+
+
+def test_a_design_without_a_table(tmp_path):
+    [line] = assert_refused(
+        run("tolerance", FILE, "--out", tmp_path / "out"), FILE, tmp_path / "out"
+    )
+    assert (
+        line
+        == "tolerance: missing; add [[tolerance.wire]], [[tolerance.body]] or [[tolerance.blade]]"
+    )
+
+
+BODY = {"stage": "test", "mass": {"normal": 0.01}}
+BAD = {
+    "empty": ({}, "tolerance: has no distribution"),
+    "unknown kind": (
+        {"wires": [BODY]},
+        "tolerance.wires = [{stage, mass}]: unknown key; did you mean 'wire'?",
+    ),
+    "unknown number": (
+        {"body": [{"stage": "test", "masses": {"normal": 1}}]},
+        "tolerance.body.1.masses = {normal}: unknown key",
+    ),
+    "nothing scatters": ({"body": [{"stage": "test"}]}, "tolerance.body.1: has no distribution"),
+    "no such stage": (
+        {"body": [BODY | {"stage": "tset"}]},
+        'tolerance.body.1.stage = "tset": names no stage',
+    ),
+    "no such wire": (
+        {"wire": [{"wire": "test.5", "k": {"normal": 0.1}}]},
+        'tolerance.wire.1.wire = "test.5": names no wire',
+    ),
+    "wire and stage": (
+        {"wire": [{"wire": "test.1", "stage": "test", "k": {"normal": 0.1}}]},
+        "tolerance.wire.1: must name a stage or one wire",
+    ),
+    "neither": (
+        {"wire": [{"k": {"normal": 0.1}}]},
+        "tolerance.wire.1: must name a stage or one wire",
+    ),
+    "two laws": (
+        {"body": [BODY, {"stage": "test", "com": {"normal": 1e-4, "uniform": 1e-4}}]},
+        "tolerance.body.2.com",
+    ),
+    "no law": ({"body": [{"stage": "test", "com": {}}]}, "tolerance.body.1.com"),
+    "negative": (
+        {"body": [{"stage": "test", "com": {"normal": -1e-4}}]},
+        "tolerance.body.1.com.normal = -0.0001",
+    ),
+    "truncated uniform": (
+        {"body": [{"stage": "test", "com": {"uniform": 1e-4, "truncate": 1e-4}}]},
+        "tolerance.body.1.com.truncate = 0.0001",
+    ),
+    "cut to nothing": (
+        {"body": [{"stage": "test", "com": {"normal": 1e-4, "truncate": 0.0}}]},
+        "tolerance.body.1.com.truncate = 0.0",
+    ),
+    "a number": ({"body": [{"stage": "test", "com": 1e-4}]}, "tolerance.body.1.com = 0.0001"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_bad_tables_are_refused(kind, tmp_path):
+    table, problem = BAD[kind]
+    file = written(tmp_path, RAW | {"tolerance": table})
+    lines = assert_refused(
+        run("tolerance", file, "--out", tmp_path / "out"), file, tmp_path / "out"
+    )
+    assert any(line.startswith(problem) for line in lines), lines
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--builds", "0"),
+        ("--seed", "-1"),
+        ("--limit", "0"),
+        ("--builds", "many"),
+        ("--chunk", "0"),
+        ("--workers", "0"),
+    ],
+)
+def test_bad_options_are_refused(options, tmp_path):
+    file = scattered(tmp_path, body=[BODY])
+    result = run("tolerance", file, *options, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_strings_leave_out_of_the_coupling_is_told(tmp_path):
+    """Against all builds on the rung that has it."""
+    file = TRIPLE
+    options = ("--builds", "40", "--workers", "1", "--no-plot", "--out", tmp_path, "--json")
+    told = run("tolerance", file, *options)
+    with h5py.File(tmp_path / "triple-tolerance-tolerance.h5") as results:
+        old, error, reason = (
+            results["tolerance"]["ratio"][:],
+            results.attrs["estimated_error"],
+            results.attrs["fidelity_reason"],
+        )
+    bent = run("tolerance", file, *options, "--fidelity", "beam")
+    with h5py.File(tmp_path / "triple-tolerance-tolerance.h5") as results:
+        new, beam = results["tolerance"]["ratio"][:], results.attrs["fidelity"]
+    assert beam == "beam" and "warning" not in bent.stderr
+    assert (
+        strict_json(told.stdout)["estimated_error"] == error
+        and "of the cross-coupling: bending of wires" in reason
+    )
+    assert (
+        "bending of wires changes the cross-coupling of builds by up to 34 % of the largest:"
+        " --fidelity beam has it" in told.stderr
+    )
+    good = np.isfinite(old) & np.isfinite(new)
+    assert np.abs(old - new)[good].max() / np.abs(new[good]).max() == pytest.approx(error, rel=0.5)
+
+
+def test_rungs_that_random_builds_do_not_have(tmp_path):
+    [line] = assert_refused(
+        run("tolerance", TRIPLE, "--fidelity", "violin", "--out", tmp_path / "out"),
+        TRIPLE,
+        tmp_path / "out",
+    )
+    assert (
+        line
+        == '--fidelity = "violin": is not valid for imperfect builds; take auto, string or beam'
+    )

@@ -1,0 +1,359 @@
+"""`pendsus tradeoff`: JSON, text, results files, pictures and refusals."""
+
+from __future__ import annotations
+
+import itertools
+
+import h5py
+import numpy as np
+import pytest
+
+from suspension_cli.analyses import registry
+from suspension_cli.analyses.tradeoff import file as files
+from suspension_cli.analyses.tradeoff import picture
+from suspension_cli.analyses.tradeoff.command import NAMES, table
+from suspension_cli.analyses.tradeoff.result import (
+    COMPARED,
+    KINDS,
+    Entry,
+    Omission,
+    Panel,
+    Tradeoff,
+    View,
+)
+from suspension_cli.drawing.labels import annotate
+from suspension_cli.drawing.style import add_axes, house_style, new_figure
+from suspension_cli.files.hdf5 import open_results
+from tests.support.commandline import (
+    assert_refused,
+    from_template,
+    python,
+    run,
+    strict_json,
+    written,
+)
+from tests.support.paths import ROOT
+from tests.support.quick_tradeoff import hurry
+
+CASE = ROOT / "configs" / "husman2000" / "table1-case3.toml"
+STEM = "husman2000-table1-case3-tradeoff"
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    """A folder with everything that a run writes, and what it says; its times are made up."""
+    folder = tmp_path_factory.mktemp("out")
+    with pytest.MonkeyPatch.context() as patch:
+        hurry(patch)
+        result = run("tradeoff", CASE, "--repeat", "2", "--json", "--out", folder)
+    assert result.exit_code == 0, result.stderr
+    (folder / "answer.json").write_text(result.stdout)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def answer(out):
+    return strict_json((out / "answer.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def found(out):
+    with open_results(out / f"{STEM}.h5") as results:
+        return files.load(results["tradeoff"])
+
+
+def test_json(answer):
+    assert list(answer) == ["command", "design", "repeat", "threads", "comparisons"]
+    assert (answer["command"], answer["design"], answer["repeat"]) == (
+        "tradeoff",
+        "husman2000-table1-case3",
+        2,
+    )
+    keys = [(item["quantity"], item["compares"]) for item in answer["comparisons"]]
+    assert keys == [*itertools.product(NAMES[:-1], COMPARED), ("equilibrium", "methods")]
+    for item in answer["comparisons"]:
+        assert list(item) == [
+            "quantity",
+            "compares",
+            "time",
+            "item",
+            "count",
+            "reference",
+            "entries",
+            "left_out",
+            "fronts",
+        ]
+        for entry in item["entries"]:
+            assert list(entry) == [
+                "rung",
+                "method",
+                "error",
+                "once_s",
+                "batch_s",
+                "once_relative",
+                "batch_relative",
+                "vectorised",
+            ]
+            assert entry["once_s"] == sorted(entry["once_s"]) and entry["batch_s"] == sorted(
+                entry["batch_s"]
+            )
+        for kind in KINDS:
+            assert min(entry[f"{kind}_relative"] for entry in item["entries"]) == 1.0
+        assert all(
+            list(front) == ["title", *KINDS] and front["once"] and front["batch"]
+            for front in item["fronts"]
+        )
+
+
+def test_rungs_and_methods_are_told_apart(answer):
+    """Rungs against the top one, which is right to rounding; methods on one rung; what does not
+    hold is named with its reason."""
+    for item in answer["comparisons"]:
+        rungs = [entry["rung"] for entry in item["entries"]]
+        if item["compares"] == "rungs":
+            assert len(set(rungs)) == len(rungs)
+            (top,) = [entry for entry in item["entries"] if entry["rung"] == "violin"]
+            assert max(top["error"].values()) < 1e-12
+            assert "violin" in item["reference"]
+        else:
+            assert len(set(rungs)) == 1
+            assert "50 digits" in item["reference"]
+        assert all(left["reason"] for left in item["left_out"])
+    modes, _, response, *_ = answer["comparisons"]
+    assert [entry["rung"] for entry in modes["entries"]] == [
+        "closed-form",
+        "force",
+        "string",
+        "beam",
+        "violin",
+    ]
+    assert list(modes["entries"][0]["error"]) == [
+        "longitudinal-pitch",
+        "transverse-roll",
+        "vertical",
+        "yaw",
+    ]
+    assert list(response["entries"][0]["error"]) == ["1 Hz", "10 Hz", "50 Hz", "100 Hz", "1 kHz"]
+
+
+def test_results_file_holds_all_that_json_tells(answer, found, out):
+    assert (found.repeat, len(found.panels)) == (2, len(answer["comparisons"]))
+    for panel, item in zip(found.panels, answer["comparisons"], strict=True):
+        assert (panel.quantity, panel.compares, panel.reference) == (
+            item["quantity"],
+            item["compares"],
+            item["reference"],
+        )
+        for entry, told in zip(panel.entries, item["entries"], strict=True):
+            assert dict(zip(panel.component, entry.error.tolist(), strict=True)) == told["error"]
+            assert (entry.once.tolist(), entry.batch.tolist(), entry.vectorised) == (
+                told["once_s"],
+                told["batch_s"],
+                told["vectorised"],
+            )
+        assert [(left.rung, left.method, left.reason) for left in panel.left] == [
+            tuple(left.values()) for left in item["left_out"]
+        ]
+    with h5py.File(out / f"{STEM}.h5") as file:
+        group = file["tradeoff/modes-rungs"]
+        on = [
+            str(name)
+            for name, front in zip(group["entry"].asstr()[:], group["front_once"][0], strict=True)
+            if front
+        ]
+        assert sorted(on) == sorted(answer["comparisons"][0]["fronts"][0]["once"])
+
+
+def test_redraws_from_the_file_alone(tmp_path):
+    """One comparison of rungs, one of methods."""
+    with pytest.MonkeyPatch.context() as patch:
+        hurry(patch)
+        assert (
+            run("tradeoff", CASE, "--quantity", "modes", "--out", tmp_path / "one").exit_code == 0
+        )
+    result = run("plot", tmp_path / "one" / f"{STEM}.h5", "--out", tmp_path / "other")
+    assert result.exit_code == 0, result.stderr
+    assert (tmp_path / "one" / f"{STEM}.png").read_bytes() == (
+        tmp_path / "other" / f"{STEM}.png"
+    ).read_bytes()
+
+
+def test_a_result_that_is_loaded_is_the_one_that_was_written(answer, found, out):
+    with open_results(out / f"{STEM}.h5") as file:
+        loaded = registry.loaded(file, "")
+    assert loaded.document() == answer and str(loaded) == table(found)
+
+
+def test_numpy_reads_the_number_of_threads():
+    """It is set before numpy is imported."""
+    code = (
+        "import os, sys; [os.environ.pop(f'{name}_NUM_THREADS', None) for name in ('OPENBLAS',"
+        " 'OMP', 'MKL')];from suspension_cli.analyses.tradeoff.command import TradeoffAnalysis as"
+        " T;T.read = lambda *_: sys.exit(f\"{'numpy' in sys.modules}"
+        " {os.environ['OPENBLAS_NUM_THREADS']}\");from suspension_cli.cli.main import main;"
+        " main(['tradeoff', 'x.toml'])"
+    )
+    assert python(code).stderr == "False 1\n"
+
+
+def test_text(found):
+    text = table(found)
+    assert "median times of 2 samples" in text
+    for panel in found.panels:
+        assert f"{panel.title}: {panel.compares}\n" in text
+    (line,) = [line for line in text.splitlines() if line.startswith("  closed-form, formulas")]
+    assert " *" in line
+    assert max(map(len, text.splitlines())) < 170
+
+
+def test_quantity_limits_what_is_compared(tmp_path, monkeypatch):
+    hurry(monkeypatch)
+    result = run(
+        "tradeoff", CASE, "--quantity", "equilibrium", "--repeat", "2", "--json", "--out", tmp_path
+    )
+    assert result.exit_code == 0, result.stderr
+    assert [item["quantity"] for item in strict_json(result.stdout)["comparisons"]] == [
+        "equilibrium"
+    ]
+    assert [path.name for path in tmp_path.iterdir()] == [f"{STEM}.h5"]
+
+
+def test_defaults_come_from_the_design(tmp_path, monkeypatch):
+    hurry(monkeypatch)
+    text = CASE.read_text() + '\n[analysis.tradeoff]\nrepeat = 3\nquantity = ["equilibrium"]\n'
+    result = run("tradeoff", written(tmp_path, text), "--json", "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    answer = strict_json(result.stdout)
+    assert (answer["repeat"], len(answer["comparisons"])) == (3, 1)
+
+
+def test_refusals(tmp_path):
+    out, file = tmp_path / "out", from_template(tmp_path)
+    (line,) = assert_refused(
+        run("tradeoff", file, "--set", "stage.test.wires.d=-0.3", "--out", out), file, out
+    )
+    assert "unstable" in line and "--allow-unstable" not in line
+    missing = tmp_path / "missing.toml"
+    assert_refused(run("tradeoff", missing, "--out", out), missing, out)
+    for options in (
+        ["--repeat", "1"],
+        ["--repeat", "many"],
+        ["--quantity", "mode"],
+        ["--fidelity", "beam"],
+    ):
+        result = run("tradeoff", file, *options, "--out", out)
+        assert result.exit_code == 2
+    assert not out.exists()
+
+
+# Pictures of made-up numbers.
+
+
+def made_up(compares="methods", count=6, seed=4):
+    rng = np.random.default_rng(seed)
+    entries = []
+    for n in range(count):
+        once, batch = (
+            np.sort(10.0 ** rng.uniform(-6, -1) * rng.uniform(0.95, 1.05, 3)) for _ in KINDS
+        )
+        entries.append(
+            Entry("string", f"method {n}", 10.0 ** rng.uniform(-15, 0, 2), once, batch, bool(n % 2))
+        )
+    left = (Omission("beam", "blocks", "wire test.1 has no cross-section"),)
+    views = (View("All", (0, 1)),)
+    return Panel(
+        "modes",
+        compares,
+        "Modes",
+        "from here to there",
+        "design",
+        9,
+        "the truth",
+        ("a", "b"),
+        tuple(entries),
+        left,
+        views,
+    )
+
+
+def everything(panel):
+    return Tradeoff((panel,), 2, 1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_labels_do_not_overlap(seed):
+    """Every point has one; none lies on another or sticks out."""
+    panel = made_up(seed=seed)
+    figure = picture.draw(everything(panel), "Made up")
+    assert len(figure.axes) == 2
+    renderer = figure.canvas.get_renderer()
+    for axes in figure.axes:
+        extents = {text.get_text(): text.get_window_extent(renderer) for text in axes.texts}
+        assert {entry.method for entry in panel.entries} < set(extents)
+        for (one, a), (other, b) in itertools.combinations(extents.items(), 2):
+            assert not a.overlaps(b), (seed, one, other)
+        frame = axes.get_window_extent(renderer)
+        for box in extents.values():
+            assert (
+                frame.x0 <= box.x0
+                and box.x1 <= frame.x1
+                and frame.y0 <= box.y0
+                and box.y1 <= frame.y1
+            )
+
+
+def test_front_is_drawn_where_it_is():
+    panel = made_up()
+    once, _ = picture.draw(everything(panel), "Made up").axes
+    time, worst = (
+        np.array([entry.time("once") for entry in panel.entries]) / panel.fastest("once"),
+        panel.worst(panel.views[0]),
+    )
+    corners = {
+        (round(float(x), 9), round(float(y), 15))
+        for line in once.lines
+        for x, y in zip(*line.get_data(), strict=True)
+        if len(line.get_xdata()) > 2
+    }
+    for n in panel.front("once", panel.views[0]):
+        if worst[n] > 1e-12:
+            assert (round(float(time[n]), 9), round(float(worst[n]), 15)) in corners
+
+
+def test_labels_of_points_on_one_place():
+    """Six points on one spot: labels fan out."""
+    with house_style():
+        figure = new_figure(4.0, 3.0)
+        axes = add_axes(figure, 0.5, 0.3, 3.2, 2.3)
+        axes.set_xlim(0, 1)
+        axes.set_ylim(0, 1)
+        texts = annotate(
+            axes, [(0.5, 0.5)] * 6, [f"point {n}" for n in range(6)], ["black"] * 6, 7.0
+        )
+        boxes = [text.get_window_extent(figure.canvas.get_renderer()) for text in texts]
+    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+
+
+def test_picture_of_what_was_left_out_altogether():
+    panel = made_up(count=0)
+    nothing = Panel(
+        "thermal", "rungs", "Thermal noise", "", "frequency", 5, "", (), (), panel.left, ()
+    )
+    figure = picture.draw(everything(nothing), "Made up")
+    assert figure.axes == []
+    assert any(
+        "left out: wire test.1 has no cross-section" in text.get_text() for text in figure.texts
+    )
+
+
+def test_table_of_the_tool(found):
+    """The Markdown that `make tradeoff` writes has the numbers of the results."""
+    from tools import tradeoff as tool
+
+    name = "husman2000-table1-case3"
+    lines = tool.overview("modes-rungs", "Mode frequencies", {name: found})
+    assert lines[2].startswith("| design | closed-form | force | string | beam | violin |")
+    (row,) = [line for line in lines if line.startswith(f"| {name}")]
+    assert row.count("|") == 7 and "1 / 1" in row
+    text = "\n".join(line for panel in found.panels for line in tool.full(panel))
+    assert "| closed-form, formulas | **1** (" in text

@@ -1,0 +1,274 @@
+"""Cross-coupling of a symmetric design is exactly 0; with one imperfect wire it is right to first
+order and in every digit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.design.reader import read
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.grids import parse_grid
+from suspension_cli.linear import eigenmodes, signals
+from suspension_cli.models import string as string_model
+from suspension_cli.studies import builds
+from suspension_cli.studies.axes import Axis
+from tests.support.commandline import run, strict_json
+from tests.support.couplings import (
+    ACROSS,
+    DOFS,
+    FIGURE_6,
+    FILE,
+    FORBIDDEN,
+    MASS,
+    SHAPE,
+    TRIPLE_FILE,
+    answers,
+    balanced,
+    exact,
+    question,
+    ratios,
+)
+from tests.support.golden import CONFIGS
+
+SYMMETRIC = [FILE, TRIPLE_FILE, *(CONFIGS / "husman2000").glob("table1-case*.toml")]
+OWN = [0, 1, 2, 5]
+"""x, y, z and yaw of the support move every design's last stage likewise; its roll and pitch need
+not."""
+HOLDS = ["loaded-length", "natural-length"]
+FIRST_ORDER = [
+    *((hold, name) for hold in HOLDS for name in ("k", "lower_offset", "length", "com")),
+    ("natural-length", "offset_z"),
+    ("natural-length", "lower_offset_z"),
+]
+"""What couples in proportion: (what is held, parameter)."""
+SECOND_ORDER = [
+    *((hold, name) for hold in HOLDS for name in ("offset", "offset_y")),
+    ("loaded-length", "offset_z"),
+    ("loaded-length", "com_z"),
+]
+"""What couples with a higher power, or not at all."""
+
+
+@pytest.mark.parametrize("file", SYMMETRIC, ids=lambda file: file.stem)
+def test_the_table_of_couplings_has_26_exact_zeros(file, tmp_path):
+    stage = read(file).design.stage[-1].name
+    result = run(
+        "xcouple",
+        file,
+        "--matrix",
+        "--json",
+        "--observe",
+        stage,
+        "--frequency",
+        "0.3,7,50,3000",
+        "--out",
+        tmp_path,
+    )
+    assert result.exit_code == 0, result.stderr
+    answer = strict_json(result.stdout)
+    matrix = np.array(answer["matrix_real"]) + 1j * np.array(answer["matrix_imag"])
+    assert matrix.shape == (4, 6, 6)
+    assert FORBIDDEN.sum() == 26
+    assert (matrix[:, FORBIDDEN] == 0).all()
+    assert (matrix[:, OWN, OWN] != 0).all()
+    if file == FILE:
+        assert (matrix[:, ~FORBIDDEN] != 0).all()
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+@pytest.mark.parametrize("file", SYMMETRIC, ids=lambda file: file.stem)
+def test_the_batch_gives_exact_zeros_for_perfect_wires(file, hold):
+    """Beside builds that are not perfect; forces too."""
+    design = read(file).design
+    last = design.stage[-1].name
+    asked, known = (
+        question(design, f"{last}.1", hold),
+        ("support", *(stage.name for stage in design.stage)),
+    )
+    found = balanced(
+        {"k": np.array([1.0, 1.1, 1.0]), "offset": np.array([0.0, 0.0, 1e-4])}, asked, design
+    )
+    assert not found.status.any()
+    outputs = [signals.parse_output(f"{last}.{dof}", known) for dof in DOFS]
+    for names in (
+        [f"support.{dof}" for dof in DOFS],
+        [f"{last}.{name}" for name in signals.FORCES],
+    ):
+        value = builds.transfer(
+            found,
+            np.array([0.3, 50.0, 3000.0]),
+            [signals.parse_input(name, known) for name in names],
+            outputs,
+        )
+        assert (value[0][:, FORBIDDEN] == 0).all()
+        assert (value[0][:, OWN, OWN] != 0).all()
+        assert (value[1:][..., FORBIDDEN] != 0).any((1, 2)).all()
+    assert (ratios({"k": [1.0], "offset": [0.0]}, asked, design) == 0).all()
+
+
+def steps(name):
+    """Tiny imperfections: of k from 1e-9 to 1e-5, of lengths as much of 1 mm."""
+    return np.geomspace(1e-9, 1e-5, 17) * (1.0 if name == "k" else 1e-3)
+
+
+@pytest.mark.parametrize(("hold", "name"), FIRST_ORDER)
+def test_ratio_is_proportional_to_a_tiny_imperfection(hold, name):
+    asked = question(hold=hold)
+    for sign in (1.0, -1.0):
+        step = sign * steps(name)
+        found = ratios({name: 1 + step if name == "k" else step}, asked)
+        slope = found / ((1 + step) - 1 if name == "k" else step)
+        middle = np.median(slope)
+        assert abs(slope / middle - 1).max() < 1e-4
+        assert middle == pytest.approx(
+            exact({name: 1 + 1e-12 if name == "k" else 1e-12}, hold=hold)
+            / ((1 + 1e-12) - 1 if name == "k" else 1e-12),
+            rel=1e-5,
+        )
+
+
+@pytest.mark.parametrize(("hold", "name"), FIRST_ORDER + SECOND_ORDER)
+def test_every_digit_of_a_tiny_coupling(hold, name):
+    """Against 60 digits: to 1e-11 of itself or 1e-18 of the vertical motion, whichever is more."""
+    step = steps(name)[::8]
+    values = 1 + step if name == "k" else step
+    found = ratios({name: values}, question(hold=hold))
+    expected = np.array([exact({name: value}, hold=hold) for value in values])
+    assert (np.abs(found - expected) <= 1e-11 * np.abs(expected) + 1e-18).all()
+
+
+def test_slope_by_perturbation_theory():
+    """Vertical wires, T held: K' = K + e k b b^T with the stretch b of the wire by the coordinates,
+    in the same pose.
+
+    The perfect stage moves by z0 = 4 k / (4 k - m w^2) for unit motion of the support, which
+    stretches every wire by e0 = 1 - z0. The imperfect one pulls e k e0 more, along -b, on (x,
+    pitch), whose block of K - w^2 M is D: (x, pitch) = -e k e0 D^-1 (0, +-s). With W = m g: D = [[W
+    / l - m w^2, W d / l], [W d / l, 4 k s^2 + W d + W d^2 / l - I w^2]].
+    """
+    square, weight, (l, s, d, k) = (
+        (2 * np.pi * 50.0) ** 2,
+        MASS * 9.81,
+        (SHAPE[name] for name in "lsdk"),
+    )
+    z = 4 * k / (4 * k - MASS * square)
+    dynamic = np.array(
+        [
+            [weight / l - MASS * square, weight * d / l],
+            [weight * d / l, 4 * k * s**2 + weight * d + weight * d**2 / l - ACROSS * square],
+        ],
+    )
+    for wire, side in enumerate((1, 1, -1, -1), 1):
+        x, pitch = -k * (1 - z) * np.linalg.solve(dynamic, [0.0, side * s])
+        expected = (x - 0.001 * pitch) / z
+        found = ratios({"k": [1 + 1e-8]}, question(wire=f"test.{wire}"))[0] / ((1 + 1e-8) - 1)
+        assert found == pytest.approx(expected, rel=1e-6)
+
+
+MIRROR_Y, MIRROR_X = np.array([1.0, -1.0, 1.0]), np.array([-1.0, 1.0, 1.0])
+SAME_BUILD = {1: np.ones(3), 2: MIRROR_Y, 3: MIRROR_X, 4: MIRROR_X * MIRROR_Y}
+"""Wire n is wire 1 mirrored in y, in x, in both; its offsets must be mirrored likewise for the same
+build seen in that mirror."""
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+@pytest.mark.parametrize(
+    ("over", "mirror_x", "mirror_y"),
+    [("x", -1, 1), ("y", 1, -1), ("yaw", -1, -1), ("pitch", -1, 1), ("roll", 1, -1)],
+)
+def test_which_of_the_four_wires(over, mirror_x, mirror_y, hold):
+    """The mirror image of a build couples with the sign of its motion in the mirror; z is even in
+    both.
+
+    x and pitch are odd in x alone, y and roll in y alone, yaw (an axial vector along z) in both: so
+    with the same k wires 1 and 2 give the same x over z, wires 3 and 4 its opposite.
+    """
+    rng = np.random.default_rng(7)
+    k, length = rng.uniform(0.7, 1.4, 20), rng.uniform(-1e-5, 1e-5, 20)
+    upper, lower = rng.uniform(-5e-4, 5e-4, (2, 20, 3))
+    found = {}
+    for wire, flip in SAME_BUILD.items():
+        offsets = {
+            stem + axis: (vector * flip)[:, n]
+            for stem, vector in (("offset", upper), ("lower_offset", lower))
+            for n, axis in enumerate(("", "_y", "_z"))
+        }
+        asked = question(wire=f"test.{wire}", hold=hold, over=over)
+        found[wire] = (
+            ratios({"k": k, "length": length, **offsets}, asked)
+            if over in "xy"
+            else ratios({"k": k, "length": length, **offsets}, at_com(asked, over))
+        )
+    assert np.abs(found[1]).min() > 1e-9
+    for wire, sign in {2: mirror_y, 3: mirror_x, 4: mirror_x * mirror_y}.items():
+        np.testing.assert_allclose(found[wire], sign * found[1], rtol=1e-9, atol=1e-15)
+
+
+def at_com(asked, over):
+    """The same question about a rotation."""
+    return type(asked)(
+        **vars(asked) | {"over": signals.parse_output(f"test.{over}", ("support", "test"))}
+    )
+
+
+def figure_6(hold):
+    """The sweep that the design asks for, and its ratios (k, offset)."""
+    table = FIGURE_6.analysis["xcouple"]
+    axes = tuple(Axis(name, tuple(parse_grid(table[name], name))) for name in ("k", "offset"))
+    job = Sweep(read(FILE).text, axes, question(hold=hold))
+    return job, job.compute(0, job.count)["ratio"].real.reshape(job.shape)
+
+
+@pytest.mark.parametrize(
+    ("hold", "largest"), [("loaded-length", 5.9e-4), ("natural-length", 3.5e-4)]
+)
+def test_figure_6(hold, largest):
+    """Husman et al. (2000), Figure 6: no imperfection of k, no coupling to speak of; the most at
+    the softest wire, offset outwards."""
+    job, ratio = figure_6(hold)
+    size = np.abs(ratio)
+    assert ratio.shape == (41, 5)
+    assert size.max() == pytest.approx(largest, rel=0.02)
+    assert np.unravel_index(size.argmax(), size.shape) == (0, 4)
+    k, offset = np.array(job.axes[0].values), np.array(job.axes[1].values)
+    assert size[20, 2] == 0
+    assert (np.diff(size[:20, 2]) < 0).all()
+    assert (np.diff(size[20:, 2]) > 0).all()
+    assert (np.sign(ratio[:, 2]) == np.sign(k - 1)).all()
+    for i in (0, 13, 27, 40):
+        for j in (0, 3, 4):
+            assert ratio[i, j] == pytest.approx(
+                exact({"k": k[i], "offset": offset[j]}, hold=hold), rel=1e-10
+            )
+
+
+def test_large_at_resonances_and_constant_above_them():
+    build, asked = (
+        {"k": [1.1], "offset": [1e-3]},
+        question(frequency=np.geomspace(200.0, 2000.0, 30)),
+    )
+    raw = {"perturbation": [{"wire": "test.1", "k_factor": 1.1, "upper_offset": [1e-3, 0.0, 0.0]}]}
+    above = answers(build, asked)["ratio"][0].real
+    # (f0 / f)^2 away from what it is at infinity
+    limit = answers(build, question(frequency=[1e5]))["ratio"][0, 0].real
+    assert abs(above / limit - 1).max() < 2e-2
+    away = (above / limit - 1) * np.array(asked.frequency) ** 2
+    np.testing.assert_allclose(away, away[-1], rtol=0.05)
+    for dof in ("x", "pitch"):
+        at = own_frequency(raw, dof)
+        near = answers(build, question(frequency=[at * (1 - 1e-6), at, at * (1 + 1e-6)]))["ratio"][
+            0
+        ].real
+        assert np.abs(near).min() > 1e2 * abs(limit)
+
+
+def own_frequency(more, dof):
+    """Of a mode of the stage of Figure 6 with more in its file."""
+    import tomllib
+
+    from suspension_cli.design import reader
+
+    design = reader.convert(tomllib.loads(FILE.read_text()) | more)
+    return eigenmodes.solve(string_model.linear_model(expand(design))).of(dof)[0]

@@ -1,0 +1,418 @@
+"""Cross-coupling of builds whose wires bend, twist and have mass: the batch against builds made one
+by one, strings, finite elements, mirrors and turns."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.xcouple import solve as coupling
+from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.conventions import DOFS
+from suspension_cli.design import reader
+from suspension_cli.design.reader import read
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear import response, signals
+from suspension_cli.models import registry
+from suspension_cli.studies import builds
+from suspension_cli.studies.axes import Axis
+from tests.analyses.xcouple.test_xcouple_builds import FAILING, perturbed, random_builds
+from tests.support import finite_elements, lossy, scenes
+from tests.support.commandline import assert_refused, edited, run, strict_json, written
+from tests.support.couplings import FIGURE_6, FILE, FORBIDDEN, TRIPLE_FILE, question
+from tests.support.golden import CONFIGS
+
+LEVELS = ("beam", "violin")
+on_both = pytest.mark.parametrize("level", LEVELS)
+
+
+def answers(values, asked, design, level):
+    """Results of builds on a rung, by the short names of `pendsus xcouple`."""
+    table = {name: np.atleast_1d(np.asarray(value, dtype=float)) for name, value in values.items()}
+    return coupling.compute_coupling(
+        coupling.impose(expand(design), table, asked), design, asked, level=level
+    )
+
+
+def one_by_one(raw, asked, level):
+    """Over and under (f,) of one design by way of its file."""
+    model = registry.by_name(level).system(scenes.design_of(raw))
+    return (
+        response.solve(model, np.array(asked.frequency), [asked.input], [asked.over, asked.under])
+        .value[:, :, 0]
+        .T
+    )
+
+
+KINDS = {
+    "triple": lambda: tomllib.loads(TRIPLE_FILE.read_text()),
+    "quadruple": lambda: lossy.raw("quadruple"),
+    "silica": lambda: lossy.raw("silica"),
+    "five": lambda: lossy.raw("five"),
+    "around": lambda: lossy.raw("around"),
+    "bladed": lambda: scenes.fibred(
+        scenes.bladed_chain(np.random.default_rng(3), 2, tip_mass=True, lateral=True), ribbons=True
+    ),
+}
+
+
+@on_both
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_a_file_of_each_build_gives(kind, level):
+    """Losses, gas, dampers, springs, a frame, blades, ribbons, tapers, clamps at bending points:
+    all imperfections at once, from far below to violin modes.
+
+    One length is held on one rung and the other on the other, by turns.
+    """
+    hold = ("loaded-length", "natural-length")[(list(KINDS).index(kind) + LEVELS.index(level)) % 2]
+    raw = KINDS[kind]()
+    design = scenes.design_of(raw)
+    wire = f"{design.stage[-1].name}.1"
+    asked = question(design, wire, hold, frequency=(0.05, 7.0, 50.0, 777.0))
+    values = {
+        name: 1 + (value - 1) / 4 if name == "k" else value / 4
+        for name, value in random_builds(np.random.default_rng([61, *map(ord, kind)]), 2).items()
+    }
+    found = answers(values, asked, design, level)
+    assert (found["status"] == builds.GOOD).all()
+    for n in (len(kind) % 2,):  # one of them by itself
+        over, under = one_by_one(
+            perturbed(raw, wire, hold, {name: value[n] for name, value in values.items()}),
+            asked,
+            level,
+        )
+        assert (np.abs(found["over"][n] - over) < 1e-9 * np.abs(over) + 2e-12 * np.abs(under)).all()
+        assert (np.abs(found["under"][n] - under) < 1e-11 * np.abs(under)).all()
+
+
+@on_both
+def test_dotted_paths(level):
+    """Also what wires are made of, how they are clamped and how much they lose."""
+    paths = {
+        "stage.test.wires.s": (0.004, 0.006),
+        "stage.test.wires.radius": (1e-4, 1.5e-4),
+        "materials.fused-silica.loss_angle": (0.0, 1e-3),
+        "stage.test.body.radius": (0.08, 0.09),
+    }
+    raw = tomllib.loads(FILE.read_text()) | {"gas": {"pressure": 1.0, "molar_mass": 0.029}}
+    asked = question(frequency=(3.0, 50.0))
+    for path, pair in paths.items():
+        job = Sweep(
+            reader.write_toml(raw), (Axis(path, pair), Axis("k", (0.9, 1.1))), asked, level=level
+        )
+        found = job.compute(0, job.count)
+        for n, (i, j) in enumerate(np.ndindex(job.shape)):
+            given = copy.deepcopy(raw)
+            reader.apply_overrides(given, (f"{path}={pair[i]!r}",))
+            over, under = one_by_one(
+                given | {"perturbation": [{"wire": "test.1", "k_factor": (0.9, 1.1)[j]}]},
+                asked,
+                level,
+            )
+            np.testing.assert_allclose(found["over"][n], over, rtol=1e-9)
+            np.testing.assert_allclose(found["under"][n], under, rtol=1e-9)
+        assert np.abs(found["over"][0] / found["over"][2] - 1).min() > 1e-7  # what is swept matters
+
+
+@on_both
+def test_thin_wires_are_strings(level):
+    """Of the same k, but so thin that they neither bend (u / l goes with the square of their
+    radius) nor weigh anything."""
+    raw = tomllib.loads(FILE.read_text())
+    k = {
+        ("stage", 0, "wires", "k"): 1.2e4,
+        ("materials", "fused-silica"): {"loss": {"angle": 0.0, "thermoelastic": False}},
+    }
+    asked = question(frequency=(2.0, 50.0))
+    values = random_builds(np.random.default_rng(8), 8)
+    strings = answers(values, asked, scenes.design_of(edited(raw, k)), "string")["over"]
+    away = [
+        np.abs(
+            answers(
+                values,
+                asked,
+                scenes.design_of(edited(raw, k | {("stage", 0, "wires", "radius"): radius})),
+                level,
+            )["over"]
+            / strings
+            - 1
+        ).max()
+        for radius in (1e-5, 1e-6, 1e-7)
+    ]
+    assert away == pytest.approx([away[0], away[0] / 100, away[0] / 10000], rel=0.05)
+    assert away[2] < 1e-5
+
+
+@on_both
+def test_bending_changes_the_coupling(level):
+    """By u / l or so of an angled set: on strings all would be alike."""
+    raw = tomllib.loads(TRIPLE_FILE.read_text())
+    design = scenes.design_of(
+        edited(raw, {("stage", n, "wires", "radius"): 1e-3 for n in range(3)})
+    )
+    asked, values = question(design, "test.1"), {"k": [1.1], "offset": [1e-3]}
+    one, other = (answers(values, asked, design, rung)["ratio"][0, 0] for rung in ("string", level))
+    assert abs(one / other - 1) > 1e-3
+
+
+@pytest.mark.parametrize("frequency", [50.0, 700.0, 2000.0])
+def test_against_finite_elements(frequency):
+    """One wire stiffer by 30 %, trimmed: the stage hangs as drawn, so that each wire can be cut
+    into 40 elements, and those solved for x over z."""
+    raw = edited(
+        tomllib.loads(FILE.read_text()),
+        {("materials", "fused-silica"): {"loss": {"angle": 0.0, "thermoelastic": False}}},
+    )
+    design = scenes.design_of(raw)
+    asked = question(design, frequency=(frequency,))
+    found = answers({"k": [1.3]}, asked, design, "violin")
+    scene = finite_elements.with_fibres(expand(design), design)
+    first, *others = scene.fibres.wire
+    first = replace(
+        first, sections=tuple(replace(s, stretching=1.3 * s.stretching) for s in first.sections)
+    )
+    stiffness, mass = finite_elements.matrices(
+        replace(scene, fibres=replace(scene.fibres, wire=(first, *others))), 40
+    )
+    dynamic = stiffness - (2 * np.pi * frequency) ** 2 * mass
+    motion = np.linalg.solve(dynamic[6:, 6:], -dynamic[6:, 2])
+    x, z = motion[0] - 0.001 * motion[4], motion[2]
+    assert found["under"][0, 0] == pytest.approx(z, rel=2e-4)
+    assert found["over"][0, 0] == pytest.approx(x, rel=2e-4)
+
+
+SYMMETRIC = [FILE, TRIPLE_FILE, CONFIGS / "husman2000" / "table1-case4.toml"]
+
+
+@on_both
+@pytest.mark.parametrize("file", SYMMETRIC, ids=lambda file: file.stem)
+def test_exact_zeros_beside_builds_that_are_not_perfect(file, level):
+    design = read(file).design
+    last = design.stage[-1].name
+    asked, known = (
+        question(design, f"{last}.1"),
+        ("support", *(stage.name for stage in design.stage)),
+    )
+    values = {"k": np.array([1.0, 1.1, 1.0]), "offset": np.array([0.0, 0.0, 1e-4])}
+    found = builds.balance(coupling.impose(expand(design), values, asked), design, level=level)
+    inputs, outputs = (
+        [signals.parse_input(f"support.{dof}", known) for dof in DOFS],
+        [signals.parse_output(f"{last}.{dof}", known) for dof in DOFS],
+    )
+    value = builds.transfer(found, np.array([0.3, 50.0, 3000.0]), inputs, outputs)
+    assert (value[0][:, FORBIDDEN] == 0).all()
+    own = [0, 1, 2, 5]  # as in tests/analyses/xcouple/test_xcouple.py
+    assert (value[0][:, own, own] != 0).all()
+    assert (value[1:][..., FORBIDDEN] != 0).any((1, 2)).all()
+
+
+@on_both
+@pytest.mark.parametrize("name", ["k", "lower_offset", "length", "com", "mass"])
+def test_a_tiny_coupling_is_in_proportion_down_to_its_last_digits(name, level):
+    """Over five decades; the slope is what builds with imperfections a million times larger give,
+    from either side of none."""
+    # a heavier body couples by the offset alone
+    factor, paired = name in ("k", "mass"), name == "mass"
+    asked = question()
+
+    def ratios(steps):
+        values = {name: 1 + steps if factor else 1e-3 * steps} | (
+            {"lower_offset": np.full(len(steps), 1e-4)} if paired else {}
+        )
+        return answers(values, asked, FIGURE_6, level)["ratio"][:, 0].real
+
+    none = ratios(np.zeros(1))[0]
+    assert (none == 0) != paired
+    step = np.geomspace(1e-10 if not paired else 1e-6, 1e-5 if not paired else 1e-4, 11)
+    slope = (ratios(step) - none) / ((1 + step) - 1 if factor else step)
+    h = np.array([1e-3, -1e-3, 5e-4, -5e-4])
+    large = ratios(h)
+    rough, fine = (large[0] - large[1]) / 2e-3, (large[2] - large[3]) / 1e-3
+    expected = fine + (fine - rough) / 3
+    assert np.abs(slope / expected - 1).max() < (1e-4 if not paired else 1e-3)
+
+
+@on_both
+def test_a_design_turned_by_a_quarter(level):
+    """No symmetry, blades, full losses: x over z of one is y over z of the other, whichever way the
+    wire's end went."""
+    raw = lossy.raw("five")
+    turned = scenes.rotated(raw, np.pi / 2)
+    one, other = scenes.design_of(raw), scenes.design_of(turned)
+    wire = f"{one.stage[-1].name}.2"
+    rng = np.random.default_rng(4)
+    x, y, z, k = (
+        rng.uniform(-5e-4, 5e-4, 6),
+        rng.uniform(-5e-4, 5e-4, 6),
+        rng.uniform(-1e-4, 1e-4, 6),
+        rng.uniform(0.8, 1.2, 6),
+    )
+    asked = question(one, wire, frequency=(3.0, 50.0, 400.0))
+    found = answers({"k": k, "offset": x, "offset_y": y, "lower_offset": z}, asked, one, level)
+    again = question(other, wire, frequency=(3.0, 50.0, 400.0), over="y")
+    mirrored = answers(
+        {"k": k, "offset": -y, "offset_y": x, "lower_offset_y": z}, again, other, level
+    )
+    assert not found["status"].any()
+    np.testing.assert_allclose(mirrored["ratio"], found["ratio"], rtol=1e-8)
+
+
+UNEVEN = {
+    "clamp": {"clamp": {"upper": [0.1, 0.0, -1.0]}},
+    "radius": {"radius": 4e-4},
+    "temperature": {"temperature": 350.0},
+}
+
+
+def four_wires(change):
+    """A stage on four wires of one k; what two of them have more."""
+    wires = []
+    for along, across in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        end = [0.02 * along, 0.1 * across, 0.0]
+        wires.append(
+            {"upper": end, "lower": end, "material": "steel302", "radius": 2e-4, "k": 4e4}
+            | (change if along > 0 else {})
+        )
+    body = {"mass": 10.0, "inertia": [0.1, 0.1, 0.1]}
+    return scenes.raw_of(
+        {"name": "test", "body": body, "position": [0.0, 0.0, -0.5], "wire": wires},
+        gas={"pressure": 10.0, "molar_mass": 0.029},
+    )
+
+
+@on_both
+@pytest.mark.parametrize("kind", UNEVEN)
+def test_wires_that_bend_otherwise_are_no_mirror_images(kind, level):
+    """On strings y and yaw do not couple; clamps, thickness or warmth of the wires on one side make
+    them."""
+    design = scenes.design_of(four_wires(UNEVEN[kind]))
+    known = ("support", "test")
+    outputs = [signals.parse_output("test.yaw", known), signals.parse_output("test.z", known)]
+    drive = [signals.parse_input("support.y", known)]
+    single, string = (
+        response.solve(
+            registry.by_name(rung).system(design), np.array([2.0, 30.0]), drive, outputs
+        ).value[:, :, 0]
+        for rung in (level, "string")
+    )
+    assert (string == 0).all()
+    assert (np.abs(single[:, 0]) > (1e-12 if kind == "temperature" else 1e-8)).all()
+    assert (single[:, 1] == 0).all()  # the mirror in y is left
+    found = builds.balance(
+        coupling.impose(expand(design), {"k": np.ones(1)}, question(design)), design, level=level
+    )
+    assert found.mirrors.tolist() == [[False, True]]
+    batch = builds.transfer(found, np.array([2.0, 30.0]), drive, outputs)[0, :, :, 0]
+    np.testing.assert_allclose(batch, single, rtol=1e-6 if kind == "temperature" else 1e-9)
+
+
+@on_both
+@pytest.mark.parametrize("kind", FAILING)
+def test_a_failed_build_does_not_touch_the_others(kind, level, monkeypatch):
+    # what hangs nowhere is given up early
+    monkeypatch.setattr(equilibrium, "STEPS", equilibrium.STEPS[:1])
+    values, status = FAILING[kind]
+    ((name, (fine, bad)),) = values.items()
+    base = (
+        FILE.read_text()
+        if kind != "impossible"
+        else FILE.read_text().replace("l = 0.28 ", "l = 0.05 ")
+    )
+    k = (0.9, 1.1, 1.2)
+    one = Sweep(base, (Axis(name, (fine,)), Axis("k", k)), question(), level=level).compute(0, 3)
+    two = Sweep(base, (Axis(name, (bad, fine)), Axis("k", k)), question(), level=level).compute(
+        0, 6
+    )
+    assert (two["status"][:3] == status).all()
+    assert not two["status"][3:].any()
+    for column, values in one.items():
+        assert two[column][3:].tobytes() == values.tobytes(), column
+
+
+@on_both
+def test_command(level, tmp_path):
+    """The rung is told in JSON and in the file; auto is string."""
+    words = (
+        "xcouple",
+        FILE,
+        "--sweep",
+        "k=0.9,1.1",
+        "--json",
+        "--workers",
+        "1",
+        "--no-plot",
+        "--out",
+        tmp_path,
+    )
+    result, plain = run(*words, "--fidelity", level), run(*words)
+    assert result.exit_code == 0, result.stderr
+    answer, strings = strict_json(result.stdout), strict_json(plain.stdout)
+    assert (answer["fidelity"], strings["fidelity"]) == (level, "string")
+    ratio, other = np.array(answer["ratio_real"]), np.array(strings["ratio_real"])
+    assert 1e-4 < np.abs(ratio / other - 1).max() < 2e-2
+    assert np.abs(answer["ratio_imag"]).min() > 0
+    run(*words, "--fidelity", level)
+    with h5py.File(tmp_path / "husman2000-figure6-xcouple.h5") as stored:
+        assert stored.attrs["fidelity"] == level
+        assert np.array_equal(stored["xcouple/ratio"][..., 0].real, ratio)
+    table = strict_json(
+        run(
+            "xcouple",
+            FILE,
+            "--matrix",
+            "--json",
+            "--fidelity",
+            level,
+            "--no-plot",
+            "--out",
+            tmp_path,
+        ).stdout
+    )
+    assert table["fidelity"] == level
+    assert (np.array(table["matrix_real"])[:, FORBIDDEN] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        (
+            ("--fidelity", "force"),
+            (
+                '--fidelity = "force": is not valid for imperfect builds; take auto, string, beam'
+                " or violin"
+            ),
+        ),
+        (
+            ("--fidelity", "closed-form"),
+            (
+                '--fidelity = "closed-form": is not valid for imperfect builds; take auto, string,'
+                " beam or violin"
+            ),
+        ),
+    ],
+)
+def test_rungs_that_builds_do_not_have(options, problem, tmp_path):
+    [line] = assert_refused(
+        run("xcouple", FILE, *options, "--out", tmp_path / "out"), FILE, tmp_path / "out"
+    )
+    assert line == problem
+
+
+def test_wires_known_by_their_constant_alone_do_not_bend(tmp_path):
+    wires = {"count": 4, "l": 0.28, "s": 0.005, "t1": 0.09, "t2": 0.09, "d": 0.001, "k": 1e4}
+    raw = scenes.raw_of(
+        {"name": "test", "body": {"mass": 5.6, "inertia": [0.02, 0.02, 0.02]}, "wires": wires}
+    )
+    file = written(tmp_path, scenes.plain(raw))
+    [line] = assert_refused(
+        run("xcouple", file, "--fidelity", "violin", "--out", tmp_path / "out"),
+        file,
+        tmp_path / "out",
+    )
+    assert "has no cross-section" in line

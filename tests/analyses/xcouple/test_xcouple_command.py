@@ -1,0 +1,408 @@
+"""What `pendsus xcouple` promises: JSON, defaults from the design, the file, failures that are
+told, faults that stop it."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import tomllib
+
+import h5py
+import numpy as np
+import pytest
+
+from suspension_cli.analyses import settings, sweeping
+from suspension_cli.analyses.xcouple import file as files
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.errors import Fault, InputError
+from tests.support.commandline import MISSING, assert_refused, edited, run, strict_json, written
+from tests.support.couplings import FIGURE_6, FILE, answers, question
+
+RAW = tomllib.loads(FILE.read_text())
+TABLE = ("analysis", "xcouple")
+NAME = "husman2000-figure6-xcouple"
+
+
+def xcouple(file, out, *options):
+    """The JSON document of a run that must succeed."""
+    result = run("xcouple", file, "--json", "--workers", "1", "--out", out, *options)
+    assert result.exit_code == 0, result.stderr
+    return strict_json(result.stdout)
+
+
+def test_json_first_axis_first(tmp_path):
+    answer = xcouple(FILE, tmp_path, "--sweep", "offset=-1e-3:1e-3:3,k=0.9:1.2:4,length=0,1e-5")
+    assert answer["command"] == "xcouple"
+    assert answer["design"] == "husman2000-figure6"
+    assert [axis["name"] for axis in answer["axes"]] == ["offset", "k", "length"]
+    offset, k, length = (np.array(axis["values"]) for axis in answer["axes"])
+    np.testing.assert_allclose(offset, [-1e-3, 0.0, 1e-3], atol=1e-18)
+    assert length.tolist() == [0.0, 1e-5]
+    real, imag = np.array(answer["ratio_real"]), np.array(answer["ratio_imag"])
+    assert real.shape == imag.shape == (3, 4, 2)
+    assert answer["frequency_hz"] == 50.0
+    assert (answer["input"], answer["over"], answer["under"]) == (
+        "support.z",
+        "test.x@0,0,-0.001",
+        "test.z@0,0,-0.001",
+    )
+    assert answer["hold"] == "loaded-length"
+    assert answer["failures"] == {}
+    grid = np.meshgrid(offset, k, length, indexing="ij")
+    found = answers(
+        dict(zip(("offset", "k", "length"), (values.ravel() for values in grid), strict=True))
+    )["ratio"][:, 0]
+    assert np.array_equal(real.ravel(), found.real)
+    assert not imag.any()
+
+
+def test_several_frequencies_come_last(tmp_path):
+    answer = xcouple(FILE, tmp_path, "--sweep", "k=1.1,1.2", "--frequency", "10:100:3")
+    np.testing.assert_allclose(answer["frequency_hz"], [10.0, 1000**0.5, 100.0])
+    assert np.array(answer["ratio_real"]).shape == (2, 3)
+    for n, frequency in enumerate(answer["frequency_hz"]):
+        one = xcouple(FILE, tmp_path, "--sweep", "k=1.1,1.2", "--frequency", repr(frequency))
+        assert one["ratio_real"] == [row[n] for row in answer["ratio_real"]]
+
+
+def test_defaults_come_from_the_design(tmp_path):
+    answer = xcouple(FILE, tmp_path)
+    assert [len(axis["values"]) for axis in answer["axes"]] == [41, 5]
+    assert np.abs(answer["ratio_real"]).max() == pytest.approx(5.9e-4, rel=0.02)
+    more = {
+        "k": [0.9, 1.1],
+        "offset": 1e-3,
+        "wire": "test.3",
+        "frequency": 20,
+        "observe": "test@0,0,0.002",
+        "hold": "natural-length",
+        "sweep": "offset,k",
+    }
+    file = written(tmp_path, edited(RAW, {TABLE: more}))
+    answer = xcouple(file, tmp_path)
+    assert answer["axes"] == [
+        {"name": "offset", "values": [1e-3]},
+        {"name": "k", "values": [0.9, 1.1]},
+    ]
+    assert (answer["frequency_hz"], answer["hold"], answer["over"]) == (
+        20.0,
+        "natural-length",
+        "test.x@0,0,0.002",
+    )
+    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
+        assert stored["xcouple"].attrs["wire"] == "test.3"
+    again = xcouple(
+        file,
+        tmp_path,
+        "--frequency",
+        "50",
+        "--wire",
+        "test.1",
+        "--sweep",
+        "k=1.1",
+        "--hold",
+        "loaded-length",
+        "--observe",
+        "test@0,0,-0.001",
+    )
+    assert again["ratio_real"] == xcouple(FILE, tmp_path, "--sweep", "k=1.1")["ratio_real"]
+
+
+def test_defaults_without_a_table(tmp_path):
+    """The first wire of the last stage, 1 mm below its COM, at 50 Hz."""
+    file = written(tmp_path, edited(RAW, {TABLE: MISSING}))
+    given = xcouple(
+        FILE,
+        tmp_path,
+        "--sweep",
+        "k=0.6:1.4:41,offset=-2e-3:2e-3:5",
+        "--wire",
+        "test.1",
+        "--frequency",
+        "50",
+        "--observe",
+        "test@0,0,-0.001",
+    )
+    assert xcouple(file, tmp_path) == given
+
+
+def test_body_and_over(tmp_path):
+    answer = xcouple(
+        FILE,
+        tmp_path,
+        "--sweep",
+        "com_y=0,1e-4,mass=0.99,1.01",
+        "--body",
+        "test",
+        "--over",
+        "test.roll",
+        "--input",
+        "test.force_z",
+    )
+    assert (answer["over"], answer["input"]) == ("test.roll", "test.force_z")
+    assert np.array(answer["ratio_real"]).shape == (2, 2)
+    assert answer["ratio_real"][0] == [0.0, 0.0]
+    assert 0 not in answer["ratio_real"][1]
+    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
+        units = [stored[f"xcouple/{name}"].attrs["units"] for name in ("ratio", "over", "under")]
+    assert units == ["rad/m", "rad/N", "m/N"]
+
+
+def test_every_dataset_has_units_and_scales(tmp_path):
+    xcouple(
+        FILE,
+        tmp_path,
+        "--sweep",
+        "k=0.9,1.1,stage.test.wires.s=0.004:0.006:3",
+        "--frequency",
+        "10,50",
+    )
+    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
+        assert (stored.attrs["format"], stored.attrs["format_version"]) == ("pendsus", 1)
+        assert tomllib.loads(stored.attrs["design"]) == RAW
+        group = stored["xcouple"]
+        assert list(group.attrs["axis_order"]) == ["k", "stage.test.wires.s"]
+        for name, values in group.items():
+            assert values.attrs["units"], name
+            if values.is_scale:
+                continue
+            named = ["axis k", "axis stage.test.wires.s", "frequency"][: values.ndim]
+            assert [axis.label for axis in values.dims] == named
+            assert [axis[0].name for axis in values.dims] == [
+                f"/xcouple/{scale}" for scale in named
+            ]
+            assert values.shape == (2, 3, 2)[: values.ndim]
+        assert group["residual"][:].max() < 1e-10
+        assert np.array_equal(group["ratio"][:], group["over"][:] / group["under"][:])
+    found = files.load(tmp_path / f"{NAME}.h5")
+    assert [axis.name for axis in found.axes] == ["k", "stage.test.wires.s"]
+    assert found.ratio.shape == (2, 3, 2)
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    """What hangs nowhere is given up early."""
+    monkeypatch.setattr(equilibrium, "STEPS", equilibrium.STEPS[:1])
+
+
+def test_failed_builds_are_told_and_the_rest_goes_on(tmp_path, impatient):
+    result = run(
+        "xcouple",
+        FILE,
+        "--json",
+        "--out",
+        tmp_path,
+        "--sweep",
+        "length=0,5e-3,mass=1,1e4,com_z=0,0.05",
+    )
+    assert result.exit_code == 0
+    answer = strict_json(result.stdout)
+    real, imag = (np.array(answer[f"ratio_{part}"], dtype=object) for part in ("real", "imag"))
+    assert real.shape == (2, 2, 2)
+    assert np.array_equal(np.equal(real, None), np.equal(imag, None))
+    assert real[0, 0, 0] == 0.0
+    assert sum(answer["failures"].values()) == np.equal(real, None).sum() == 7
+    assert set(answer["failures"]) == {
+        "a wire is slack",
+        "no equilibrium near the nominal pose",
+        "the equilibrium is unstable",
+    }
+    [warning] = [line for line in result.stderr.splitlines() if "builds failed" in line]
+    assert warning.startswith("warning: ")
+    for reason, count in answer["failures"].items():
+        assert f"{count} of 8 builds failed: {reason}" in warning
+    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
+        status, wire, ratio = (
+            stored[f"xcouple/{name}"][:] for name in ("status", "slack_wire", "ratio")
+        )
+        meaning = list(stored["xcouple"].attrs["status_meaning"])
+    assert (np.isnan(ratio[..., 0]) == (status != 0)).all()
+    assert ((wire >= 0) == (status == meaning.index("a wire is slack"))).all()
+    assert wire[1, 0, 0] == 0
+
+
+def test_all_builds_failed(tmp_path, impatient):
+    result = run("xcouple", FILE, "--out", tmp_path, "--sweep", "mass=1e4,1e5")
+    assert result.exit_code == 0
+    assert result.stdout == "no build has an equilibrium on taut wires\n"
+    assert (tmp_path / f"{NAME}.png").exists()
+
+
+def test_no_ratio_where_nothing_moves(tmp_path):
+    """y over x of a perfect stage is 0 over 0: no number, and JSON has none."""
+    answer = xcouple(FILE, tmp_path, "--sweep", "k=1,1.1", "--over", "test.y", "--under", "test.x")
+    assert answer["ratio_real"][0] is None
+    assert answer["ratio_imag"][0] is None
+    assert answer["ratio_real"][1] == pytest.approx(17.1, rel=0.01)
+
+
+def test_an_unstable_design_only_if_allowed(tmp_path):
+    topple = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0001")
+    assert "unstable" in run("xcouple", FILE, *topple, "--out", tmp_path).stderr
+    answer = xcouple(FILE, tmp_path, *topple, "--allow-unstable", "--sweep", "k=1.01,1.1")
+    assert answer["failures"] == {}
+    assert None not in answer["ratio_real"]
+
+
+ON_SPRINGS = """
+design = { name = "springs" }
+
+[[stage]]
+name = "test"
+position = [0.0, 0.0, -0.3]
+body = { mass = 5.0, inertia = [0.02, 0.02, 0.03] }
+
+[[stage.spring]]
+stiffness = [100.0, 100.0, 1e4, 10.0, 10.0, 10.0]
+preload = [0.0, 0.0, 49.05, 0.0, 0.0, 0.0]
+
+[[tolerance.body]]
+stage = "test"
+com = { normal = 1e-3 }
+"""
+
+
+def test_a_stage_without_wires(tmp_path):
+    file = written(tmp_path, ON_SPRINGS)
+    answer = xcouple(file, tmp_path, "--sweep", "com=0,1e-4,2e-4")
+    assert answer["ratio_real"][0] == 0.0
+    assert answer["ratio_real"][2] == pytest.approx(2 * answer["ratio_real"][1], rel=1e-3)
+    result = run("xcouple", file, "--out", tmp_path / "out")
+    [line] = assert_refused(result, file, tmp_path / "out")
+    assert (
+        line
+        == "--wire: k changes a wire, but the last stage hangs on none; name a wire, or sweep mass,"
+        " com or a path"
+    )
+    assert (
+        run(
+            "tolerance", file, "--builds", "10", "--workers", "1", "--no-plot", "--out", tmp_path
+        ).exit_code
+        == 0
+    )
+
+
+def test_picture_unless_not_asked_for(tmp_path):
+    assert run("xcouple", FILE, "--out", tmp_path / "a", "--no-plot", "-q").exit_code == 0
+    assert [path.name for path in (tmp_path / "a").iterdir()] == [f"{NAME}.h5"]
+    result = run("xcouple", FILE, "--out", tmp_path / "b")
+    assert sorted(path.suffix for path in (tmp_path / "b").iterdir()) == [".h5", ".png"]
+    assert result.stdout.startswith("205 builds of wire test.1, loaded-length held\n")
+
+
+BAD = {
+    "a typo": (("--sweep", "kk"), "there is no imperfection 'kk'"),
+    "nothing": (("--sweep", ""), "there is no imperfection ''"),
+    "no grid of a path": (("--sweep", "stage.test.wires.s"), "stage.test.wires.s has no grid"),
+    "no such path": (
+        ("--sweep", "stage.test.wires.ss=1e-3:2e-3:3"),
+        "stage.test.wires.ss = 0.001: unknown key",
+    ),
+    "no such stage": (("--sweep", "stage.tset.wires.s=1e-3:2e-3:3"), "there is no 'tset' here"),
+    "an impossible value": (
+        ("--sweep", "stage.test.wires.s=-1e-3:2e-3:3"),
+        "stage.test.wires.s = -0.001",
+    ),
+    "twice": (("--sweep", "k=1,k=2"), "names a parameter twice"),
+    "words": (("--sweep", "k=many"), "is not a grid"),
+    "no points": (("--sweep", "k=1:2:0"), "is not a grid"),
+    "no number": (("--sweep", "k=nan"), "must contain finite numbers"),
+    "a negative constant": (("--sweep", "k=-1:1:3"), "must contain finite numbers above 0"),
+    "no mass": (("--sweep", "mass=0"), "must contain finite numbers above 0"),
+    "no such wire": (("--wire", "test.5"), "names no wire"),
+    "no such body": (("--body", "tset"), "names no stage"),
+    "no such motion": (("--over", "test.w"), "names no motion"),
+    "a motion as input": (("--input", "test.z"), "a motion of a stage is an output"),
+    "no frequency": (("--frequency", "0"), "must contain finite numbers above 0"),
+    "no point": (("--observe", "test@1,2"), "is no point"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_bad_sweeps_are_refused(kind, tmp_path):
+    options, problem = BAD[kind]
+    [line] = assert_refused(run("xcouple", FILE, *options, "--out", tmp_path), FILE, tmp_path)
+    assert problem in line
+
+
+@pytest.mark.parametrize("command", ["xcouple", "tolerance"])
+def test_a_motion_that_the_frame_does_not_have(command, tmp_path):
+    """Only an answer shows it; it must show before anything is written, and whoever computes."""
+    more = {
+        ("support",): {"stiffness": {"z": 1e6}},
+        ("tolerance",): {"body": [{"stage": "test", "com": {"normal": 1e-4}}]},
+    }
+    file = written(tmp_path, edited(RAW, more))
+    for workers in ("1", "2"):
+        result = run(
+            command,
+            file,
+            "--over",
+            "frame.x",
+            "--chunk",
+            "64",
+            "--workers",
+            workers,
+            "--out",
+            tmp_path / "out",
+        )
+        [line] = assert_refused(result, file, tmp_path / "out")
+        assert "the support structure is rigid in this direction" in line
+
+
+def test_faults_cross_from_worker_processes():
+    fault = InputError([Fault("key", "problem", "remedy", "value")], "file")
+    again = pickle.loads(pickle.dumps(fault))
+    assert (str(again), again.faults, again.file) == (str(fault), fault.faults, fault.file)
+
+
+def test_a_file_name_that_is_no_text(tmp_path):
+    name = os.fsdecode(b"caf\xe9 one.toml")
+    written(tmp_path, FILE.read_bytes(), name)
+    result = run(
+        "xcouple", tmp_path / name, "--out", tmp_path / "out", "--sweep", "k=1.1", "--no-plot"
+    )
+    assert result.exit_code == 0
+    recorded = sweeping.recorded(
+        settings.command_line(
+            [
+                "pendsus",
+                "xcouple",
+                name,
+                "--workers",
+                "3",
+                "--sweep",
+                "k=1:2:3",
+                "--out=here",
+                "-q",
+                "--chunk",
+                "5",
+            ]
+        )
+    )
+    assert recorded == "pendsus xcouple 'caf\\udce9 one.toml' --sweep k=1:2:3"
+    assert recorded.encode()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "problem"),
+    [
+        ("wires", "test.1", "no option of this command"),
+        ("hold", "tight", "is not one of"),
+        ("k", "many", "is not a grid"),
+        ("k", True, "is not a grid"),
+    ],
+)
+def test_bad_tables_are_refused(key, value, problem, tmp_path):
+    file = written(tmp_path, edited(RAW, {(*TABLE, key): value}))
+    [line] = assert_refused(run("xcouple", file, "--out", tmp_path / "out"), file, tmp_path / "out")
+    assert problem in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_answer_is_that_of_the_design_with_overrides(tmp_path):
+    answer = xcouple(FILE, tmp_path, "--sweep", "k=1.1", "--set", "stage.test.wires.s=0.006")
+    swept = xcouple(FILE, tmp_path, "--sweep", "stage.test.wires.s=0.006,k=1.1")
+    assert answer["ratio_real"] == swept["ratio_real"][0]
+    assert answer["ratio_real"] != xcouple(FILE, tmp_path, "--sweep", "k=1.1")["ratio_real"]
+    assert question(FIGURE_6).wire == 0

@@ -1,0 +1,364 @@
+"""What the command promises: help, JSON, results files, options and where they come from."""
+
+from __future__ import annotations
+
+import math
+import os
+import shlex
+import tomllib
+
+import click
+import h5py
+import pytest
+
+from suspension_cli.cli.commands import COMMANDS, summary
+from suspension_cli.cli.main import main
+from suspension_cli.conventions import DOFS
+from suspension_cli.design import reader
+from suspension_cli.version import __version__
+from tests.support.commandline import (
+    KINDS,
+    assert_refused,
+    edited,
+    from_template,
+    modes_json,
+    process,
+    python,
+    run,
+    strict_json,
+    written,
+)
+from tests.support.designs import RAW, TEXTS
+
+HEAVY = ("numpy", "scipy", "h5py", "matplotlib", "msgspec")
+UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
+"""Hangs the single pendulum from below its centre of mass, free to topple over."""
+
+
+def test_help_lists_every_command():
+    result = run("--help")
+    assert result.exit_code == 0
+    for name in COMMANDS:
+        assert f"  {name} " in result.stdout
+        assert summary(name).rstrip(".").split(":")[0] in " ".join(result.stdout.split())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help(name):
+    result = run(name, "--help")
+    assert result.exit_code == 0
+    assert result.stdout.startswith(f"Usage: pendsus {name} ")
+    for param in main.get_command(None, name).params:
+        assert isinstance(param, click.Argument) or param.help, (
+            f"--{param.name} of {name} says nothing"
+        )
+
+
+def test_help_imports_nothing_heavy():
+    asked = [["--help"], ["--version"], *([name, "--help"] for name in COMMANDS)]
+    code = f"""
+import contextlib, io, sys
+from suspension_cli.cli.main import main
+for args in {asked!r}:
+    with contextlib.redirect_stdout(io.StringIO()):
+        main(args, standalone_mode=False)
+    print(args, sorted(set({HEAVY!r}) & set(sys.modules)))
+"""
+    result = python(code)
+    lines = result.stdout.splitlines()
+    assert len(lines) == len(asked), result.stderr
+    for line, args in zip(lines, asked, strict=True):
+        assert line == f"{args} []"
+
+
+def test_version():
+    assert run("--version").stdout == f"pendsus, version {__version__}\n"
+
+
+def test_typo_in_a_command():
+    result = run("mods")
+    assert result.exit_code == 2
+    assert "No such command 'mods'; did you mean 'modes'?" in result.stderr
+
+
+def test_nothing_to_do():
+    assert run("modes").exit_code == 2
+    assert run("modes", "--fidelity", "best", "x.toml").exit_code == 2
+    assert run("modes", "--sett", "x.toml").exit_code == 2
+
+
+@pytest.mark.parametrize("base", RAW)
+def test_json_of_modes(base, tmp_path):
+    file = written(tmp_path, RAW[base])
+    answer = modes_json(file, "--out", tmp_path / "out")
+    assert list(answer) == [
+        "command",
+        "design",
+        "fidelity",
+        "stable",
+        "modes",
+        "without_loss",
+        "estimated_error",
+    ]
+    assert (answer["command"], answer["design"], answer["stable"]) == ("modes", base, True)
+    assert answer["fidelity"] in ("force", "string", "beam", "violin")
+    for mode in answer["modes"]:
+        assert {"frequency_hz", "dof", "stage", "q"} <= set(mode)
+        assert "growth_rate_per_s" not in mode
+        assert mode["dof"] in DOFS
+        assert mode["stage"].split(".")[0] in [
+            "frame",
+            *(stage["name"] for stage in RAW[base]["stage"]),
+        ]
+        assert mode["q"] is None or mode["q"] > 0
+    frequencies = [mode["frequency_hz"] for mode in answer["modes"]]
+    assert frequencies == sorted(frequencies)
+    assert min(frequencies) >= 0
+    assert len(frequencies) >= 6 * len(RAW[base]["stage"])
+
+
+def test_json_of_an_unstable_design(tmp_path):
+    file, out = from_template(tmp_path), tmp_path / "out"
+    result = run("modes", file, "--json", "--out", out, *UNSTABLE)
+    assert result.exit_code == 0
+    answer = strict_json(result.stdout)
+    assert answer["stable"] is False
+    first, *rest = answer["modes"]
+    assert first["frequency_hz"] is None
+    assert first["growth_rate_per_s"] > 0
+    assert first["dof"] == "pitch"
+    assert all(mode["frequency_hz"] > 0 for mode in rest)
+    assert "warning: single is unstable: test pitch grows at " in result.stderr
+    assert (out / "single-modes.h5").exists()
+
+
+def test_json_of_two_designs_is_a_list(tmp_path):
+    files = [from_template(tmp_path, kind) for kind in ("triple", "single")]
+    answer = modes_json(*files, "--out", tmp_path / "out")
+    assert [part["design"] for part in answer] == ["triple", "single"]
+    assert answer[1] == modes_json(files[1], "--out", tmp_path / "out")
+
+
+def test_stdout_of_the_process_is_the_document(tmp_path):
+    file, out = from_template(tmp_path), tmp_path / "out"
+    result = python(
+        "from suspension_cli.cli.main import main; main(prog_name='pendsus')",
+        "modes",
+        file,
+        "--json",
+        "--out",
+        out,
+    )
+    assert result.returncode == 0, result.stderr
+    assert strict_json(result.stdout)["design"] == "single"
+    assert result.stdout.count("\n") == 1
+    assert [path.name for path in out.iterdir()] == ["single-modes.h5"]
+
+
+def test_quiet(tmp_path):
+    file = from_template(tmp_path)
+    loud = run("modes", file, "--no-plot", "--out", tmp_path / "out")
+    quiet = run("modes", file, "--no-plot", "--out", tmp_path / "out", "-q")
+    assert loud.stderr and quiet.stderr == ""
+    assert loud.stdout == quiet.stdout
+    assert "test pitch" in quiet.stdout
+    unstable = run("modes", file, "--no-plot", "--out", tmp_path / "unstable", "-q", *UNSTABLE)
+    assert unstable.stderr.startswith("warning: ")
+    assert unstable.stderr.count("\n") == 1
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """A results file of the rich design with an override, and the command that made it."""
+    folder = tmp_path_factory.mktemp("results")
+    file = written(folder, TEXTS["rich"])
+    args = [
+        "modes",
+        str(file),
+        "--json",
+        "--out",
+        str(folder / "a b"),
+        "--set",
+        "stage.test.wires.d=0.0015",
+        "--set",
+        "design.title=Another title",
+    ]
+    made = process(*args)
+    assert made.returncode == 0, made.stderr
+    return folder / "a b" / "rich-modes.h5", args, strict_json(made.stdout)
+
+
+def test_root_attributes(results):
+    path, args, answer = results
+    with h5py.File(path) as file:
+        assert file.attrs["format"] == "pendsus"
+        assert file.attrs["format_version"] == 1
+        assert file.attrs["pendsus_version"] == __version__
+        assert file.attrs["fidelity"] == answer["fidelity"] == "string"
+        program, *rest = shlex.split(file.attrs["command"])
+    assert (program, rest[0]) == ("pendsus", "modes")
+    assert all(arg in rest for arg in args)
+
+
+def test_embedded_design_has_the_overrides(results):
+    path, _, _ = results
+    with h5py.File(path) as file:
+        text = file.attrs["design"]
+    expected = edited(
+        RAW["rich"], {("stage", 1, "wires", "d"): 0.0015, ("design", "title"): "Another title"}
+    )
+    assert tomllib.loads(text) == expected
+    assert reader.parse(text) == reader.convert(expected)
+
+
+def datasets(path):
+    """Every dataset of a results file, while the file is open."""
+    found = []
+    file = h5py.File(path)
+    file.visititems(lambda _, item: found.append(item) if isinstance(item, h5py.Dataset) else None)
+    return file, found
+
+
+def test_every_dataset_has_units_and_scales(results):
+    file, found = datasets(results[0])
+    with file:
+        assert list(file) == ["modes"]
+        assert found
+        for item in found:
+            assert item.attrs["units"], item.name
+            if item.is_scale:
+                continue
+            for axis, length in zip(item.dims, item.shape, strict=True):
+                assert len(axis) == 1, item.name
+                assert len(axis[0]) == length
+                assert axis[0].attrs["units"]
+
+
+def test_results_hold_what_json_says(results):
+    path, _, answer = results
+    with h5py.File(path) as file:
+        assert file["modes/frequency"][:].tolist() == [
+            mode["frequency_hz"] for mode in answer["modes"]
+        ]
+        assert file["modes/omega_squared"][:] == pytest.approx(
+            (2 * math.pi * file["modes/frequency"][:]) ** 2, rel=1e-14
+        )
+        energy = file["modes/energy"][:].sum((1, 2)) + file["modes/tip_energy"][:].sum(1)
+        assert energy == pytest.approx(1, rel=1e-12)
+
+
+def test_file_names_that_are_no_text(tmp_path):
+    folder = os.fsencode(tmp_path) + b"/\xff"
+    os.mkdir(folder)
+    file = os.fsdecode(folder + b"/single.toml")
+    with open(file, "w") as stream:
+        stream.write(TEXTS["single"])
+    result = process("modes", file, "--json", "--out", os.fsdecode(folder))
+    assert result.returncode == 0, result.stderr
+    assert os.path.exists(folder + b"/single-modes.h5")
+    [line] = process("modes", file + "x").stderr.splitlines()
+    assert "No such file" in line
+    [line] = process(
+        "modes", file, "--set", "design.title=" + os.fsdecode(b"\xff")
+    ).stderr.splitlines()
+    assert "not text" in line
+
+
+def test_overrides(tmp_path):
+    file, out = from_template(tmp_path), tmp_path / "out"
+    nominal = modes_json(file, "--out", out)
+    heavy = modes_json(
+        file, "--out", out, "--set", "constants.gravity=98.1", "--set", "design.name=heavy"
+    )
+    assert heavy["design"] == "heavy"
+    ratio = heavy["modes"][0]["frequency_hz"] / nominal["modes"][0]["frequency_hz"]
+    assert ratio == pytest.approx(math.sqrt(10), rel=0.02)
+    by_number = modes_json(file, "--out", out, "--set", "stage.1.wires.l=0.5")
+    assert by_number == modes_json(file, "--out", out, "--set", "stage.test.wires.l = 0.5")
+    assert sorted(path.name for path in out.iterdir()) == ["heavy-modes.h5", "single-modes.h5"]
+
+
+def test_last_override_wins(tmp_path):
+    file, out = from_template(tmp_path), tmp_path / "out"
+    twice = modes_json(
+        file, "--out", out, "--set", "stage.test.wires.l=0.5", "--set", "stage.test.wires.l=0.4"
+    )
+    assert twice == modes_json(file, "--out", out, "--set", "stage.test.wires.l=0.4")
+
+
+def test_analysis_table_gives_options_and_the_command_line_wins(tmp_path):
+    file = written(
+        tmp_path, TEXTS["single"] + '\n[analysis.modes]\nfidelity = "string"\nplot = false\n'
+    )
+    out = tmp_path / "out"
+    assert modes_json(file, "--out", out)["fidelity"] == "string"
+    assert modes_json(file, "--out", out, "--fidelity", "closed-form")["fidelity"] == "closed-form"
+    assert modes_json(file, "--out", out, "--fidelity", "auto")["fidelity"] == "beam"
+    assert run("modes", file, "--out", out).exit_code == 0
+    assert [path.name for path in out.iterdir()] == ["single-modes.h5"]
+
+
+@pytest.mark.parametrize(
+    ("line", "output", "points"),
+    [
+        ('output = "test.pitch"', "test.pitch", 3),
+        ('output = ["test.y"]\nfrequency = [1, 2.5]', "test.y", 2),
+    ],
+)
+def test_analysis_table_takes_strings_numbers_and_arrays(line, output, points, tmp_path):
+    file = written(tmp_path, TEXTS["single"] + f"\n[analysis.response]\n{line}\n")
+    grid = [] if "frequency" in line else ["--frequency", "1:10:3"]
+    result = run("response", file, "--json", "--out", tmp_path / "out", *grid)
+    assert result.exit_code == 0, result.stderr
+    answer = strict_json(result.stdout)
+    assert answer["output"] == output
+    assert len(answer["frequency_hz"]) == points
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_new(kind, tmp_path):
+    file = tmp_path / "mine.toml"
+    assert run("new", kind, file).exit_code == 0
+    assert run("new", kind).stdout == file.read_text().replace('name = "mine"', f'name = "{kind}"')
+    checked = run("check", file)
+    assert checked.exit_code == 0
+    assert checked.stdout.startswith(f"{file}: good; ")
+    answer = modes_json(file, "--out", tmp_path / "out")
+    assert answer["design"] == "mine"
+    assert answer["stable"]
+
+
+def test_new_replaces_only_by_force(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("precious")
+    [line] = assert_refused(run("new", "single", file), file)
+    assert line == "exists already; name another file, or give --force"
+    assert file.read_text() == "precious"
+    assert run("new", "single", file, "--force").exit_code == 0
+    assert file.read_text() == TEXTS["single"].replace('name = "single"', 'name = "mine"')
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_new_makes_a_name_of_any_file_name(tmp_path):
+    file = tmp_path / 'my "first" design.toml'
+    assert run("new", "single", file).exit_code == 0
+    assert tomllib.loads(file.read_text())["design"]["name"] == "my-first-design"
+    result = run("new", "single", "--name", 'a"b')
+    assert result.exit_code == 2
+    assert (
+        result.stderr
+        == '--name = "a\\"b": is no name of a design; give letters, digits, . _ and -\n'
+    )
+
+
+def test_check_as_json(tmp_path):
+    file = from_template(tmp_path, "blades")
+    result = run("check", file, "--json")
+    assert result.exit_code == 0
+    answer = strict_json(result.stdout)
+    assert (answer["command"], answer["design"], answer["file"]) == ("check", "blades", str(file))
+    assert [wire["wire"] for wire in answer["wires"]] == ["test.1", "test.2"]
+    assert sum(wire["tension_n"] for wire in answer["wires"]) == pytest.approx(
+        5.6 * 9.81, rel=1e-12
+    )
+    assert result.stderr == ""

@@ -1,0 +1,280 @@
+"""How runs end that something stops: one line on stderr, an exit code, no traceback, nothing
+half-written."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+import time
+
+import h5py
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.export import file as exported
+from suspension_cli.linear import eigenmodes, response
+from tests.support.commandline import assert_refused, from_template, process, run, written
+from tests.support.golden import CONFIGS
+
+MAIN = "from suspension_cli.cli.main import main; main(prog_name='pendsus')"
+
+
+def shell(redirection, *args):
+    """Run the command through a shell with its standard streams redirected."""
+    words = f'"{sys.executable}" -c "{MAIN}" {" ".join(map(str, args))} {redirection}'
+    return subprocess.run(
+        ["bash", "-c", words], capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("redirection", "reason"),
+    [(">&-", "Bad file descriptor"), ("> /dev/full", "No space left on device")],
+)
+def test_standard_output_closed_or_full(redirection, reason):
+    result = shell(redirection, "schema")
+    assert result.returncode == 1
+    assert (
+        result.stderr
+        == f"standard output cannot be written ({reason}); files that were written are whole\n"
+    )
+
+
+def test_standard_output_closed_by_its_reader():
+    result = shell('| head -c 0; exit "${PIPESTATUS[0]}"', "schema")
+    assert result.returncode == 1
+    assert (
+        result.stderr
+        == "standard output was closed before everything was printed; files that were written are"
+        " whole\n"
+    )
+
+
+def test_a_closed_or_full_stderr_stops_nothing(tmp_path):
+    for redirection in ("2>&-", "2> /dev/full"):
+        assert shell(redirection, "new", "single", "--force", tmp_path / "x.toml").returncode == 0
+
+
+def failing(error):
+    def fail(*_, **__):
+        raise error
+
+    return fail
+
+
+def test_interrupted(tmp_path, monkeypatch):
+    monkeypatch.setattr(eigenmodes, "solve", failing(KeyboardInterrupt()))
+    result = run("modes", CONFIGS / "double.toml", "--out", tmp_path / "out")
+    assert (result.exit_code, result.stderr, result.stdout) == (130, "interrupted\n", "")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)),
+        ImportError("x.so: failed to map segment from shared object"),
+    ],
+)
+def test_out_of_memory(error, tmp_path, monkeypatch):
+    monkeypatch.setattr(response, "solve", failing(error))
+    result = run("response", CONFIGS / "double.toml", "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    [line] = result.stderr.splitlines()
+    assert line.startswith("out of memory") and line.endswith(
+        "ask for less: fewer points in --frequency"
+    )
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_bug_is_not_hidden(tmp_path, monkeypatch):
+    monkeypatch.setattr(response, "solve", failing(RuntimeError("a bug")))
+    with pytest.raises(RuntimeError, match="a bug"):
+        run("response", CONFIGS / "double.toml", "--out", tmp_path)
+
+
+@pytest.mark.parametrize("command", [("modes",), ("draw",), ("export",), ("plot",)])
+def test_out_that_names_a_file(command, tmp_path):
+    file = from_template(tmp_path)
+    out = tmp_path / "foo.png"
+    result = run(*command, file, "--out", out)
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"--out = {out}: names a file, but results go into a folder; ")
+    assert not out.exists()
+    assert result.stderr.count("\n") == 1
+
+
+def test_escapes_in_names_are_escaped(tmp_path):
+    folder = tmp_path / "a\x1b[31m\nb"
+    folder.mkdir()
+    file = from_template(folder)
+    checked = run("check", file)
+    assert checked.stdout.split(":")[0].endswith("a\\u001b[31m\\nb/single.toml")
+    drawn = run("draw", file, "--out", folder)
+    assert drawn.stderr == f"wrote {tmp_path}/a\\u001b[31m\\nb/single-draw.png\n"
+    titled = run(
+        "modes", file, "--no-plot", "--out", tmp_path, "--set", 'design.title="\\u001b[31m"'
+    )
+    assert "\x1b" not in titled.stdout + titled.stderr
+    assert "\x1b" not in run("schema", "\x1b[31m").stderr
+
+
+SPRING = ("--vary", "stage.test.wires.s=0.02,0.03", "--workers", "1")
+KINDS = {
+    "modes": (),
+    "response": ("--frequency", "1:2:3"),
+    "thermal": ("--frequency", "1:2:3"),
+    "sensitivity": (),
+    "export": ("--format", "mat"),
+    "sweep": SPRING,
+}
+
+
+@pytest.mark.parametrize("command", KINDS)
+def test_a_result_that_replaces_that_of_another_design_says_so(command, tmp_path):
+    """The same design again does not; the file written is that of the new one."""
+    plot = () if command == "export" else ("--no-plot",)
+    options = (*KINDS[command], *plot, "--out", tmp_path / "out")
+    first = CONFIGS / "double.toml"
+    other = written(tmp_path, first.read_text() + "\n[analysis.modes]\nplot = true\n", "other.toml")
+    told = [run(command, file, *options) for file in (first, first, other)]
+    assert [result.exit_code for result in told] == [0, 0, 0]
+    remarks = [
+        [line for line in result.stderr.splitlines() if "another design" in line] for result in told
+    ]
+    assert [len(lines) for lines in remarks] == [0, 0, 1]
+    assert remarks[2][0].startswith(f"wrote {tmp_path / 'out' / 'double-'}")
+
+
+def test_mat_files_hold_no_date(tmp_path, monkeypatch):
+    images = []
+    for moment in (0.0, 1e9):
+        monkeypatch.setattr(time, "asctime", lambda *_, moment=moment: time.ctime(moment))
+        assert run("export", CONFIGS / "double.toml", "--out", tmp_path).exit_code == 0
+        images.append((tmp_path / "double-statespace.mat").read_bytes())
+    assert images[0] == images[1]
+    assert images[0].startswith(b"MATLAB 5.0 MAT-file, written by pendsus")
+    assert len(exported.MAT_HEAD) == 116
+
+
+def test_pipes_are_read_once(tmp_path):
+    """Designs, measurements and goals may come through a pipe; results may not."""
+    design, measured = (
+        CONFIGS / "husman2000" / "table1-case4.toml",
+        CONFIGS.parent / "measured" / "husman2000" / "table1-case4.toml",
+    )
+    result = subprocess.run(
+        [
+            "bash",
+            "-c",
+            (
+                f'"{sys.executable}" -c "{MAIN}" fit <(cat {design}) <(cat {measured}) --no-plot'
+                f" --out {tmp_path}"
+            ),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    os.mkfifo(tmp_path / "x.h5")
+    assert_refused(run("plot", tmp_path / "x.h5"), tmp_path / "x.h5")
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stored")
+    assert (
+        run(
+            "response",
+            CONFIGS / "double.toml",
+            "--frequency",
+            "1:10:20",
+            "--no-plot",
+            "--out",
+            folder,
+        ).exit_code
+        == 0
+    )
+    return (folder / "double-response.h5").read_bytes()
+
+
+def replaced(name, **what):
+    def change(file):
+        del file[name]
+        file.create_dataset(name, **what)
+
+    return change
+
+
+def as_group(file):
+    del file["response/value"]
+    file["response"].create_group("value")
+
+
+def circular(file):
+    del file["response/value"]
+    file["response/value"] = h5py.SoftLink("/response/value")
+
+
+def external(file):
+    del file["response/value"]
+    file["response/value"] = h5py.ExternalLink("/dev/null", "/x")
+
+
+def no_number(file):
+    file["response/frequency"][...] = np.nan
+    file["response/value"][...] = np.nan
+
+
+SPOILT = {
+    "version as text": lambda file: file.attrs.__setitem__("format_version", "1"),
+    "version 0": lambda file: file.attrs.__setitem__("format_version", 0),
+    "format as number": lambda file: file.attrs.__setitem__("format", 3.0),
+    "design as numbers": lambda file: file.attrs.__setitem__("design", np.zeros(3)),
+    "dataset for the group": replaced("response", data=3.0),
+    "group for a dataset": as_group,
+    "circular link": circular,
+    "external link": external,
+    "external storage": replaced(
+        "response/value", shape=(4,), dtype="f8", external=[("/dev/null", 0, 32)]
+    ),
+    "no dataset": lambda file: file["response"].pop("value"),
+    "other shape": replaced("response/value", data=np.zeros((20, 3))),
+    "no rows": replaced("response/frequency", data=np.zeros(0)),
+    "scalar": replaced("response/frequency", data=1.0),
+    "huge": replaced("response/value", shape=(10**12, 1, 1), dtype="c16", chunks=(1000, 1, 1)),
+    "text": replaced("response/value", data=np.array(["x"] * 20, dtype=h5py.string_dtype())),
+}
+
+
+@pytest.mark.parametrize("kind", SPOILT)
+def test_spoilt_results_are_refused(kind, stored, tmp_path):
+    file = written(tmp_path, stored, "x.h5")
+    with h5py.File(file, "r+") as opened:
+        SPOILT[kind](opened)
+    assert_refused(run("plot", file, "--out", tmp_path / "out"), file, tmp_path / "out")
+
+
+def test_no_finite_number_is_no_traceback(stored, tmp_path):
+    file = written(tmp_path, stored, "x.h5")
+    with h5py.File(file, "r+") as opened:
+        no_number(opened)
+    result = run("plot", file, "--out", tmp_path / "out")
+    assert result.exit_code in (0, 2)
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("size", [4_000, 40_000])
+def test_no_room_for_a_sweep_from_the_first_byte(size, tmp_path):
+    """HDF5 itself crashes where it cannot write, so that the room is claimed before."""
+    result = process(
+        "sweep", CONFIGS / "double.toml", *SPRING, "--no-plot", "-q", "--out", tmp_path, limit=size
+    )
+    assert result.returncode == 2
+    assert "cannot be written (File too large)" in result.stderr.splitlines()[-1]
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,39 @@
+"""`pendsus new`: templates and examples that are valid designs under their own names."""
+
+from __future__ import annotations
+
+import pytest
+
+from suspension_cli.cli import new
+from suspension_cli.design import reader
+from tests.support.commandline import run
+
+
+def test_kinds_are_the_templates():
+    assert new.KINDS == reader.TEMPLATES
+
+
+@pytest.mark.parametrize("kind", new.KINDS)
+def test_templates_raise_no_warning(kind, tmp_path):
+    file = tmp_path / "mine.toml"
+    assert run("new", kind, file).exit_code == 0
+    assert reader.read(file).design.design.name == "mine"
+    assert run("check", file, "--strict").exit_code == 0
+
+
+def test_examples(tmp_path):
+    names = run("new", "--examples").stdout.split()
+    assert names == reader.examples() and "husman2000/table2" in names
+    file = tmp_path / "mirror.toml"
+    assert run("new", "--from", "husman2000/figure6", file).exit_code == 0
+    design = reader.read(file).design
+    assert (design.design.name, design.stage[0].body.mass) == ("mirror", 5.6)
+    assert "did you mean 'quadruple'" in run("new", "--from", "quadrupel").stderr
+
+
+@pytest.mark.parametrize(
+    "words", [(), ("triple", "a.toml", "b.toml"), ("--from", "double", "a.toml", "b.toml")]
+)
+def test_what_it_takes_is_said(words):
+    done = run("new", *words)
+    assert done.exit_code == 2 and "pendsus new triple my.toml" in done.stderr

@@ -1,0 +1,283 @@
+"""Faults of the input: every one a line with file, key, value and remedy, exit code 2, nothing
+written."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.support.commandline import assert_refused, edited, from_template, process, run, written
+from tests.support.designs import RAW, TEXTS
+from tests.support.faulty_designs import CASES, NO_DESIGNS, explicit, plumb
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_faulty_design(case, tmp_path):
+    file, out = written(tmp_path, edited(RAW[case.base], case.edits)), tmp_path / "out"
+    lines = assert_refused(run("modes", file, "--json", "--out", out), file, out)
+    assert len(lines) == 1, lines
+    assert lines[0].startswith(case.says)
+    assert case.remedy in lines[0].removeprefix(case.says).partition("; ")[2]
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("name", NO_DESIGNS)
+def test_no_design(name, tmp_path):
+    content, says = NO_DESIGNS[name]
+    file, out = written(tmp_path, content), tmp_path / "out"
+    lines = assert_refused(run("modes", file, "--out", out), file, out)
+    assert lines[0].startswith(says)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "left_over"),
+    [(0.1, 0.0, r"-5\.4\d N m of pitch torque"), (0.0, 0.1, r"5\.4\d N m of roll torque")],
+)
+def test_what_is_left_over_is_named(x, y, left_over, tmp_path):
+    """5.6 kg on one wire, 0.1 m from the COM."""
+    file, out = written(tmp_path, edited(RAW["single"], explicit(plumb(x, y)))), tmp_path / "out"
+    [line] = assert_refused(run("modes", file, "--out", out), file, out)
+    assert re.search(
+        rf"^stage\.test: cannot balance in the nominal pose: {left_over}.* left over; ", line
+    )
+
+
+def test_all_slack_wires_are_told(tmp_path):
+    """A wire that is 5 mm too long leaves its load, and that of the wire across, to the other
+    two."""
+    spoilt = edited(RAW["single"], {("perturbation",): [{"wire": "test.1", "length_change": 5e-3}]})
+    file = written(tmp_path, spoilt)
+    lines = assert_refused(run("modes", file), file)
+    assert [line.split(" (")[0] for line in lines] == [
+        f"stage.test.wire: wire test.{n} is slack in equilibrium" for n in (1, 4)
+    ]
+
+
+def test_a_syntax_error_names_its_line(tmp_path):
+    file = written(tmp_path, "[design]\nname = 'x'\n\ntitle = \n")
+    [line] = assert_refused(run("check", file), file)
+    assert "line 4" in line
+
+
+FIVE = """\
+[design]
+name = "five"
+titel = "A typo"
+[constants]
+gravity = -9.81
+[[stage]]
+name = "test"
+body = { mass = "heavy", inertia = [1.0, nan, 1.0] }
+[stage.wires]
+count = 3
+l = 0.3
+"""
+
+
+def test_all_faults_at_once(tmp_path):
+    file, out = written(tmp_path, FIVE), tmp_path / "out"
+    lines = assert_refused(run("modes", file, "--out", out), file, out)
+    keys = [line.split(" = ")[0] for line in lines]
+    assert sorted(keys) == [
+        "constants.gravity",
+        "design.titel",
+        "stage.test.body.inertia.2",
+        "stage.test.body.mass",
+        "stage.test.wires.count",
+    ]
+
+
+def test_all_contradictions_at_once(tmp_path):
+    spoilt = edited(
+        RAW["rich"],
+        {
+            ("stage", 1, "name"): "upper",
+            ("stage", 2, "hangs_from"): "nowhere",
+            ("stage", 0, "blade", 0, "uncoupled_frequency"): 3.0,
+            ("stage", 2, "wires", "t1"): 7.0,
+            ("stage", 2, "body", "radius"): 1.0,
+            ("analysis", "mode"): {},
+        },
+    )
+    file = written(tmp_path, spoilt)
+    assert len(assert_refused(run("modes", file), file)) == 6
+
+
+def test_check_tells_the_faults_of_all_files(tmp_path):
+    one, two = written(tmp_path, b"", "one.toml"), written(tmp_path, FIVE, "two.toml")
+    result = run("check", one, from_template(tmp_path), two)
+    assert result.exit_code == 2
+    files = [line.split(": ")[0] for line in result.stderr.splitlines()]
+    assert files == [str(one)] + 5 * [str(two)]
+
+
+def test_missing_file(tmp_path):
+    file = tmp_path / "nowhere.toml"
+    [line] = assert_refused(run("modes", file), file)
+    assert "No such file" in line
+
+
+def test_directory(tmp_path):
+    [line] = assert_refused(run("modes", tmp_path), tmp_path)
+    assert line.startswith("is a directory; ")
+
+
+def test_unreadable_file(tmp_path, monkeypatch):
+    file = from_template(tmp_path)
+    opened = Path.open
+
+    def refuse(self, *args, **kwargs):
+        if self == file:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+        return opened(self, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "open", refuse)
+    [line] = assert_refused(run("modes", file), file)
+    assert line == "cannot be read (Permission denied); check the path and its permissions"
+
+
+def test_too_big_a_file(tmp_path):
+    file = written(tmp_path, "#" * 5_000_000)
+    [line] = assert_refused(run("modes", file), file)
+    assert "too many for a design" in line
+
+
+def test_endless_file():
+    assert_refused(run("modes", "/dev/zero"), "/dev/zero")
+
+
+def test_byte_order_mark_is_no_fault(tmp_path):
+    file = written(tmp_path, b"\xef\xbb\xbf" + TEXTS["single"].encode())
+    assert run("check", file).exit_code == 0
+
+
+def test_windows_line_ends_are_no_fault(tmp_path):
+    file = written(tmp_path, TEXTS["single"].replace("\n", "\r\n"))
+    assert run("check", file).exit_code == 0
+
+
+OVERRIDES = [
+    ("d", "is not of the form path=value"),
+    ("=1", "is not of the form path=value"),
+    ("stage..d=1", "is not of the form path=value"),
+    ("", "is not of the form path=value"),
+    ("stage.tset.wires.d=1", "there is no 'tset' here"),
+    ("stage.0.wires.d=1", "there is no '0' here"),
+    ("stage.2.wires.d=1", "there is no '2' here"),
+    ("stage.test.name.x=1", "stage.test.name is a value, not a table"),
+]
+
+
+@pytest.mark.parametrize(("override", "problem"), OVERRIDES)
+def test_bad_override(override, problem, tmp_path):
+    file, out = from_template(tmp_path), tmp_path / "out"
+    [line] = assert_refused(run("modes", file, "--set", override, "--out", out), file, out)
+    assert line.startswith(f'--set = "{override}": {problem}; ')
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("stage.test.wires.d=0.002x", 'stage.test.wires.d = "0.002x": must be a number'),
+        ("stage.test.wires.d=nan", "stage.test.wires.d = nan: must be finite"),
+        ("stage.test.wires.d=", 'stage.test.wires.d = "": must be a number'),
+        ("stage.test.wires.dd=0.1", "stage.test.wires.dd = 0.1: unknown key"),
+        ("stage.test=5", "stage.1 = 5: must be a table"),
+        ("design={name=1}", "design.name = 1: must be a string"),
+    ],
+)
+def test_override_with_a_bad_value(override, says, tmp_path):
+    file = from_template(tmp_path)
+    [line] = assert_refused(run("modes", file, "--set", override), file)
+    assert line.startswith(says)
+
+
+def test_two_designs_of_one_name(tmp_path):
+    one, two = (
+        written(tmp_path, RAW["single"], "one.toml"),
+        written(tmp_path, RAW["single"], "two.toml"),
+    )
+    [line] = assert_refused(run("modes", one, two, "--out", tmp_path / "out"), two)
+    assert line.startswith('design.name = "single": is the name of another design of this run')
+
+
+def test_one_bad_design_of_two_writes_nothing(tmp_path):
+    good, bad, out = from_template(tmp_path), written(tmp_path, FIVE, "bad.toml"), tmp_path / "out"
+    assert_refused(run("modes", good, bad, "--out", out), bad, out)
+
+
+def test_fidelity_that_does_not_hold(tmp_path):
+    file, out = from_template(tmp_path, "triple"), tmp_path / "out"
+    [line] = assert_refused(
+        run("modes", file, "--fidelity", "closed-form", "--out", out), file, out
+    )
+    assert line.startswith(
+        '--fidelity = "closed-form": is not valid for triple: it has more than one stage'
+    )
+
+
+def told_of_out(result, out):
+    """What is said of a folder that takes no results."""
+    assert (result.exit_code if hasattr(result, "exit_code") else result.returncode) == 2
+    assert result.stdout == ""
+    [line] = result.stderr.splitlines()
+    assert line.startswith(f"--out = {out}")
+    assert "; name a folder" in line
+    return line
+
+
+def test_out_is_a_file(tmp_path):
+    file, out = from_template(tmp_path), tmp_path / "out"
+    out.write_text("mine")
+    assert "names a file" in told_of_out(run("modes", file, "--json", "--out", out), out)
+    assert out.read_text() == "mine"
+
+
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+def test_no_space_for_results(call, tmp_path, monkeypatch):
+    file, out = from_template(tmp_path), tmp_path / "out"
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, call, full)
+    assert "No space left on device" in told_of_out(run("modes", file, "--json", "--out", out), out)
+    assert list(out.iterdir()) == []
+
+
+def test_no_space_for_results_in_earnest(tmp_path):
+    file, out = from_template(tmp_path), tmp_path / "out"
+    result = process("modes", file, "--json", "--out", out, limit=4096)
+    assert "File too large" in told_of_out(result, out)
+    assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "content", [FIVE, b"", bytes(range(256)), "a = ["], ids=["faults", "empty", "binary", "syntax"]
+)
+def test_faults_as_the_shell_sees_them(content, tmp_path):
+    file, out = written(tmp_path, content), tmp_path / "out"
+    assert_refused(process("modes", file, "--json", "--out", out), file, out)
+    assert not out.exists()
+
+
+def test_defaults_of_every_command_are_checked_by_any(tmp_path):
+    out = tmp_path / "out"
+    text = (
+        TEXTS["single"]
+        + '\n[analysis.response]\nbogus = 1\n[analysis.xcouple]\nk = "abc"\noffset = "0:1:3"\n'
+    )
+    for command in ("check", "modes", "response"):
+        file = written(tmp_path, text)
+        lines = assert_refused(
+            run(command, file, *(() if command == "check" else ("--out", out))), file, out
+        )
+        assert [line.split(":")[0] for line in lines] == [
+            "analysis.response.bogus = 1",
+            'analysis.xcouple.k = "abc"',
+        ]

@@ -1,0 +1,105 @@
+"""Another model's matrices, derived by others with other means, have the frequencies of ours; and
+the names told for migrating exist."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from suspension_cli.design import schema, wires
+from suspension_cli.design.reader import read
+from suspension_cli.linear import eigenmodes
+from suspension_cli.models import registry
+from tests.support.golden import CONFIGS, ROOT
+
+PAGE = (ROOT / "docs" / "migrating.md").read_text()
+FAMILIES = {
+    "longitudinal, pitch": ("x", "pitch"),
+    "transverse, roll": ("y", "roll"),
+    "vertical": ("z",),
+    "yaw": ("yaw",),
+}
+KINDS = {
+    "wires": wires.WireSet,
+    "blades": wires.BladeSet,
+    "body": schema.Body,
+    "constants": schema.Constants,
+    "materials.NAME": schema.Material,
+}
+
+THEIRS = {
+    "longitudinal, pitch": (
+        0.32559688,
+        0.43983243,
+        0.98479415,
+        1.19114502,
+        1.50510165,
+        1.97806785,
+        2.98622224,
+        3.38919394,
+    ),
+    "transverse, roll": (
+        0.46710375,
+        0.75937334,
+        1.04854259,
+        2.10090951,
+        2.62861902,
+        3.29053631,
+        5.55105334,
+        12.46672542,
+    ),
+    "vertical": (0.67118632, 2.50715177, 4.23310881, 8.76208064),
+    "yaw": (0.59025836, 1.33574898, 2.38344551, 3.01330517),
+}
+"""Frequencies in Hz that the matrices of M. Barton's Mathematica model (symbexport4.m) have with
+the numbers of quadopt.m: docs/migrating.md."""
+
+
+def frequencies(level: str) -> dict[str, np.ndarray]:
+    """Ours, by family, ascending."""
+    design = read(CONFIGS / "ligo-quad-2005.toml").design
+    found = eigenmodes.solve(registry.by_name(level).system(design))
+    return {
+        family: np.sort([f for dof in dofs for f in found.of(dof)])
+        for family, dofs in FAMILIES.items()
+    }
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_string_has_their_frequencies(family):
+    np.testing.assert_allclose(frequencies("string")[family], THEIRS[family], rtol=0, atol=0.6e-8)
+
+
+def test_the_table_is_what_the_program_computes():
+    rows = re.findall(
+        r"^\| ([a-z, ]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|$", PAGE, re.MULTILINE
+    )
+    shown = {
+        family: np.array([[float(cell) for cell in row[1:]] for row in rows if row[0] == family])
+        for family in FAMILIES
+    }
+    ours = {level: frequencies(level) for level in ("string", "force", "beam")}
+    for family, table in shown.items():
+        np.testing.assert_array_equal(table[:, 0], THEIRS[family])
+        for n, (level, digits) in enumerate(
+            {"string": 1e-8, "force": 1e-4, "beam": 1e-4}.items(), start=1
+        ):
+            np.testing.assert_allclose(table[:, n], ours[level][family], rtol=digits)
+    assert (
+        max(
+            np.max(np.abs(ours["beam"][family] / ours["string"][family] - 1)) for family in FAMILIES
+        )
+        < 5.5e-4
+    )
+    assert max(
+        np.max(np.abs(ours["force"][family] / ours["string"][family] - 1)) for family in FAMILIES
+    ) == pytest.approx(0.32, abs=0.005)
+
+
+def test_keys_of_ours_exist():
+    named = re.findall(r"`(wires|blades|body|constants|materials\.NAME)\.(\w+)", PAGE)
+    assert len(named) >= 15
+    for kind, key in named:
+        assert key in KINDS[kind].__struct_fields__, f"{kind}.{key}"

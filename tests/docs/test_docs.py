@@ -1,0 +1,389 @@
+"""What README.md and docs/ say is so: commands run, links lead somewhere, keys and datasets are
+those of the program."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import click
+import h5py
+import pytest
+
+from suspension_cli.cli.commands import COMMANDS
+from suspension_cli.cli.main import main
+from suspension_cli.design import goals, materials, measured, schema, wires
+from tests.support.commandline import run
+from tests.support.optima import EXAMPLE
+from tests.support.paths import ROOT
+from tests.support.quick_tradeoff import hurry
+
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+LINKING = [
+    *DOCUMENTS,
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "CHANGELOG.md",
+    *sorted((ROOT / "results").glob("*.md")),
+]
+TEXT = {document.name: document.read_text() for document in DOCUMENTS}
+
+TABLES = {
+    "[design]": [schema.Header],
+    "[constants]": [schema.Constants],
+    "[gas]": [schema.Gas],
+    "[materials.NAME]": [schema.Material],
+    "[materials.NAME.loss]": [schema.MaterialLoss],
+    "[[stage]]": [schema.Stage],
+    "body": [schema.Body],
+    "[stage.wires]": [schema.WireSet],
+    "Wires of several sections": [wires.WireSection],
+    "[stage.blades]": [schema.BladeSet],
+    "[[stage.wire]]": [schema.Wire],
+    "[[stage.blade]]": [schema.Blade],
+    "[[stage.spring]]": [schema.Spring],
+    "[stage.damping]": [schema.Damping],
+    "[support]": [schema.Support],
+    "[[control.loop]]": [schema.Loop],
+    "[[perturbation]]": [schema.Perturbation],
+    "[[tolerance.wire]]": [schema.WireTolerance, schema.BodyTolerance, schema.BladeTolerance],
+}
+"""Heading of docs/design-file.md to the types that it describes."""
+
+MAKES = {
+    "modes": ["modes", "configs/husman2000/figure6.toml", "--max-frequency", "700"],
+    "response": ["response", "configs/double.toml", "--frequency", "1,2"],
+    "thermal": ["thermal", "configs/husman2000/figure6.toml", "--frequency", "1,2"],
+    "xcouple": [
+        "xcouple",
+        "configs/husman2000/figure6.toml",
+        "--sweep",
+        "k=1,1.1,mass=1",
+        "--workers",
+        "1",
+    ],
+    "tolerance": ["tolerance", "configs/triple-tolerance.toml", "--builds", "3", "--workers", "1"],
+    "sweep": [
+        "sweep",
+        "configs/double.toml",
+        "--vary",
+        "stage.test.wires.d=1e-3,2e-3",
+        "--result",
+        "1",
+        "--result",
+        "test.x/support.x:1",
+        "--workers",
+        "1",
+    ],
+    "sensitivity": ["sensitivity", "configs/double.toml"],
+    "fit": ["fit", "configs/husman2000/table1-case4.toml", "measured/husman2000/table1-case4.toml"],
+    "optimise": [
+        "optimise",
+        "configs/husman2000/table1-case1.toml",
+        "goals.toml",
+        "--starts",
+        "1",
+        "--fidelity",
+        "string",
+    ],
+    "tradeoff": [
+        "tradeoff",
+        "configs/husman2000/figure6.toml",
+        "--repeat",
+        "2",
+        "--quantity",
+        "response",
+    ],
+    "damp": [
+        "damp",
+        "configs/triple-damped.toml",
+        "--frequency",
+        "1,2",
+        "--duration",
+        "1",
+        "--fidelity",
+        "string",
+    ],
+    "statespace": ["export", "configs/double.toml", "--format", "hdf5"],
+    "zpk": [
+        "export",
+        "configs/double.toml",
+        "--format",
+        "zpk",
+        "--input",
+        "support.x",
+        "--output",
+        "test.x",
+    ],
+}
+"""Group of a results file to a command that writes it."""
+GOALS = """
+goal = [{ kind = "band", modes = ["test longitudinal"], at_least = 0.9 }]
+free = [{ name = "stage.test.wires.l", lower = 0.1, upper = 0.5 }]
+"""
+
+
+def blocks(text: str, language: str) -> list[list[str]]:
+    """Lines of the fenced blocks of one language."""
+    return [
+        block.splitlines()
+        for block in re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    ]
+
+
+def commands(lines: list[str]) -> list[str]:
+    """The lines of a block that call pendsus."""
+    return [line for line in lines if re.match(r"(\.venv/bin/)?pendsus ", line)]
+
+
+AMOUNTS = {"--builds": "20", "--starts": "1", "--max-frequency": "400"}
+"""Options that say how much of the same is done: less of it does."""
+
+
+POINTS = 8
+"""Of a grid LOW:HIGH:POINTS, at most."""
+
+
+PARTS = {
+    ("tradeoff", "configs/double.toml"): ["--quantity", "modes", "--quantity", "equilibrium"],
+    ("tradeoff", "configs/geo-silica-triple.toml"): [
+        "--quantity",
+        "thermal",
+        "--quantity",
+        "coupling",
+    ],
+}
+"""What is asked of a line that says of another design what README.md says of `my.toml`, of which
+everything is worked out."""
+
+
+def words_of(line: str) -> list[str]:
+    """What follows `pendsus`, as a shell splits it, with less of the same."""
+    words = [
+        re.sub(r"(?<=[\d.]:)\d+(?=[:,]|$)", lambda found: str(min(int(found[0]), POINTS)), word)
+        for word in shlex.split(line, comments=True)[1:]
+    ]
+    for option, fewer in AMOUNTS.items():
+        if option in words:
+            n = words.index(option) + 1
+            words[n] = str(min(int(words[n]), int(fewer)))
+    return words
+
+
+def files_of(line: str) -> list[str]:
+    """Files that a line reads."""
+    return [
+        word
+        for word in shlex.split(line, comments=True)
+        if word.endswith((".toml", ".h5")) and "=" not in word
+    ]
+
+
+def calls() -> list[tuple[str, list[str], int]]:
+    """Every line of every document, with its block and its place therein; what is said twice of
+    shipped files is run once.
+
+    The same with `--json` is the same, and what another test runs word for word it runs alone.
+    """
+    found: dict[tuple[str, ...], tuple[str, list[str], int]] = {}
+    for name, text in TEXT.items():
+        for block in map(commands, blocks(text, "sh")):
+            for n, line in enumerate(block):
+                shipped = all((ROOT / file).exists() for file in files_of(line))
+                words = tuple(word for word in words_of(line) if word != "--json")
+                if words != EXAMPLE:
+                    found.setdefault(
+                        (*words, *([] if shipped else [name, *block[:n]])), (name, block, n)
+                    )
+    return list(found.values())
+
+
+CALLS = calls()
+
+
+def sections(name: str) -> dict[str, str]:
+    """Headings of the second level, without backticks, and what stands under them."""
+    parts = re.split(r"^## (.*)\n", TEXT[name], flags=re.MULTILINE)[1:]
+    return {head.replace("`", ""): body for head, body in zip(parts[::2], parts[1::2], strict=True)}
+
+
+def rows(body: str) -> list[list[str]]:
+    """Cells of all table rows of a section that name something in backticks first."""
+    return [
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", row)]
+        for row in re.findall(r"^\|(.*)\|$", body, re.MULTILINE)
+        if row.lstrip().startswith("`")
+    ]
+
+
+def named(cell: str) -> list[str]:
+    """Everything in backticks."""
+    return re.findall(r"`([^`]*)`", cell)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder to run in, with the designs that we ship."""
+    for name in ("configs", "goals", "measured"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def called(line: str) -> None:
+    """Run one line of a block as a shell would, without its plot where it has one."""
+    words = words_of(line)
+    target = words[words.index(">") + 1] if ">" in words else None
+    words = words[: words.index(">")] if target else words
+    words += PARTS.get(tuple(words), [])
+    plots = any(
+        param.name == "plot" for param in main.get_command(click.Context(main), words[0]).params
+    )
+    result = run(*words, *(["--no-plot"] if plots and "--plot" not in words else []))
+    assert result.exit_code == 0, f"{line}\n{result.stderr}"
+    assert "Traceback" not in result.stderr
+    if target:
+        Path(target).write_text(result.stdout)
+
+
+@pytest.mark.parametrize(
+    ("document", "block", "number"),
+    CALLS,
+    ids=[f"{name}: {block[n].partition('#')[0].strip()}" for name, block, n in CALLS],
+)
+def test_every_line_runs(document, block, number, folder, monkeypatch):
+    """Lines that make a file which this one reads are run first."""
+    line = block[number]
+    if " tradeoff " in line:
+        hurry(monkeypatch)
+    for earlier in block[:number]:
+        if any(not Path(word).exists() for word in files_of(line)):
+            called(earlier)
+    called(line)
+
+
+def test_every_command_is_in_the_reference():
+    found = sections("commands.md")
+    assert [head.removeprefix("pendsus ") for head in found] == list(COMMANDS)
+    for head, body in found.items():
+        assert any(
+            line.startswith(head) for block in blocks(body, "sh") for line in commands(block)
+        ), f"{head} has no example"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_options_in_the_reference_exist(name):
+    known = {
+        option
+        for param in main.get_command(click.Context(main), name).params
+        for option in (*param.opts, *param.secondary_opts)
+    }
+    body = sections("commands.md")[f"pendsus {name}"]
+    assert set(re.findall(r"`(--[a-z-]+)", body)) <= known | {"--fidelity"}
+
+
+@pytest.mark.parametrize("document", LINKING, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_lead_somewhere(document):
+    for link in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
+        path, _, anchor = link.partition("#")
+        if "://" in link:
+            continue
+        target = document.parent / path if path else document
+        assert target.exists(), link
+        if anchor:
+            heads = re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)
+            assert anchor in [
+                re.sub(r"[^\w -]", "", head).lower().replace(" ", "-") for head in heads
+            ], link
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_files_named_exist(document):
+    for name in re.findall(
+        r"`((?:docs|tools|tests|configs|suspension_cli)/[^`\s*]+)`", document.read_text()
+    ):
+        assert (ROOT / name).exists(), name
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_designs_in_toml_are_tables_of_the_format(document):
+    """Every example in TOML parses, and its tables are known."""
+    import tomllib
+
+    known = {"fit.md": measured.Measured, "optimise.md": goals.Goals}.get(
+        document.name, schema.Design
+    )
+    for block in blocks(document.read_text(), "toml"):
+        assert set(tomllib.loads("\n".join(block))) <= set(known.__struct_fields__)
+
+
+@pytest.mark.parametrize("heading", TABLES)
+def test_keys_of_the_design_file(heading):
+    (body,) = [
+        body for head, body in sections("design-file.md").items() if head.split(", ")[0] == heading
+    ]
+    keys = {key for kind in TABLES[heading] for key in kind.__struct_fields__}
+    assert {key for row in rows(body) for key in named(row[0])} == keys
+
+
+def test_every_table_of_the_design_file_is_described():
+    heads = [head.split(", ")[0] for head in sections("design-file.md")]
+    assert set(TABLES) <= set(heads)
+    described = {re.sub(r"[][]", "", head).split(".")[0] for head in heads}
+    assert set(schema.Design.__struct_fields__) <= described
+
+
+def test_built_in_losses_are_those_of_the_table():
+    (body,) = [body for head, body in sections("losses.md").items() if head == "Built-in values"]
+    cells = [
+        [cell.strip() for cell in row.split("|")]
+        for row in re.findall(r"^\| ([a-z].*)\|$", body, re.MULTILINE)
+    ][1:]
+    assert {row[0] for row in cells} == set(materials.BUILT_IN)
+    for name, *values in cells:
+        made = materials.BUILT_IN[name]
+        loss = made.loss or schema.MaterialLoss()
+        known = (
+            loss.angle,
+            loss.surface_depth,
+            made.thermal_expansion,
+            made.modulus_slope,
+            made.specific_heat,
+            made.thermal_conductivity,
+        )
+        assert [float(value) if value else None for value in values[:6]] == list(known), name
+
+
+def datasets(group: h5py.Group) -> list[h5py.Dataset]:
+    """All datasets of a group and of the groups in it."""
+    return [
+        found
+        for item in group.values()
+        for found in (datasets(item) if isinstance(item, h5py.Group) else [item])
+    ]
+
+
+@pytest.mark.parametrize("group", MAKES)
+def test_datasets_of_a_results_file(group, folder, monkeypatch):
+    """Names, units and axes of a group are those of docs/format.md, and none is left out."""
+    hurry(monkeypatch)
+    (folder / "goals.toml").write_text(GOALS)
+    called(shlex.join(["pendsus", *MAKES[group], "--out", "out"]))
+    (path,) = (folder / "out").glob("*.h5")
+    described = {
+        name: row[1:3]
+        for row in rows(sections("format.md")[f"Group {group}"])
+        for name in named(row[0])
+    }
+    found = set()
+    with h5py.File(path) as file:
+        assert set(file[group].attrs) <= set(named(TEXT["format.md"]))
+        for dataset in datasets(file[group]):
+            name = re.sub("^axis .*", "axis NAME", dataset.name.rsplit("/", 1)[1])
+            found.add(name)
+            axes, units = described[name]
+            assert dataset.attrs["units"] == units or units == "its own", name
+            labels = ", ".join(axis.label for axis in dataset.dims)
+            assert re.sub("axis [^,]*(, axis [^,]*)*", "axis NAME, ...", labels) == axes, name
+            assert dataset.is_scale or all(len(axis) for axis in dataset.dims), name
+    assert found == set(described)

@@ -1,0 +1,64 @@
+"""The generated parts of the documentation are those of the program as it is, and a site's links
+are really checked."""
+
+from __future__ import annotations
+
+from typing import get_type_hints
+
+import pytest
+
+from suspension_cli.cli.commands import COMMANDS
+from tests.support.golden import ROOT
+from tools import links, reference
+
+
+@pytest.mark.parametrize("path", reference.PAGES, ids=lambda path: path.name)
+def test_pages_are_what_the_program_says(path):
+    text = path.read_text()
+    assert reference.page(text) == text, "run: make reference"
+
+
+def test_every_command_has_its_table():
+    text = (ROOT / "docs" / "commands.md").read_text()
+    assert [found[2] for found in reference.BLOCK.finditer(text)] == list(COMMANDS)
+
+
+def test_every_table_of_the_format_is_there():
+    """Those that are not, are told inside the row of the key that takes them, key by key."""
+    text = (ROOT / "docs" / "design-file.md").read_text()
+    shown = {found[2] for found in reference.BLOCK.finditer(text)}
+    within = {
+        name
+        for name, kind in reference.TYPES.items()
+        if f"`{{ {', '.join(kind.__struct_fields__)} }}`" in text
+    }
+    # which hold nothing but tables that are shown
+    assert set(reference.TYPES) - shown - within == {"Design", "Control", "Tolerance"}
+
+
+@pytest.mark.parametrize("name", reference.TYPES)
+def test_every_key_says_what_it_means(name):
+    for key, hint in get_type_hints(reference.TYPES[name], include_extras=True).items():
+        if name != "Design":
+            assert reference.description(hint) or "tables" in reference.takes(hint), key
+        assert reference.takes(hint)
+
+
+def test_stale_tables_are_made_anew():
+    assert (
+        reference.page("a\n<!-- keys: Gas -->\nold\n<!-- end -->\nb")
+        == f"a\n<!-- keys: Gas -->\n\n{reference.keys('Gas')}\n\n<!-- end -->\nb"
+    )
+
+
+def test_links_that_lead_nowhere_are_found(tmp_path):
+    (tmp_path / "a.html").write_text(
+        '<h1 id="top"></h1><a href="b.html#here">b</a><a href="#top">top</a><img src="p.png"><a href="https://x.org/y">x</a>'
+    )
+    (tmp_path / "b.html").write_text('<a href="a.html#nowhere">a</a><a href="c.html">c</a>')
+    assert sorted(links.broken(tmp_path)) == [
+        "a.html: b.html#here: no such anchor",
+        "a.html: p.png: no such file",
+        "b.html: a.html#nowhere: no such anchor",
+        "b.html: c.html: no such file",
+    ]

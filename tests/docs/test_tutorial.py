@@ -1,0 +1,136 @@
+"""The tutorial is what happens: each of its commands prints what the page shows, and draws the
+picture that follows."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import struct
+from pathlib import Path
+
+import pytest
+
+from suspension_cli.drawing import style
+from tests.conftest import SHIPPED_DPI
+from tools import tutorial
+
+NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e[-+]\d+)?(?![\w.]*\w)")
+ROUNDING = 1e-12
+"""Numbers below are rounding errors, whose size is no promise."""
+
+
+def last_place(text: str) -> float:
+    """The value of one unit in the last place of a number as it is written."""
+    digits, _, power = text.partition("e")
+    return 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
+
+
+def alike(shown: str, found: str) -> bool:
+    """The same words and, to one unit in the last place, the same numbers."""
+    if NUMBER.sub("#", shown).split() != NUMBER.sub("#", found).split():
+        return False
+    pairs = zip(NUMBER.findall(shown), NUMBER.findall(found), strict=True)
+    return all(
+        abs(float(a) - float(b)) <= 1.01 * last_place(a) or max(float(a), float(b)) < ROUNDING
+        for a, b in pairs
+    )
+
+
+def matches(shown: list[str], found: list[str]) -> bool:
+    """Line by line alike; a line of three dots stands for any number of lines."""
+    if not shown:
+        return not found
+    if shown[0] == "...":
+        return any(matches(shown[1:], found[n:]) for n in range(len(found) + 1))
+    return bool(found) and alike(shown[0], found[0]) and matches(shown[1:], found[1:])
+
+
+def size(picture: Path) -> tuple[int, int]:
+    """Width and height of a PNG in pixels."""
+    return struct.unpack(">II", picture.read_bytes()[16:24])
+
+
+@pytest.fixture(scope="module")
+def steps(tmp_path_factory):
+    """What the page did, with its pictures out of the folder that is gone afterwards."""
+    kept = []
+    with tutorial.folder():
+        for number, step in enumerate(tutorial.steps(tutorial.PAGE.read_text())):
+            copy = (
+                shutil.copy(step.found, tmp_path_factory.mktemp("drawn") / f"{number}.png")
+                if step.kind == "picture"
+                else step.found
+            )
+            kept.append((step, copy))
+        again = Path("results/my-thermal.png").read_bytes()  # which the page ends with
+        kept.append((tutorial.Step("again", "", (0, 0)), again))
+    return kept
+
+
+def test_every_command_prints_what_is_shown(steps):
+    commands = [step for step, _ in steps if step.kind == "console"]
+    assert {step.text.split()[2] for step in commands} >= {
+        "new",
+        "check",
+        "draw",
+        "info",
+        "modes",
+        "sweep",
+        "response",
+        "thermal",
+        "plot",
+    }
+    for step in commands:
+        assert matches(step.text.splitlines(), step.found.splitlines()), (
+            f"run: make tutorial\n{step.text}\nfound:\n{step.found}"
+        )
+
+
+def test_every_picture_is_drawn(steps):
+    pictures = [(step, Path(copy)) for step, copy in steps if step.kind == "picture"]
+    assert len(pictures) == 5
+    for step, drawn in pictures:
+        inches = [pixels / style.DPI for pixels in size(drawn)]
+        shown = [pixels / SHIPPED_DPI for pixels in size(tutorial.PAGE.parent / step.text)]
+        assert shown == pytest.approx(inches, rel=0.02), f"run: make tutorial ({step.text})"
+
+
+def test_the_picture_drawn_again_is_the_one_shown(steps):
+    *_, (_, shown) = [
+        (step, copy) for step, copy in steps if step.kind == "picture" and "thermal" in step.text
+    ]
+    assert Path(shown).read_bytes() == steps[-1][1]
+
+
+def test_pictures_are_all_used():
+    used = {
+        step.rpartition("/")[2]
+        for step in re.findall(r"\]\((images/[^)]*)\)", tutorial.PAGE.read_text())
+    }
+    assert {path.name for path in (tutorial.PAGE.parent / "images").iterdir()} == used
+
+
+@pytest.mark.parametrize(
+    ("shown", "found", "same"),
+    [
+        ("f 0.59105 Hz", "f 0.59106 Hz", True),
+        ("f 0.59105 Hz", "f 0.59125 Hz", False),
+        ("f 0.59105 Hz", "g 0.59105 Hz", False),
+        ("Q 3.174e+06", "Q 3.175e+06", True),
+        ("Q 3.174e+06", "Q 3.174e+07", False),
+        ("balanced to 9e-17", "balanced to 2e-16", True),
+        (
+            "$ pendsus modes my.toml --set a.d=0.003",
+            "$ pendsus modes my.toml --set a.d=0.005",
+            False,
+        ),
+    ],
+)
+def test_what_is_alike(shown, found, same):
+    assert alike(shown, found) is same
+
+
+def test_dots_stand_for_lines():
+    assert matches(["a", "...", "d"], ["a", "b", "c", "d"])
+    assert matches(["a", "..."], ["a"])
+    assert not matches(["a", "...", "e"], ["a", "b", "c", "d"])

@@ -1,0 +1,201 @@
+"""Pictures: every mode and dimension told and legible, files whole or absent."""
+
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from suspension_cli.analyses.modes import picture as modes
+from suspension_cli.drawing import dimensions, draw, style, tables
+from tests.support.pictures import DESIGNS, FIVE, SINGLE, TREE, TRIPLE, made, solved
+
+
+def texts(figure: Figure) -> list[str]:
+    return [text.get_text() for axes in figure.axes for text in axes.texts] + [
+        text.get_text() for text in figure.texts
+    ]
+
+
+def assert_legible(figure: Figure) -> None:
+    """No text leaves the figure or runs into another one."""
+    renderer = figure.canvas.get_renderer()
+    found = [*figure.texts, *(text for axes in figure.axes for text in axes.texts)]
+    boxes = np.array([text.get_window_extent(renderer).extents for text in found])
+    assert (
+        boxes.min() >= 0
+        and boxes[:, 2].max() <= figure.bbox.width
+        and boxes[:, 3].max() <= figure.bbox.height
+    )
+    low, high = (
+        np.maximum(boxes[:, None, :2], boxes[None, :, :2]),
+        np.minimum(boxes[:, None, 2:], boxes[None, :, 2:]),
+    )
+    over = np.triu((high - low > 0.02 * figure.dpi).all(-1), 1)
+    assert [(found[i].get_text(), found[j].get_text()) for i, j in np.argwhere(over)] == []
+
+
+# pictures
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_every_mode_has_its_panel(name):
+    design, scene, found = solved(DESIGNS[name])
+    figure = modes.draw(found, design, scene)
+    said = texts(figure)
+    for n, frequency in enumerate(found.frequency):
+        assert modes.format_heading(found, n) in said and modes.format_caption(found, n) in said
+        assert (
+            modes.format_heading(found, n)
+            == f"{n + 1}  {style.format_significant(float(frequency))} Hz"
+        )
+    assert sum(text in ("side on", "face on", "from above") for text in said) == len(
+        found.frequency
+    )
+    assert_legible(figure)
+
+
+def test_the_largest_share_comes_first_under_a_mode():
+    _, _, found = solved(SINGLE)
+    n = int(np.argmin(found.shares.max(1)))
+    assert re.fullmatch(r"test \w+ \d+ %", modes.format_caption(found, n))
+    assert f"{100 * found.shares[n].max():.0f} %" in modes.format_caption(found, n)
+
+
+def test_unstable_and_rigid_modes_say_so():
+    design, scene, found = solved(
+        SINGLE.replace("s = 0.025", "s = 0.0").replace("d = 0.032", "d = -0.25")
+    )
+    assert modes.format_heading(found, 0).startswith(
+        "1  unstable, grows at "
+    ) and modes.format_heading(found, 0).endswith(" 1/s")
+    assert modes.format_heading(found, 0) in texts(modes.draw(found, design, scene))
+    one = (
+        SINGLE.replace("count = 4", "count = 1")
+        .replace("s = 0.025\nt1 = 0.0\nt2 = 0.133", "")
+        .replace("d = 0.032", "d = 0.03")
+    )
+    design, scene, found = solved(one)
+    assert any(modes.format_heading(found, n).endswith("rigid") for n in range(6))
+    modes.draw(found, design, scene)
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_a_drawing_names_every_body_and_its_mass(name):
+    design, scene = made(DESIGNS[name])
+    figure = draw.draw(design, scene)
+    said = texts(figure)
+    for stage, mass in zip(design.stage, scene.bodies.mass, strict=True):
+        assert style.single_line(stage.name, 18) in said and f"{mass:.4g} kg" in said
+    assert "SIDE ON" in said and "FACE ON" in said
+    assert_legible(figure)
+
+
+def test_both_views_of_a_drawing_have_one_scale():
+    figure = draw.draw(*made(TRIPLE))
+    views = [axes for axes in figure.axes if axes.get_xlabel()]
+    assert [axes.get_xlabel() for axes in views] == ["x (m)", "y (m)"] and views[
+        0
+    ].get_ylabel() == "z (m)"
+    scales = []
+    for axes in views:
+        box = axes.get_window_extent()
+        scales += [box.width / np.ptp(axes.get_xlim()), box.height / np.ptp(axes.get_ylim())]
+    assert scales == pytest.approx([scales[0]] * 4)
+
+
+def test_a_drawing_tells_the_dimensions():
+    said = texts(draw.draw(*made(SINGLE)))
+    for text in ("$l$ = 400 mm", "$s$ = 25 mm", "$t_2$ = 133 mm", "$d$ = 32 mm"):
+        assert text in said
+    said = texts(draw.draw(*made(TRIPLE)))
+    assert (
+        "$d_u$ = 3 mm" in said
+        and "$t_1$ = $t_2$ = 96.5 mm" in said
+        and "10 / 5" in said
+        and "2 × 1500" in said
+    )
+
+
+def test_tables():
+    design, scene = made(FIVE)
+    assert tables.stages(design, scene).rows == [("test", "10", "5", *["–"] * 6, "400", "–")]
+    wires = tables.wires(design, scene)
+    assert wires is not None and len(wires.rows) == 5
+    assert wires.rows[4][:8] == ("test.5", "20", "10", "−20", "20", "10", "50", "330")
+    assert tables.wires(*made(SINGLE)) is None
+    assert [row[1] for row in tables.stages(*made(TREE)).rows] == ["support", "top", "top"]
+
+
+def test_spread_keeps_order_and_gap_and_moves_no_more_than_needed():
+    assert dimensions.spread([0.0, 1.0, 2.0], 0.5) == pytest.approx([0.0, 1.0, 2.0])
+    assert dimensions.spread([1.0, 1.0], 0.4) == pytest.approx([0.8, 1.2])
+    found = dimensions.spread([0.3, 0.0, 0.1, 5.0, 0.2], 0.5)
+    assert np.diff(np.sort(found)).min() >= 0.5 - 1e-12 and found[3] == 5.0
+    assert np.argsort(found).tolist() == [1, 2, 4, 0, 3]
+
+
+def test_numbers_and_texts():
+    assert [style.format_significant(v) for v in (0.6, 12.3, 1234.4, 12345.0, 0.00123456)] == [
+        "0.6000",
+        "12.30",
+        "1234",
+        "12340",
+        "0.001235",
+    ]
+    assert [style.length(v) for v in (0.001, -0.05, 0.0, 2.2789, 12.0)] == [
+        "1 mm",
+        "−50 mm",
+        "0 mm",
+        "2279 mm",
+        "12 m",
+    ]
+    assert style.single_line("a $b\nc") == r"a \$b c"
+    assert style.shorten("penultimate", 7) == "pen…ate"
+    assert modes.shorten_label("penultimate longitudinal", 20) == "pen…ate longitudinal"
+
+
+# files
+
+
+def test_save_writes_a_png(tmp_path):
+    path = tmp_path / "a.png"
+    path.write_text("old")
+    style.save(style.new_figure(1, 1), path)
+    assert path.read_bytes().startswith(b"\x89PNG") and os.listdir(tmp_path) == ["a.png"]
+
+
+def test_save_leaves_nothing_behind_when_it_fails(tmp_path, monkeypatch):
+    path = tmp_path / "a.png"
+    path.write_text("old")
+    figure = style.new_figure(1, 1)
+
+    def broken(stream, **_):
+        stream.write(b"half a picture")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(figure, "savefig", broken)
+    with pytest.raises(OSError, match="No space left"):
+        style.save(figure, path)
+    assert path.read_text() == "old" and os.listdir(tmp_path) == ["a.png"]
+
+
+def test_save_passes_on_what_the_folder_says(tmp_path):
+    figure = style.new_figure(1, 1)
+    with pytest.raises(FileNotFoundError):
+        style.save(figure, tmp_path / "none" / "a.png")
+    (tmp_path / "a.png").mkdir()
+    with pytest.raises(OSError, match=r"a\.png"):
+        style.save(figure, tmp_path / "a.png")
+    assert os.listdir(tmp_path) == ["a.png"]
+
+
+def test_pictures_do_without_pyplot():
+    code = (
+        "import sys; from suspension_cli.drawing import draw; from suspension_cli.analyses.modes"
+        " import picture; sys.exit('matplotlib.pyplot' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,168 @@
+"""Gas drag against the Maxwell distribution and against sums over surface elements."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+
+from suspension_cli.conventions import AVOGADRO, BOLTZMANN
+from suspension_cli.design.derive import body_inertia
+from suspension_cli.design.schema import Body
+from suspension_cli.elements import gas as drag
+from suspension_cli.scene.fibres import Gas, Losses, Section
+
+AIR = Gas(pressure=1e-5, molecule=0.028 / AVOGADRO, temperature=300.0)
+STUFF = Losses(0.0, None, 0.0, 1e11, 2e3, 0.0, 0.0, 0.0, 0.0)
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+def test_coefficients_from_the_maxwell_distribution():
+    """Momentum that a moving surface hands to a gas with n k T = 1, m = 1, k T = 1, differentiated
+    numerically."""
+
+    def density(v):
+        return mpmath.exp(-v * v / 2) / mpmath.sqrt(2 * mpmath.pi)
+
+    def normal(u):
+        """Arriving molecules have the relative velocity w; as many leave, with the mean speed of a
+        half Maxwellian's flux."""
+        arriving = mpmath.quad(lambda w: w * w * density(u - w), [0, 5, 20])
+        count = mpmath.quad(lambda w: w * density(u - w), [0, 5, 20])
+        leaving = mpmath.quad(lambda w: w * w * density(w), [0, 5, 20]) / mpmath.quad(
+            lambda w: w * density(w), [0, 5, 20]
+        )
+        return arriving + count * leaving
+
+    unit = Gas(pressure=1.0, molecule=1.0, temperature=1.0 / BOLTZMANN)
+    found_normal, found_along = drag.surface_drag(unit)
+    assert found_normal == pytest.approx(float(mpmath.diff(normal, 0)), rel=1e-9)
+    assert found_along == pytest.approx(
+        float(mpmath.quad(lambda w: w * density(w), [0, 5, 20])), rel=1e-12
+    )
+
+
+def test_published_cube():
+    """Cavalleri et al. (2010), equation for a cube."""
+    side = 0.046
+    matrix = drag.body_damping(Body(shape="box", size=(side,) * 3, mass=2.0), AIR)
+    expected = (
+        AIR.pressure
+        * side**2
+        * math.sqrt(32 * AIR.molecule / (math.pi * BOLTZMANN * AIR.temperature))
+        * (1 + math.pi / 8)
+    )
+    np.testing.assert_allclose(np.diag(matrix)[:3], expected, rtol=1e-12)
+
+
+def summed(points, normals, areas):
+    """Damping matrix of surface elements: forces -D v and their torques, for all six motions."""
+    normal, along = drag.surface_drag(AIR)
+    total = np.zeros((6, 6))
+    for point, n, area in zip(points, normals, areas, strict=True):
+        local = area * (along * np.eye(3) + (normal - along) * np.outer(n, n))
+        cross = np.array(
+            [[0, -point[2], point[1]], [point[2], 0, -point[0]], [-point[1], point[0], 0]]
+        )
+        lever = np.hstack([np.eye(3), -cross])  # v + w x r
+        total += lever.T @ local @ lever
+    return total
+
+
+def faces_of_box(size):
+    for axis in range(3):
+        b, c = [n for n in range(3) if n != axis]
+        for side in (-1, 1):
+            for i, wi in zip(NODES, WEIGHTS, strict=True):
+                for j, wj in zip(NODES, WEIGHTS, strict=True):
+                    point, normal = np.zeros(3), np.zeros(3)
+                    point[axis], point[b], point[c] = (
+                        side * size[axis] / 2,
+                        i * size[b] / 2,
+                        j * size[c] / 2,
+                    )
+                    normal[axis] = side
+                    yield point, normal, wi * wj * size[b] * size[c] / 4
+
+
+def faces_of_cylinder(radius, hole, length, axis):
+    turn = np.roll(np.eye(3), axis - 2, axis=0)  # z to the axis
+    azimuth = (np.arange(24) + 0.5) * 2 * np.pi / 24
+    for f in azimuth:
+        out = np.array([np.cos(f), np.sin(f), 0.0])
+        for x, k in zip(NODES, WEIGHTS, strict=True):
+            for r, sign in ((radius, 1.0), (hole, -1.0)):
+                point = r * out + np.array([0, 0, x * length / 2])
+                yield turn @ point, turn @ (sign * out), k * length / 2 * r * 2 * np.pi / 24
+            r = (radius + hole) / 2 + x * (radius - hole) / 2
+            for side in (-1, 1):
+                point = r * out + np.array([0, 0, side * length / 2])
+                yield (
+                    turn @ point,
+                    turn @ np.array([0, 0, side]),
+                    k * (radius - hole) / 2 * r * 2 * np.pi / 24,
+                )
+
+
+BODIES = {
+    "box": (Body(shape="box", size=(0.1, 0.25, 0.4), mass=1.0), faces_of_box((0.1, 0.25, 0.4))),
+    "disc": (
+        Body(shape="cylinder", axis="x", radius=0.09, length=0.1, mass=1.0),
+        faces_of_cylinder(0.09, 0.0, 0.1, 0),
+    ),
+    "tube": (
+        Body(shape="cylinder", axis="y", radius=0.09, inner_radius=0.05, length=0.3, mass=1.0),
+        faces_of_cylinder(0.09, 0.05, 0.3, 1),
+    ),
+    "pole": (
+        Body(shape="cylinder", axis="z", radius=0.02, length=0.6, mass=1.0),
+        faces_of_cylinder(0.02, 0.0, 0.6, 2),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_bodies_against_surface_elements(name):
+    body, faces = BODIES[name]
+    expected = summed(*zip(*faces, strict=True))
+    found = drag.body_damping(body, AIR)
+    assert found is not None
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * expected.max())
+
+
+def test_default_axis_is_that_of_the_inertia():
+    body = Body(shape="cylinder", radius=0.01, length=1.0, mass=1.0)
+    inertia, damping = np.diag(body_inertia(body)), np.diag(drag.body_damping(body, AIR))
+    assert np.argmin(inertia) == np.argmin(damping[3:]) == np.argmin(damping[:3]) == 0
+
+
+def test_no_shape_no_drag():
+    assert drag.body_damping(Body(mass=1.0, inertia=[1.0, 1.0, 1.0]), AIR) is None
+
+
+def section(depth, is_round):
+    return Section(1.0, 1.0, (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, depth, is_round, STUFF)
+
+
+def test_wires_against_long_bodies():
+    """A long thin cylinder or plate, by its length."""
+    long = 1e6
+    pole = (
+        np.diag(
+            drag.body_damping(
+                Body(shape="cylinder", axis="z", radius=2e-4, length=long, mass=1.0), AIR
+            )
+        )
+        / long
+    )
+    np.testing.assert_allclose(
+        drag.wire_drag(section((4e-4, 4e-4), True), AIR), pole[[0, 1, 2, 5]], rtol=1e-8
+    )
+    plate = (
+        np.diag(drag.body_damping(Body(shape="box", size=(1e-4, 1e-3, long), mass=1.0), AIR)) / long
+    )
+    np.testing.assert_allclose(
+        drag.wire_drag(section((1e-4, 1e-3), False), AIR), plate[[0, 1, 2, 5]], rtol=1e-8
+    )

@@ -1,0 +1,149 @@
+"""Body-by-body elimination against LAPACK: chains and trees, real and complex, with parts that are
+singular by themselves."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+from suspension_cli.linear import elimination
+
+SHAPES = {
+    "chain": (-1, 0, 1, 2),
+    "tree": (-1, 0, 0, 1, 1),
+    "two roots": (-1, -1, 0, 1),
+    "two": (-1, 0),
+}
+
+
+def systems(rng, parent, sizes, count, *, lossy):
+    """Symmetric matrices (c, c, P), diagonally dominant, with their owners and couplings."""
+    owner = [f"body{n}" for n, size in enumerate(sizes) for _ in range(size)]
+    place = np.array([int(name[4:]) for name in owner])
+    coupled = (
+        (place[:, None] == place)
+        | (np.array(parent)[place][:, None] == place)
+        | (place[:, None] == np.array(parent)[place])
+    )
+    matrix = rng.normal(size=(len(owner), len(owner), count))
+    if lossy:
+        matrix = matrix + 0.1j * rng.normal(size=matrix.shape)
+    matrix = (matrix + np.swapaxes(matrix, 0, 1)) * coupled[..., None]
+    return (
+        matrix + 10 * np.eye(len(owner))[..., None] * rng.choice([-1, 1], (len(owner), 1, 1)),
+        owner,
+        coupled,
+    )
+
+
+def residual(matrix, x, rhs):
+    """|A x - b| as a share of |A| |x| + |b|, elementwise: the backward error."""
+    left = np.einsum("abp,bkp->akp", matrix, x) - rhs
+    return (
+        np.abs(left) / (np.einsum("abp,bkp->akp", np.abs(matrix), np.abs(x)) + np.abs(rhs) + 1e-300)
+    ).max()
+
+
+@pytest.mark.parametrize("lossy", [False, True])
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(
+    "sizes", [(1, 1, 1, 1, 1), (2, 2, 2, 2, 2), (3, 1, 2, 6, 1), (5, 4, 6, 3, 2)]
+)
+def test_is_the_dense_solution(shape, sizes, lossy):
+    parent = SHAPES[shape]
+    rng = np.random.default_rng([1, len(parent), sum(sizes), lossy])
+    matrix, owner, coupled = systems(rng, parent, sizes[: len(parent)], 50, lossy=lossy)
+    structure = elimination.tree(owner, coupled)
+    assert structure is not None
+    assert structure.parent == parent
+    rhs = rng.normal(size=(len(owner), 3, 50))
+    rhs[: sizes[0]] = 0.0
+    # one that drives the last leaf alone
+    rhs[:, 0] *= np.array(owner)[:, None] == f"body{len(parent) - 1}"
+    found = elimination.solve(matrix, rhs, structure)
+    expected = np.moveaxis(
+        np.linalg.solve(np.moveaxis(matrix, -1, 0), np.moveaxis(rhs, -1, 0)), 0, -1
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-13)
+    assert residual(matrix, found, rhs) < 1e-14
+    assert np.array_equal(found, elimination.solve(matrix, rhs, structure))
+    np.testing.assert_allclose(
+        elimination.solve(matrix, rhs, None), expected, rtol=1e-12, atol=1e-13
+    )
+
+
+def test_what_is_no_tree():
+    coupled = np.ones((3, 3), dtype=bool)
+    assert elimination.tree(["a", "b", "c"], coupled) is None
+    coupled[0, 1] = coupled[1, 0] = False
+    assert elimination.tree(["a", "b", "c"], coupled) is None
+    found = elimination.tree(["a", "a", "b"], np.ones((3, 3), dtype=bool))
+    assert found is not None
+    assert [node.tolist() for node in found.nodes] == [[0, 1], [2]]
+
+
+@pytest.mark.parametrize("lossy", [False, True])
+@pytest.mark.parametrize("offset", [0.0, 1e-15, 1e-12, 1e-8, 1e-5, 1e-3])
+@pytest.mark.parametrize("size", [1, 2, 3, 5])
+def test_nearly_singular_parts(size, offset, lossy):
+    """A child that resonates by itself, next to systems in which it does not; the whole is well
+    conditioned."""
+    rng = np.random.default_rng([2, size])
+    matrix, owner, coupled = systems(rng, (-1, 0, 1), (size,) * 3, 40, lossy=lossy)
+    leaf = slice(2 * size, 3 * size)
+    for p in range(0, 40, 3):
+        vector = np.zeros(size)
+        vector[p % size] = 1.0
+        block = matrix[leaf, leaf, p]
+        block[:, p % size] = block[p % size] = 0.0
+        block += offset * np.outer(vector, vector)
+    rhs = rng.normal(size=(3 * size, 2, 40))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = elimination.solve(matrix, rhs, elimination.tree(owner, coupled))
+    assert np.linalg.cond(np.moveaxis(matrix, -1, 0)).max() < 1e4
+    assert residual(matrix, found, rhs) < 1e-13
+
+
+def test_a_part_that_takes_up_too_much_is_solved_densely(monkeypatch):
+    """What elimination loses is bounded by GROWTH: subtracting 1e8 from 1 and adding it again would
+    leave 8 digits."""
+    counted = []
+    original = elimination.dense
+    monkeypatch.setattr(
+        elimination,
+        "dense",
+        lambda matrix, rhs: counted.append(matrix.shape[-1]) or original(matrix, rhs),
+    )
+    leaf = np.array([1e-8, 1e-3, 0.5, 2.0])
+    matrix = np.array([[np.full(4, 1.3), np.ones(4)], [np.ones(4), leaf]])
+    rhs = np.array([[np.ones(4)], [np.full(4, 0.7)]])
+    structure = elimination.tree(["a", "b"], np.ones((2, 2), dtype=bool))
+    found = elimination.solve(matrix, rhs, structure)
+    assert counted == [2]
+    np.testing.assert_allclose(found[0, 0], (leaf - 0.7) / (1.3 * leaf - 1), rtol=4e-15)
+    units = np.array([1e6, 1e-6])  # in other units the choice is the same
+    elimination.solve(
+        matrix * units[:, None, None] * units[:, None], rhs * units[:, None, None], structure
+    )
+    assert counted == [2, 2]
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+@pytest.mark.parametrize("whole", [False, True])
+def test_singular_to_the_last_bit_gives_no_number(size, whole):
+    """Only the system at fault; no warning and no exception."""
+    rng = np.random.default_rng(3)
+    count = 1 if whole else 2
+    matrix, owner, coupled = systems(rng, (-1, 0)[:count], (size,) * count, 5, lossy=False)
+    matrix[0, :, 2] = matrix[:, 0, 2] = 0.0
+    rhs = rng.normal(size=(len(owner), 2, 5))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = elimination.solve(matrix, rhs, elimination.tree(owner, coupled))
+    finite = np.isfinite(found).all((0, 1))
+    assert finite.tolist() == [True, True, False, True, True]
+    good = [0, 1, 3, 4]
+    assert residual(matrix[..., good], found[..., good], rhs[..., good]) < 1e-14

@@ -1,0 +1,123 @@
+"""Blades far softer than their wires: nothing of a blade may drown in a nearly rigid wire, on any
+model, up to 1e10 times its stiffness."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.conventions import DOFS
+from suspension_cli.design import reader
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear import eigenmodes, response, signals
+from suspension_cli.models import registry
+from tests.support.golden import ROOT
+from tests.support.soft_blades_mp import Assembly, column
+
+REQUIRED = 1e-9
+RATIOS = (1e2, 1e6, 1e10)
+SOFT = 394.0
+"""N/m of a blade of its upper stage."""
+
+
+def geo(ratio, stages=3, tip_mass=0.0, *, fibres=False):
+    """The triple pendulum of GEO 600 (or its upper stages) on wires in the two upper stages that
+    are so many times stiffer than their blades."""
+    raw = tomllib.loads((ROOT / "configs" / "geo-silica-triple.toml").read_text())
+    raw["stage"] = raw["stage"][:stages]
+    if fibres:  # of several sections; on blades, and rigid too
+        raw["stage"][2]["blades"] = {"count": 4, "stiffness": SOFT}
+    for stage in raw["stage"][: 3 if fibres else 2]:
+        stage["wires"]["k"] = float(ratio) * SOFT
+        stage["blades"]["tip_mass"] = tip_mass
+    return reader.convert(raw)
+
+
+def responses(model, frequency, inputs, outputs):
+    known = signals.bodies_with_signals(model)
+    drives, seen = (
+        [signals.parse_input(name, known) for name in inputs],
+        [signals.parse_output(name, known) for name in outputs],
+    )
+    return response.solve(model, np.asarray(frequency, dtype=float), drives, seen).value
+
+
+@pytest.mark.parametrize("tip_mass", [0.0, 0.02])
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_string_against_its_definition(ratio, tip_mass):
+    """Responses of every body to every motion of the support, and all modes."""
+    design = geo(ratio, tip_mass=tip_mass)
+    model, assembly = registry.STRING.system(design), Assembly(expand(design))
+    frequency = [0.05, 1.0, 7.0]
+    found = responses(
+        model,
+        frequency,
+        [f"support.{dof}" for dof in DOFS],
+        [f"{body}.{dof}" for body in model.body for dof in DOFS],
+    )
+    for n, one in enumerate(frequency):
+        exact = assembly.responses(one)
+        # what a symmetry forbids is rounding of the last digits of points
+        joined = np.abs(exact) > 1e-12 * np.abs(exact).max()
+        assert np.abs(found[n] - exact)[~joined].max() < 1e-12 * np.abs(exact).max()
+        assert (np.abs(found[n] - exact)[joined] <= REQUIRED * np.abs(exact)[joined]).all()
+    found = eigenmodes.solve(model).omega_squared
+    assert np.abs(found / assembly.omega_squared() - 1).max() < REQUIRED
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_column_of_rods(level, ratio):
+    """Vertical motion: blades and rods in series, with losses; response, thermal noise and
+    modes."""
+    raw, exact = column(ratio, massive=level == "violin")
+    model = registry.by_name(level).system(reader.convert(raw))
+    frequency = np.array([0.01, 1.0, 2.5, 40.0])
+    found = responses(model, frequency, ["support.z"], ["test.z"])[:, 0, 0]
+    assert np.abs(found / [exact.response(f) for f in frequency] - 1).max() < REQUIRED
+    signal, row = thermal.parse_motion(model, "test.z")
+    noise = thermal.solve(model, frequency, row, signal, 290.0).density.sum(0)
+    assert np.abs(noise / [exact.density(f, 290.0) for f in frequency] - 1).max() < REQUIRED
+    found = eigenmodes.solve(model) if level == "beam" else wire_modes.solve(model, 20.0)
+    vertical = found.of("z")
+    assert len(vertical) >= 2
+    assert max(abs(f / exact.frequency_near(f) - 1) for f in vertical[:2]) < REQUIRED
+
+
+def assert_linear(values):
+    """Values at ratios of 1e8, 1e9 and 1e10 that go to a limit as 1/k lie on a straight line."""
+    expected = values[1] + (values[1] - values[0]) / 10
+    assert (np.abs(values[2] - expected) <= REQUIRED * np.abs(values[2])).all()
+
+
+@pytest.mark.parametrize("fibres", [False, True], ids=["wires", "fibres"])
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_rigid_wires_are_a_limit(level, fibres):
+    """Every response of leaning wires that bend, of which no closed form is at hand."""
+    models = [
+        registry.by_name(level).system(geo(ratio, fibres=fibres)) for ratio in (1e8, 1e9, 1e10)
+    ]
+    outputs = [f"{body}.{dof}" for body in models[0].body for dof in DOFS]
+    assert_linear(
+        [
+            responses(model, [0.05, 1.0, 7.0], [f"support.{dof}" for dof in DOFS], outputs)
+            for model in models
+        ]
+    )
+
+
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_modes_of_rigid_wires_are_a_limit(level):
+    """Frequencies and Q."""
+    models = [registry.by_name(level).system(geo(ratio, stages=2)) for ratio in (1e8, 1e9, 1e10)]
+    found = [
+        eigenmodes.solve(model).up_to(1.6) if level == "beam" else wire_modes.solve(model, 1.6)
+        for model in models
+    ]
+    assert len(found[0].q) >= 5
+    assert_linear([one.frequency for one in found])
+    assert_linear([one.q for one in found])

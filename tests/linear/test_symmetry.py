@@ -1,0 +1,278 @@
+"""What symmetry forbids is exactly 0, and what it allows is found: blocks, labels, rigid and
+unstable modes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from suspension_cli.conventions import DOFS
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear import eigenmodes
+from suspension_cli.models import closed_form
+from suspension_cli.models import string as string_model
+from suspension_cli.scene.pose import layout
+from tests.support import paper, scenes
+
+FAMILIES = [("x", "pitch"), ("y", "roll"), ("z",), ("yaw",)]
+
+
+def model_of(raw):
+    return string_model.linear_model(scenes.scene_of(raw))
+
+
+def dofs_of(model, block):
+    """Degrees of freedom of the bodies in a block; tips left out."""
+    bodies = 6 * (len(model.body) + 1)
+    return {DOFS[i % 6] for i in block if i < bodies}
+
+
+def between_families(matrix):
+    """Elements between coordinates of bodies of different families."""
+    family = np.array([next(n for n, dofs in enumerate(FAMILIES) if dof in dofs) for dof in DOFS])
+    family = np.tile(family, len(matrix) // 6)
+    return matrix[family[:, None] != family[None, :]]
+
+
+@pytest.mark.parametrize(("wires", "blades"), scenes.BLADE_COUNTS)
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"tip_mass": True}, {"lateral": True}, {"tip_mass": True, "lateral": True}],
+    ids=["plain", "tips", "lateral", "both"],
+)
+@pytest.mark.parametrize("angled", [False, True], ids=["vertical", "angled"])
+def test_symmetric_chains_fall_into_four_blocks(wires, blades, options, angled):
+    rng = np.random.default_rng([21, wires, blades])
+    stages = [
+        scenes.stage(rng, "top"),
+        scenes.bladed_stage(rng, "middle", wires, blades, angled=angled, **options),
+        scenes.bladed_stage(rng, "low", 4, 2, **options),
+    ]
+    model = model_of(scenes.raw_of(*stages))
+    assert model.size == 6 * 4 + (blades + 2) * (3 if "lateral" in options else 1)
+    families = [dofs_of(model, block) for block in model.blocks]
+    # one wire does not hand yaw on; tips may move against each other without moving a body
+    bodied = [found for found in families if found]
+    assert sorted(map(sorted, bodied)) == sorted(
+        [*map(sorted, FAMILIES), *([["yaw"]] if wires == 1 else [])]
+    )
+    for matrix in (model.mass, model.stiffness):
+        assert np.array_equal(matrix, matrix.T)
+        n = 6 * 4
+        assert not between_families(matrix[:n, :n]).any()
+    kept, mass, stiffness, _ = eigenmodes.condense_block(model, np.arange(6, model.size))
+    rows = np.flatnonzero(kept < 6 * 4)
+    assert len(rows) == 18
+    for matrix in (mass, stiffness):
+        assert not between_families(matrix[np.ix_(rows, rows)]).any()
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 4, 5])
+def test_chains_on_pairs_and_fours_have_four_blocks(stages):
+    rng = np.random.default_rng([22, stages])
+    counts = rng.choice([2, 4], stages)
+    model = model_of(
+        scenes.raw_of(
+            *(scenes.stage(rng, f"mass{n}", int(count)) for n, count in enumerate(counts))
+        )
+    )
+    assert [sorted(dofs_of(model, block)) for block in model.blocks] == [
+        ["pitch", "x"],
+        ["roll", "y"],
+        ["z"],
+        ["yaw"],
+    ]
+    assert [len(block) for block in model.blocks] == [2 * stages, 2 * stages, stages, stages]
+
+
+def on_springs(rng):
+    """Off the axis, with nothing but symmetric springs: not symmetric about the support."""
+    weight = 5.0 * 9.81
+    springs = [{"stiffness": rng.uniform(100, 200, 6), "preload": [0, 0, weight, 0, 0, 0]}]
+    return scenes.raw_of(
+        {
+            "name": "test",
+            "body": {"mass": 5.0, "inertia": [0.02, 0.02, 0.03]},
+            "position": [0.1, 0, -0.4],
+            "spring": springs,
+        }
+    )
+
+
+@pytest.mark.parametrize("kind", ["blades", "crooked", "springs"])
+def test_no_stiffness_is_lost_with_the_zeros(kind):
+    """The zeros are put in where the plain sum over elements has nothing but rounding errors."""
+    for seed in range(5):
+        rng = np.random.default_rng([23, seed])
+        raw = {
+            "blades": lambda rng: scenes.bladed_chain(rng, 2, tip_mass=True, lateral=True),
+            "crooked": scenes.crooked,
+            "springs": on_springs,
+        }[kind](rng)
+        scene = scenes.scene_of(raw)
+        model, found = string_model.linear_model(scene), equilibrium.solve(scene)
+        whole = model.basis @ model.stiffness @ model.basis.T
+        assert np.abs(whole - found.stiffness).max() < 1e-14 * np.abs(whole).max()
+        mass = string_model.mass_matrix(scene, layout(scene), found.pose)
+        assert np.abs(model.basis @ model.mass @ model.basis.T - mass).max() < 1e-14 * mass.max()
+        np.testing.assert_allclose(model.basis.T @ model.basis, np.eye(model.size), atol=1e-15)
+
+
+SPOILERS = {
+    "com forward": ({"body": "test", "com_offset": [1e-3, 0, 0]}, {"x", "z", "pitch"}),
+    "com to the side": ({"body": "test", "com_offset": [0, 1e-3, 0]}, {"y", "z", "roll"}),
+    "com up": ({"body": "test", "com_offset": [0, 0, 1e-3]}, None),
+    "pitched mass": ({"body": "test", "rotation": [0, 0.01, 0]}, {"x", "z", "pitch"}),
+}
+
+
+@pytest.mark.parametrize("spoiler", SPOILERS)
+def test_one_mirror_keeps_two_classes(spoiler):
+    """Without x to -x, what moves in the plane of x and z stays apart from what moves out of it;
+    likewise for y."""
+    item, plane = SPOILERS[spoiler]
+    model = model_of(paper.table_1(4) | {"perturbation": [item]})
+    found = [dofs_of(model, block) for block in model.blocks]
+    if plane is None:
+        assert sorted(map(sorted, found)) == sorted(map(sorted, FAMILIES))
+    else:
+        assert all(group <= plane or group <= set(DOFS) - plane for group in found)
+        # turning the mass about its COM does not couple z: what rounding leaves there may be
+        # exactly 0
+        if "com_offset" in item:
+            assert len(found) == 2
+    inside = [6 + DOFS.index(dof) for dof in plane or ("z",)]
+    outside = [i for i in range(6, 12) if i not in inside]
+    assert not model.stiffness[np.ix_(inside, outside)].any()
+
+
+def test_a_wire_at_a_corner_leaves_no_mirror():
+    model = model_of(paper.table_1(4) | {"perturbation": [{"wire": "test.1", "k_factor": 1.001}]})
+    assert [len(block) for block in model.blocks] == [6]
+
+
+def three_wires(rng=None, noise=0.0):
+    """Three wires at 120 degrees, turned so that no mirror is left: longitudinal and transverse are
+    degenerate."""
+    wires = []
+    for n in range(3):
+        angle = 0.2 + 2 * np.pi * n / 3
+        point = np.array([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.0])
+        if rng is not None:
+            point += noise * rng.uniform(-1, 1, 3)
+        wires.append(
+            {
+                "upper": point * [0.7, 0.7, 1.0],
+                "lower": [*point[:2], point[2] + 0.01],
+                "k": 2e4,
+                "natural_length": 0.4,
+            }
+        )
+    body = {"mass": 5.0, "inertia": [0.02, 0.02, 0.03]}
+    return scenes.raw_of({"name": "test", "body": body, "position": [0, 0, -0.41], "wire": wires})
+
+
+def test_degenerate_modes_keep_their_labels():
+    names = set()
+    for seed in range(20):
+        model = model_of(three_wires(np.random.default_rng(seed), 1e-15))
+        found = eigenmodes.solve(model)
+        assert len(model.blocks) < 4
+        for one, other in (("x", "y"), ("pitch", "roll")):
+            assert found.of(one) == pytest.approx(found.of(other), rel=1e-10)
+        names.add(tuple(found.home))
+        pair = [
+            found.energy[n, 0, DOFS.index(dof)]
+            for n, (_, dof) in enumerate(found.home)
+            if dof in ("x", "y")
+        ]
+        assert min(pair) > 0.99
+    assert len(names) == 1
+    assert {dof for _, dof in names.pop()} == set(DOFS)
+
+
+def test_two_equal_masses_keep_their_labels():
+    """Beside each other on one upper mass they share every mode alike, so that rounding would
+    decide its label."""
+    rng = np.random.default_rng(24)
+    top, one = scenes.stage(rng, "top"), scenes.stage(rng, "one")
+    raw = scenes.raw_of(top, one, one | {"name": "two", "hangs_from": "top"})
+    found = eigenmodes.solve(model_of(raw))
+    raw["stage"][2]["body"] = raw["stage"][2]["body"] | {
+        "mass": raw["stage"][2]["body"]["mass"] * (1 + 1e-15)
+    }
+    again = eigenmodes.solve(model_of(raw))
+    assert np.abs(found.energy[:, 1] - found.energy[:, 2]).max() < 1e-6
+    assert found.label == again.label
+    assert not any(label.startswith("two") for label in found.label)
+    np.testing.assert_allclose(found.frequency, again.frequency, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["crooked", "chain", "blades", "heavy tips"])
+def test_shares_of_the_kinetic_energy(kind):
+    for seed in range(5):
+        rng = np.random.default_rng([25, seed])
+        if kind == "crooked":
+            raw = scenes.crooked(rng)
+        elif kind == "chain":
+            raw = scenes.chain(rng, 3)
+        else:
+            raw = scenes.bladed_chain(
+                rng, 3, tip_mass=kind == "heavy tips", lateral=kind == "heavy tips"
+            )
+        model = model_of(raw)
+        found = eigenmodes.solve(model)
+        assert found.shares.min() >= 0
+        np.testing.assert_allclose(found.shares.sum(1), 1.0, rtol=1e-12)
+        assert found.tip_energy.shape[1] == model.size - 6 * (len(model.body) + 1)
+        mass = (model.basis @ model.mass @ model.basis.T)[6:, 6:]
+        modal = found.shape @ mass @ found.shape.T
+        np.testing.assert_allclose(modal, np.eye(len(modal)), atol=1e-7)  # degenerate ones included
+        stiffness = (model.basis @ model.stiffness @ model.basis.T)[6:, 6:]
+        scale = np.abs(found.omega_squared).max()
+        np.testing.assert_allclose(
+            found.shape @ stiffness @ found.shape.T,
+            np.diag(found.omega_squared),
+            atol=1e-10 * scale,
+        )
+
+
+def test_growth_rate_of_a_top_heavy_mass():
+    """Below d = 0 the tension pushes the mass over, once the wires are close enough together."""
+    raw = paper.table_1(1)
+    seen = 0
+    for d, s in ((-0.01, 1e-4), (-0.02, 1e-3), (-0.003, 0.0), (-0.01, 0.04)):
+        raw["stage"][0]["wires"] = raw["stage"][0]["wires"] | {"d": d, "s": s}
+        design = scenes.design_of(raw)
+        found = eigenmodes.solve(string_model.linear_model(expand(design)))
+        expected = -np.linalg.eigvals(closed_form.longitudinal_tilt(closed_form.four_wires(design)))
+        assert found.stable == bool((expected > 0).all())
+        if found.stable:
+            assert not found.growth_rate.any()
+            continue
+        seen += 1
+        assert (found.omega_squared < 0).sum() == 1
+        np.testing.assert_allclose(found.growth_rate[0], np.sqrt(-expected.min()), rtol=1e-10)
+        assert np.isnan(found.frequency[0])
+        assert found.home[0] == ("test", "pitch")
+        assert found.of("pitch") == [] or found.of("x") == []
+    assert seen == 3
+
+
+def test_one_wire_lets_a_body_spin_for_nothing():
+    rng = np.random.default_rng(26)
+    raw = scenes.raw_of(
+        scenes.stage(rng, "top", 4), scenes.stage(rng, "mirror", 1), scenes.stage(rng, "weight", 4)
+    )
+    found = eigenmodes.solve(model_of(raw))
+    assert (found.omega_squared == 0).sum() == 1
+    spinning = int(np.flatnonzero(found.omega_squared == 0)[0])
+    assert spinning == 0
+    assert found.stable
+    assert found.home[0][1] == "yaw"
+    assert found.energy[0, 0].sum() < 1e-20
+    single = eigenmodes.solve(model_of(scenes.raw_of(scenes.stage(rng, "test", 1))))
+    assert single.omega_squared[0] == 0.0
+    assert single.home[0] == ("test", "yaw")
+    assert single.energy[0, 0, 5] == pytest.approx(1.0, rel=1e-15)

@@ -1,0 +1,309 @@
+"""The rungs of the ladder of models agree where more than one holds: closed forms, force model,
+general strings.
+
+The force model shares no code with the general assembly, so each of them checks the other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.errors import InputError
+from suspension_cli.linear import eigenmodes
+from suspension_cli.models import closed_form, force, registry, string
+from tests.support import paper, scenes
+
+
+def string_model(design):
+    return string.linear_model(expand(design))
+
+
+def condensed_whole(model, k=None):
+    """Stiffness of support and bodies, blade tips without mass eliminated."""
+    n = 6 * (len(model.body) + 1)
+    k = model.stiffness if k is None else k
+    assert model.massless[n:].all()
+    assert np.array_equal(model.basis[:n, :n], np.eye(n))
+    return k[:n, :n] - k[:n, n:] @ np.linalg.solve(k[n:, n:], k[n:, :n])
+
+
+def worst(one, other):
+    """Largest relative difference of two sets of frequencies; a rigid mode must be exactly 0 in
+    both."""
+    a, b = eigenmodes.solve(one), eigenmodes.solve(other)
+    assert a.stable
+    assert a.frequency.shape == b.frequency.shape
+    assert np.array_equal(a.frequency == 0, b.frequency == 0)
+    return np.max(np.abs(a.frequency - b.frequency) / np.where(a.frequency == 0, 1.0, a.frequency))
+
+
+def apart(stiffness, other):
+    """Largest difference of two stiffness matrices as a share of the largest element."""
+    assert stiffness.shape == other.shape
+    return np.abs(stiffness - other).max() / np.abs(other).max()
+
+
+@pytest.mark.parametrize("case", paper.TABLE_1)
+def test_table_1(case):
+    design = scenes.design_of(paper.table_1(case))
+    closed, string, chain = (
+        closed_form.linear_model(design),
+        string_model(design),
+        force.linear_model(design),
+    )
+    assert worst(closed, string) < 1e-12
+    assert worst(chain, string) < 1e-12
+    assert apart(closed.stiffness, string.stiffness) < 1e-12
+    assert np.array_equal(closed.mass, string.mass)
+
+
+def test_table_1_as_printed():
+    ratios = []
+    for case, theory in paper.THEORY_1.items():
+        found = eigenmodes.solve(string_model(scenes.design_of(paper.table_1(case))))
+        for dof, printed in theory.items():
+            (frequency,) = found.of(dof)
+            ratios.append(abs(frequency / printed - 1))
+    assert len(ratios) == 24
+    assert max(ratios) < 0.0425
+    assert np.median(ratios) < 0.0075
+
+
+def test_closed_form_is_string_for_many_singles():
+    for seed in range(60):
+        design = scenes.design_of(scenes.closed(np.random.default_rng(seed)))
+        assert not closed_form.unsuited(design)
+        closed, string = closed_form.linear_model(design), string_model(design)
+        assert worst(closed, string) < 1e-12, seed
+        assert apart(closed.stiffness, string.stiffness) < 1e-13, seed
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 4, 5])
+def test_force_is_string_for_chains(stages):
+    for seed in range(10):
+        design = scenes.design_of(scenes.chain(np.random.default_rng([1, stages, seed]), stages))
+        assert not force.unsuited(design)
+        chain, string = force.linear_model(design), string_model(design)
+        assert worst(chain, string) < 1e-10, seed
+        assert apart(chain.stiffness, string.stiffness) < 1e-13, seed
+        assert np.array_equal(chain.mass, string.mass)
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 4, 5])
+def test_force_is_string_for_blades_above_vertical_wires(stages):
+    for seed in range(10):
+        design = scenes.design_of(
+            scenes.bladed_chain(np.random.default_rng([2, stages, seed]), stages)
+        )
+        assert not force.unsuited(design)
+        assert not force.series_is_approximate(design)
+        chain, string = force.linear_model(design), string_model(design)
+        assert worst(chain, string) < 1e-10, seed
+        assert apart(chain.stiffness, condensed_whole(string)) < 1e-13, seed
+
+
+@pytest.mark.parametrize(("wires", "blades"), scenes.BLADE_COUNTS)
+def test_every_number_of_blades(wires, blades):
+    """Below a bladed stage, too: the support (or body) that carries the blades tilts them."""
+    for seed in range(5):
+        rng = np.random.default_rng([3, wires, blades, seed])
+        stages = [
+            scenes.stage(rng, "top"),
+            scenes.bladed_stage(rng, "middle", wires, blades),
+            scenes.stage(rng, "low"),
+        ]
+        design = scenes.design_of(scenes.raw_of(*stages))
+        chain, string = force.linear_model(design), string_model(design)
+        assert string.size == 6 * 4 + blades
+        assert worst(chain, string) < 1e-10, seed
+        assert apart(chain.stiffness, condensed_whole(string)) < 1e-13, seed
+
+
+def lossy_design(rng, stages, blades):
+    """Lossy wires everywhere, and lossy blades of another loss angle."""
+    raw = scenes.bladed_chain(rng, stages) if blades else scenes.single(rng, splayed=False)
+    for stage in raw["stage"]:
+        stage["wires"]["material"] = "lossy"
+        if "blades" in stage:
+            stage["blades"]["loss_angle"] = 0.03
+    return scenes.design_of(
+        raw | {"materials": {"lossy": {"youngs_modulus": 2e11, "loss_angle": 0.01}}}
+    )
+
+
+def test_losses_agree():
+    """Tension is not lossy, stretching is: the imaginary parts of all rungs are one matrix."""
+    for seed in range(10):
+        rng = np.random.default_rng([6, seed])
+        design = lossy_design(rng, 1, blades=False)
+        models = [
+            closed_form.linear_model(design),
+            force.linear_model(design),
+            string_model(design),
+        ]
+        for model in models:
+            assert apart(model.lossy, models[-1].lossy) < 1e-13
+            assert apart(model.lossy.real, model.stiffness) < 1e-13
+        assert np.abs(models[-1].lossy.imag).max() > 1.0
+        design = lossy_design(rng, 3, blades=True)
+        chain, string = force.linear_model(design), string_model(design)
+        condensed = condensed_whole(string, string.lossy)
+        assert apart(chain.lossy.imag, condensed.imag) < 1e-12
+        assert apart(chain.lossy, condensed) < 1e-13
+
+
+def angled_on_blades(tilt=0.3, blade=2e3, count=4):
+    wires = {
+        "count": 4,
+        "l": 0.4,
+        "s": 0.03,
+        "t2": 0.13,
+        "t1": 0.13 - 0.4 * tilt,
+        "d": 0.004,
+        "k": 4e4,
+    }
+    stage = {
+        "name": "test",
+        "body": paper.BODY,
+        "wires": wires,
+        "blades": {"count": count, "stiffness": blade},
+    }
+    return scenes.design_of(scenes.raw_of(stage))
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_blades_above_angled_wires_are_approximate(count):
+    """In series means a deflection along the wire; the tip really moves along z, so they part by up
+    to sin^2 of the angle."""
+    design = angled_on_blades(count=count)
+    assert force.series_is_approximate(design) == ["test"]
+    choice = registry.choose(design)
+    assert choice.level == "string" or "string" in choice.reason
+    difference = worst(force.linear_model(design), string_model(design))
+    assert 1e-3 < difference < 0.2
+
+
+def test_the_difference_vanishes_with_the_angle():
+    """With its square, but for transverse and roll, which the angle couples to first order."""
+    for dof, power in {"x": 2, "z": 2, "pitch": 2, "yaw": 2, "y": 1, "roll": 1}.items():
+        found = []
+        for tilt in (2e-2, 2e-3, 2e-4):
+            design = angled_on_blades(tilt)
+            (chain,), (string,) = (
+                eigenmodes.solve(model).of(dof)
+                for model in (force.linear_model(design), string_model(design))
+            )
+            found.append(abs(chain / string - 1))
+        assert found[0] > 1e-7, dof
+        assert 0.5 < found[0] / found[1] / 10**power < 5, dof
+        assert 0.5 < found[1] / found[2] / 10**power < 5, dof
+
+
+def test_the_difference_goes_with_the_compliance_of_the_blades():
+    stiffnesses = (1e6, 1e7, 1e8)
+    found = [
+        worst(force.linear_model(design), string_model(design))
+        for design in (angled_on_blades(blade=k) for k in stiffnesses)
+    ]
+    assert found[0] > 1e-5
+    assert 8 < found[0] / found[1] < 12
+    assert 8 < found[1] / found[2] < 12
+
+
+def test_stiff_blades_are_no_blades():
+    with_blades, without = angled_on_blades(blade=1e15), angled_on_blades()
+    raw = scenes.raw_of(
+        {
+            "name": "test",
+            "body": paper.BODY,
+            "wires": {
+                "count": 4,
+                "l": 0.4,
+                "s": 0.03,
+                "t2": 0.13,
+                "t1": 0.01,
+                "d": 0.004,
+                "k": 4e4,
+            },
+        }
+    )
+    bare = scenes.design_of(raw)
+    assert worst(string_model(with_blades), string_model(bare)) < 1e-10
+    assert worst(force.linear_model(with_blades), force.linear_model(bare)) < 1e-10
+    assert worst(string_model(without), string_model(bare)) > 0.1
+
+
+def equations_1_to_4(m, iy, iz, l, s, t, k, g):
+    """Vertical, longitudinal, tilt, rotation: omega^2 for vertical wires and d = 0, as printed."""
+    return 4 * k / m, g / l, 4 * k * s**2 / iy, m * g * (s**2 + t**2) / (l * iz)
+
+
+def equations_6_to_9(m, iy, iz, l, s, t1, t2, k, g):
+    """The same for wires angled in y, as printed."""
+    sin = (t2 - t1) / l
+    cos = np.sqrt(1 - sin**2)
+    return (
+        4 * k * cos**2 / m + g * sin**2 / (l * cos),
+        g / (l * cos),
+        4 * k * s**2 * cos**2 / iy + m * g * s**2 * sin**2 / (iy * l * cos),
+        m * g * (s**2 * cos**2 + t1 * t2) / (l * iz * cos)
+        + 4 * k * s**2 * (t2 - t1) ** 2 / (l**2 * iz),
+    )
+
+
+@pytest.mark.parametrize("angled", [False, True])
+def test_equations_as_printed(angled):
+    names = ("z", "x", "pitch", "yaw")
+    for seed in range(20):
+        raw = scenes.single(
+            np.random.default_rng([4, seed]), angled=angled, splayed=False, raised=False
+        )
+        body, w = raw["stage"][0]["body"], raw["stage"][0]["wires"]
+        m, (_, iy, iz) = body["mass"], body["inertia"]
+        if angled:
+            printed = equations_6_to_9(m, iy, iz, w["l"], w["s"], w["t1"], w["t2"], w["k"], 9.81)
+        else:
+            printed = equations_1_to_4(m, iy, iz, w["l"], w["s"], w["t1"], w["k"], 9.81)
+        p = closed_form.four_wires(scenes.design_of(raw))
+        a = closed_form.longitudinal_tilt(p)
+        assert np.array_equal(a, np.diag(np.diag(a)))  # d = 0: not coupled
+        found = (closed_form.vertical(p), -a[0, 0], -a[1, 1], closed_form.rotation(p))
+        np.testing.assert_allclose(found, printed, rtol=1e-13, err_msg=str(names))
+
+
+def test_vertical_wires_are_the_limit_of_angled_ones():
+    m, iy, iz, l, s, t, k, g = 20.0, 0.117, 0.11, 0.27, 0.04, 0.133, 4e4, 9.81
+    np.testing.assert_allclose(
+        equations_6_to_9(m, iy, iz, l, s, t, t, k, g),
+        equations_1_to_4(m, iy, iz, l, s, t, k, g),
+        rtol=1e-14,
+    )
+
+
+def test_coupling_of_x_and_pitch_vanishes_with_d():
+    raw = paper.table_1(1)
+    found = []
+    for d in (1e-2, 1e-4, 1e-6):
+        raw["stage"][0]["wires"] = raw["stage"][0]["wires"] | {"d": d}
+        k = string_model(scenes.design_of(raw)).stiffness
+        found.append(abs(k[6, 10]) / d)
+    np.testing.assert_allclose(found, 20.0 * 9.81 / 0.27, rtol=1e-9)
+
+
+def test_a_rung_that_does_not_hold_is_refused():
+    chain = scenes.design_of(scenes.chain(np.random.default_rng(5), 2))
+    assert "more than one stage" in closed_form.unsuited(chain)
+    raw = paper.table_1(1)
+    wires = {key: value for key, value in raw["stage"][0]["wires"].items() if key != "s"} | {
+        "s_upper": 0.02,
+        "s_lower": 0.03,
+    }
+    splayed = scenes.design_of(scenes.raw_of(raw["stage"][0] | {"wires": wires}))
+    assert "angled in x" in closed_form.unsuited(splayed)
+    with pytest.raises(InputError, match="angled in x"):
+        registry.choose(splayed, "closed-form")
+    crooked = scenes.design_of(scenes.crooked(np.random.default_rng(5)))
+    assert "explicit wires" in force.unsuited(crooked)
+    assert registry.choose(crooked).level == "string"

@@ -1,0 +1,120 @@
+"""Every model keeps the protocol: one design, many designs, physics omitted; and only models/ knows
+their names."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import suspension_cli
+from suspension_cli.design.reader import read
+from suspension_cli.models import auto, registry
+from suspension_cli.models.auto import percent
+from suspension_cli.models.quantity_of_interest import Frequencies
+from suspension_cli.models.registry import Choice
+from suspension_cli.studies import variants
+from tests.support.paths import CONFIGS
+
+CASE = CONFIGS / "husman2000" / "table1-case3.toml"
+NAMES = re.compile("|".join(f'"{model.name}"' for model in registry.MODELS))
+HOME = Path(suspension_cli.__file__).parent
+
+
+def test_models_are_ordered():
+    """From the cheapest to the most complete, which omits nothing."""
+    costs = [model.cost for model in registry.MODELS]
+    omitted = [len(model.omits) for model in registry.MODELS]
+    assert costs == sorted(costs)
+    assert omitted == sorted(omitted, reverse=True)
+    assert registry.MOST_COMPLETE.omits == ()
+    # which options read without the models
+    assert ("auto", *(model.name for model in registry.MODELS)) == registry.LEVELS
+    assert all(model.description and model.valid_for for model in registry.MODELS)
+
+
+@pytest.mark.parametrize("model", registry.MODELS, ids=lambda model: model.name)
+def test_a_batch_is_its_designs(model):
+    """Matrices of many designs at once are those of each."""
+    text, values = CASE.read_text(), np.array([0.3, 0.4, 0.5])
+    path = "stage.test.wires.l"
+    reached = []
+    for found, here in variants.balanced(text, {path: values}, model.name):
+        assert (found.status == 0).all()
+        for place, point in enumerate(here):
+            alone = model.system(variants.overridden(text, {path: values[point]}))
+            assert found.model.stiffness[place] == pytest.approx(
+                alone.stiffness, rel=1e-9, abs=1e-9 * np.abs(alone.stiffness).max()
+            )
+            assert found.model.coordinate == alone.coordinate
+        reached += here.tolist()
+    assert sorted(reached) == [0, 1, 2]
+
+
+def test_systems_reuse_simpler_ones():
+    design = read(CASE).design
+    beam = registry.BEAM.system(design)
+    reused = registry.VIOLIN.refined(design, {"beam": beam})
+    fresh = registry.VIOLIN.system(design)
+    assert (reused.stiffness == fresh.stiffness).all()
+    assert [term.strand.massive for term in reused.terms] == [
+        term.strand.massive for term in fresh.terms
+    ]
+
+
+def test_physics_between_models():
+    assert registry.adds(registry.BEAM, registry.STRING) == "wire bending"
+    assert registry.adds(registry.VIOLIN, registry.STRING) == "wire bending and wire mass"
+    assert registry.cheapest_with("wire mass") is registry.VIOLIN
+    assert registry.cheapest_with("blade tip motion") is registry.STRING
+    assert registry.before(registry.BEAM) is registry.STRING
+
+
+@pytest.mark.parametrize(
+    ("reason", "line"),
+    [
+        ("as requested", "model: beam (as requested)"),
+        (
+            "as requested; neglected: wire mass, 0.01 %",
+            "model: beam (as requested); neglected: wire mass, 0.01 %",
+        ),
+    ],
+)
+def test_choice_in_one_line(reason, line):
+    choice = Choice("beam", reason)
+    assert choice.line == line
+    assert choice.model is registry.BEAM
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.9, "90 %"), (1e-4, "0.01 %"), (5.52, "600 %"), (0.0, "0 %"), (3.4e-7, "3e-05 %")],
+)
+def test_per_cent(value, text):
+    assert percent(value) == text
+
+
+def test_names_of_models_stay_in_their_folder():
+    """Elsewhere the properties of a model decide, so that another one takes its file and the
+    registry."""
+    found = [
+        str(path.relative_to(HOME))
+        for path in HOME.rglob("*.py")
+        if "models" not in path.relative_to(HOME).parts
+        and path.name != "api.py"
+        and NAMES.search(path.read_text().replace('"string": (str', ""))
+    ]
+    assert found == []
+
+
+def test_the_reason_names_what_matters_and_what_does_not():
+    """In per cent of the modes, the tolerance in all its digits."""
+    design = read(CONFIGS / "double.toml").design
+    line = auto.decide(design, lambda _: Frequencies(), 2.5e-4).choice.line
+    assert (
+        line
+        == "model: beam (wire bending shifts the modes by up to 30 %, stage upper); neglected: wire"
+        " mass, 0.004 % (tolerance 0.025 %)"
+    )

@@ -1,0 +1,240 @@
+"""A support structure that gives way, and dampers between bodies: hand formulas and what must not
+change."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.derive import com_positions
+from suspension_cli.design.reader import parse, read
+from suspension_cli.errors import InputError
+from suspension_cli.linear import response
+from suspension_cli.models import registry
+from suspension_cli.rotations import cross_matrix
+from tests.support import plants, scenes
+
+LEVELS = ("force", "string")
+MASS, K, FRAME = 4.0, 2.5e3, 7e3
+
+
+def solved(model, frequency, inputs, outputs):
+    answer = response.solve(
+        model,
+        np.atleast_1d(np.asarray(frequency, dtype=float)),
+        plants.drives(model, *inputs),
+        plants.motions(model, *outputs),
+    )
+    return answer.value
+
+
+def bouncer(level, *, loss=0.0, **support):
+    """A mass on one vertical wire, on a structure; `support` is the [support] table."""
+    stage = {
+        "name": "test",
+        "body": {"mass": MASS, "inertia": [0.1] * 3},
+        "wires": {"count": 1, "l": 0.5, "k": K, "material": "lossy"},
+    }
+    materials = {"lossy": {"youngs_modulus": 1e11, "loss_angle": loss}}
+    more = {"support": support} if support else {}
+    return registry.by_name(level).system(
+        scenes.design_of(scenes.raw_of(stage, materials=materials, **more))
+    )
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_structure_without_mass_is_a_spring_in_series(level):
+    model = bouncer(level, stiffness={"z": FRAME})
+    assert model.massless[model.coordinate.index("frame.z")]
+    series = 1 / (1 / K + 1 / FRAME)
+    frequency = np.array([0.0, 0.1, 3.0, 30.0])
+    square = (2 * np.pi * frequency) ** 2
+    value = solved(model, frequency, ["test.force_z", "support.z"], ["test.z", "frame.z"])
+    np.testing.assert_allclose(value[:, 0, 0], 1 / (series - MASS * square), rtol=1e-13)
+    np.testing.assert_allclose(value[:, 0, 1], series / (series - MASS * square), rtol=1e-13)
+    np.testing.assert_allclose(value[:, 1, 0], K / (K + FRAME) * value[:, 0, 0], rtol=1e-13)
+    np.testing.assert_allclose(
+        value[1:, 1, 1], (K / (K + FRAME) * (value[:, 0, 1] - 1))[1:], rtol=1e-9
+    )
+    # the structure is not deflected by a ground at rest somewhere else
+    assert abs(value[0, 1, 1]) < 1e-15
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("loss", [0.0, 2e-3])
+def test_a_heavy_structure_by_hand(level, loss):
+    """Two masses in a row: the structure stands on the ground by a spring and a damper, the body
+    hangs from the structure."""
+    heavy, c, frame_loss = 50.0, 30.0, 5 * loss
+    model = bouncer(
+        level,
+        loss=loss,
+        stiffness={"z": FRAME},
+        mass=heavy,
+        damping={"z": c},
+        loss_angle=frame_loss,
+    )
+    frequency = np.geomspace(0.05, 200, 60)
+    omega = 2 * np.pi * frequency
+    wire, ground = K * (1 + 1j * loss), FRAME * (1 + 1j * frame_loss) + 1j * omega * c
+    value = solved(model, frequency, ["support.z", "test.force_z"], ["test.z", "frame.z"])
+    for n, w in enumerate(omega):  # in absolute displacements of the structure and the body
+        matrix = np.array([[wire + ground[n] - heavy * w**2, -wire], [-wire, wire - MASS * w**2]])
+        structure, body = np.linalg.solve(matrix, np.array([[ground[n], 0], [0, 1]]))
+        np.testing.assert_allclose(value[n, 0], body, rtol=1e-12)
+        np.testing.assert_allclose(
+            value[n, 1, 0] + 1, structure[0], rtol=0, atol=1e-12 * max(1, abs(value[n, 1, 0]))
+        )
+        np.testing.assert_allclose(value[n, 1, 1], structure[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_stiff_structure_is_none(level):
+    raw = plants.raw("triple", loss=True)
+    bare = registry.by_name(level).system(scenes.design_of(raw))
+    frequency = np.geomspace(0.11, 90, 30)
+    inputs, outputs = (
+        [f"support.{dof}" for dof in DOFS],
+        [f"{body}.{dof}" for body in bare.body for dof in DOFS],
+    )
+    expected = solved(bare, frequency, inputs, outputs)
+    away = []
+    for stiffness in (1e9, 1e12, 1e15):
+        support = {
+            "stiffness": dict.fromkeys(DOFS, stiffness),
+            "mass": 100.0,
+            "inertia": [5.0, 5.0, 5.0],
+        }
+        stiff = registry.by_name(level).system(scenes.design_of(raw | {"support": support}))
+        assert stiff.size == bare.size + 6
+        found = solved(stiff, frequency, inputs, outputs)
+        assert np.array_equal(found == 0, expected == 0)
+        away.append(np.max(np.abs(found - expected) / np.where(expected == 0, 1, np.abs(expected))))
+    # the structure's mass on its stiffness, at the highest frequency
+    own = (2 * np.pi * 90) ** 2 * 100.0 / 1e9
+    assert away[0] == pytest.approx(own, rel=0.1)
+    assert away[1] < 1.1e-3 * away[0]
+    assert away[2] < 1e-7
+
+
+def test_directions_left_out_are_rigid():
+    model = bouncer("force", stiffness={"z": FRAME, "pitch": 1e4})
+    assert model.coordinate[-2:] == ("frame.z", "frame.pitch")
+    with pytest.raises(InputError, match="rigid in this direction"):
+        solved(model, 1.0, ["support.y"], ["frame.y"])
+    with pytest.raises(InputError, match="names no body"):
+        plants.motions(bouncer("force"), "frame.z")
+    np.testing.assert_array_equal(
+        solved(model, [0.3, 7.0], ["support.x"], ["test.x"]),
+        solved(bouncer("force"), [0.3, 7.0], ["support.x"], ["test.x"]),
+    )
+
+
+def rigid_motions(model, design):
+    """Everything (the structure's deflection apart) moved or turned as one, (N, 6)."""
+    positions, motions = com_positions(design), np.zeros((model.size, 6))
+    for n, body in enumerate(("support", *model.body)):
+        motions[6 * n : 6 * n + 6] = np.eye(6)
+        motions[6 * n : 6 * n + 3, 3:] = -cross_matrix(np.array(positions[body]))
+    return motions
+
+
+@pytest.mark.parametrize("against", ["support", "upper", "middle"])
+def test_dampers_do_not_resist_what_moves_as_one(against):
+    raw = plants.raw("triple")
+    values = {"x": 3.0, "y": 2.0, "z": 5.0, "roll": 0.5, "pitch": 0.3, "yaw": 0.4}
+    raw["stage"][2]["damping"] = values | {"against": against}
+    design = scenes.design_of(raw)
+    model, bare = (
+        registry.FORCE.system(scenes.design_of(one)) for one in (raw, plants.raw("triple"))
+    )
+    assert not bare.damping.any()
+    rigid = rigid_motions(model, design)
+    assert (np.abs(model.damping @ rigid) <= 1e-15 * (np.abs(model.damping) @ np.abs(rigid))).all()
+    assert np.array_equal(model.damping, model.damping.T)
+    assert np.linalg.eigvalsh(model.damping)[0] > -1e-14
+    own = slice(model.index("test", "x"), model.index("test", "x") + 6)
+    np.testing.assert_array_equal(np.diag(model.damping)[own], list(values.values()))
+    other = {"support": 0, "upper": 6, "middle": 12}[against]
+    touched = sorted({*np.flatnonzero(model.damping.any(0))})
+    assert touched == [*range(other, other + 6), *range(own.start, own.stop)]
+    # a force between the two bodies: what one gets the other gives
+    relative = np.zeros(model.size)
+    relative[own.start] = 1.0
+    force = -model.damping @ relative
+    assert force[own.start] == -3.0
+    assert force[other] == 3.0
+    lever = com_positions(design)["test"][2] - com_positions(design)[against][2]
+    assert force[other + 4] == pytest.approx(3.0 * lever, rel=1e-14)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_damper_by_hand(level):
+    stage = {
+        "name": "test",
+        "body": {"mass": MASS, "inertia": [0.1] * 3},
+        "wires": {"count": 1, "l": 0.5, "k": K},
+        "damping": {"z": 12.0},
+    }
+    model = registry.by_name(level).system(scenes.design_of(scenes.raw_of(stage)))
+    omega = 2 * np.pi * np.geomspace(0.05, 100, 40)
+    path = K + 12j * omega
+    found = solved(model, omega / (2 * np.pi), ["support.z", "test.force_z"], ["test.z"])[:, 0]
+    np.testing.assert_allclose(
+        found, np.array([path, np.ones(40)]).T / (path - MASS * omega**2)[:, None], rtol=1e-12
+    )
+
+
+def dense(model, frequency, inputs, outputs):
+    """All coordinates at once by LAPACK, tips and structure included."""
+    stiffness = model.stiffness if model.lossy is None else model.lossy
+    result = []
+    for w in 2 * np.pi * frequency:
+        whole = stiffness + 1j * w * model.damping - w**2 * model.mass
+        right = [
+            np.eye(model.size)[6 + model.coordinate[6:].index(s)]
+            if s in model.coordinate[6:]
+            else None
+            for s in inputs
+        ]
+        driven = [
+            whole[6:, DOFS.index(s.split(".")[1])] if r is None else -r[6:]
+            for r, s in zip(right, inputs, strict=True)
+        ]
+        moved = -np.linalg.solve(whole[6:, 6:], np.array(driven).T)
+        result.append(moved[[model.coordinate[6:].index(out) for out in outputs]])
+    return np.array(result)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_trees_against_a_dense_solution(seed):
+    """A recoil mass beside the mirror with a damper between them, springs, nothing symmetric; or
+    the shipped one."""
+    if seed:
+        raw = scenes.crooked(np.random.default_rng(seed))
+        raw["stage"][1]["damping"] = {"x": 4.0, "yaw": 0.1, "against": "upper"}
+    else:
+        raw = read(plants.CONFIGS / "payload-recoil-mass.toml").text
+    design = parse(raw) if isinstance(raw, str) else scenes.design_of(raw)
+    model = registry.STRING.system(design)
+    frequency = np.geomspace(0.05, 300, 25)
+    bodies = [f"{body}.{dof}" for body in model.body for dof in DOFS]
+    pushes = [
+        f"{body}.{'force' if dof in 'xyz' else 'torque'}_{dof}"
+        for body, dof in (name.split(".") for name in bodies)
+    ]
+    moves = [f"support.{dof}" for dof in DOFS]
+    found, expected = (
+        solved(model, frequency, [*moves, *pushes], bodies),
+        dense(model, frequency, [*moves, *bodies], bodies),
+    )
+    own = np.sqrt(np.abs(np.einsum("fii->fi", expected[:, :, 6:])))
+    size = np.concatenate(
+        [
+            np.abs(expected[:, :, :6]).max((1, 2), keepdims=True) * np.ones((1, len(bodies), 6)),
+            own[:, :, None] * own[:, None, :],
+        ],
+        axis=2,
+    )
+    assert (np.abs(found - expected) <= 1e-11 * size).all()

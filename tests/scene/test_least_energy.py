@@ -1,0 +1,188 @@
+"""More wires than balance can tell apart: they share the load so that the elastic energy is least
+(Castigliano)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.scene import tensions
+from tests.support import scenes
+
+MASS, GRAVITY = 12.0, 9.81
+BODY = {"mass": MASS, "inertia": [0.1, 0.1, 0.1]}
+
+
+def vertical_wires(rng, count):
+    """Around the COM, each with its own k."""
+    angles = 2 * np.pi * (np.arange(count) + rng.uniform(-0.2, 0.2, count)) / count
+    points = [[0.1 * np.cos(a), 0.1 * np.sin(a), 0.01] for a in angles]
+    return [
+        {"upper": [*p[:2], 0.0], "lower": p, "k": scenes.log_uniform(rng, 1e4, 4e4)} for p in points
+    ]
+
+
+def angled_wires(rng):
+    """Two sets of four, angled in x and y; nothing but their k and angles decides which carries
+    more."""
+    result = []
+    for s, t in ((0.03, 0.1), (0.08, 0.05)):
+        out, k = rng.uniform(-0.04, 0.04, 2), scenes.log_uniform(rng, 1e4, 4e4)
+        for i, j in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            result.append(
+                {
+                    "upper": [i * (s + out[0]), j * (t + out[1]), 0.0],
+                    "lower": [i * s, j * t, 0.01],
+                    "k": k,
+                }
+            )
+    return result
+
+
+def stage_of(wires, **more):
+    return scenes.raw_of(
+        {"name": "test", "body": BODY, "position": [0.0, 0.0, -0.31], "wire": wires, **more}
+    )
+
+
+def least_energy(wires, blades=(), spring=None):
+    """Minimise sum T^2 / 2k + sum over blades F^2 / 2k subject to balance, by its Lagrange
+    equations."""
+    span = np.array([np.array([0, 0, -0.31]) + wire["lower"] - wire["upper"] for wire in wires])
+    unit = span / np.linalg.norm(span, axis=1)[:, None]
+    balance = np.array(
+        [[*(-u), *np.cross(wire["lower"], -u)] for u, wire in zip(unit, wires, strict=True)]
+    ).T
+    load = np.array([0, 0, -MASS * GRAVITY, 0, 0, 0], dtype=float)
+    if spring is not None:
+        force, torque = np.array(spring["preload"][:3]), np.array(spring["preload"][3:])
+        load += [*force, *(torque + np.cross(spring["at"], force))]
+    hessian = np.diag([1 / wire["k"] for wire in wires])
+    for blade in blades:
+        on = np.array([wire.get("blade") == blade["name"] for wire in wires])
+        for axis, k in zip(
+            (2, 0, 1), (blade["stiffness"], *blade.get("lateral_stiffness", ())), strict=False
+        ):
+            pull = np.where(on, unit[:, axis], 0.0)
+            hessian += np.outer(pull, pull) / k
+    n = len(wires)
+    scale = np.diag(hessian).mean()  # so that both halves of the system are of order 1
+    system = np.block([[hessian / scale, balance.T], [balance, np.zeros((6, 6))]])
+    solved = np.linalg.lstsq(system, np.concatenate([np.zeros(n), -load]), rcond=1e-12)[0]
+    assert np.abs(balance @ solved[:n] + load).max() < 1e-10 * MASS * GRAVITY
+    return solved[:n]
+
+
+@pytest.mark.parametrize("count", [4, 5, 7])
+def test_vertical_wires(count):
+    for seed in range(5):
+        wires = vertical_wires(np.random.default_rng([15, count, seed]), count)
+        found = scenes.scene_of(stage_of(wires)).wires.tension
+        np.testing.assert_allclose(found, least_energy(wires), rtol=1e-10)
+        assert np.ptp(found) > 1.0
+
+
+def test_angled_wires():
+    for seed in range(5):
+        wires = angled_wires(np.random.default_rng([16, seed]))
+        found = scenes.scene_of(stage_of(wires)).wires.tension
+        np.testing.assert_allclose(found, least_energy(wires), rtol=1e-10)
+        assert len(np.unique(found)) == 2  # mirror images carry the same to the last bit
+
+
+@pytest.mark.parametrize("lateral", [False, True])
+def test_blades_give_way_together(lateral):
+    """Two wires on one blade share its deflection, so the blade counts once for both."""
+    for seed in range(5):
+        rng = np.random.default_rng([17, seed])
+        wires = angled_wires(rng)
+        blades = [
+            {"name": side, "stiffness": scenes.uniform(rng, 6e3, 8e3)}
+            for side in ("left", "right", "soft")
+        ]
+        if lateral:
+            for blade in blades:
+                blade["lateral_stiffness"] = rng.uniform(3e4, 5e4, 2)
+        for number, wire in enumerate(wires):
+            wire["blade"] = ("left", "right")[number % 2]
+        wires[-1]["blade"] = "soft"
+        scene = scenes.scene_of(stage_of(wires, blade=blades))
+        found, expected = scene.wires.tension, least_energy(wires, blades)
+        np.testing.assert_allclose(found, expected, rtol=1e-10)
+        assert np.abs(found / least_energy(wires) - 1).max() > 1e-3
+        unit = scene.wires.span / scene.wires.length[:, None]
+        for number in range(3):
+            on = scene.wires.blade == number
+            np.testing.assert_allclose(
+                scene.blades.load[number, 2], -(found * unit[:, 2])[on].sum(), rtol=1e-12
+            )
+
+
+def test_a_preloaded_spring_takes_its_share():
+    rng = np.random.default_rng(18)
+    wires = vertical_wires(rng, 5)
+    spring = {
+        "stiffness": [10.0] * 6,
+        "at": [0.02, 0.01, 0.0],
+        "preload": [0.0, 0.0, 25.0, 0.3, -0.2, 0.0],
+    }
+    found = scenes.scene_of(stage_of(wires, spring=[spring])).wires.tension
+    np.testing.assert_allclose(found, least_energy(wires, spring=spring), rtol=1e-10)
+    assert found.sum() == pytest.approx(MASS * GRAVITY - 25.0, rel=1e-12)
+
+
+def test_tensions_given_are_kept():
+    wires = vertical_wires(np.random.default_rng(19), 4)
+    expected = least_energy(wires)
+    wires[0]["tension"] = float(expected[0]) + 3.0
+    found = scenes.scene_of(stage_of(wires)).wires.tension
+    assert found[0] == wires[0]["tension"]
+    wrench = np.array([[1.0, wire["lower"][0], wire["lower"][1]] for wire in wires]).T @ found
+    np.testing.assert_allclose(wrench, [MASS * GRAVITY, 0, 0], atol=1e-10)
+
+
+def test_what_least_energy_leaves_over():
+    """Two wires cannot hold a torque about the line between them; the rest they do carry."""
+    wrenches = np.array([[0, 0, 1, 0.1, 0, 0], [0, 0, 1, -0.1, 0, 0]], dtype=float)
+    tension, left_over = tensions.least_energy(
+        wrenches, np.array([0, 0, -20.0, 0.5, 0.7, 0]), np.diag([1e-4, 1e-4])
+    )
+    np.testing.assert_allclose(tension, [7.5, 12.5], rtol=1e-12)
+    np.testing.assert_allclose(left_over, [0, 0, 0, 0, 0.7, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "preload",
+    [[0, 0, 0, 0.5, 0, 0], [0, 0, 0, 0, 0.1, 0], [0, 0, 5.0, 0, 0, 0]],
+    ids=["roll", "pitch", "lift"],
+)
+def test_mirrored_wires_under_a_lopsided_load(preload):
+    """Wires that mirror each other need not carry the same: the nominal pose still balances."""
+    wires = angled_wires(np.random.default_rng(20))
+    spring = {"stiffness": [10.0] * 6, "preload": preload}
+    scene = scenes.scene_of(stage_of(wires, spring=[spring]))
+    np.testing.assert_allclose(
+        scene.wires.tension, least_energy(wires, spring={"at": [0, 0, 0], **spring}), rtol=1e-10
+    )
+    found = equilibrium.solve(scene)
+    assert found.residual < 1e-13
+    assert np.abs(found.pose.shift).max() < 1e-12
+    assert np.abs(found.pose.rotation - np.eye(3)).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    "blades", [(), ({"name": "shared", "stiffness": 6e3},)], ids=["no blades", "shared blade"]
+)
+def test_giving_a_tension_that_would_come_about_changes_nothing(blades):
+    """Even where the wire shares a blade with one whose tension is left open."""
+    wires = vertical_wires(np.random.default_rng(21), 6)
+    for wire in wires[:2] if blades else ():
+        wire["blade"] = "shared"
+    expected = least_energy(wires, blades)
+    assert expected.min() > 0
+    wires[0]["tension"] = float(expected[0])
+    found = scenes.scene_of(
+        stage_of(wires, **({"blade": list(blades)} if blades else {}))
+    ).wires.tension
+    np.testing.assert_allclose(found, expected, rtol=1e-10)

@@ -1,0 +1,285 @@
+"""The engine of sweeps: the same bits however a sweep is cut up, every point once, and nothing lost
+when it is interrupted."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import tomllib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from suspension_cli.analyses.tolerance import model_error
+from suspension_cli.analyses.tolerance.solve import RandomBuilds
+from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.design import reader
+from suspension_cli.errors import InputError, PendsusError
+from suspension_cli.studies import sweep_file
+from suspension_cli.studies.axes import Axis
+from tests.support import counting_sweep, scenes
+from tests.support.commandline import edited, run
+from tests.support.couplings import FILE, TRIPLE, TRIPLE_FILE, question
+from tests.support.golden import CONFIGS
+
+GRID = ("--sweep", "k=0.6:1.4:23,offset=-2e-3:2e-3:19")
+CUTS = [(1, 100), (2, 64)]
+RANDOM = CONFIGS / "triple-tolerance.toml"
+
+
+def written_by(out, workers, chunk, *command):
+    result = run(
+        *command, "--out", out, "--workers", str(workers), "--chunk", str(chunk), "--no-plot", "-q"
+    )
+    assert result.exit_code == 0, result.stderr
+    [file] = out.iterdir()
+    return file.read_bytes()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few():
+    """What strings leave out is estimated from few builds: here it only has to be the same."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(model_error, "BUILDS", 4)
+        yield
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Files written in one go."""
+    commands = {
+        "xcouple": ("xcouple", FILE, *GRID),
+        "tolerance": ("tolerance", RANDOM, "--builds", "150", "--frequency", "10,50"),
+    }
+    return {
+        name: (command, written_by(tmp_path_factory.mktemp(name), 1, 8192, *command))
+        for name, command in commands.items()
+    }
+
+
+@pytest.mark.parametrize(("workers", "chunk"), CUTS)
+@pytest.mark.parametrize("name", ["xcouple", "tolerance"])
+def test_the_same_file_byte_for_byte(name, workers, chunk, whole, tmp_path):
+    command, expected = whole[name]
+    assert written_by(tmp_path, workers, chunk, *command) == expected
+
+
+def jobs():
+    """Sweeps of every kind of matrix."""
+    text = FILE.read_text()
+    lossy = edited(
+        tomllib.loads(text),
+        {("materials", "fused-silica", "loss_angle"): 1e-3, ("stage", 0, "damping"): {"x": 1.0}},
+    )
+    rng = np.random.default_rng(51)
+    bladed = scenes.plain(scenes.bladed_chain(rng, 3, tip_mass=True, lateral=True))
+    axes = (
+        Axis("k", tuple(np.linspace(0.8, 1.2, 9))),
+        Axis("com_y", tuple(np.linspace(-3e-4, 3e-4, 9))),
+    )
+    random = reader.parse(RANDOM.read_text())
+    design = reader.convert(bladed)
+    return {
+        "single": lambda: Sweep(text, axes, question(frequency=(10.0, 50.0))),
+        "lossy": lambda: Sweep(reader.write_toml(lossy), axes, question(frequency=(10.0, 50.0))),
+        "triple": lambda: Sweep(TRIPLE_FILE.read_text(), axes, question(TRIPLE)),
+        "blades": lambda: Sweep(
+            reader.write_toml(bladed),
+            axes,
+            question(design, f"{design.stage[-1].name}.1", "natural-length"),
+        ),
+        "paths": lambda: Sweep(
+            text, (Axis("stage.test.wires.d", (0.001, 0.002, 0.004)), *axes), question()
+        ),
+        "beam": lambda: Sweep(TRIPLE_FILE.read_text(), axes, question(TRIPLE), level="beam"),
+        "violin": lambda: Sweep(
+            reader.write_toml(lossy), axes, question(frequency=(10.0, 400.0)), level="violin"
+        ),
+        "random": lambda: RandomBuilds(RANDOM.read_text(), 81, 3, question(random)),
+    }
+
+
+@pytest.mark.parametrize(
+    "kind", ["single", "lossy", "triple", "blades", "paths", "beam", "violin", "random"]
+)
+def test_a_build_alone_gives_the_same_bits(kind):
+    job = jobs()[kind]()
+    found = job.compute(0, job.count)
+    for start, stop in [(0, 1), (1, 3), (3, 8), (8, 25), (25, 64), (job.count - 1, job.count)]:
+        alone = job.compute(start, stop)
+        for name, values in found.items():
+            assert alone[name].tobytes() == np.ascontiguousarray(values[start:stop]).tobytes(), name
+
+
+def reference(folder, count):
+    """The file that an uninterrupted run writes."""
+    path = folder / "whole.h5"
+    counting_sweep.run(counting_sweep.Toy(count, str(folder / "whole.log")), path)
+    return path.read_bytes()
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.integers(1, 900),
+    st.integers(0, 899),
+    st.sampled_from([1, 64, 100, 128, 1000]),
+    st.sampled_from([64, 192, 512]),
+)
+def test_resume_after_an_exception(count, fails, chunk, other):
+    """What was done stays done: nothing is computed twice, nothing is missing, and the file is that
+    of an uninterrupted run."""
+    with tempfile.TemporaryDirectory() as name:
+        folder, fails = Path(name), fails % count
+        path, log = folder / "toy.h5", str(folder / "log")
+        with pytest.raises(RuntimeError, match="told to fail"):
+            counting_sweep.run(counting_sweep.Toy(count, log, fails), path, chunk=chunk)
+        assert not path.exists()
+        done = counting_sweep.Toy(count, log).computed()
+        assert np.array_equal(done == 1, counting_sweep.marked(path, count))
+        with h5py.File(counting_sweep.part(path)) as file:
+            assert np.array_equal(
+                file["toy/value"][:][done == 1], counting_sweep.Toy(count, log).values()[done == 1]
+            )
+        counting_sweep.run(counting_sweep.Toy(count, log), path, chunk=other, resume=True)
+        assert (counting_sweep.Toy(count, log).computed() == 1).all()
+        assert path.read_bytes() == reference(folder, count)
+        assert sorted(p.name for p in folder.iterdir()) == [
+            "log",
+            "toy.h5",
+            "whole.h5",
+            "whole.log",
+        ]
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(1, 900), st.integers(0, 899), st.sampled_from([64, 128]), st.floats(0.1, 5.0))
+def test_resume_after_a_kill(count, fails, chunk, sync):
+    """What lies on the disk at any moment can be taken up; at most what was done since the last
+    sync is done again."""
+    with tempfile.TemporaryDirectory() as name, pytest.MonkeyPatch.context() as patch:
+        folder, fails = Path(name), fails % count
+        path, left = folder / "toy.h5", folder / "left"
+        clock = iter(range(10**6))
+        # a quarter of a second or two a chunk
+        patch.setattr(sweep_file.time, "monotonic", lambda: next(clock) / 4)
+        patch.setattr(sweep_file, "SYNC_SECONDS", sync)
+
+        class Killed(counting_sweep.Toy):
+            def compute(self, start, stop):
+                if start <= self.fails < stop:
+                    left.mkdir()
+                    for file in (
+                        counting_sweep.part(path),
+                        counting_sweep.journal(path),
+                        Path(self.log),
+                    ):
+                        if file.exists():
+                            shutil.copy(file, left)
+                return super().compute(start, stop)
+
+        with pytest.raises(RuntimeError):
+            counting_sweep.run(Killed(count, str(folder / "log"), fails), path, chunk=chunk)
+        job = counting_sweep.Toy(count, str(left / "log"))
+        done, noted = job.computed() == 1, counting_sweep.marked(left / "toy.h5", count)
+        assert not (noted & ~done).any()
+        assert (done & ~noted).sum() <= chunk * (sync / 0.5 + 1)
+        counting_sweep.run(job, left / "toy.h5", chunk=chunk, resume=True)
+        assert np.array_equal(job.computed() == 2, done & ~noted)
+        assert job.computed().min() == 1
+        assert (left / "toy.h5").read_bytes() == reference(folder, count)
+
+
+@pytest.mark.parametrize(("workers", "chunks"), [(2, 4), (2, 11)])
+def test_every_point_once_on_several_processes(workers, chunks, tmp_path):
+    """With as many and with more chunks than are handed out at first."""
+    job = counting_sweep.Toy(64 * chunks - 10, str(tmp_path / "log"))
+    counting_sweep.run(job, tmp_path / "toy.h5", chunk=64, workers=workers)
+    assert (job.computed() == 1).all()
+    assert (tmp_path / "toy.h5").read_bytes() == reference(tmp_path, job.count)
+
+
+@pytest.mark.parametrize("dies", [False, True])
+def test_a_worker_that_fails(dies, tmp_path):
+    path, job = (
+        tmp_path / "toy.h5",
+        counting_sweep.Toy(64 * 12, str(tmp_path / "log"), 64 * 7, dies),
+    )
+    with pytest.raises(
+        PendsusError if dies else RuntimeError,
+        match="a worker was killed, perhaps out of memory" if dies else "told to fail",
+    ):
+        counting_sweep.run(job, path, chunk=64, workers=2)
+    noted = counting_sweep.marked(path, job.count)
+    healthy = counting_sweep.Toy(job.count, job.log)
+    assert not (noted & (healthy.computed() == 0)).any()
+    counting_sweep.run(healthy, path, chunk=64, resume=True)
+    assert (healthy.computed()[noted] == 1).all()
+    assert healthy.computed().min() == 1
+    assert path.read_bytes() == reference(tmp_path, job.count)
+
+
+def test_starting_anew_forgets_the_interrupted_run(tmp_path):
+    """Killed while the new file is laid out: the old journal must not speak for it."""
+    path, left = tmp_path / "toy.h5", tmp_path / "left"
+    with pytest.raises(RuntimeError):
+        counting_sweep.run(counting_sweep.Toy(500, str(tmp_path / "log"), 400), path, chunk=64)
+    assert counting_sweep.marked(path, 500).any()
+
+    def snapshot(group):
+        counting_sweep.fill(group)
+        group.file.flush()
+        left.mkdir()
+        for file in (counting_sweep.part(path), counting_sweep.journal(path)):
+            shutil.copy(file, left)
+
+    counting_sweep.run(
+        counting_sweep.Toy(500, str(tmp_path / "again")), path, chunk=64, fill=snapshot
+    )
+    for file in ("toy.h5.part", "toy.h5.journal"):
+        assert (left / file).exists()
+    counting_sweep.run(counting_sweep.Toy(500, str(left / "log")), left / "toy.h5", resume=True)
+    assert (left / "toy.h5").read_bytes() == path.read_bytes() == reference(tmp_path, 500)
+
+
+@pytest.mark.parametrize("other", [{"design": "a = 2"}, {"sweep": "another"}, {"count": 501}])
+def test_resume_of_something_else_is_refused(other, tmp_path):
+    path, log = tmp_path / "toy.h5", str(tmp_path / "log")
+    with pytest.raises(RuntimeError):
+        counting_sweep.run(counting_sweep.Toy(500, log, 400), path, chunk=64)
+    before = counting_sweep.part(path).read_bytes(), counting_sweep.journal(path).read_bytes()
+    with pytest.raises(
+        InputError, match=r"--resume: toy\.h5\.part belongs to another design or sweep"
+    ):
+        counting_sweep.run(
+            counting_sweep.Toy(other.pop("count", 500), log), path, resume=True, **other
+        )
+    assert before == (
+        counting_sweep.part(path).read_bytes(),
+        counting_sweep.journal(path).read_bytes(),
+    )
+    counting_sweep.run(counting_sweep.Toy(500, log), path, resume=True)
+    assert path.read_bytes() == reference(tmp_path, 500)
+
+
+def test_resume_with_nothing_to_take_up_starts(tmp_path):
+    counting_sweep.run(
+        counting_sweep.Toy(100, str(tmp_path / "log")), tmp_path / "toy.h5", resume=True
+    )
+    assert (tmp_path / "toy.h5").read_bytes() == reference(tmp_path, 100)
+
+
+def test_two_runs_do_not_write_one_file(tmp_path):
+    path = tmp_path / "toy.h5"
+
+    class Rival(counting_sweep.Toy):
+        def compute(self, start, stop):
+            with pytest.raises(InputError, match="another run is writing this file"):
+                counting_sweep.run(counting_sweep.Toy(100, self.log), path)
+            return super().compute(start, stop)
+
+    counting_sweep.run(Rival(300, str(tmp_path / "log")), path, chunk=64)
+    assert path.read_bytes() == reference(tmp_path, 300)

@@ -1,0 +1,305 @@
+"""Sweeps that are killed, broken off or run out of disk: what was done is kept, and `--resume`
+finishes the very same file."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+import time
+import warnings
+from multiprocessing import resource_tracker
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from suspension_cli.studies import sweep_file
+from tests.support.commandline import become, process, run
+from tests.support.couplings import FILE
+
+NAME = "husman2000-figure6-xcouple.h5"
+OFTEN = 0.05
+"""Seconds after which results are forced to the disk: a kill finds some that are safe and some that
+are not yet."""
+SMALL = ("--sweep", "k=0.6:1.4:40,offset=-2e-3:2e-3:60", "--no-plot", "-q", "--chunk", "64")
+UNITS = -(-40 * 60 // sweep_file.UNIT)
+TINY = ("--sweep", "k=0.6:1.4:15,offset=-2e-3:2e-3:15", "--no-plot", "-q", "--chunk", "64")
+"""Four chunks."""
+
+
+class Started:
+    """A run as a process group of its own: a copy of this process, which has imported
+    everything."""
+
+    def __init__(self, out, *options):
+        self.stderr, self.returncode = os.memfd_create("stderr"), None
+        with warnings.catch_warnings():
+            # idle threads of linear algebra are no hindrance
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self.pid = os.fork()
+        if self.pid == 0:
+            os.setsid()
+            resource_tracker._resource_tracker._fd = None  # it starts one of its own
+            resource_tracker._resource_tracker._pid = None
+            sweep_file.SYNC_SECONDS = OFTEN
+            become(
+                ["xcouple", str(FILE), "--out", str(out), *options],
+                os.open(os.devnull, os.O_WRONLY),
+                self.stderr,
+            )
+
+    def poll(self, how=os.WNOHANG):
+        if self.returncode is None:
+            found, status = os.waitpid(self.pid, how)
+            self.returncode = os.waitstatus_to_exitcode(status) if found else None
+        return self.returncode
+
+    def ended(self):
+        """What it told in the end."""
+        self.poll(0)
+        told = os.pread(self.stderr, 10**6, 0).decode()
+        os.close(self.stderr)
+        return told
+
+
+def finished(out, *options):
+    """The file of a run that goes through, here, with the command that a process of its own would
+    record."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["-c", "xcouple", str(FILE), "--out", str(out), *options])
+        result = run("xcouple", FILE, "--out", out, *options, "--workers", "1")
+    assert result.exit_code == 0, result.stderr
+    assert [path.name for path in out.iterdir()] == [NAME]
+    return (out / NAME).read_bytes()
+
+
+def children(pid):
+    try:
+        return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except OSError:
+        return []
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def waited(process, out, units):
+    """Wait until so many units have been entered into the journal (or all is done)."""
+    journal, until = out / f"{NAME}.journal", time.monotonic() + 60
+    while process.poll() is None and time.monotonic() < until:
+        noted = journal.read_bytes() if journal.exists() else b""
+        if len(noted) > sweep_file.JOURNAL_HEAD and sum(noted[sweep_file.JOURNAL_HEAD :]) >= units:
+            return
+        time.sleep(0.002)
+
+
+def killed(out, units, *options):
+    """Start a run and kill it when so many units are done; its workers must not outlive it."""
+    process = Started(out, *options)
+    waited(process, out, units)
+    workers = children(process.pid)
+    if process.poll() is None:
+        os.kill(process.pid, signal.SIGKILL)
+    process.ended()
+    until = time.monotonic() + 20
+    while any(map(alive, workers)) and time.monotonic() < until:
+        time.sleep(0.01)
+    assert not any(map(alive, workers))
+    if (out / NAME).exists():  # this machine was too quick
+        return
+    with h5py.File(out / f"{NAME}.part") as file:
+        assert file["xcouple/ratio"].shape == (40, 60, 1)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    return finished(tmp_path_factory.mktemp("small"), *SMALL)
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory):
+    return finished(tmp_path_factory.mktemp("tiny"), *TINY)
+
+
+@pytest.mark.parametrize(("workers", "kills"), [("1", (5,)), ("2", (3, 20))])
+def test_killed_and_resumed(workers, kills, small, tmp_path):
+    """2,400 points, killed while they are computed, and once more after they were taken up."""
+    assert max(kills) < UNITS
+    for n, units in enumerate(kills):
+        killed(tmp_path, units, *SMALL, "--workers", workers, *(["--resume"] if n else []))
+    assert finished(tmp_path, *SMALL, "--resume") == small
+
+
+@pytest.mark.parametrize("when", ["importing", "computing"])
+def test_interrupted_from_the_keyboard(when, small, tmp_path):
+    """Ctrl-C goes to the whole process group: workers that start or compute must not answer it with
+    tracebacks."""
+    process = Started(tmp_path, *SMALL, "--workers", "2")
+    waited(process, tmp_path, 5 if when == "computing" else 0)
+    # with the one that looks after what they share
+    while len(children(process.pid)) < 3 and process.poll() is None:
+        time.sleep(0.002)
+    if when == "importing":
+        time.sleep(0.1)
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGINT)
+    stderr = process.ended()
+    if process.returncode != 0:
+        assert process.returncode == 130
+        [line] = [line for line in stderr.splitlines() if line]
+        assert line.startswith("interrupted; ") and "--resume" in line
+        assert sorted(path.name for path in tmp_path.iterdir()) == [
+            f"{NAME}.journal",
+            f"{NAME}.part",
+        ]
+    assert finished(tmp_path, *SMALL, "--resume") == small
+
+
+@pytest.mark.parametrize("writes", [0, 1, 12])
+def test_interrupted_from_the_keyboard_without_workers(writes, monkeypatch, tiny, tmp_path):
+    """Before the journal, in the first chunk and in a later one."""
+
+    def interrupt():
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        after(patch, writes, interrupt)
+        patch.setattr(sys, "argv", ["-c", "xcouple", str(FILE), "--out", str(tmp_path), *TINY])
+        result = run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1")
+    assert result.exit_code == 130
+    [line] = result.stderr.splitlines()
+    if writes:
+        assert line.startswith("interrupted; ") and "--resume" in line
+        assert sorted(path.name for path in tmp_path.iterdir()) == [
+            f"{NAME}.journal",
+            f"{NAME}.part",
+        ]
+    assert finished(tmp_path, *TINY, "--resume") == tiny
+
+
+def interrupt_after(monkeypatch, writes, error):
+    """Let `os.pwrite` fail after some writes of results, and for good."""
+
+    def fail():
+        raise error
+
+    after(monkeypatch, writes, fail)
+
+
+def after(monkeypatch, writes, happens):
+    """Let something happen at every `os.pwrite` after some writes of results."""
+    real, count = os.pwrite, iter(range(10**9))
+
+    def pwrite(handle, data, offset):
+        if next(count) >= writes:
+            happens()
+        return real(handle, data, offset)
+
+    monkeypatch.setattr(sweep_file.os, "pwrite", pwrite)
+
+
+def full():
+    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_disk_that_is_full_from_the_start(monkeypatch, tmp_path):
+    def no_space(*_):
+        raise full()
+
+    monkeypatch.setattr(sweep_file.os, "posix_fallocate", no_space)
+    result = run("xcouple", FILE, "--out", tmp_path)
+    assert result.exit_code == 2
+    assert (
+        result.stderr
+        == f"--out = {tmp_path / NAME}: cannot be written (No space left on device); name a folder"
+        " with space and permission\n"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_larger_than_allowed(tmp_path):
+    """A limit that the system itself enforces."""
+    result = process("xcouple", FILE, "--out", tmp_path, *SMALL, limit=70_000)
+    assert result.returncode == 2
+    assert result.stderr.count("\n") == 1
+    assert "cannot be written (File too large)" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("writes", [0, 1, 4, 20])
+def test_a_disk_that_fills_up(writes, monkeypatch, tiny, tmp_path):
+    """One line, exit code 2; what was done can be read, and the run goes on from there."""
+    monkeypatch.setattr(sweep_file, "SYNC_SECONDS", -1.0)  # after every chunk
+    with monkeypatch.context() as patch:
+        interrupt_after(patch, writes, full())
+        result = run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1")
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1
+    assert "cannot be written (No space left on device)" in result.stderr
+    if writes == 0:  # not even the journal
+        assert list(tmp_path.iterdir()) == []
+    else:
+        with h5py.File(tmp_path / f"{NAME}.part") as file:
+            ratio = file["xcouple/ratio"][:].ravel()
+        done = np.repeat(
+            np.frombuffer(
+                (tmp_path / f"{NAME}.journal").read_bytes()[sweep_file.JOURNAL_HEAD :], dtype=bool
+            ),
+            sweep_file.UNIT,
+        )[: len(ratio)]
+        assert done.any() == (writes > 7)  # the journal, six columns, the journal
+        assert np.array_equal(ratio[done], numbers(tiny, tmp_path)["ratio"].ravel()[done])
+        assert (ratio != 0).any() == (writes > 1)
+    result = run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1", "--resume")
+    assert result.exit_code == 0, result.stderr
+    found, expected = numbers((tmp_path / NAME).read_bytes(), tmp_path), numbers(tiny, tmp_path)
+    assert all(np.array_equal(found[name], expected[name]) for name in expected)
+
+
+def numbers(image, folder):
+    """All datasets of a file: the command that it records is that of the process."""
+    path = folder / "image.h5"
+    path.write_bytes(image)
+    with h5py.File(path) as file:
+        result = {name: values[:] for name, values in file["xcouple"].items()}
+    path.unlink()
+    return result
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--set", "stage.test.wires.s=0.006"),
+        ("--wire", "test.2"),
+        ("--hold", "natural-length"),
+        ("--frequency", "51"),
+        ("--allow-unstable",),
+    ],
+)
+def test_resume_of_another_question_is_refused(options, monkeypatch, tmp_path):
+    with monkeypatch.context() as patch:
+        interrupt_after(patch, 20, full())
+        assert run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1").exit_code == 2
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    result = run("xcouple", FILE, "--out", tmp_path, *TINY, "--resume", *options)
+    assert result.exit_code == 2
+    remedy = "take the same design and options, or start anew without --resume"
+    assert result.stderr == f"--resume: {NAME}.part belongs to another design or sweep; {remedy}\n"
+    assert before == {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    # anew
+    assert run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1", *options).exit_code == 0
+
+
+def test_a_folder_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    result = run("xcouple", FILE, "--out", tmp_path / "file" / "below")
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1

@@ -1,0 +1,382 @@
+"""Sensitivities and fits on `beam`: against differences of whole runs, against strings where wires
+hardly bend, degenerate pairs, and the commands."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.fit import solve as fit
+from suspension_cli.analyses.sensitivity import solve as sensitivity
+from suspension_cli.design import reader
+from suspension_cli.design.measured import Experiment, Free, Measured, Mode
+from suspension_cli.linear import eigenmodes, named_results, response, signals
+from suspension_cli.models import registry
+from suspension_cli.studies import parameters
+from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.golden import CONFIGS
+
+DOUBLE = CONFIGS / "double.toml"
+NUMBERS = ("stage.test.wires.d", "materials.c70steel.youngs_modulus")
+
+
+def beam(text, *overrides):
+    """Linear model and modes of a design read anew."""
+    model = registry.BEAM.system(reader.parse_with_overrides(text, overrides))
+    return model, eigenmodes.solve(replace(model, terms=()))
+
+
+@cache
+def solved(text, *results, level="beam"):
+    model = registry.by_name(level).system(reader.parse(text))
+    asked = named_results.parse(
+        list(results) or ["modes"],
+        eigenmodes.solve(replace(model, terms=())),
+        signals.bodies_with_signals(model),
+    )
+    return sensitivity.solve(text, asked, level), asked
+
+
+def whole_run(text, asked, numbers):
+    """All modes, then the sizes of responses, of a design with numbers put in."""
+    model, found = beam(
+        text,
+        *(
+            f"{path}={value!r}"
+            for name, value in numbers.items()
+            for path in parameters.twins(name)
+        ),
+    )
+    known, sizes = signals.bodies_with_signals(model), []
+    for item in (item for item in asked if isinstance(item, named_results.Ratio)):
+        outputs = [
+            signals.parse_output(s.text, known) for s in (item.over, item.under) if s is not None
+        ]
+        y = response.solve(model, np.array([item.frequency]), [item.input], outputs).value[0, :, 0]
+        sizes.append(abs(y[0] if len(y) == 1 else y[0] / y[1]))
+    return np.array([*found.frequency, *sizes])
+
+
+def sectioned():
+    """Thick ends and a taper, in gas."""
+    raw = tomllib.loads(DOUBLE.read_text())
+    del (wires := raw["stage"][1]["wires"])["radius"]
+    wires["sections"] = [
+        {"radius": 120e-6, "length": 0.01},
+        {"radius": [75e-6, 70e-6], "steps": 2},
+        {"radius": 110e-6, "length": 0.012},
+    ]
+    wires["d"] = wires["d_upper"] = 0.002
+    return reader.write_toml(raw | {"gas": {"pressure": 1e-3}})
+
+
+CASES = {
+    "imperfect": [
+        "test.x@0,0,-0.001/test.z@0,0,-0.001/support.z:50",
+        "test.z/test.force_z@0.01,0,0:5",
+    ],
+    "five-wires": [],
+    "triple-damped": ["test.x/support.x:0.6"],
+    "sections": ["test.x/support.x:10", "test.pitch/test.x/support.x:20"],
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_against_differences_of_whole_runs(case):
+    """Clamped wires, blades, sections, equilibria that move, losses, dampers: five-point
+    differences of runs of the program, each design read anew.
+
+    All numbers are changed at once, by random shares of each: a derivative that is wrong in any of
+    them shows.
+    """
+    text = sectioned() if case == "sections" else (CONFIGS / f"{case}.toml").read_text()
+    found, asked = solved(text, "modes", *CASES[case])
+    chosen, step, rng = (
+        np.flatnonzero(found.free & (found.value != 0)),
+        1e-4,
+        np.random.default_rng(3),
+    )
+    change = (
+        found.value[chosen] * rng.uniform(0.5, 1, len(chosen)) * rng.choice([-1, 1], len(chosen))
+    )
+    runs = []
+    for k in (-2, -1, 1, 2):
+        values = found.value[chosen] + k * step * change
+        runs.append(
+            whole_run(
+                text,
+                asked,
+                dict(zip([found.parameter[n] for n in chosen], values.tolist(), strict=True)),
+            )
+        )
+    b, c, d, e = runs
+    expected = (8 * (d - c) - (e - b)) / (12 * step)
+    scale = np.maximum(np.abs(expected), 1e-2 * np.abs(found.nominal))
+    assert np.abs((change @ found.derivative[chosen] - expected) / scale).max() < 1e-7
+
+
+def test_numbers_that_only_wires_that_bend_know():
+    """A wire of given k pulls as a string whatever its radius; on beam EI goes with r^4 and GJ with
+    E/(1 + nu), so E and r count by E r^4. Only the tension's part of torsion, T r^2/2 in yaw, goes
+    with r^2."""
+    raw = tomllib.loads(DOUBLE.read_text())
+    raw["stage"][1]["wires"] |= {"k": 13000.0}
+    raw["stage"][0]["wires"] |= {"k": 50000.0}
+    text = reader.write_toml(raw)
+    string, bent = (solved(text, "modes", level=level)[0] for level in ("string", "beam"))
+    radii, modulus = (
+        [f"stage.{name}.wires.radius" for name in ("upper", "test")],
+        "materials.c70steel.youngs_modulus",
+    )
+    assert not {*radii, modulus} & set(string.parameter)
+    share = dict(zip(bent.parameter, bent.one_percent, strict=True))
+    assert share[modulus][bent.result.index("test pitch")] > 0.05
+    yaw = bent.result.index("upper yaw")
+    tensioned = sum(share[name] for name in radii) - 4 * share[modulus]
+    turning = np.array(["yaw" in name for name in bent.result])
+    np.testing.assert_allclose(
+        tensioned[~turning], 0.0, atol=1e-6 * np.abs(4 * share[modulus]).max()
+    )
+    assert (tensioned[turning] > 1e-7).all()
+    twist = share["materials.c70steel.poisson_ratio"]
+    assert twist[yaw] < -1e-4 and abs(twist[bent.result.index("test longitudinal")]) < 1e-6
+
+
+def test_units_of_time_mass_and_length():
+    """f is 1/s: scaled units of time, mass and length scale g, E, masses and lengths, and nothing
+    else."""
+    found, _ = solved((CONFIGS / "husman2000" / "figure6.toml").read_text())
+    share = dict(zip(found.parameter, found.one_percent, strict=True))
+    g, modulus, mass = (
+        share["constants.gravity"],
+        share["materials.fused-silica.youngs_modulus"],
+        share["stage.test.body.mass"],
+    )
+    lengths = sum(
+        share[name]
+        for name in share
+        if name.rsplit(".", 1)[1] in ("l", "s", "t1", "t2", "d", "radius", "length")
+    )
+    np.testing.assert_allclose(g + modulus, 0.5, atol=1e-8)
+    np.testing.assert_allclose(mass + modulus, 0.0, atol=1e-8)
+    np.testing.assert_allclose(lengths + g - modulus, 0.0, atol=1e-8)
+
+
+def hair_thin(file, thinner):
+    """A design whose wires keep their spring constants but are thinner: they bend less."""
+    raw = tomllib.loads(file.read_text())
+    for stage in raw["stage"]:
+        wires = stage["wires"]
+        modulus = {"c70steel": 2.12e11, "steel302": 1.7e11}[wires["material"]]
+        wires["k"] = modulus * np.pi * wires["radius"] ** 2 / wires["l"]
+        wires["radius"] /= thinner
+    return reader.write_toml(raw)
+
+
+def apart(text, *results):
+    """Largest difference of the derivatives on beam and string, of the change in proportion."""
+    string, bent = (solved(text, *results, level=level)[0] for level in ("string", "beam"))
+    rows = [bent.parameter.index(name) for name in string.parameter]
+    value, nominal = np.abs(string.value)[:, None], np.abs(string.nominal)
+    return np.nanmax(
+        np.abs(bent.derivative[rows] - string.derivative) * np.maximum(value, 1e-3) / nominal
+    )
+
+
+def test_strings_in_the_limit_of_hair_thin_wires():
+    """What bending adds goes with sqrt(E I/T), the square of the radius: three times thinner, nine
+    times closer."""
+    results = ["modes", "test.x/support.x:10", "test.pitch/test.x/support.x:3"]
+    file = CONFIGS / "husman2000" / "table1-case4.toml"
+    thin, thinner = (apart(hair_thin(file, by), *results) for by in (100, 300))
+    assert 1e-6 < thin < 1e-3
+    assert thinner == pytest.approx(thin / 9, rel=0.02)
+
+
+def test_a_degenerate_pair():
+    """Longitudinal and transverse of a mass on four plumb wires: each branch has the derivative
+    that it has on strings."""
+    file = CONFIGS / "husman2000" / "table1-case1.toml"
+    text = hair_thin(file, 1e4)
+    pair = ["test longitudinal", "test transverse"]
+    found, _ = solved(text, *pair)
+    assert found.nominal[0] == pytest.approx(found.nominal[1], rel=1e-9)
+    assert apart(text, *pair) < 3e-7
+    spring = [[0.0] * 6 for _ in range(6)]
+    spring[5][5] = 0.1
+    raw = tomllib.loads(text)
+    raw["stage"][0]["spring"] = [{"stiffness": spring}]
+    mixed = {}
+    # a spring that couples x and y turns the pair into diagonals, whose frequencies part
+    for level in ("string", "beam"):
+        found, _ = solved(reader.write_toml(raw), *pair, level=level)
+        mixed[level] = found.derivative[found.parameter.index("stage.test.spring.1.stiffness.1.2")]
+    assert mixed["string"].min() < 0 < mixed["string"].max()
+    np.testing.assert_allclose(np.sort(mixed["beam"]), np.sort(mixed["string"]), rtol=1e-6)
+
+
+def test_on_a_resonance_and_a_coupling_that_is_zero():
+    """Half a line's width from the top of a peak, where steps of all but the smallest size would
+    lead over it: against such small steps. A coupling that is zero cannot grow by what keeps the
+    symmetry."""
+    text, name = DOUBLE.read_text(), "stage.test.wires.l"
+    model, _ = beam(text)
+    states = eigenmodes.solve(model)
+    quality, peak = float(states.q[1]), float(states.frequency[1])
+    assert quality > 1e3
+    found, asked = solved(
+        text, "test.z/test.x/support.x:5", f"test.x/support.x:{peak * (1 + 0.5 / quality)!r}"
+    )
+    assert found.nominal[0] == 0 and not found.derivative[:, 0].any()
+    value, step = 0.28, 0.28 * 0.02 / quality
+    low, high = (whole_run(text, asked, {name: value + sign * step})[-1] for sign in (-1, 1))
+    slope = found.derivative[found.parameter.index(name), 1]
+    assert abs(slope) * value > 0.05 * quality * found.nominal[1]
+    assert slope == pytest.approx((high - low) / (2 * step), rel=1e-3)
+
+
+def test_numbers_that_cannot_change_alone_are_the_same_as_on_strings():
+    text = (CONFIGS / "five-wires.toml").read_text()
+    string, bent = solved(text, "modes", level="string")[0], solved(text, "modes")[0]
+    fixed = [
+        {name for name, free in zip(found.parameter, found.free, strict=True) if not free}
+        for found in (string, bent)
+    ]
+    assert fixed[0] == fixed[1] and "stage.bench.position.1" in fixed[1]
+    assert np.isnan(bent.derivative[~bent.free]).all()
+
+
+def seen(text, *overrides, share=0.001):
+    """All modes of a design on beam with numbers put in, as if measured, under the labels of the
+    design as drawn."""
+    names = named_results.labels(beam(text)[1])
+    return [
+        Mode(frequency=float(f), uncertainty=share * float(f), label=name)
+        for f, name in zip(beam(text, *overrides)[1].frequency, names, strict=True)
+    ]
+
+
+TRUTH = (0.0013, 1.95e11)
+
+
+def put(values):
+    return [f"{name}={value!r}" for name, value in zip(NUMBERS, values, strict=True)]
+
+
+def test_a_fit_on_beam_finds_what_strings_cannot():
+    text = DOUBLE.read_text()
+    asked = Measured(mode=seen(text, *put(TRUTH)), parameter=[Free(name=name) for name in NUMBERS])
+    found = fit.solve([text], asked, level="beam")
+    np.testing.assert_allclose(found.value, TRUTH, rtol=1e-6)
+    assert found.chi_squared < 1e-9
+    mistaken = fit.solve([text], asked)
+    assert np.abs(mistaken.value / TRUTH - 1).max() > 0.03 and mistaken.chi_squared > 100
+
+
+def test_experiments_on_beam_share_numbers():
+    """Two states of one design, modes of one without labels."""
+    text = DOUBLE.read_text()
+    longer = text.replace("l = 0.28\n", "l = 0.31\n")
+    assert longer != text
+    plain = [
+        Mode(frequency=mode.frequency, uncertainty=mode.uncertainty)
+        for mode in seen(longer, *put(TRUTH))
+    ]
+    both = [
+        Experiment(design="x", name="short", mode=seen(text, *put(TRUTH))),
+        Experiment(design="x", name="long", mode=plain),
+    ]
+    found = fit.solve(
+        [text, longer],
+        Measured(experiment=both, parameter=[Free(name=name) for name in NUMBERS]),
+        level="beam",
+    )
+    np.testing.assert_allclose(found.value, TRUTH, rtol=1e-6)
+
+
+def test_the_commands(tmp_path):
+    answer = strict_json(
+        run("sensitivity", DOUBLE, "--fidelity", "beam", "--json", "--out", tmp_path).stdout
+    )
+    assert answer["fidelity"] == "beam" and answer["estimated_error"] < 1e-3
+    assert "materials.c70steel.poisson_ratio" in [item["name"] for item in answer["parameters"]]
+    told = run(
+        "sensitivity",
+        CONFIGS / "husman2000" / "table1-case4.toml",
+        "--fidelity",
+        "beam",
+        "--no-plot",
+        "--out",
+        tmp_path,
+    )
+    assert (
+        told.stdout.startswith("model: beam (derivatives by differences); neglected: wire mass")
+        and "warning" not in told.stderr
+    )
+    told = run("sensitivity", DOUBLE, "--no-plot", "--out", tmp_path)
+    assert (
+        "the string model neglects wire bending, which changes test pitch by 25 %; rerun with"
+        " --fidelity beam" in told.stderr
+    )
+
+
+def test_a_fit_by_the_command(tmp_path):
+    """From modes that are measured on beam, in files; what is unstable on strings alone is not told
+    to be."""
+    rows = [
+        {"label": mode.label, "frequency": mode.frequency, "uncertainty": mode.uncertainty}
+        for mode in seen(DOUBLE.read_text(), *put(TRUTH))
+    ]
+    file = written(
+        tmp_path, {"mode": rows, "parameter": [{"name": name} for name in NUMBERS]}, "measured.toml"
+    )
+    result = run("fit", DOUBLE, file, "--fidelity", "beam", "--json", "--out", tmp_path)
+    answer = strict_json(result.stdout)
+    assert answer["fidelity"] == "beam" and "warning" not in result.stderr
+    assert [item["value"] for item in answer["parameters"]] == pytest.approx(TRUTH, rel=1e-6)
+    rows[0]["label"] = "test nonsense"
+    wrong = written(tmp_path, {"mode": rows, "parameter": [{"name": NUMBERS[0]}]}, "wrong.toml")
+    lines = assert_refused(
+        run("fit", DOUBLE, wrong, "--fidelity", "beam", "--out", tmp_path / "none"),
+        wrong,
+        tmp_path / "none",
+    )
+    assert any("is the label of no mode" in line for line in lines)
+    assert (
+        "rerun with --fidelity beam"
+        in run("fit", DOUBLE, file, "--no-plot", "--out", tmp_path).stderr
+    )
+
+
+@pytest.mark.parametrize("level", ["closed-form", "force", "violin"])
+@pytest.mark.parametrize("command", ["sensitivity", "fit"])
+def test_rungs_without_derivatives_are_refused(command, level, tmp_path):
+    file = CONFIGS / "husman2000" / "table1-case4.toml"
+    measured = (
+        [CONFIGS.parent / "measured" / "husman2000" / "table1-case4.toml"]
+        if command == "fit"
+        else []
+    )
+    lines = assert_refused(
+        run(command, file, *measured, "--fidelity", level, "--out", tmp_path / "out"),
+        file,
+        tmp_path / "out",
+    )
+    assert lines == [f'--fidelity = "{level}": has no derivatives; take auto, string or beam']
+
+
+def test_wires_without_material_are_refused(tmp_path):
+    raw = tomllib.loads(DOUBLE.read_text())
+    del raw["stage"][0]["wires"]["radius"]
+    raw["stage"][0]["wires"]["k"] = 50000.0
+    file = written(tmp_path, raw)
+    lines = assert_refused(
+        run("sensitivity", file, "--fidelity", "beam", "--out", tmp_path / "out"),
+        file,
+        tmp_path / "out",
+    )
+    assert any("has no cross-section" in line for line in lines)

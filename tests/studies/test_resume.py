@@ -1,0 +1,150 @@
+"""`--resume` with an unfinished file that is not what the journal says: refused in one line, and
+left as it is."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+
+import h5py
+import numpy as np
+import pytest
+
+from suspension_cli.studies import sweep_file
+from tests.support.commandline import run
+from tests.support.couplings import FILE
+from tests.support.golden import CONFIGS
+
+SMALL = (
+    "--sweep",
+    "k=0.6:1.4:20,offset=-2e-3:2e-3:10",
+    "--no-plot",
+    "-q",
+    "--chunk",
+    "64",
+    "--workers",
+    "1",
+)
+NAME = "husman2000-figure6-xcouple.h5"
+
+
+@pytest.fixture(scope="module")
+def full_disk(tmp_path_factory):
+    """The folder of a run whose disk was full after some points."""
+    folder = tmp_path_factory.mktemp("full")
+    real, count = os.pwrite, iter(range(10**9))
+
+    def pwrite(handle, data, offset):
+        if next(count) >= 20:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(handle, data, offset)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sweep_file.os, "pwrite", pwrite)
+        patch.setattr(sweep_file, "SYNC_SECONDS", 0.0)  # what is done is in the journal
+        assert run("xcouple", FILE, "--out", folder, *SMALL).exit_code == 2
+    (journal,) = folder.glob("*.journal")
+    assert 0 < journal.read_bytes()[-4:].count(1) < 4
+    return folder
+
+
+@pytest.fixture
+def broken_off(full_disk, tmp_path):
+    """A copy of it."""
+    return shutil.copytree(full_disk, tmp_path, dirs_exist_ok=True)
+
+
+def with_file(change):
+    """A change of the file as HDF5."""
+
+    def changed(part):
+        with h5py.File(part, "r+") as file:
+            change(file)
+
+    return changed
+
+
+def other_group(file):
+    del file["xcouple"]
+    file["xcouple"] = np.zeros(3)
+
+
+def shorter(file):
+    del file["xcouple/ratio"]
+    file["xcouple/ratio"] = np.zeros(3)
+
+
+def chunked(file):
+    shape = file["xcouple/ratio"].shape
+    del file["xcouple/ratio"]
+    file["xcouple"].create_dataset("ratio", shape, "c16", chunks=True)
+
+
+def other_grid(file):
+    file["xcouple/axis k"][0] = 0.5
+
+
+def elsewhere(part):
+    part.unlink()
+    with h5py.File(part, "w") as file:
+        file["x"] = 1.0
+
+
+def foreign(part):
+    """The unfinished file of a sweep of the same shape of another design."""
+    double = CONFIGS / "double.toml"
+    assert (
+        run(
+            "xcouple",
+            double,
+            "--out",
+            part.parent / "other",
+            "--set",
+            "design.name=husman2000-figure6",
+            *SMALL,
+        ).exit_code
+        == 0
+    )
+    os.replace(part.parent / "other" / NAME, part)
+    (part.parent / "other").rmdir()
+
+
+SPOILT = {
+    "cut": lambda part: os.truncate(part, part.stat().st_size - 1000),
+    "cut short": lambda part: os.truncate(part, 100),
+    "empty": lambda part: os.truncate(part, 0),
+    "prose": lambda part: part.write_text("no HDF5"),
+    "another HDF5": elsewhere,
+    "another design": foreign,
+    "a dataset for the group": with_file(other_group),
+    "a short column": with_file(shorter),
+    "a column in chunks": with_file(chunked),
+    "another grid": with_file(other_grid),
+    "no design": with_file(lambda file: file.attrs.pop("design")),
+    "a folder": lambda part: (part.unlink(), part.mkdir()),
+    "a pipe": lambda part: (part.unlink(), os.mkfifo(part)),
+}
+
+
+@pytest.mark.parametrize("kind", SPOILT)
+def test_refused(kind, broken_off):
+    part = broken_off / f"{NAME}.part"
+    SPOILT[kind](part)
+    before = {path.name: path.stat().st_size for path in broken_off.iterdir()}
+    result = run("xcouple", FILE, "--out", broken_off, *SMALL, "--resume")
+    assert result.exit_code == 2
+    [line] = result.stderr.splitlines()
+    assert line.startswith(f"--resume: {NAME}.part is ")
+    assert line.endswith("; start anew without --resume")
+    assert before == {path.name: path.stat().st_size for path in broken_off.iterdir()}
+    if part.is_file():
+        assert run("xcouple", FILE, "--out", broken_off, *SMALL).exit_code == 0
+
+
+def test_a_sound_file_is_taken_up(broken_off, tmp_path_factory):
+    assert run("xcouple", FILE, "--out", broken_off, *SMALL, "--resume").exit_code == 0
+    whole = tmp_path_factory.mktemp("whole")
+    assert run("xcouple", FILE, "--out", whole, *SMALL).exit_code == 0
+    with h5py.File(broken_off / NAME) as found, h5py.File(whole / NAME) as expected:
+        np.testing.assert_array_equal(found["xcouple/ratio"][:], expected["xcouple/ratio"][:])

@@ -1,0 +1,140 @@
+"""The public API: documented, typed, exampled, and the same results as the commands and their
+files."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import runpy
+import subprocess
+import sys
+import typing
+import warnings
+
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from suspension_cli import api
+from suspension_cli.conventions import ANALYSES
+from tests.models.test_golden import assert_close
+from tests.support.commandline import run, strict_json
+from tests.support.paths import CONFIGS, ROOT
+
+FUNCTIONS = [name for name in sus.__all__ if inspect.isfunction(getattr(sus, name))]
+DOUBLE = CONFIGS / "double.toml"
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_every_function_is_documented_and_typed(name):
+    function = getattr(sus, name)
+    text = inspect.getdoc(function)
+    assert text is not None and text.split("\n")[0].endswith(".")
+    hints = typing.get_type_hints(function)
+    assert set(inspect.signature(function).parameters) | {"return"} == set(hints)
+    words = text.replace(",", " ").split()
+    assert set(inspect.signature(function).parameters) <= set(words), "an argument is not described"
+    if name not in ("examples", "load"):
+        assert ">>> " in text
+
+
+def test_examples_in_docstrings():
+    found = doctest.testmod(api, optionflags=doctest.NORMALIZE_WHITESPACE)
+    assert found.attempted > 40 and found.failed == 0
+
+
+def test_every_analysis_has_its_function():
+    assert set(ANALYSES) <= set(FUNCTIONS)
+
+
+def test_importing_imports_nothing_heavy():
+    code = (
+        "import suspension_cli, sys; print([n for n in ('click', 'numpy', 'scipy', 'h5py',"
+        " 'msgspec', 'matplotlib') if n in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+CASES = {
+    "modes": (lambda design: sus.modes(design, model="string"), ("--fidelity", "string")),
+    "response": (
+        lambda design: sus.response(design, inputs=["support.z"], frequency=np.array([0.3, 7.0])),
+        ("--input", "support.z", "--frequency", "0.3,7.0"),
+    ),
+    "thermal": (
+        lambda design: sus.thermal(design, frequency="1:100:3"),
+        ("--frequency", "1:100:3"),
+    ),
+    "xcouple": (
+        lambda design: sus.xcouple(design, sweep={"k": [0.9, 1.1]}, model="string"),
+        ("--sweep", "k=0.9,1.1", "--fidelity", "string"),
+    ),
+    "sweep": (
+        lambda design: sus.sweep(
+            design, vary={"stage.test.wires.d": [1e-3, 2e-3]}, result=["test yaw"], model="string"
+        ),
+        ("--vary", "stage.test.wires.d=1e-3,2e-3", "--result", "test yaw", "--fidelity", "string"),
+    ),
+    "sensitivity": (
+        lambda design: sus.sensitivity(design, result=["test yaw"], model="string"),
+        ("--result", "test yaw", "--fidelity", "string"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_results_are_those_of_the_command(name, tmp_path):
+    function, options = CASES[name]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sus.PendsusWarning)
+        found = function(sus.read(DOUBLE))
+    done = run(name, DOUBLE, *options, "--json", "--out", tmp_path)
+    assert found.document() == strict_json(done.stdout)
+    assert found.model in str(found) or name == "xcouple"
+    found.save(tmp_path / "again.h5")
+    again = sus.load(tmp_path / "again.h5")
+    assert_close(
+        again.document(), {k: v for k, v in found.document().items() if k != "without_loss"}
+    )
+    table = found.to_xarray()
+    assert table.attrs["model"] == found.model and table.data_vars
+    assert "<pre>" in found._repr_html_()
+
+
+def test_faults_name_arguments():
+    design = sus.read(DOUBLE)
+    with pytest.raises(sus.InputError, match=r'output = "tset\.x": names no body') as caught:
+        sus.response(design, outputs=["tset.x"])
+    assert "--" not in str(caught.value)
+    with pytest.raises(sus.InputError, match="no template"):
+        sus.template("quintuple")
+    with pytest.raises(sus.InputError, match="did you mean 'double'"):
+        sus.example("duble")
+    with pytest.raises(sus.InputError, match=r"is not HDF5"):
+        sus.load(DOUBLE)
+
+
+def test_designs_are_frozen_and_replaced():
+    design = sus.read(DOUBLE)
+    changed = design.replace({"stage.test.wires.d": 0.0025})
+    assert design.stage[-1].wires.d != changed.stage[-1].wires.d == 0.0025
+    assert sus.parse(changed.text).design == changed.design
+    with pytest.raises(AttributeError):
+        design.text = ""
+
+
+def test_warnings_are_python_warnings():
+    with pytest.warns(sus.PendsusWarning, match="unstable"):
+        sus.modes(sus.read(DOUBLE).replace({"stage.test.wires.d": -0.05}), model="string")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("table1", "4  vertical"), ("figure6", "largest ratio: 5.901e-04")]
+)
+def test_notebooks(name, said, capsys, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    path = ROOT / "docs" / "notebooks" / f"{name}.py"
+    assert len(path.read_text().splitlines()) < 30
+    runpy.run_path(str(path))
+    assert said in capsys.readouterr().out

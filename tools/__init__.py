@@ -1,0 +1,1 @@
+"""One script for each make target that writes results or documentation."""
