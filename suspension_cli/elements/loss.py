@@ -44,7 +44,6 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy import special
 
 from suspension_cli.design.sections import rectangle_torsion
 from suspension_cli.scene.fibres import BladeLoss, Losses, Section
@@ -164,6 +163,8 @@ def relaxation(phase: Any, order: float) -> Any:
 
 def _moment(x2: Any, order: float) -> Any:
     """g = v/(v + c) up to |x| = `MIDDLE`, g - 1 = -c/(v + c) beyond, with c = 2 (n + 1)."""
+    from scipy import special  # 0.1 s, which designs without thermoelastic loss do not need
+
     x = np.sqrt(x2)
     size = np.abs(x)
     near = np.where((size < LEAST) | (size > MOST), np.where(size < LEAST, LEAST, MOST), x)
