@@ -48,7 +48,7 @@ class PendsusError(Exception):
 
 
 class PendsusWarning(UserWarning):
-    """What a result must not be used without; `pendsus` prints it on stderr."""
+    """Warning about a result; `pendsus` prints it on stderr."""
 
 
 class Interrupted(PendsusError):
@@ -79,7 +79,7 @@ class InputError(PendsusError):
         return InputError, (self.faults, self.file)
 
     def in_file(self, file: str) -> InputError:
-        """The same faults, attributed to a file."""
+        """Return the faults attributed to a file."""
         return InputError(self.faults, file)
 
 

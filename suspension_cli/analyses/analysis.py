@@ -89,7 +89,7 @@ class Run:
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """What an analysis found, with the design and the model that it was found with.
+    """Result of an analysis, with its design and its model.
 
     Fields of `data` are attributes of the result too: ``result.frequency``.
 
@@ -184,7 +184,7 @@ class Result:
 
     @property
     def provenance(self) -> Provenance:
-        """What a results file records of its origin."""
+        """Origin that a results file records."""
         from suspension_cli.files.hdf5 import Provenance
 
         choice = self.choice

@@ -15,7 +15,7 @@ TOLERANCE = 1e-3
 
 
 class Finite(click.FloatRange):
-    """A number within bounds; not a number is none."""
+    """A number within bounds, not NaN."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Refuse NaN, which no bound catches."""
@@ -84,7 +84,7 @@ ENDINGS = (
     ".txt",
     ".zip",
 )
-"""What the name of a file ends with, that of a folder hardly ever."""
+"""Endings of file names, which folders hardly ever have."""
 
 DESIGN = argument("design", metavar="DESIGN")
 DESIGNS = argument("designs", nargs=-1, required=True, metavar="DESIGN...")
@@ -193,7 +193,7 @@ COUPLING = (
         help="Frequencies at which the coupling is computed, Hz.",
     ),
 )
-"""Which cross-coupling is computed."""
+"""Options that define the cross-coupling."""
 SWEEP = (
     option(
         "--workers",
@@ -219,7 +219,7 @@ SWEEP = (
     ),
     option("--resume", is_flag=True, help="Continue an interrupted run.", group=BATCH),
 )
-"""How a sweep is computed."""
+"""Options of the computation of a sweep."""
 WRITING = (OVERRIDES, OUT, FIDELITY, AS_JSON, PLOT, QUIET, VERBOSE)
 """Options of every analysis that writes a results file and a picture."""
 INFO = (

@@ -26,7 +26,7 @@ def prepared(
 def with_analysis_table(
     ctx: click.Context, table: dict[str, Any], file: str, extra: tuple[str, ...] = ()
 ) -> dict[str, Any]:
-    """The options of a command, with defaults from the design's `[analysis.COMMAND]` table.
+    """Return the settings of a command, with defaults from the design's `[analysis.COMMAND]` table.
 
     What is given on the command line wins.  Keys in `extra` are the command's own business.
 
@@ -82,7 +82,7 @@ def with_analysis_table(
 
 
 def _grid_faults(key: str, value: Any) -> list[Any]:
-    """What is wrong with a grid in an `[analysis]` table."""
+    """Find faults of a grid in an `[analysis]` table."""
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.grids import parse_grid
 
@@ -123,7 +123,7 @@ def check_tables(tables: dict[str, dict[str, Any]], file: str) -> None:
 
 
 def _as_typed(option: click.Option, value: Any) -> Any:
-    """A value of an `[analysis]` table as it would have come from the command line."""
+    """Convert a value of an `[analysis]` table to the form of the command line."""
     if option.is_flag:
         if not isinstance(value, bool):
             raise click.BadParameter("must be true or false")
@@ -142,16 +142,14 @@ def _long_name(option: click.Option) -> str:
 
 
 def command_line(argv: list[str]) -> str:
-    """The command as it was typed, for results to tell: quoted for a shell, with escapes for what
-    is no text.
-    """
+    """Quote a command line for a shell, with escapes for bytes that are not text."""
     import shlex
 
     return shlex.join(["pendsus", *argv[1:]]).encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def folder(path: str) -> Path:
-    """The folder for results, made if it is missing.
+    """Make the folder for results if it is missing, and return its path.
 
     Raises
     ------

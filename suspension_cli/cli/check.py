@@ -172,7 +172,7 @@ def _stressed(part: WireLoad | BladeLoad) -> dict[str, Any]:
 
 
 def _text(one: Checked) -> str:
-    """What a design carries, for people."""
+    """Format the loads, heights and stability of a design."""
     from suspension_cli.errors import escape_unprintable
 
     carried, count = one.carried, len(one.implausible)
@@ -199,7 +199,7 @@ def _text(one: Checked) -> str:
 
 
 def _tables(carried: Statics) -> list[str]:
-    """A line for each wire and each blade."""
+    """Format one line per wire and per blade."""
     width = max([12, *(len(part.label) for part in (*carried.wires, *carried.blades))])
     lines = []
     if carried.wires:
@@ -220,7 +220,7 @@ def _tables(carried: Statics) -> list[str]:
 
 
 def _stress(part: WireLoad | BladeLoad) -> str:
-    """Stress and its share of the strength; a dash where that is not known."""
+    """Format a stress and its fraction of the strength; a dash where it is unknown."""
     stress = f"{part.stress / 1e6:7.0f} MPa" if part.stress is not None else f"{'-':>11}"
     return f"{stress}  {f'{100 * part.share:.3g} %' if part.share is not None else '-':>11}"
 

@@ -1,6 +1,4 @@
-"""How a run ends that something stops: one line on stderr and an exit code, never a traceback for
-what is no bug.
-"""
+"""Errors and interruptions of a run: one line on stderr, an exit code, tracebacks only for bugs."""
 
 from __future__ import annotations
 
@@ -26,19 +24,19 @@ SMALLER = {
     "--max-frequency": "a lower --max-frequency",
     "--starts": "fewer --starts",
 }
-"""What to make smaller where memory does not suffice, by the options that a command has."""
+"""Remedies where memory does not suffice, by the options that a command has."""
 NO_MEMORY = (
     "failed to map segment",
     "cannot allocate memory",
     "can't start new thread",
     "unable to allocate",
 )
-"""What libraries say when they get no memory."""
+"""Messages of libraries that get no memory."""
 
 
 @contextlib.contextmanager
 def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> Iterator[None]:
-    """End the run with one line on stderr where it is stopped by the input, the user or the system.
+    """End a run that the input, the user or the system stops with one line on stderr.
 
     Parameters
     ----------
@@ -74,7 +72,7 @@ def _stop(text: str, code: int) -> None:
 
 
 def _starved(error: BaseException) -> bool:
-    """Whether an error means that there is no memory left."""
+    """Whether an error means that memory is exhausted."""
     return isinstance(error, MemoryError) or any(words in str(error).lower() for words in NO_MEMORY)
 
 
@@ -88,7 +86,7 @@ def _memory(error: BaseException, command: click.Command | None) -> str:
 
 
 def _system(error: OSError) -> str:
-    """An error of the system outside the files of results, whose writers say where they stand."""
+    """Describe an error of the system outside results files, whose writers name the file."""
     reason = error.strerror or str(error)
     if error.filename is not None:
         name = error.filename
@@ -104,9 +102,7 @@ def _system(error: OSError) -> str:
 
 
 def _let_go() -> None:
-    """Send what is still to be printed nowhere, so that Python does not complain of it at the
-    end.
-    """
+    """Discard unprinted output, of which Python would complain at exit."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         handle = sys.stdout.fileno()
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -121,7 +117,7 @@ def _one_line(
     lineno: int,
     line: str | None = None,
 ) -> str:
-    """A warning of Python as a line of the log."""
+    """Format a Python warning in one line."""
     return (
         f"warning: {category.__name__}: {' '.join(str(message).split())}"
         f" ({os.path.basename(filename)}:{lineno})\n"
@@ -129,8 +125,7 @@ def _one_line(
 
 
 def guard_streams() -> None:
-    """Put something in place of standard streams that are closed, so that no file of results takes
-    their number.
+    """Replace closed standard streams, whose numbers a results file would take otherwise.
 
     Printing to a closed standard output then fails, as it should; what goes to a closed stderr is
     lost. What the terminal's encoding has no letters for is printed as escapes, and warnings of

@@ -102,7 +102,7 @@ def document(
     decisions: dict[str, Decision],
     noise: tuple[str, Choice] | None,
 ) -> dict[str, Any]:
-    """The JSON document."""
+    """Build the JSON document."""
     choices = [
         {
             "quantity": quantity,
@@ -155,7 +155,7 @@ def text(
     decisions: dict[str, Decision],
     noise: tuple[str, Choice] | None,
 ) -> str:
-    """The same for people: a table of indicators a stage, then the choices."""
+    """Format a table of the estimates of each stage, then the chosen models."""
     columns = _largest(found)
     width = max([len(stage) for stage in found.stage] + [6])
     lines = [title, ""]
@@ -183,9 +183,7 @@ def text(
 
 
 def _largest(found: Estimates) -> dict[str, Any]:
-    """What each refinement of each stage's wires changes of the mode that it changes most: (s,)
-    each.
-    """
+    """Largest change of a mode by each refinement of each stage's wires, (s,) each."""
     from suspension_cli.models.estimates import BENDING, MASS
 
     return {BENDING: found.bending.max(0), MASS: found.mass.max(0)}
@@ -198,7 +196,7 @@ def _shown(value: float) -> str:
 
 
 def _why(simplest: Modes) -> str:
-    """Why an indicator is infinite."""
+    """Explain an infinite estimate."""
     from suspension_cli.models import auto
 
     return (

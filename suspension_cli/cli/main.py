@@ -1,4 +1,4 @@
-"""The `pendsus` command.  Each subcommand is a module of its own, imported only when it runs."""
+"""The `pendsus` command; each subcommand is imported only when it runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class LazyGroup(click.Group):
     """
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names in the order in which a user meets them."""
+        """List the names, most used first."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -29,7 +29,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command, or say which one may have been meant."""
+        """Find the command, or suggest a similar one."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
             from suspension_cli.design.faults import suggest
 
@@ -54,7 +54,7 @@ class LazyGroup(click.Group):
             return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: click.Context) -> object:
-        """Run a command; what stops it becomes lines on stderr and an exit code."""
+        """Run a command; errors become lines on stderr and an exit code."""
         with in_one_line(lambda: self.get_command(ctx, ctx.invoked_subcommand or "")):
             return super().invoke(ctx)
 
@@ -62,7 +62,7 @@ class LazyGroup(click.Group):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="pendsus")
 def main() -> None:
-    """Linear models of the pendulums that hang mirrors, from one TOML file a design.
+    """Linear models of the pendulums that hang mirrors, from one TOML file per design.
 
     Start with `pendsus new triple my.toml`, then `pendsus modes my.toml`.
     """

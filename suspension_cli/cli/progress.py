@@ -1,4 +1,4 @@
-"""A progress bar on stderr for anything over a second."""
+"""Progress bar on stderr for computations of more than a second."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from types import TracebackType
 
 WIDTH = 30
 PATIENCE = 1.0
-"""Seconds before the bar shows."""
+"""Time before the bar appears, s."""
 EVERY = 0.2
-"""Seconds between two drawings."""
+"""Time between two updates, s."""
 
 
 class Bar:
-    """Call it with (done, all, rate); it draws bar, rate and time left."""
+    """Progress bar, rate and time left; call it with (done, all, rate)."""
 
     def __init__(self, *, enabled: bool) -> None:
         self.enabled = enabled
@@ -35,7 +35,7 @@ class Bar:
             sys.stderr.write("\n")
 
     def __call__(self, done: int, count: int, rate: float) -> None:
-        """Draw, if it is time to."""
+        """Update the bar if enough time has passed."""
         now = time.monotonic()
         last = done == count and self.drawn
         if (

@@ -188,7 +188,7 @@ class DampAnalysis(Analysis):
 
 
 def growth(answer: LocalControl) -> str:
-    """The pole that grows fastest, and what to do about it."""
+    """Describe the pole that grows fastest, with a remedy."""
     closed = answer.closed
     worst = int(closed.growth_rate.argmax())
     others = int((closed.growth_rate > 0).sum()) - 1

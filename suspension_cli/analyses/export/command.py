@@ -152,7 +152,7 @@ class ExportAnalysis(Analysis):
 
 
 def agreement(made: Exported) -> str:
-    """The band in which an export agrees with the direct solution, in words."""
+    """Describe the band in which an export agrees with the direct solution."""
     if made.band is None:
         return (
             f"there is no band in which it agrees with the direct solution to {made.tolerance:g}"

@@ -192,9 +192,7 @@ class ModesAnalysis(Analysis):
 
 
 def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
-    """Say with a number what blades in series with angled wires cost, where that is more than the
-    tolerance.
-    """
+    """Warn of the error by blades in series with angled wires, if it exceeds the tolerance."""
     from suspension_cli.analyses.modes.series_error import estimate_series_error
 
     apart = (
@@ -211,8 +209,9 @@ def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
 
 
 def _solve(run: Run) -> tuple[Choice, Modes, Modes]:
-    """What was chosen, the modes without damping (with the mass of wires: those with it), and the
-    modes with all losses.
+    """Return the choice of model, the modes without damping, and those with all losses.
+
+    With wire mass both are the modes with all losses.
     """
     import numpy as np
 
@@ -265,9 +264,7 @@ def _solve(run: Run) -> tuple[Choice, Modes, Modes]:
 
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:
-    """Say how many modes there are, where they are many, and refuse more than `MOST` that nobody
-    asked for.
-    """
+    """Report the number of modes if there are many; refuse more than `MOST` without --all."""
     from suspension_cli.errors import Fault, InputError
 
     if number > MOST and not run.setting["every"]:
@@ -290,9 +287,7 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
 
 
 def _family(labels: list[str], body: str, dof: str, order: int) -> str:
-    """What modes of wires that lie together have in common: all of one label, or those of a body of
-    one order.
-    """
+    """Name modes of wires of nearly one frequency: by their label, or by their body and order."""
     return (
         labels[0]
         if len(set(labels)) == 1

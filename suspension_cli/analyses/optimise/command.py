@@ -297,9 +297,7 @@ def _modes(found: Optimum) -> list[dict[str, Any]]:
 
 
 def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
-    """The goals of one name: what is not met and what is active, or the limits with the least
-    margin.
-    """
+    """Format the goals of one name: limits not met or active, or those with the least margin."""
     limits, quantities = found.limits, found.quantities
     mine = [n for n, goal in enumerate(limits.goal) if goal in numbers]
     if not mine:
@@ -329,18 +327,18 @@ def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
 
 
 def _size(value: float) -> str:
-    """A value; there is none of a mode that is unstable, or has no counterpart."""
+    """Format a value, "none" for a mode that is unstable or has no counterpart."""
     return f"{value:.4g}" if math.isfinite(value) else "none"
 
 
 def _share(value: float) -> str:
-    """Room in %, without a minus before a zero."""
+    """Format the room in %, without a minus before a zero."""
     percent = 100 * value
     return f"{percent:+.0f} %" if abs(percent) >= 10 else f"{round(percent, 2) + 0.0:+.2f} %"
 
 
 def _verdict(found: Optimum) -> str:
-    """How many limits there are and whether they are met; what is not known is not."""
+    """Format the number of limits, of those not met and of those unknown."""
     count, missed, unknown = (
         len(found.limits.name),
         int((~found.limits.met).sum()),
@@ -356,7 +354,7 @@ def _verdict(found: Optimum) -> str:
 
 
 def _starts(found: Optimum) -> list[str]:
-    """How many starts arrived where."""
+    """Format the number of starts that reached each design."""
     place, kept = found.starts.place, found.starts.after <= 1e-8
     if len(place) == 1:
         return []

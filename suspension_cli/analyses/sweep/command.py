@@ -157,7 +157,7 @@ class SweepAnalysis(Analysis):
 
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:
-    """The axes that `--vary` asks for."""
+    """Parse the axes of `--vary`."""
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.grids import parse_grid
     from suspension_cli.studies.axes import Axis

@@ -224,7 +224,7 @@ def _percent(share: float) -> str:
 
 
 def told(frequency: Any) -> list[int]:
-    """Places in a grid nearest to 1 Hz, 10 Hz and so on, within it; its ends if there are none."""
+    """Find the points of a grid nearest to 1 Hz, 10 Hz, ...; its ends if there are none."""
     import math
 
     import numpy as np

@@ -198,7 +198,7 @@ class ToleranceAnalysis(Analysis):
 
 
 def _coupled(job: RandomBuilds, choice: Choice) -> Choice:
-    """What strings leave out of the cross-coupling too, in the choice."""
+    """Add the error of the cross-coupling by neglected wire bending to a choice."""
     from suspension_cli.analyses.tolerance import model_error
 
     error = model_error.estimate_scatter_error(job)

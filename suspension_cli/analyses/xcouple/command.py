@@ -271,9 +271,7 @@ class MatrixAnalysis(Analysis):
 
 
 def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:
-    """The axes that `--sweep` asks for; grids left out come from the design's table, then from the
-    defaults.
-    """
+    """Parse the axes of `--sweep`; missing grids come from the design's table or the defaults."""
     from suspension_cli.analyses.xcouple.solve import PARAMETERS, UNITS
     from suspension_cli.design.faults import suggest
     from suspension_cli.errors import Fault, InputError, format_value
@@ -324,7 +322,7 @@ def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:
 
 
 def _grid_text(value: Any) -> str:
-    """A grid of the design's table as it would have come from the command line."""
+    """Convert a grid of the design's table to the form of the command line."""
     return ",".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
@@ -369,7 +367,7 @@ def _warn_of_faint(run: Run, requested: CouplingRequest, answer: Coupling) -> No
 def _all_motions(
     known: tuple[str, ...], question: CouplingRequest, setting: dict[str, Any]
 ) -> tuple[Transfer, str]:
-    """Every motion of the support to every motion of the point watched, and that point."""
+    """Return the request for all motions of support and observed point, and that point."""
     import numpy as np
 
     from suspension_cli.conventions import DOFS
