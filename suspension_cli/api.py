@@ -1,5 +1,8 @@
 """The public API: the analyses of the command line as functions, on designs as objects.
 
+Arguments that have their default values take those of the design's ``[analysis]`` table, if it
+gives any, as options of the commands do.
+
 Import it as ``import suspension_cli as sus``; docs/api.md has examples of every function.
 """
 
@@ -377,7 +380,7 @@ def xcouple(
     observe: str | None = None,
     over: str | None = None,
     under: str | None = None,
-    frequency: Grid = 50.0,
+    frequency: Grid = "50",
     matrix: bool = False,
     model: str = "auto",
     tolerance: float | None = None,
@@ -462,7 +465,7 @@ def tolerance(
     observe: str | None = None,
     over: str | None = None,
     under: str | None = None,
-    frequency: Grid = 50.0,
+    frequency: Grid = "50",
     model: str = "auto",
     workers: int = 1,
     allow_unstable: bool = False,

@@ -42,6 +42,8 @@ PAPER_DOF_NAMES = {
 
 SUPPORT = "support"
 """The suspension point structure: its six motions are inputs."""
+FRAME = "frame"
+"""Name of the motion of a compliant support structure relative to the ground: ``frame.z`` ..."""
 
 PARITY_X = (-1, 1, 1, 1, -1, -1)
 """Factor of each coordinate in the mirror image x -> -x: displacements are polar vectors, rotations

@@ -97,6 +97,9 @@ def test_results_are_those_of_the_command(name, tmp_path):
     assert_close(
         again.document(), {k: v for k, v in found.document().items() if k != "without_loss"}
     )
+    again.save(tmp_path / "once-more.h5")
+    assert (tmp_path / "once-more.h5").read_bytes() == (tmp_path / "again.h5").read_bytes()
+    assert again.to_xarray().identical(found.to_xarray())
     table = found.to_xarray()
     assert table.attrs["model"] == found.model and table.data_vars
     assert "<pre>" in found._repr_html_()
@@ -138,3 +141,12 @@ def test_notebooks(name, said, capsys, monkeypatch):
     assert len(path.read_text().splitlines()) < 30
     runpy.run_path(str(path))
     assert said in capsys.readouterr().out
+
+
+def test_defaults_are_those_of_the_analysis_table():
+    """Of the design's [analysis.xcouple]: its grids and its point; an argument wins."""
+    stage = sus.example("husman2000/figure6")
+    other = stage.replace({"analysis.xcouple.frequency": 20.0, "analysis.xcouple.k": "0.9:1.1:3"})
+    found = sus.xcouple(other, sweep="k", model="string")
+    assert found.frequency.tolist() == [20.0] and found.ratio.shape == (3, 1)
+    assert sus.xcouple(other, sweep="k", frequency=30.0, model="string").frequency[0] == 30.0

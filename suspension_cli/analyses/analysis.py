@@ -105,7 +105,7 @@ class Result:
     extra : dict
         What text and JSON report beyond the arrays; empty after reading from a file.
     file : Path or None
-        The file that the analysis filled while it ran.
+        The results file that the analysis filled while it ran, or that the result was read from.
     """
 
     analysis: Analysis
@@ -273,14 +273,12 @@ class Analysis(ABC):
 
     def save(self, path: Path, result: Result) -> None:
         """Write the results file."""
-        import shutil
-
-        from suspension_cli.files import hdf5
+        from suspension_cli.files import atomic, hdf5
 
         if result.file is None:
             hdf5.write(path, result.provenance, lambda file: self.fill(file, result))
         elif path != result.file:
-            shutil.copyfile(result.file, path)
+            atomic.write_bytes(path, result.file.read_bytes())
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write files beside the results file at `path`, and return their paths."""

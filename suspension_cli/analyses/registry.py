@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses.analysis import Analysis, Result
@@ -52,4 +53,5 @@ def loaded(file: h5py.File, name: str) -> Result:
         float(str(file.attrs["estimated_error"])),
     )
     source = Source(parse(text), text, name)
-    return Result(analysis, source, choice, analysis.load(file), command=str(file.attrs["command"]))
+    data, command = analysis.load(file), str(file.attrs["command"])
+    return Result(analysis, source, choice, data, file=Path(file.filename), command=command)

@@ -85,8 +85,9 @@ def _checked(file: str, overrides: tuple[str, ...]) -> Checked:
     from suspension_cli.analyses.check import limits, plausible, statics
     from suspension_cli.cli import name_checks
     from suspension_cli.design import plausibility as numbers
+    from suspension_cli.design.paths import value_at
     from suspension_cli.design.plausibility import ImplausibleNumber
-    from suspension_cli.design.reader import read, value_at
+    from suspension_cli.design.reader import read
     from suspension_cli.errors import Fault, InputError
     from suspension_cli.models import registry
 

@@ -184,7 +184,7 @@ def text(
 
 def _largest(found: Estimates) -> dict[str, Any]:
     """Largest change of a mode by each refinement of each stage's wires, (s,) each."""
-    from suspension_cli.models.estimates import BENDING, MASS
+    from suspension_cli.models.base import BENDING, MASS
 
     return {BENDING: found.bending.max(0), MASS: found.mass.max(0)}
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from suspension_cli.analyses.check.statics import list_wire_tables
 from suspension_cli.analyses.damp import control
-from suspension_cli.conventions import SUPPORT
+from suspension_cli.conventions import FRAME, SUPPORT
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.plausibility import ImplausibleNumber
 from suspension_cli.design.schema import Design
@@ -41,7 +41,7 @@ def find_unknown_names(
         One per unknown name.
     """
     stages = tuple(stage.name for stage in design.stage)
-    known = (SUPPORT, *stages, *(("frame",) if design.support is not None else ()))
+    known = (SUPPORT, *stages, *((FRAME,) if design.support is not None else ()))
     unknown: list[ImplausibleNumber] = []
     for loop in design.control.loop if design.control is not None else ():
         unknown += _collect_faults(lambda loop=loop: control.parse_sensor(loop, stages, known))

@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Iterator
 
-from suspension_cli.conventions import ANALYSES, DOFS, SUPPORT
+from suspension_cli.conventions import ANALYSES, DOFS, FRAME, SUPPORT
 from suspension_cli.design import body_checks, imperfections, materials, wire_checks
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
 from suspension_cli.design.derive import set_geometry
@@ -20,8 +20,6 @@ from suspension_cli.errors import Fault, format_key, format_value
 
 BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}
 """Numbers of blades that can carry a symmetric set, by its number of wires."""
-FRAME = "frame"
-"""Name in results of the motion of a support structure that is not rigid."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 

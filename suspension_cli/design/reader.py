@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from suspension_cli.design import checks, faults, paths
-from suspension_cli.design.paths import value_at as value_at
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 

@@ -22,7 +22,7 @@ from suspension_cli.drawing.dimensions import (
 from suspension_cli.drawing.geometry import View, wire_ends
 from suspension_cli.drawing.parts import Sketch, support_box
 from suspension_cli.drawing.style import NOTE, PALE, length, shorten, single_line
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 LEAST_ROOM = 0.3
 """Free height between two bodies that is enough for one dimension line, in."""

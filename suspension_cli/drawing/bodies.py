@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design.schema import Body, Design
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene
 
 SMALLEST = 0.012
 """Least half extent of a body that can be seen, relative to the size of the suspension."""

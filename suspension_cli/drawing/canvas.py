@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
 from suspension_cli.drawing import style
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 
 class _Polygon(NamedTuple):

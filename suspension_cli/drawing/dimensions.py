@@ -9,7 +9,7 @@ from scipy.optimize import isotonic_regression
 
 from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.style import NOTE
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 SIZE = 6.8
 """Font size of dimensions, points."""

@@ -15,8 +15,9 @@ from suspension_cli.drawing.canvas import Canvas, full_canvas
 from suspension_cli.drawing.geometry import FACE, SIDE, View
 from suspension_cli.drawing.parts import Look, Sketch
 from suspension_cli.drawing.style import INK, NOTE, PALETTE
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import nominal_pose
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.scene import Scene
 
 MARGIN = 0.25
 """Margin around everything, in."""

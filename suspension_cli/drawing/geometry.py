@@ -13,8 +13,9 @@ import numpy as np
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.drawing.bodies import Outline, suspension_size
 from suspension_cli.elements.string import tip_deflection
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.scene import Scene
 
 LARGEST_ANGLE = 0.35
 """Largest rotation in the picture of a mode, rad."""

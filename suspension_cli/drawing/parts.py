@@ -13,8 +13,9 @@ from suspension_cli.drawing.bodies import Outline, suspension_size
 from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.geometry import View
 from suspension_cli.drawing.style import NOTE, PALE, with_opacity
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.scene import Scene
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.elements import beam, curvature, gas, joined_sections, loss, rod
-from suspension_cli.scene.fibres import Fibre, Gas, Section
+from suspension_cli.scene.composition import Fibre, Gas, Section
 
 PARTS = ("bend-1", "bend-2", "stretch", "twist")
 COORDINATES = {"bend-1": 4, "bend-2": 4, "stretch": 2, "twist": 2}

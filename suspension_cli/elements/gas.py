@@ -26,8 +26,8 @@ import numpy as np
 
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.schema import Body
-from suspension_cli.scene.fibres import Gas, Section
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.composition import Gas, Section
 
 
 def surface_drag(gas: Gas) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.scene.scene import Index
+from suspension_cli.scene.arrays import Index
 
 
 def sum_by(index: Index, values: Any, count: int) -> Any:

@@ -46,7 +46,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design.sections import rectangle_torsion
-from suspension_cli.scene.fibres import BladeLoss, Losses, Section
+from suspension_cli.scene.composition import BladeLoss, Losses, Section
 
 LEAST, MOST = 1e-8, 1e6
 """|x| outside which the ratios of Bessel functions equal their limits to the last digit."""

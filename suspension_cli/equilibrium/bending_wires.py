@@ -11,7 +11,7 @@ from suspension_cli.elements import bending, joined_sections, string
 from suspension_cli.elements.dynamic_wire import TautWire, fit_to_equilibrium, group_identical
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.scene.fibres import Fibre
+from suspension_cli.scene.composition import Fibre
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 

@@ -26,8 +26,9 @@ from suspension_cli.equilibrium.residual_scale import residual_scale
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import expand as scene_expand
 from suspension_cli.scene import imperfections, tensions
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout, Pose, displace, layout
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.scene import Scene
 
 STEPS = 40
 """Most iterations of the loads."""

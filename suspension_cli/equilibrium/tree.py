@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from suspension_cli.scene.scene import Index, Scene
+from suspension_cli.scene.arrays import Index
+from suspension_cli.scene.scene import Scene
 
 
 def parents(scene: Scene) -> Index:

@@ -8,7 +8,7 @@ import numpy as np
 
 from suspension_cli.linear import eigenmodes, graded_eigenvalues
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from suspension_cli.linear.blocks import CondensedBlock, SupportForces
 from suspension_cli.linear.double_double import DoubleDouble, two_product, two_sum
 from suspension_cli.linear.residual import Equations, Loads
 from suspension_cli.linear.small_matrices import dense
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 CONVERGED = 1e-10
 """Relative correction of a coordinate below which no second correction is needed."""

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from suspension_cli.conventions import FRAME
 from suspension_cli.linear import elimination, static_condensation
 from suspension_cli.linear.residual import Equations, equations
 from suspension_cli.linear.rigid_motion_invariance import low_parts
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array, Index
+from suspension_cli.scene.arrays import Array, Index
 
 SOFT = 1e-5
 """Ratio of a blade's stiffness to that of its wires below which its tip is counted from where the
@@ -229,7 +230,7 @@ def condense_block(model: LinearSystem, number: int) -> CondensedBlock:
 
 def _condense(model: LinearSystem, block: Index) -> CondensedBlock:
     # neither outputs nor inputs act on massless tips, so these can be eliminated
-    tips = np.array([_owner(model.coordinate[n]) != "frame" for n in block])
+    tips = np.array([_owner(model.coordinate[n]) != FRAME for n in block])
     light = model.massless[block] & tips & ~(model.damping[block] != 0).any(1)
     kept, massless = block[~light], block[light]
     full = model.stiffness if model.lossy is None else model.lossy
@@ -379,4 +380,4 @@ def _owner(coordinate: str) -> str:
 
 def _rank(model: LinearSystem, owner: str) -> int:
     """Rank of a body in the order of elimination: the frame, then the stages."""
-    return -1 if owner == "frame" else model.body.index(owner)
+    return -1 if owner == FRAME else model.body.index(owner)

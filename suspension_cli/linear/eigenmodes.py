@@ -15,7 +15,7 @@ import numpy as np
 from suspension_cli.conventions import DOF_NAMES, WIRE_MODE_NAMES
 from suspension_cli.linear import graded_eigenvalues, quality, static_condensation
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array, Index
+from suspension_cli.scene.arrays import Array, Index
 
 PER_MODE = (
     "omega_squared",

@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from suspension_cli.conventions import FRAME
 from suspension_cli.linear import elimination
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.frequency_terms import Evaluated, EvaluatedWires, Term, WireTerm
 from suspension_cli.linear.stretching import distinct
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array, Index
+from suspension_cli.scene.arrays import Array, Index
 
 
 @dataclass(frozen=True)
@@ -210,7 +211,7 @@ def build_blocks(model: LinearSystem) -> list[FrequencyDependentBlock]:
 
 def _block(model: LinearSystem, group: Index) -> FrequencyDependentBlock:
     owner = [model.coordinate[n].split(".", 1)[0] for n in group]
-    rank = [-1 if name == "frame" else model.body.index(name) for name in owner]
+    rank = [-1 if name == FRAME else model.body.index(name) for name in owner]
     order = np.argsort(rank, kind="stable")
     keep = group[order]
     with_support = np.concatenate([np.arange(6), keep])

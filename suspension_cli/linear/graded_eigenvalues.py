@@ -18,7 +18,7 @@ import numpy as np
 
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 APART = 1e-3
 """Modes below this fraction of the largest omega^2 are solved again in their own space; the others

@@ -22,7 +22,7 @@ import numpy as np
 from suspension_cli.linear import frequency_dependent
 from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 GRID = 256
 """Number of frequencies of the initial count."""

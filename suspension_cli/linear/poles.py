@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.linear import statespace
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 ROUNDING = 1e-10
 """Real part of a pole, relative to its modulus, that may be a rounding error."""

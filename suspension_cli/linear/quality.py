@@ -21,8 +21,8 @@ from suspension_cli.elements.dynamic_wire import PARTS, TautWire
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.fibres import Fibre, Losses
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.composition import Fibre, Losses
 
 NOTHING = 1e-30
 """Ratio of dissipation to energy that rounding errors of a shape cause in parts at rest."""

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.linear.double_double import DoubleDouble, cut, summed, two_product, two_sum
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from suspension_cli.linear.block_response import Request, solve_responses
 from suspension_cli.linear.blocks import condense_block
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 CHUNK = 1 << 17
 """Unknowns (coordinates times inputs times frequencies) of a system with terms solved at once."""

@@ -23,7 +23,7 @@ import numpy as np
 
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Index
+from suspension_cli.scene.arrays import Index
 
 TOGETHER = (0, 1, 2, 5)
 """Rigid motions that cause no force: x, y, z and yaw."""

@@ -14,8 +14,9 @@ from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.rigid_motion_invariance import TOGETHER
 from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.symmetry import Symmetry
+from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Layout, rigid_motion
-from suspension_cli.scene.scene import Array, Index, Scene
+from suspension_cli.scene.scene import Scene
 
 
 def separate_stretching(

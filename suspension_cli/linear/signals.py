@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.conventions import DOFS, FRAME, SUPPORT
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 FORCES = tuple(f"force_{dof}" for dof in DOFS[:3]) + tuple(f"torque_{dof}" for dof in DOFS[3:])
 """Names of forces and torques on a body, in the order of its coordinates."""
@@ -51,7 +51,7 @@ class Signal:
 
 def bodies_with_signals(model: LinearSystem) -> tuple[str, ...]:
     """List bodies with signals: the support, the stages, and the frame if there is one."""
-    frame = ("frame",) if any(name.startswith("frame.") for name in model.coordinate) else ()
+    frame = (FRAME,) if any(name.startswith(f"{FRAME}.") for name in model.coordinate) else ()
     return (SUPPORT, *model.body, *frame)
 
 
@@ -179,7 +179,7 @@ def linear_form(signal: Signal, model: LinearSystem) -> Array:
         if turn is not None
         else np.zeros(model.size)
     )
-    if signal.body == "frame":
+    if signal.body == FRAME:
         name = f"frame.{DOFS[signal.dof]}"
         if name not in model.coordinate:
             raise InputError(

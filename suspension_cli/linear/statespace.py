@@ -27,7 +27,7 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import blocks, response, signals, static_condensation
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array, Index
+from suspension_cli.scene.arrays import Array, Index
 
 FAINT = 1e-6
 """Fraction of an output's largest response below which errors are relative to that fraction."""

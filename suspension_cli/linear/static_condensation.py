@@ -19,7 +19,7 @@ import numpy as np
 from suspension_cli.linear import double_double
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.small_matrices import solve_each
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 
 @dataclass(frozen=True)

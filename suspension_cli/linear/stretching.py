@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.linear.double_double import DoubleDouble
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 ALIKE = 1e-13
 """Relative difference of two linear forms that counts as rounding."""

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from suspension_cli.scene.fibres import Fibre
+    from suspension_cli.scene.composition import Fibre
 
 ROUNDING = 1e-13
 """Relative difference up to which computed tensions and loads are equal; given values must be equal

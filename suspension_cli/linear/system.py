@@ -11,7 +11,7 @@ import numpy as np
 from suspension_cli.conventions import DOFS
 from suspension_cli.linear.frequency_terms import Term
 from suspension_cli.linear.stretching import Stretching
-from suspension_cli.scene.scene import Index
+from suspension_cli.scene.arrays import Index
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
 from suspension_cli.models.estimates import estimates
 from suspension_cli.models.quantity_of_interest import QuantityOfInterest
 from suspension_cli.models.registry import AUTO, MOST_COMPLETE, Choice
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""

@@ -19,8 +19,8 @@ import numpy as np
 
 from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS, TautWire, fit_to_equilibrium
 from suspension_cli.linear.frequency_terms import LossTerm
-from suspension_cli.scene.fibres import Fibre, Gas
-from suspension_cli.scene.scene import Index
+from suspension_cli.scene.arrays import Index
+from suspension_cli.scene.composition import Fibre, Gas
 
 ENDS = sum(COORDINATES.values())
 """Coordinates of the two ends of a wire."""

@@ -30,11 +30,11 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elements import loss
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.models.base import BENDING as BENDING
-from suspension_cli.models.base import MASS as MASS
 from suspension_cli.models.wire_mass import first_violin_of
-from suspension_cli.scene.fibres import Fibre, compose, explain_unsuitable
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.composition import Fibre
+from suspension_cli.scene.fibres import compose, explain_unsuitable
+from suspension_cli.scene.scene import Scene
 
 CURVED = np.pi**2 / 6
 """Relative change of a wire's force by its mass, over (f / f1)^2."""

@@ -18,8 +18,9 @@ from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.models.estimates import BENDING, MASS, Estimates
-from suspension_cli.scene.scene import Array
+from suspension_cli.models.base import BENDING, MASS
+from suspension_cli.models.estimates import Estimates
+from suspension_cli.scene.arrays import Array
 
 SAMPLES = 12
 """Frequencies at which a response is sampled."""

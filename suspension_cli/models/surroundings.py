@@ -7,16 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.conventions import DOFS, FRAME, SUPPORT
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Support
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene.scene import Array
-
-FRAME = "frame"
-"""Name of the motion of a compliant support structure relative to the ground: ``frame.z`` ..."""
+from suspension_cli.scene.arrays import Array
 
 
 def surrounded(model: LinearSystem, design: Design) -> LinearSystem:

@@ -21,7 +21,7 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene import fibres
-from suspension_cli.scene.fibres import Fibre
+from suspension_cli.scene.composition import Fibre
 
 TOLERANCE = 1e-3
 BELOW = 0.03

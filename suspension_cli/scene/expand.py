@@ -20,8 +20,9 @@ from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Blade, BladeSet, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import tensions
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.parts import BladePart, StagePart, WirePart, pack
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.scene import Scene
 
 
 def expand_as_drawn(design: Design) -> Scene:

@@ -14,10 +14,10 @@ from suspension_cli.design.derive import blade_material
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.design.wires import Blade, BladeSet, Clamp, EndTemperatures, Wire, WireSet
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Losses, Section
 from suspension_cli.scene.expand import expand_stages, wire_signs
 from suspension_cli.scene.parts import WirePart
-from suspension_cli.scene.scene import Array
 
 POISSON = 0.3
 """Poisson's ratio of a material for which none is known."""

@@ -16,7 +16,8 @@ from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.imperfections import perturbed
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.rotations import rotation_matrix
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene
 
 
 def apply(scene: Scene, item: Perturbation) -> Scene:

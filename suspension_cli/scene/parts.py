@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from suspension_cli.design.derive import body_inertia, body_mass
 from suspension_cli.design.schema import Design, Spring, Stage
-from suspension_cli.scene.scene import Array, Blades, Bodies, Scene, Springs, Wires
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Blades, Bodies, Scene, Springs, Wires
 
 
 @dataclass(frozen=True)

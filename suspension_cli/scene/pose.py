@@ -15,8 +15,8 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.rotations import cross_matrix, rotation_minus_identity
-from suspension_cli.scene.arrays import inner
-from suspension_cli.scene.scene import Array, Index, Scene
+from suspension_cli.scene.arrays import Array, Index, inner
+from suspension_cli.scene.scene import Scene
 
 
 @dataclass(frozen=True)

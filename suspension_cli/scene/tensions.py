@@ -12,7 +12,7 @@ import numpy as np
 
 from suspension_cli.errors import Fault
 from suspension_cli.rotations import cross
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 BALANCE = 1e-9
 """Residual force (relative to the weight) and torque (relative to weight times 1 m) that count as

@@ -22,7 +22,8 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.models.surroundings import framed, surrounded
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.systems import Systems, dispersive
 
 GOOD, SLACK, UNBALANCED, UNSTABLE, IMPOSSIBLE = 0, 1, 2, 3, 4

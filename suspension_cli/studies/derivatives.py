@@ -30,8 +30,9 @@ from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import string as string_model
 from suspension_cli.models.surroundings import surrounded, with_frame
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.parameters import STEP, stepped
 
 MOVED = 1e-7

@@ -24,7 +24,8 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.models import registry
 from suspension_cli.scene import stack
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, derivatives, variants
 from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.derivatives import Differentiable, Linear

@@ -17,7 +17,8 @@ from suspension_cli.design.imperfections import AXES, Imperfection, scattered
 from suspension_cli.design.schema import Design, Distribution
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import imperfections
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene
 
 SMALLEST = 1e-3
 """Factors (on k, mass, ...) are kept above this: a normal distribution has tails."""

@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.conventions import SUPPORT
+from suspension_cli.conventions import FRAME, SUPPORT
 from suspension_cli.linear.small_matrices import solve_each
 from suspension_cli.linear.static_condensation import condense
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.batch_terms import BatchTerm
-from suspension_cli.models.surroundings import FRAME
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 
 @dataclass(frozen=True)

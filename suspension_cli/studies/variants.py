@@ -22,8 +22,8 @@ from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.surroundings import surrounded, surroundings_key
 from suspension_cli.scene import stack
-from suspension_cli.scene.arrays import inner_axes
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array, inner_axes
+from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds
 from suspension_cli.studies.builds import Builds
 

@@ -26,7 +26,9 @@ def same(one, other):
 def test_kept_references_are_those_worked_out_now(name):
     """One of each kind at random, the same every time, and those of the shortest arguments."""
     kept = references.stored(name)
-    assert kept, f"{name} has nothing in {references.DATA.name}: run python tests/references.py"
+    assert kept, (
+        f"{name} has nothing in {references.DATA.name}: run python -m tests.support.references"
+    )
     if name == SKIPPED:
         return
     for n in {0, int(np.random.default_rng(2).integers(len(kept)))}:

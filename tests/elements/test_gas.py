@@ -12,7 +12,7 @@ from suspension_cli.conventions import AVOGADRO, BOLTZMANN
 from suspension_cli.design.derive import body_inertia
 from suspension_cli.design.schema import Body
 from suspension_cli.elements import gas as drag
-from suspension_cli.scene.fibres import Gas, Losses, Section
+from suspension_cli.scene.composition import Gas, Losses, Section
 
 AIR = Gas(pressure=1e-5, molecule=0.028 / AVOGADRO, temperature=300.0)
 STUFF = Losses(0.0, None, 0.0, 1e11, 2e3, 0.0, 0.0, 0.0, 0.0)

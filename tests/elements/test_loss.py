@@ -11,7 +11,7 @@ from scipy import integrate
 
 from suspension_cli.design.sections import rectangle_torsion
 from suspension_cli.elements import loss
-from suspension_cli.scene.fibres import BladeLoss, Losses, Section
+from suspension_cli.scene.composition import BladeLoss, Losses, Section
 
 SILICA = Losses(
     angle=4.1e-10,

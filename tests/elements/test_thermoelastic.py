@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.elements import loss
-from suspension_cli.scene.fibres import BladeLoss, Losses, Section
+from suspension_cli.scene.composition import BladeLoss, Losses, Section
 from tests.support.commandline import run, strict_json, written
 
 STEEL = Losses(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.elements.dynamic_wire import Fibre, TautWire
-from suspension_cli.scene.fibres import Losses, Section
+from suspension_cli.scene.composition import Losses, Section
 from tests.support.commandline import modes_json, written
 
 STUFF = Losses(1e-4, None, 0.0, 7e10, 2200.0, 0.0, 0.0, 0.0, 0.0)

@@ -137,14 +137,16 @@ def test_killed_and_resumed(workers, kills, small, tmp_path):
     assert finished(tmp_path, *SMALL, "--resume") == small
 
 
-@pytest.mark.parametrize("when", ["importing", "computing"])
-def test_interrupted_from_the_keyboard(when, small, tmp_path):
+@pytest.mark.parametrize(
+    ("workers", "when"), [("1", "computing"), ("2", "importing"), ("2", "computing")]
+)
+def test_interrupted_from_the_keyboard(workers, when, small, tmp_path):
     """Ctrl-C goes to the whole process group: workers that start or compute must not answer it with
     tracebacks."""
-    process = Started(tmp_path, *SMALL, "--workers", "2")
+    process = Started(tmp_path, *SMALL, "--workers", workers)
     waited(process, tmp_path, 5 if when == "computing" else 0)
     # with the one that looks after what they share
-    while len(children(process.pid)) < 3 and process.poll() is None:
+    while workers == "2" and len(children(process.pid)) < 3 and process.poll() is None:
         time.sleep(0.002)
     if when == "importing":
         time.sleep(0.1)

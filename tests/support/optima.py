@@ -20,7 +20,7 @@ EXAMPLE = (
     "--starts",
     "1",
 )
-"""Of README.md: its line, run for `tests/test_optimise_command.py`, is not run again for the
+"""Of README.md: its line, run for `test_optimise_command.py`, is not run again for the
 documents."""
 WIRES = "stage.test.wires"
 G = 9.81

@@ -17,7 +17,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import graded_eigenvalues
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 DIGITS = 1e-4
 """Relative error of a frequency above which to warn."""

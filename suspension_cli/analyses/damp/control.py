@@ -23,7 +23,7 @@ from suspension_cli.linear import response, signals, statespace
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 BESIDE = (0.0, 1e-15, -1e-15, 3e-15, -3e-15, 1e-14, -1e-14)
 """Relative steps, tried in turn, away from a frequency at which the response is infinite."""

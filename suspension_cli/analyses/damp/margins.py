@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 Gain = Callable[[Array], Any]
 """Loop gains (f, l) at frequencies (f,) in Hz."""

@@ -16,7 +16,7 @@ from suspension_cli.linear import poles, signals
 from suspension_cli.linear.constant_loss import with_constant_loss
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 STILL = 1e-6
 """Fraction of the lowest frequency of a pole or zero at which gains are static, to 1e-12."""

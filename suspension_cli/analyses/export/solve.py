@@ -10,7 +10,7 @@ import numpy as np
 from suspension_cli.linear import statespace
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from suspension_cli.errors import Fault, InputError, attribute_faults_to, format
 from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing, named_results
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import differences
 from suspension_cli.studies.parameters import Parameter
 

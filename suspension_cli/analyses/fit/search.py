@@ -19,7 +19,7 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import Measured
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.models import registry
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import parameters
 
 CONVERGED = 1e-9

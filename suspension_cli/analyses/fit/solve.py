@@ -27,7 +27,7 @@ from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured
 from suspension_cli.linear import named_results
 from suspension_cli.models import registry
-from suspension_cli.scene.scene import Array, Index
+from suspension_cli.scene.arrays import Array, Index
 
 Progress = Callable[[int, int, float], None]
 SIGNIFICANCE = 1e-3

@@ -16,7 +16,7 @@ from suspension_cli.analyses.fit import search
 from suspension_cli.analyses.fit.search import Problem
 from suspension_cli.design.measured import Measured, Mode
 from suspension_cli.errors import InputError
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 MAX_REFITS = 3
 """Exchanges that are fitted again."""

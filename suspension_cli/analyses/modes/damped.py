@@ -41,7 +41,7 @@ from suspension_cli.linear import quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array, Index
+from suspension_cli.scene.arrays import Array, Index
 
 LIGHT = 0.02
 """Fraction of omega^2 up to which losses change the equation of a light mode, whose pole is

@@ -17,8 +17,9 @@ from suspension_cli.drawing.geometry import FACE, SIDE, View
 from suspension_cli.drawing.parts import Look, Sketch
 from suspension_cli.drawing.style import DOF_COLOUR, INK, NOTE, PALE
 from suspension_cli.linear.eigenmodes import Modes, describe, place
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import nominal_pose
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.scene import Scene
 
 WIDTH = 1.85
 """Width of a panel, in."""

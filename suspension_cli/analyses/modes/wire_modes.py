@@ -26,8 +26,8 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
 from suspension_cli.linear.mode_count import Progress, silent
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.fibres import Fibre
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.composition import Fibre
 
 CUT = (3 - 5**0.5) / 2
 """Fraction of a wire above the cut: the golden section is far from all nodes of low order."""

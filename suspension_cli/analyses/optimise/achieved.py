@@ -36,7 +36,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import auto, registry
 from suspension_cli.models.quantity_of_interest import Frequencies, QuantityOfInterest, Transfer
 from suspension_cli.models.registry import Choice
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 
 @dataclass(frozen=True)

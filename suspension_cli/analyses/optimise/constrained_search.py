@@ -26,7 +26,7 @@ from suspension_cli.analyses.optimise.objective import Evaluation, Evaluator
 from suspension_cli.analyses.optimise.quantities import Limit, Requirements
 from suspension_cli.design.goals import Goals
 from suspension_cli.errors import InputError
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 MAX_ITERATIONS = 100
 """Iterations of each of the two searches at most."""

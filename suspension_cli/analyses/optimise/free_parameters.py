@@ -13,7 +13,7 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.design.goals import Equal, Free, Goals
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import parameters
 
 

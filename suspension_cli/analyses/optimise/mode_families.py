@@ -19,7 +19,7 @@ from suspension_cli.linear import batch_modes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap, pair_by_shape
 from suspension_cli.models import registry
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, mode_tracking, variants
 
 PATH_STEPS = 24

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from suspension_cli.analyses.optimise.optimum import (
     Starts,
 )
 from suspension_cli.analyses.optimise.quantities import Limit, OfMode, Quantity, Requirements
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 EQUAL = 1e-6
 """Relative deviation up to which an equality counts as met."""

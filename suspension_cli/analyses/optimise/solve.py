@@ -37,7 +37,7 @@ from suspension_cli.linear import eigenmodes, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 STARTS, SEED = 6, 1
 """Number of starts, and seed of those besides the design itself."""

@@ -17,7 +17,7 @@ from suspension_cli.linear import eigenmodes, response
 from suspension_cli.linear.response import Response
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 POINTS = 17
 """Frequencies per bracket and step; each step divides the width of the bracket by 8."""

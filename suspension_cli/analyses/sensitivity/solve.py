@@ -22,7 +22,7 @@ from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
 from suspension_cli.linear.mode_pairing import pair_by_shape
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.models import registry
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import differences, parameters
 from suspension_cli.studies.derivatives import Linear
 from suspension_cli.studies.parameters import Parameter

@@ -21,7 +21,7 @@ from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar, labels
 from suspension_cli.linear.response import solve
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import mode_tracking
 from suspension_cli.studies.axes import Axis, scale_name
 
@@ -87,7 +87,7 @@ def nominal_parameters(job: ParameterSweep) -> tuple[float, ...]:
     """Nominal value of each swept parameter; NaN where the design does not give it."""
     import tomllib
 
-    from suspension_cli.design.reader import value_at
+    from suspension_cli.design.paths import value_at
 
     raw = tomllib.loads(job.text)
     given = [value_at(raw, axis.name) for axis in job.axes]

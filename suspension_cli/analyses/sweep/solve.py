@@ -15,7 +15,7 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.axes import Axis, Product, of_option
 from suspension_cli.studies.builds import Builds, Column

@@ -24,7 +24,7 @@ from suspension_cli.linear import frequency_dependent, signals
 from suspension_cli.linear.frequency_dependent import EvaluatedBlock
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 EARTH = 6.371e6
 """Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""

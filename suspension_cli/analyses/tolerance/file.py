@@ -17,7 +17,7 @@ from suspension_cli.analyses.tolerance.statistics import (
     rank_correlation,
 )
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
-from suspension_cli.conventions import SUPPORT
+from suspension_cli.conventions import FRAME, SUPPORT
 from suspension_cli.design.reader import parse
 from suspension_cli.files.hdf5 import add_dataset, add_scale, open_results
 from suspension_cli.linear import signals
@@ -46,7 +46,7 @@ def fill(group: h5py.Group, job: RandomBuilds, limit: float) -> None:
 
 def reconstruct_job(group: Any, text: str) -> RandomBuilds:
     """Reconstruct the job of a group and the text of its design."""
-    known = (SUPPORT, *(stage.name for stage in parse(text).stage), "frame")
+    known = (SUPPORT, *(stage.name for stage in parse(text).stage), FRAME)
     drive, over, under = (
         signals.parse(str(group.attrs[name]), name, known) for name in ("input", "over", "under")
     )

@@ -19,7 +19,8 @@ from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.static_condensation import condense
 from suspension_cli.models import registry, string
 from suspension_cli.models.surroundings import surrounded
-from suspension_cli.scene.scene import Array, Index, Scene
+from suspension_cli.scene.arrays import Array, Index
+from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, sampling
 from suspension_cli.studies.builds import Column
 

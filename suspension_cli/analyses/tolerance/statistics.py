@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 """Quantiles that are reported."""

@@ -15,7 +15,8 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models import closed_form, force, registry
 from suspension_cli.scene import imperfections
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds
 
 KINDS = {

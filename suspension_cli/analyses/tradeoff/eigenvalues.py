@@ -12,7 +12,7 @@ from suspension_cli.analyses.tradeoff.subject import STRING, Subject
 from suspension_cli.conventions import DOFS
 from suspension_cli.linear import batch_modes, eigenmodes, mode_count, signals, statespace
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 
 def reference(subject: Subject) -> eigenmodes_compared.Reference:

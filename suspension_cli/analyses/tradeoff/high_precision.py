@@ -13,7 +13,7 @@ import numpy as np
 from suspension_cli.linear import frequency_dependent
 from suspension_cli.linear.graded_eigenvalues import RIGID
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 DIGITS = 50
 

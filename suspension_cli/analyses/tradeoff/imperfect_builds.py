@@ -17,7 +17,8 @@ from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry, string
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene import imperfections
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds
 
 BUILDS = 256

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 ROUNDING = 1e-12
 """Relative error below which results count as equally accurate."""

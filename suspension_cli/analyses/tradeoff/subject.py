@@ -15,7 +15,8 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene
 
 Answer = Callable[[Array], Any]
 """Response (f,) as a function of frequency (f,), rad/s."""

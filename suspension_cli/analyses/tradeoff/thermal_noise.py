@@ -12,7 +12,7 @@ from suspension_cli.analyses.tradeoff.subject import NOISE, Subject
 from suspension_cli.linear import frequency_dependent
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 SWEEP = 500
 """Frequencies per batch."""

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 
 Work = Callable[[], object]
 

@@ -12,7 +12,7 @@ from suspension_cli.analyses.tradeoff.subject import STRING, Answer, Prepare, Su
 from suspension_cli.linear import eigenmodes, response, signals, small_matrices, statespace
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.scene import Array, Index
+from suspension_cli.scene.arrays import Array, Index
 
 SWEEP = 2000
 """Frequencies per batch."""

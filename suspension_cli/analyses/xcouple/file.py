@@ -12,7 +12,7 @@ import numpy as np
 from suspension_cli.analyses.sweep.solve import count_failures
 from suspension_cli.analyses.xcouple.solve import UNITS, Sweep
 from suspension_cli.files.hdf5 import add_scale, open_results
-from suspension_cli.scene.scene import Array
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds
 from suspension_cli.studies.axes import Axis, scale_name
 

@@ -21,7 +21,8 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear.signals import Signal
 from suspension_cli.models import registry
 from suspension_cli.scene import imperfections as perturb
-from suspension_cli.scene.scene import Array, Scene
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.axes import Axis, Product, of_option
 from suspension_cli.studies.builds import Column

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
+from suspension_cli.analyses.export import command, file
 from suspension_cli.analyses.export import file as files
 from suspension_cli.analyses.export import solve as export
 from suspension_cli.files.hdf5 import Provenance, open_results
@@ -224,3 +225,7 @@ def test_bad_signals(options, message, tmp_path):
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_formats_of_help_are_those_that_are_written():
+    assert tuple(file.FORMATS) == command.FORMATS
