@@ -10,6 +10,8 @@ from suspension_cli.equilibrium.tree import parents
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
+ROUNDINGS = 16
+"""Most rounding errors of a displacement that add up in the forces on a body."""
 LEAST_ARM = 1e-4
 """Lever arm of a body whose attachments lie at its COM, m."""
 

@@ -17,7 +17,11 @@ from suspension_cli.elements import string
 from suspension_cli.equilibrium.definite import positive_definite
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
-from suspension_cli.equilibrium.residual_scale import largest_lever_arm, residual_scale
+from suspension_cli.equilibrium.residual_scale import (
+    ROUNDINGS,
+    largest_lever_arm,
+    residual_scale,
+)
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
@@ -42,13 +46,13 @@ STEPS = (10, 80)
 does not end in a stable pose."""
 CORRECTIONS = 4
 """Newton steps after each continuation step."""
-ROUNDINGS = 16
-"""Most rounding errors of a displacement that add up in the forces on a body."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
 NEUTRAL = 1e-13
 """Stiffness, relative to that of the same coordinate with all others fixed, below which a motion is
 neutral within rounding, not unstable."""
+CLEAR = 1e-6
+"""Pivot, relative to its diagonal element, that tells a stable pose one step before the last."""
 PARTS_OF_POSE = inner_axes(Pose)
 """Arrays of a pose, and their axes beyond the batch."""
 PARTS_OF_RESULT = ("residual", "rounding", "tension", "stiffness")
@@ -72,6 +76,8 @@ class Equilibrium:
         N.
     stiffness : (..., N, N) array
         Tangent stiffness in this pose, N/m, N and N m.
+    pivot : (...) array or None
+        Least pivot of the stiffness in the last step, relative to its diagonal, if known.
     """
 
     pose: Pose
@@ -80,6 +86,7 @@ class Equilibrium:
     iterations: int
     tension: Any
     stiffness: Any
+    pivot: Any = None
 
     @property
     def converged(self) -> Any:
@@ -224,7 +231,7 @@ def _replace(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
     """Replace the results of a batch `where` new ones are given (for these alone)."""
 
     def merge(old: Any, some: Any) -> Any:
-        result = np.array(np.broadcast_to(old, where.shape + some.shape[1:]))
+        result = np.array(np.broadcast_to(old, where.shape + np.shape(some)[1:]))
         result[where] = some
         return result
 
@@ -232,6 +239,8 @@ def _replace(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
         *(merge(getattr(found.pose, name), getattr(new.pose, name)) for name in PARTS_OF_POSE)
     )
     parts = {name: merge(getattr(found, name), getattr(new, name)) for name in PARTS_OF_RESULT}
+    if found.pivot is not None:
+        parts["pivot"] = merge(found.pivot, np.nan if new.pivot is None else new.pivot)
     return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **parts)
 
 
@@ -242,11 +251,27 @@ def _replace_converged(found: Equilibrium, where: Any, new: Equilibrium) -> Equi
     chosen[where] = kept
     pose = _select_pose(new.pose, kept)
     parts = {name: getattr(new, name)[kept] for name in PARTS_OF_RESULT}
+    parts["pivot"] = None if new.pivot is None else new.pivot[kept]
     return _replace(found, chosen, Equilibrium(pose=pose, iterations=new.iterations, **parts))
 
 
 def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
     """Whether each tangent stiffness is positive definite, apart from free rotations."""
+    if found.pivot is None:
+        return _has_no_soft_direction(scene, numbering, found)
+    result = found.pivot > CLEAR
+    if not result.all():
+        unclear = ~result
+        some = Equilibrium(
+            _select_pose(found.pose, unclear),
+            iterations=0,
+            **{name: getattr(found, name)[unclear] for name in PARTS_OF_RESULT},
+        )
+        result[unclear] = _has_no_soft_direction(select_scenes(scene, unclear), numbering, some)
+    return result
+
+
+def _has_no_soft_direction(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
     root = np.sqrt(residual_scale(scene, numbering))
     scaled = np.nan_to_num(found.stiffness[..., 6:, 6:]) / (root[..., :, None] * root[..., None, :])
     own = np.abs(np.diagonal(scaled, axis1=-2, axis2=-1))
@@ -290,7 +315,56 @@ def _newton(
     """Newton's method for the pose in which the gradient equals `target` (..., N), N and N m.
 
     At most `limit` steps. With `accept_nominal` a nominal pose that balances is returned unchanged.
+    A batch is solved by compiled loops, but for stages that hang at a single point.
     """
+    if len(scene.batch) == 1 and scene.kind == float and not single_point_stages(scene):
+        return _newton_compiled(
+            scene, numbering, pose, target, limit, accept_nominal=accept_nominal
+        )
+    return _newton_arrays(scene, numbering, pose, target, limit, accept_nominal=accept_nominal)
+
+
+def _newton_compiled(
+    scene: Scene,
+    numbering: Layout,
+    pose: Pose,
+    target: Any,
+    limit: int,
+    *,
+    accept_nominal: bool,
+) -> Equilibrium:
+    from suspension_cli.equilibrium import compiled  # takes half a second
+
+    limits = (float(limit), BALANCED, SETTLED, LAST_STEP, CAP)
+    reached, parts, steps, status = compiled.newton(
+        scene, numbering, pose, target, limits, accept_nominal=accept_nominal
+    )
+    found = Equilibrium(pose=reached, iterations=steps, **parts)
+    left = status == compiled.FAILED
+    nominal = status == compiled.NOMINAL
+    if nominal.any():
+        some = select_scenes(scene, nominal)
+        gradient, _ = gradient_and_stiffness(some, numbering, nominal_pose(some))
+        left[nominal] = ~_is_as_drawn(some, numbering, gradient)
+    if not left.any():
+        return found
+    goal = target[left] if isinstance(target, np.ndarray) else target
+    start = _select_pose(_broadcast_pose(pose, scene.batch), left)
+    return _replace(
+        found, left, _newton_arrays(select_scenes(scene, left), numbering, start, goal, limit)
+    )
+
+
+def _newton_arrays(
+    scene: Scene,
+    numbering: Layout,
+    pose: Pose,
+    target: Any,
+    limit: int,
+    *,
+    accept_nominal: bool = False,
+) -> Equilibrium:
+    """Newton's method with arrays over a batch, for any type of number."""
     scale, free = residual_scale(scene, numbering), slice(6, None)
     wanted = target if np.isscalar(target) else target[..., free]
     gradient, hessian = gradient_and_stiffness(scene, numbering, pose)
@@ -311,7 +385,7 @@ def _newton(
             start = _select_pose(pose, others)
             remainder = (
                 others,
-                _newton(select_scenes(scene, others), numbering, start, goal, limit - count),
+                _newton_arrays(select_scenes(scene, others), numbering, start, goal, limit - count),
             )
             break
         step = newton_step(

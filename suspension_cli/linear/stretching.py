@@ -72,6 +72,25 @@ class Stretching:
         )
 
 
+@dataclass(frozen=True)
+class Separated:
+    """Stiffness of many builds, apart from the stretching of wires.
+
+    Attributes
+    ----------
+    soft : (p, N, N) array
+        The stiffness if wires kept their lengths, N/m, N and N m; with its losses.
+    form : (p, w, N) array
+        Elongation of each wire per coordinate.
+    stiffness : (p, w) array
+        Of the wires, with their losses, N/m: the rest of the stiffness is the sum of k a a^T.
+    """
+
+    soft: Array
+    form: Array
+    stiffness: Any
+
+
 def distinct(forms: Array) -> tuple[Array, Any]:
     """Find the non-zero forms of (w, N) that differ by more than sign, and the wires of each."""
     size = np.abs(forms).max(1, initial=0.0)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,10 +48,19 @@ class Symmetry:
 
     def apply(self, matrix: Any) -> Any:
         """Change a symmetric matrix (..., N, N) to adapted coordinates, with exact zeros."""
-        if not np.array_equal(self.basis, np.eye(len(self.basis))):
+        if not self.trivial:
             matrix = self.basis.T @ matrix @ self.basis
             matrix = (matrix + np.swapaxes(matrix, -1, -2)) / 2
-        return np.where(self.allowed, matrix, 0.0)
+        return matrix if self.allowed.all() else np.where(self.allowed, matrix, 0.0)
+
+    def forms(self, form: Any) -> Any:
+        """Change linear forms (..., N) to adapted coordinates."""
+        return form if self.trivial else form @ self.basis
+
+    @cached_property
+    def trivial(self) -> bool:
+        """Whether the adapted coordinates are the scene's."""
+        return np.array_equal(self.basis, np.eye(len(self.basis)))
 
     def carried(self, flags: Any) -> Any:
         """Change flags (N,) that mirror images share to adapted coordinates."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.linear.frequency_terms import Term
-from suspension_cli.linear.stretching import Stretching
+from suspension_cli.linear.stretching import Separated, Stretching
 from suspension_cli.scene.arrays import Index
 
 
@@ -41,6 +41,8 @@ class LinearSystem:
         nothing is lossy; None if not known.
     stretched : Stretching or None
         The part of the stiffness from the stretching of wires; None if not known.
+    separated : Separated or None
+        In a batch of builds the stiffness apart from that stretching, and it; None if not known.
     orientation : (..., n + 1, 3, 3) array or None
         Rotation of each body (support first) from its nominal orientation; None if none is rotated.
     residual : float
@@ -65,6 +67,7 @@ class LinearSystem:
     lossy: Any = None
     low: Any = None
     stretched: Stretching | None = None
+    separated: Separated | None = None
     orientation: Any = None
     residual: float = 0.0
     wire: tuple[str, ...] = ()

@@ -18,7 +18,7 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.linear import separated_stiffness
 from suspension_cli.linear.double_double import DoubleDouble
-from suspension_cli.linear.stretching import Stretching
+from suspension_cli.linear.stretching import Separated, Stretching
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
@@ -66,9 +66,15 @@ def linear_model(
     for number in np.flatnonzero(weightless.all(tuple(range(weightless.ndim - 1)))):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
     stiffness, low, stretched = _stiffness(scene, numbering, balanced, adapted)
+    separated, mass = _separated(scene, numbering, balanced, adapted)
     lossy = None
     if scene.wires.loss.any() or scene.blades.loss.any() or scene.springs.loss.any():
         lossy, lossy_low = _loss(scene, numbering, pose, adapted, stretched)
+        if separated is not None:
+            stretching = scene.wires.stiffness * (1 + 1j * scene.wires.loss)
+            separated = Separated(separated.soft + 1j * lossy, separated.form, stretching)
+            turned = np.swapaxes(separated.form, -1, -2) * stretching.imag[..., None, :]
+            lossy = lossy + turned @ separated.form
         lossy, low = stiffness + 1j * lossy, None if low is None else low + 1j * lossy_low
     damping = (
         damping_matrix(scene, numbering, pose)
@@ -80,12 +86,13 @@ def linear_model(
         coordinate=numbering.name,
         basis=adapted.basis,
         massless=adapted.carried(tips),
-        mass=adapted.apply(mass_matrix(scene, numbering, pose)),
+        mass=adapted.apply(mass_matrix(scene, numbering, pose) if mass is None else mass),
         stiffness=stiffness,
         damping=adapted.apply(damping),
         lossy=lossy,
         low=low,
         stretched=stretched,
+        separated=separated,
         orientation=None if balanced.iterations == 0 else pose.rotation,
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
@@ -107,16 +114,40 @@ def _stiffness(
     return whole.high, whole.low, stretched
 
 
+def _is_compiled(scene: Scene) -> bool:
+    """Whether a scene is a batch that compiled loops take."""
+    return len(scene.batch) == 1 and scene.kind == float and bool(scene.wires.label)
+
+
+def _separated(
+    scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
+) -> tuple[Separated | None, Any]:
+    """The stiffness of a batch of builds apart from the stretching of wires, and the mass.
+
+    None where these are not known.
+    """
+    if not _is_compiled(scene):
+        return None, None
+    from suspension_cli.equilibrium import compiled  # takes half a second
+
+    soft, form, mass = compiled.tangent(scene, numbering, balanced.pose)
+    separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
+    return separated, None if scene.blades.tip_mass.any() else mass
+
+
 def _loss(
     scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, stretched: Stretching | None
 ) -> tuple[Any, Any]:
-    """The imaginary part of the stiffness, and its rounding error (None if not known)."""
-    if stretched is None:
+    """The imaginary part of the stiffness, and its rounding error (None if not known).
+
+    Of a batch of builds, the part without the stretching of wires.
+    """
+    if stretched is None and not _is_compiled(scene):
         return adapted.apply(loss_matrix(scene, numbering, pose)), None
-    other = replace(
-        scene, wires=replace(scene.wires, stiffness=np.zeros_like(scene.wires.stiffness))
-    )
-    rest = DoubleDouble.of(adapted.apply(loss_matrix(other, numbering, pose)))
+    rest = adapted.apply(loss_matrix(scene, numbering, pose, stretching=False))
+    if stretched is None:
+        return rest, None
+    rest = DoubleDouble.of(rest)
     whole = stretched.added(rest, stretched.stiffness * scene.wires.loss)
     return whole.high, whole.low
 
@@ -156,14 +187,18 @@ def damping_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
     return (result + np.swapaxes(result, -1, -2)) / 2
 
 
-def loss_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
+def loss_matrix(
+    scene: Scene, numbering: Layout, pose: Pose, *, stretching: bool = True
+) -> Any:
     """Imaginary part (..., N, N) of the stiffness: each elastic constant times its loss angle.
+
+    With or without the stretching of wires.
 
     Tension times geometry is not lossy: only the stretching of wires, their torsion where it is
     given, the bending of blades and springs are.
     """
     result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
-    if scene.wires.loss.any():
+    if scene.wires.loss.any() and stretching:
         now = string.state(scene, pose)
         along = (
             string.span_jacobian(scene, numbering, pose, now) * now.direction[..., None, :, :]
@@ -171,6 +206,7 @@ def loss_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
         result = result + (
             along * (scene.wires.stiffness * scene.wires.loss)[..., None, :]
         ) @ np.swapaxes(along, -1, -2)
+    if scene.wires.loss.any():
         _add_twist_loss(scene, pose, result)
     if scene.blades.loss.any():
         rows = numbering.blade[scene.blades.axes]

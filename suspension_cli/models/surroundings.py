@@ -82,6 +82,14 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
             model.stiffness.astype(complex) if lossy is None else lossy,
             np.array(own["stiffness"]) * (1 + 1j * support.loss_angle),
         )
+    separated = model.separated
+    if separated is not None:
+        added = np.array(own["stiffness"]) * (1 + 1j * support.loss_angle)
+        separated = replace(
+            separated,
+            soft=widened(separated.soft, added if lossy is not None else own["stiffness"]),
+            form=separated.form @ spread,
+        )
     basis = np.eye(size + count)
     basis[:size, :size] = model.basis
     return replace(
@@ -94,6 +102,7 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         damping=widened(model.damping, own["damping"]),
         lossy=lossy,
         low=None if model.low is None else spread.T @ model.low @ spread,
+        separated=separated,
         stretched=None if model.stretched is None else model.stretched.spread(spread),
         terms=tuple(term.spread(spread) for term in model.terms),
         rigid=None

@@ -13,7 +13,6 @@ import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.schema import Design
-from suspension_cli.equilibrium.definite import positive_definite
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.graded_eigenvalues import RIGID
 from suspension_cli.linear.signals import Signal, linear_form
@@ -24,7 +23,7 @@ from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.models.surroundings import framed, surrounded
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
-from suspension_cli.studies.systems import Systems, dispersive
+from suspension_cli.studies.systems import respond
 
 GOOD, SLACK, UNBALANCED, UNSTABLE, IMPOSSIBLE = 0, 1, 2, 3, 4
 STATUS = (
@@ -146,10 +145,12 @@ def grows(model: LinearSystem) -> Any:
 
     The small c covers the rounding error of a rigid mode.
     """
-    stiffness, mass = np.nan_to_num(model.stiffness[..., 6:, 6:]), model.mass[..., 6:, 6:]
-    k, m = (np.diagonal(matrix, axis1=-2, axis2=-1) for matrix in (stiffness, mass))
-    largest = np.where(m > 0, np.abs(k) / np.where(m > 0, m, 1.0), 0.0).sum(-1)
-    return ~positive_definite(stiffness + np.nan_to_num(RIGID * largest[..., None, None] * mass))
+    from suspension_cli import compiled  # takes half a second
+
+    least = np.empty(len(model.stiffness))
+    mass = np.ascontiguousarray(np.broadcast_to(model.mass, model.stiffness.shape))
+    compiled.least_pivots(np.ascontiguousarray(model.stiffness), mass, RIGID, least)
+    return ~(least > 0)
 
 
 def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: list[Signal]) -> Any:
@@ -170,14 +171,9 @@ def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: li
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
     good = np.flatnonzero(builds.status == GOOD)
     step = max(1, SYSTEMS // (4 if builds.terms else 1) // max(len(good), 1))
-    systems = None if builds.terms else Systems.of(model, good)
     for start in range(0, len(omega) if len(good) else 0, step):
         now = slice(start, start + step)
-        x = (
-            dispersive(model, builds.terms, good, omega[now], moves, forces)
-            if systems is None
-            else systems.solve(omega[now], moves[good], forces[good])
-        )
+        x = respond(model, builds.terms, good, omega[now], moves, forces)
         result[good, now] = (
             rows[good][:, None, :, 6:] @ x + (rows[good][..., :6] @ moves[good])[:, None]
         )

@@ -102,7 +102,7 @@ class Systems:
         return result
 
 
-def dispersive(
+def respond(
     model: LinearSystem,
     terms: tuple[BatchTerm, ...],
     which: Any,
@@ -110,12 +110,78 @@ def dispersive(
     moves: Any,
     forces: Any,
 ) -> Any:
-    """Coordinates (p, f, n, i) of builds with frequency-dependent terms, see `Systems.solve`."""
+    """Coordinates (q, f, n, i) of some builds (q,) for motions of the support and forces on bodies.
+
+    Parameters
+    ----------
+    model : LinearSystem
+        Of p builds.
+    terms : tuple of BatchTerm
+        Its frequency-dependent parts.
+    which : (q,) int array
+        Builds.
+    omega : (f,) array
+        rad/s.
+    moves, forces : (p, 6, i) and (p, n, i) arrays
+    """
     every, each = np.repeat(which, len(omega)), np.tile(omega, len(which))
-    added = np.zeros((len(every), model.size, model.size), dtype=complex)
-    for term in terms:
-        term.add(added, each, every)
-    found = Systems.of(model, every, (added + np.swapaxes(added, -1, -2)) / 2).solve(
-        each[:, None], moves[every], forces[every]
+    added = None
+    if terms:
+        added = np.zeros((len(every), model.size, model.size), dtype=complex)
+        for term in terms:
+            term.add(added, each, every)
+        added = (added + np.swapaxes(added, -1, -2)) / 2
+    left = np.ones(len(every), dtype=bool)
+    result = np.empty((len(every), model.size - 6, moves.shape[-1]), dtype=complex)
+    if model.separated is not None:
+        result, good = _respond_compiled(model, every, each, added, moves, forces)
+        left = ~good
+    if left.any():
+        some, dispersive = every[left], None if added is None else added[left]
+        found = Systems.of(model, some, dispersive).solve(
+            each[left][:, None], moves[some], forces[some]
+        )
+        result = result.astype(np.result_type(result, found), copy=False)
+        result[left] = found[:, 0]
+    return result.reshape(len(which), len(omega), *result.shape[1:])
+
+
+def _respond_compiled(
+    model: LinearSystem, which: Any, omega: Array, added: Any, moves: Any, forces: Any
+) -> tuple[Any, Any]:
+    """Coordinates (q, n, i) of systems by compiled loops, and whether these could solve each."""
+    from suspension_cli.linear import compiled  # takes half a second
+
+    separated = model.separated
+    assert separated is not None
+    damped = (model.damping != 0).any(-1).reshape(-1, model.size).any(0)
+    light = (model.massless & ~damped)[6:]
+    order = 6 + np.concatenate([np.flatnonzero(~light), np.flatnonzero(light)])
+    lossy = added is not None or damped.any() or np.iscomplexobj(separated.soft)
+    kind = complex if lossy else float
+    batch, size = model.batch, model.size
+    whole = (*batch, size, size)
+    damping = np.zeros((0, size, size))
+    if damped.any():
+        damping = np.ascontiguousarray(np.broadcast_to(model.damping, whole))
+    stiffness = np.broadcast_to(separated.stiffness, (*batch, len(model.wire)))
+    result = np.empty((len(which), size - 6, moves.shape[-1]), dtype=kind)
+    good = np.empty(len(which), dtype=bool)
+    compiled.respond(
+        order,
+        int((~light).sum()),
+        kind(1j) if lossy else 0.0,
+        which,
+        np.ascontiguousarray(omega),
+        np.ascontiguousarray(separated.soft, dtype=kind),
+        np.ascontiguousarray(np.broadcast_to(model.mass, whole)),
+        damping,
+        np.zeros((0, size, size), dtype=kind) if added is None else added,
+        np.ascontiguousarray(separated.form),
+        np.ascontiguousarray((1 / stiffness).astype(kind)),
+        np.ascontiguousarray(moves),
+        np.ascontiguousarray(forces),
+        result,
+        good,
     )
-    return found.reshape(len(which), len(omega), *found.shape[2:])
+    return result, good

@@ -1,0 +1,194 @@
+"""Compiled loops: the settings of the compiler, and linear algebra of small symmetric matrices.
+
+Batches of builds are computed by loops over the builds that `numba` compiles when they are first
+called, and keeps on disk. Importing it takes half a second, so only what computes batches imports
+this module.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+from numba.core import event
+from numba.extending import overload
+
+compiled = njit(cache=True, error_model="numpy", nogil=True)
+
+
+class _Announcement(event.Listener):
+    """Tell once that loops are being compiled, since that takes a while."""
+
+    def __init__(self) -> None:
+        self.made = False
+
+    def on_start(self, event: Any) -> None:
+        """At the first function that is compiled, not loaded from disk."""
+        del event
+        if not self.made:
+            self.made = True
+            print("compiling the loops over builds (once, some 30 s)", file=sys.stderr)
+
+    def on_end(self, event: Any) -> None:
+        """Nothing more."""
+
+
+event.register("numba:compile", _Announcement())
+
+
+@compiled
+def factorise(matrix: Any, factor: Any, pivot: Any, where: Any) -> float:
+    """Factorise L D L^T from the lower triangle of a symmetric matrix (n, n), real or complex.
+
+    Columns are eliminated from the last to the first; zeros cost nothing. `factor` (n, n) is
+    filled with the rows of L^T D, `pivot` (n,) with D; `where` (n,) is scratch.
+
+    Returns
+    -------
+    float
+        Smallest size of a pivot relative to the element of the matrix on the diagonal.
+    """
+    size = len(pivot)
+    for i in range(size):
+        for j in range(i + 1):
+            factor[i, j] = matrix[i, j]
+    least = np.inf
+    for k in range(size - 1, -1, -1):
+        row = factor[k]
+        d = row[k]
+        pivot[k] = d
+        ratio = abs(d) / abs(matrix[k, k])
+        if not ratio >= least:
+            least = ratio
+        count = 0
+        for i in range(k):
+            if row[i] != 0.0:
+                where[count] = i
+                count += 1
+        for m in range(count):
+            i = where[m]
+            scaled = row[i] / d
+            other = factor[i]
+            if 2 * count > k:
+                for j in range(i + 1):
+                    other[j] -= scaled * row[j]
+            else:
+                for j in where[: m + 1]:
+                    other[j] -= scaled * row[j]
+    return least
+
+
+@compiled
+def substitute(factor: Any, pivot: Any, x: Any) -> None:
+    """Solve with the factors of `factorise`, x (n,) in place of the right-hand side."""
+    size = len(pivot)
+    for k in range(size - 1, -1, -1):
+        value = x[k] / pivot[k]
+        x[k] = value
+        if value != 0.0:
+            for i in range(k):
+                x[i] -= factor[k, i] * value
+    for k in range(size):
+        total = x[k] * 0
+        for i in range(k):
+            total += factor[k, i] * x[i]
+        x[k] -= total / pivot[k]
+
+
+@compiled
+def _add_product(high: float, low: float, a: float, b: float) -> tuple[float, float]:
+    """Add a b to a sum in two doubles: error-free product and sum (Dekker 1971; Knuth)."""
+    product = a * b
+    t = 134217729.0 * a
+    a_high = t - (t - a)
+    a_low = a - a_high
+    t = 134217729.0 * b
+    b_high = t - (t - b)
+    b_low = b - b_high
+    error = a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
+    total = high + product
+    t = total - high
+    return total, low + error + ((high - (total - t)) + (product - t))
+
+
+@compiled
+def _subtract_product(matrix: Any, x: Any, sign: float, high: Any, low: Any) -> None:
+    """Subtract sign times a symmetric real matrix (n, n), lower triangle, times x (n,) from a sum."""
+    for i in range(len(x)):
+        for j in range(i + 1):
+            element = -sign * matrix[i, j]
+            if element != 0.0:
+                high[i], low[i] = _add_product(high[i], low[i], element, x[j])
+                if i != j:
+                    high[j], low[j] = _add_product(high[j], low[j], element, x[i])
+
+
+def residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> None:
+    """Residual (n,), b - A x, of a real or complex system, in twice the digits.
+
+    `work` (2, n) is scratch.
+    """
+
+
+@overload(residual)
+def _residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
+    """Choose by the type of the numbers, at compile time."""
+    if isinstance(matrix.dtype, types.Complex):
+        return _complex_residual
+    return _real_residual
+
+
+def _real_residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
+    high, low = work[0], work[1]
+    high[:], low[:] = right, 0.0
+    _subtract_product(matrix, x, 1.0, high, low)
+    result[:] = high + low
+
+
+def _complex_residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
+    high, low = work[0], work[1]
+    high[:], low[:] = right.real, 0.0
+    _subtract_product(matrix.real, x.real, 1.0, high, low)
+    _subtract_product(matrix.imag, x.imag, -1.0, high, low)
+    for i in range(len(x)):
+        result[i] = high[i] + low[i]
+    high[:], low[:] = right.imag, 0.0
+    _subtract_product(matrix.real, x.imag, 1.0, high, low)
+    _subtract_product(matrix.imag, x.real, 1.0, high, low)
+    for i in range(len(x)):
+        result[i] += 1j * (high[i] + low[i])
+
+
+@compiled
+def least_pivots(matrix: Any, mass: Any, rigid: float, result: Any) -> None:
+    """Least pivot of K + c M of many builds, relative to its diagonal: positive if stable.
+
+    The shift c is `rigid` times the sum of K/M over the coordinates with mass, to cover rounding.
+
+    Parameters
+    ----------
+    matrix, mass : (p, N, N) arrays
+        With the six coordinates of the support, which are left out.
+    result : (p,) array
+        To be filled; not positive where a number is not finite.
+    """
+    size = matrix.shape[-1] - 6
+    shifted, factor = np.empty((size, size)), np.zeros((size, size))
+    pivot, where = np.empty(size), np.empty(size, dtype=np.int64)
+    for p in range(len(matrix)):
+        shift = 0.0
+        for i in range(6, size + 6):
+            if mass[p, i, i] > 0:
+                shift += rigid * abs(matrix[p, i, i]) / mass[p, i, i]
+        for i in range(size):
+            for j in range(i + 1):
+                shifted[i, j] = matrix[p, i + 6, j + 6] + shift * mass[p, i + 6, j + 6]
+        factorise(shifted, factor, pivot, where)
+        least = np.inf
+        for i in range(size):
+            relative = pivot[i] / abs(shifted[i, i])
+            if not relative >= least:
+                least = relative
+        result[p] = least

@@ -1,0 +1,493 @@
+"""Newton's method for the equilibria of many builds, as one loop that `numba` compiles.
+
+The method and its limits are those of `solve`; each build is solved on its own, so its result does
+not depend on the others. Steps solve K x = -g by an LDL^T factorisation, whose pivots tell whether
+the equilibrium is stable; once a step is short, the factors of the last one serve again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.compiled import compiled, factorise, substitute
+from suspension_cli.elements import bending
+from suspension_cli.elements.compiled import (
+    BLADE,
+    FLEX,
+    SPRING,
+    WIRE,
+    add_blades,
+    add_rotation_hessian,
+    add_springs,
+    add_wires,
+)
+from suspension_cli.equilibrium.residual_scale import LEAST_ARM, ROUNDINGS
+from suspension_cli.equilibrium.tree import parents
+from suspension_cli.scene.arrays import inner_axes
+from suspension_cli.scene.pose import Layout, Pose
+from suspension_cli.scene.scene import Flex, Scene
+
+SHORT = 1e-6
+"""Step (rad, or in units of the largest lever arm) after which the factors are not renewed: stiff
+wires on a soft pendulum change K by some 1e3 times a rotation, so the next step gains 1e3."""
+FAIR = 1e-6
+"""Smallest pivot, relative to the stiffness of its coordinate, that the factors are trusted with;
+else the build is left to `solve`."""
+EPS = float(np.finfo(float).eps)
+SOLVED, NOMINAL, FAILED = 0, 1, 2
+"""Status of a build: solved; left as it is since its nominal pose balances; nearly singular."""
+
+
+@dataclass(frozen=True)
+class Packed:
+    """Numbers of a batch of scenes, one row of a table per element.
+
+    Attributes
+    ----------
+    topology : tuple of int arrays
+        Upper body, lower body, blade and coordinates (w, 15) of wires; body and coordinates (b, 3)
+        of blades; upper and lower body of springs; body that each body hangs from (n + 1,).
+    gravity : float
+    numbers : tuple of (p, k, m) arrays
+        Masses (p, n, 1), wires, blades, springs, and the bending of wires.
+    """
+
+    topology: tuple[Any, ...]
+    gravity: float
+    numbers: tuple[Any, ...]
+
+
+def pack(scene: Scene, numbering: Layout) -> Packed:
+    """Pack a scene with one batch axis."""
+    wires, blades, springs = scene.wires, scene.blades, scene.springs
+    place = np.full((len(wires.label), 15), numbering.size)
+    place[:, :6] = 6 * wires.upper[:, None] + np.arange(6)
+    place[:, 6:12] = 6 * wires.lower[:, None] + np.arange(6)
+    on_blade = wires.blade >= 0
+    place[on_blade, 12:] = numbering.blade[wires.blade[on_blade]]
+    topology = (
+        wires.upper,
+        wires.lower,
+        wires.blade,
+        place,
+        blades.body,
+        numbering.blade,
+        springs.upper,
+        springs.lower,
+        parents(scene),
+    )
+    flex = bending.wire_resistance(scene)
+    if flex is not None and flex.bend is None:
+        flex = Flex(flex.upper, flex.lower, np.zeros((1, 2, 3)), flex.twist)
+    batch = scene.batch
+    numbers = (
+        _table(batch, scene.bodies, ("mass",)),
+        _table(batch, wires, WIRE),
+        _table(batch, blades, BLADE),
+        _table(batch, springs, SPRING),
+        np.zeros((*batch, 0, 19)) if flex is None else _table(batch, flex, FLEX),
+    )
+    return Packed(topology, float(scene.gravity), numbers)
+
+
+def _table(batch: tuple[int, ...], part: Any, names: tuple[str, ...]) -> Any:
+    """Fields of a part of the scene side by side: (p, k, m)."""
+    axes = inner_axes(type(part))
+    columns = []
+    count = max(getattr(part, name).shape[-axes[name]] for name in names)
+    for name in names:
+        value = getattr(part, name)
+        inner = value.shape[value.ndim - axes[name] + 1 :]
+        whole = np.broadcast_to(value, (*batch, count, *inner))
+        columns.append(whole.reshape(*batch, count, math.prod(inner)))
+    return np.ascontiguousarray(np.concatenate(columns, axis=-1))
+
+
+@compiled
+def _evaluate(
+    topology: Any,
+    gravity: float,
+    numbers: Any,
+    pose: Any,
+    tension: Any,
+    gradient: Any,
+    hessian: Any,
+    outer: Any,
+    on_tips: Any,
+    curved: bool,
+    form: Any,
+) -> None:
+    """Gradient (N + 1,) of one build, and if `curved` its Hessian (N + 1, N + 1), lower triangle.
+
+    The sums `outer` and `on_tips` are overwritten; for `form` see `add_wires`.
+    """
+    w_upper, w_lower, w_blade, w_place, b_body, b_tips, s_upper, s_lower, _ = topology
+    mass, wires, blades, springs, flex = numbers
+    shift, turn, deflection = pose
+    gradient[:], outer[:], on_tips[:] = 0.0, 0.0, 0.0
+    if curved:
+        hessian[:] = 0.0
+    for n in range(len(mass)):
+        gradient[6 * n + 8] = gravity * mass[n, 0]
+    add_wires(
+        w_upper,
+        w_lower,
+        w_blade,
+        w_place,
+        wires,
+        flex,
+        shift,
+        turn,
+        deflection,
+        tension,
+        gradient,
+        hessian,
+        outer,
+        on_tips,
+        curved,
+        form,
+    )
+    add_blades(
+        b_body, b_tips, gravity, blades, turn, deflection, gradient, hessian, outer, on_tips
+    )
+    for n in range(len(outer) if curved else 0):
+        add_rotation_hessian(outer[n], 6 * n + 3, hessian)
+    if len(springs):
+        add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian)
+
+
+@compiled
+def _scales(topology: Any, gravity: float, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
+    """Fill the scale of the residual in every coordinate but the support's; largest lever arm."""
+    w_upper, w_lower, w_blade, w_place, b_body, b_tips, s_upper, s_lower, parent = topology
+    mass, wires, blades, springs, _ = numbers
+    bodies = len(mass)
+    largest = 1e-3
+    load[:], arm[:] = 0.0, LEAST_ARM
+    for n in range(bodies):
+        load[n + 1] = gravity * mass[n, 0]
+    total = 0.0
+    for n in range(len(blades)):
+        load[b_body[n]] += gravity * blades[n, 9]
+    for n in range(bodies, 0, -1):
+        load[parent[n]] += load[n]
+    total = load[0]
+    for n in range(len(wires)):
+        for body, start in ((w_upper[n], 0), (w_lower[n], 3)):
+            for axis in range(3):
+                size = abs(wires[n, start + axis])
+                arm[body], largest = max(arm[body], size), max(largest, size)
+    for n in range(len(springs)):
+        for axis in range(3):
+            size = abs(springs[n, 3 + axis])
+            arm[s_lower[n]], largest = max(arm[s_lower[n]], size), max(largest, size)
+    scale[:] = total
+    for n in range(bodies):
+        scale[6 * n : 6 * n + 3] = load[n + 1]
+        scale[6 * n + 3 : 6 * n + 6] = load[n + 1] * arm[n + 1]
+    for n in range(len(wires)):
+        if w_blade[n] >= 0:
+            for axis in range(3):
+                scale[w_place[n, 12 + axis] - 6] = load[w_lower[n]]
+    return largest
+
+
+@compiled
+def _rotate_by(vector: Any, turn: Any, step: Any, product: Any) -> None:
+    """Multiply a rotation 1 + `turn` by that of a rotation vector, see `rotations`."""
+    x, y, z = vector[0], vector[1], vector[2]
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle == 0.0:
+        return
+    a, half = math.sin(angle) / angle, math.sin(angle / 2) / angle
+    b = 2 * half * half
+    step[0, 0], step[1, 1], step[2, 2] = -b * (y * y + z * z), -b * (x * x + z * z), -b * (x * x + y * y)
+    step[0, 1], step[1, 0] = b * x * y - a * z, b * x * y + a * z
+    step[0, 2], step[2, 0] = b * x * z + a * y, b * x * z - a * y
+    step[1, 2], step[2, 1] = b * y * z - a * x, b * y * z + a * x
+    for i in range(3):
+        for j in range(3):
+            total = step[i, 0] * turn[0, j] + step[i, 1] * turn[1, j] + step[i, 2] * turn[2, j]
+            product[i, j] = step[i, j] + turn[i, j] + total
+    turn[:] = product
+
+
+@compiled
+def _residual(gradient: Any, target: Any, scale: Any) -> float:
+    largest = 0.0
+    for i in range(len(scale)):
+        size = abs(gradient[6 + i] - target[i]) / scale[i]
+        if not size <= largest:
+            largest = size
+    return largest
+
+
+@compiled
+def _largest_size(values: Any) -> float:
+    result = 0.0
+    for value in values.flat:
+        result = max(result, abs(value))
+    return result
+
+
+@compiled
+def _rounding(topology: Any, wires: Any, tension: Any, pose: Any, scale: Any) -> float:
+    """Residual that rounding may cause, see `solve`."""
+    shift, turn, _ = pose
+    result = 0.0
+    for n in range(len(wires)):
+        motion = 0.0
+        for body, start in ((topology[0][n], 0), (topology[1][n], 3)):
+            reach = _largest_size(wires[n, start : start + 3])
+            motion += _largest_size(shift[body]) + _largest_size(turn[body]) * reach
+        force = ROUNDINGS * EPS * (abs(tension[n]) + wires[n, 11] * motion)
+        result = max(result, force / scale[6 * (topology[1][n] - 1)])
+    return result
+
+
+@compiled
+def newton_batch(
+    topology: Any,
+    gravity: float,
+    numbers: Any,
+    poses: Any,
+    targets: Any,
+    limits: Any,
+    accept_nominal: bool,
+    results: Any,
+) -> None:
+    """Solve for the pose of every build, in place of its start.
+
+    Parameters
+    ----------
+    topology, gravity, numbers
+        See `Packed`.
+    poses : tuple of arrays
+        Shift, turn and deflection with the builds as first axis: start and result.
+    targets : (p, N - 6) array
+        Gradient to reach, N and N m.
+    limits : tuple of float
+        Most steps, and the constants BALANCED, SETTLED, LAST_STEP, CAP of `solve`.
+    accept_nominal : bool
+        Whether to leave a start that balances as it is.
+    results : tuple of arrays
+        To be filled: tension (p, w), stiffness (p, N, N), residual, its rounding, steps, least
+        pivot and status (p,).
+    """
+    mass, wires, blades, springs, flex = numbers
+    shift, turn, deflection = poses
+    tension, stiffness, residuals, roundings, steps, pivots, status = results
+    most, balanced, settled, last_step, cap = limits
+    size = stiffness.shape[-1]
+    gradient, hessian = np.empty(size + 1), np.empty((size + 1, size + 1))
+    outer, on_tips = np.empty((shift.shape[1], 3, 3)), np.empty((blades.shape[1], 3))
+    free = size - 6
+    # one element more for rigid directions of blades
+    scale_all = np.empty(free + 1)
+    scale = scale_all[:free]
+    load, arm = np.empty(shift.shape[1]), np.empty(shift.shape[1])
+    scaled, factor = np.empty((free, free)), np.zeros((free, free))
+    pivot, x, root = np.empty(free), np.empty(free), np.empty(free)
+    where = np.empty(free, dtype=np.int64)
+    turned, product = np.empty((3, 3)), np.empty((3, 3))
+    tips, none = topology[5], np.empty((0, 0))
+    for p in range(len(mass)):
+        own = (mass[p], wires[p], blades[p], springs[p], flex[p])
+        pose = (shift[p], turn[p], deflection[p])
+        largest = _scales(topology, gravity, own, scale_all, load, arm)
+        for i in range(free):
+            root[i] = math.sqrt(scale[i])
+        work = (tension[p], gradient, hessian, outer, on_tips)
+        _evaluate(topology, gravity, own, pose, *work, True, none)
+        residual = _residual(gradient, targets[p], scale)
+        count, fresh, slow, converged, least = 0, True, False, False, np.nan
+        status[p], last = SOLVED, np.inf
+        if accept_nominal and residual <= balanced:
+            status[p] = NOMINAL
+        else:
+            while count < most and not converged and math.isfinite(residual):
+                renewed = fresh
+                if fresh:
+                    for i in range(free):
+                        for j in range(i + 1):
+                            scaled[i, j] = hessian[6 + i, 6 + j] / (root[i] * root[j])
+                    fair = factorise(scaled, factor, pivot, where)
+                    least = 1.0
+                    for i in range(free):
+                        least = min(least, pivot[i] / abs(scaled[i, i]))
+                    if not fair > FAIR:
+                        status[p] = FAILED
+                        break
+                for i in range(free):
+                    x[i] = (targets[p, i] - gradient[6 + i]) / root[i]
+                substitute(factor, pivot, x)
+                longest, step = 0.0, 0.0
+                for i in range(free):
+                    x[i] /= root[i]
+                    rotation = i < 6 * len(mass[p]) and i % 6 >= 3
+                    step = max(step, abs(x[i]))
+                    longest = max(longest, abs(x[i]) / (1.0 if rotation else largest))
+                shorten = max(longest / cap, 1.0)
+                for n in range(len(mass[p])):
+                    for i in range(3):
+                        pose[0][n + 1, i] += x[6 * n + i] / shorten
+                        x[6 * n + 3 + i] /= shorten
+                    _rotate_by(x[6 * n + 3 : 6 * n + 6], pose[1][n + 1], turned, product)
+                for n in range(len(tips)):
+                    for i in range(3):
+                        if tips[n, i] < size:
+                            pose[2][n, i] += x[tips[n, i] - 6] / shorten
+                # full steps until they are short, then with the factors of the last one
+                fresh = longest > SHORT or slow
+                _evaluate(topology, gravity, own, pose, *work, fresh, none)
+                before, residual = residual, _residual(gradient, targets[p], scale)
+                step /= shorten
+                # error after a step: of a full one by its square, else by the ratio of both
+                error = last_step if renewed else last_step**2 * last / step
+                converged = step < error and residual < settled or (
+                    step < last_step and residual > before / 2
+                )
+                last = step
+                slow = not fresh and residual > before / 10
+                count += 1
+            if not fresh:
+                _evaluate(topology, gravity, own, pose, *work, True, none)
+        residuals[p], steps[p], pivots[p] = residual, count, least
+        roundings[p] = _rounding(topology, wires[p], tension[p], pose, scale) if count else 0.0
+        for i in range(size):
+            for j in range(i + 1):
+                stiffness[p, i, j] = stiffness[p, j, i] = hessian[i, j]
+
+
+@compiled
+def _tangents(
+    topology: Any,
+    gravity: float,
+    numbers: Any,
+    inertia: Any,
+    poses: Any,
+    soft: Any,
+    form: Any,
+    masses: Any,
+) -> None:
+    """Fill the stiffness without stretching and the mass (p, N, N), elongations (p, w, N + 1)."""
+    mass, wires, blades, springs, flex = numbers
+    shift, turn, deflection = poses
+    size = soft.shape[-1]
+    gradient, hessian = np.empty(size + 1), np.empty((size + 1, size + 1))
+    outer, on_tips = np.empty((shift.shape[1], 3, 3)), np.empty((blades.shape[1], 3))
+    tension = np.empty(wires.shape[1])
+    turned, product = np.empty((3, 3)), np.empty((3, 3))
+    for p in range(len(mass)):
+        own = (mass[p], wires[p], blades[p], springs[p], flex[p])
+        pose = (shift[p], turn[p], deflection[p])
+        work = (tension, gradient, hessian, outer, on_tips)
+        _evaluate(topology, gravity, own, pose, *work, True, form[p])
+        for i in range(size):
+            for j in range(i + 1):
+                soft[p, i, j] = soft[p, j, i] = hessian[i, j]
+        for n in range(len(mass[p])):
+            for i in range(3):
+                masses[p, 6 * n + 6 + i, 6 * n + 6 + i] = mass[p, n, 0]
+            _turn_tensor(turn[p, n + 1], inertia[p, n], turned, product)
+            for i in range(3):
+                for j in range(3):
+                    value = (product[i, j] + product[j, i]) / 2
+                    masses[p, 6 * n + 9 + i, 6 * n + 9 + j] = value
+
+
+@compiled
+def _turn_tensor(turn: Any, tensor: Any, turned: Any, result: Any) -> None:
+    """Turn a tensor J to R J R^T with R = 1 + `turn`; all (3, 3)."""
+    for i in range(3):
+        for j in range(3):
+            turned[i, j] = tensor[i, j]
+            for k in range(3):
+                turned[i, j] += turn[i, k] * tensor[k, j]
+    for i in range(3):
+        for j in range(3):
+            result[i, j] = turned[i, j]
+            for k in range(3):
+                result[i, j] += turned[i, k] * turn[j, k]
+
+
+def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any]:
+    """Tangent stiffness of a batch of scenes, apart from the stretching of wires, and mass.
+
+    Returns
+    -------
+    soft : (p, N, N) array
+        If wires kept their lengths, N/m, N and N m.
+    form : (p, w, N) array
+        Elongation of each wire per coordinate: the rest of the stiffness is the sum of k a a^T.
+    mass : (p, N, N) array
+        Of bodies about their COMs as they are turned, without tip masses.
+    """
+    packed, count = pack(scene, numbering), scene.batch[0]
+    soft = np.empty((count, numbering.size, numbering.size))
+    form = np.zeros((count, len(scene.wires.label), numbering.size + 1))
+    poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
+    inertia, masses = scene.bodies.inertia, np.zeros_like(soft)
+    inertia = np.ascontiguousarray(np.broadcast_to(inertia, (count, *inertia.shape[-3:])))
+    _tangents(packed.topology, packed.gravity, packed.numbers, inertia, poses, soft, form, masses)
+    return soft, form[..., :-1], masses
+
+
+def newton(
+    scene: Scene,
+    numbering: Layout,
+    start: Pose,
+    target: Any,
+    limits: tuple[float, ...],
+    *,
+    accept_nominal: bool,
+) -> tuple[Pose, dict[str, Any], int, Any]:
+    """Solve for the poses of a batch of scenes, see `newton_batch`.
+
+    Returns
+    -------
+    pose : Pose
+    results : dict of arrays
+        Residual, rounding, tension, stiffness and pivot of an `Equilibrium`.
+    steps : int
+        Most that any build took.
+    status : (p,) array
+        `SOLVED`, `NOMINAL` or `FAILED`.
+    """
+    packed = pack(scene, numbering)
+    count = scene.batch[0]
+    poses = tuple(
+        np.array(np.broadcast_to(getattr(start, name), (count, *inner)))
+        for name, inner in (
+            ("shift", start.shift.shape[-2:]),
+            ("turn", start.turn.shape[-3:]),
+            ("deflection", start.deflection.shape[-2:]),
+        )
+    )
+    free = target if np.isscalar(target) else target[..., 6:]
+    targets = np.ascontiguousarray(np.broadcast_to(free, (count, numbering.size - 6)))
+    results = {
+        "tension": np.zeros((count, len(scene.wires.label))),
+        "stiffness": np.empty((count, numbering.size, numbering.size)),
+        "residual": np.empty(count),
+        "rounding": np.empty(count),
+        "steps": np.empty(count, dtype=np.int64),
+        "pivot": np.empty(count),
+        "status": np.empty(count, dtype=np.uint8),
+    }
+    newton_batch(
+        packed.topology,
+        packed.gravity,
+        packed.numbers,
+        poses,
+        targets,
+        limits,
+        accept_nominal,
+        tuple(results.values()),
+    )
+    found = {name: results[name] for name in ("residual", "rounding", "tension", "stiffness", "pivot")}
+    return Pose(*poses), found, int(results["steps"].max(initial=0)), results["status"]

@@ -1,0 +1,147 @@
+"""Responses of many systems at one frequency each, as one loop that `numba` compiles.
+
+A system is D(omega) = K + i omega C - omega^2 M with the stretching of its wires kept apart (see
+`stretching`): the tension s of a wire of stiffness k is a coordinate of its own,
+
+    ( D     a   ) (x)   (f)
+    ( a^T  -1/k ) (s) = (0),
+
+so a wire may be 1e10 times stiffer than the blade that carries it. The factors L D L^T eliminate
+massless blade tips first, then tensions, then bodies from below, without pivoting; each solution is
+refined once with a residual in twice the digits (Higham, Accuracy and Stability of Numerical
+Algorithms, 2nd ed., chapter 12). Where a pivot is too small the system is left to the caller.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from suspension_cli.compiled import compiled, factorise, residual, substitute
+
+SMALL = 1e-6
+"""Least pivot, relative to the element on the diagonal, of factors that are used. They lose up
+to six digits then, which refining the solution once restores."""
+
+
+@compiled
+def respond(
+    order: Any,
+    first_light: int,
+    unit: Any,
+    which: Any,
+    omega: Any,
+    soft: Any,
+    mass: Any,
+    damping: Any,
+    added: Any,
+    form: Any,
+    compliance: Any,
+    moves: Any,
+    forces: Any,
+    result: Any,
+    good: Any,
+) -> None:
+    """Motion of many systems that support motions and forces cause.
+
+    Parameters
+    ----------
+    order : (N - 6,) int array
+        Coordinates but the support's: bodies from the top down, then massless tips.
+    first_light : int
+        Number of those with mass.
+    unit : complex or float
+        1j; any number in real systems, which have no damping.
+    which, omega : (q,) arrays
+        Build and frequency, rad/s, of each system.
+    soft, mass, damping : (p, N, N) arrays
+        Of the builds; the stiffness without the stretching of wires; damping (0, N, N) for none.
+    added : (q, N, N) array
+        Further stiffness of each system; (0, N, N) for none.
+    form : (p, w, N) array
+        Elongation of each wire per coordinate.
+    compliance : (p, w) array
+        1/k of each wire.
+    moves, forces : (p, 6, i) and (p, N - 6, i) arrays
+    result : (q, N - 6, i) array
+        To be filled: coordinates but the support's, in the order of the model.
+    good : (q,) bool array
+        To be filled: whether the pivots were large enough.
+    """
+    free, wires = len(order), form.shape[1]
+    size, last = free + wires, first_light + wires
+    kind = result.dtype
+    nothing, no_stiffness = np.zeros((0, 0)), np.zeros((0, 0), dtype=kind)
+    matrix, factor = np.zeros((size, size), dtype=kind), np.zeros((size, size), dtype=kind)
+    pivot, x, b = np.empty(size, dtype=kind), np.empty(size, dtype=kind), np.empty(size, dtype=kind)
+    left, work = np.empty(size, dtype=kind), np.empty((2, size))
+    where = np.empty(size, dtype=np.int64)
+    place = np.empty(free, dtype=np.int64)
+    for n in range(free):
+        place[n] = n if n < first_light else n + wires
+    drawn = np.zeros((size, 6), dtype=kind)
+    for q in range(len(which)):
+        p, w = which[q], omega[q]
+        square = w * w
+        for n in range(free):
+            i = order[n]
+            for m in range(n + 1):
+                j = order[m]
+                value = soft[p, i, j] - square * mass[p, i, j]
+                matrix[place[n], place[m]] = value
+            for j in range(6):
+                drawn[place[n], j] = soft[p, i, j] - square * mass[p, i, j]
+        if len(damping) or len(added):
+            c = damping[p] if len(damping) else nothing
+            more = added[q] if len(added) else no_stiffness
+            _add_further(order, place, unit * w, c, more, matrix, drawn)
+        for n in range(wires):
+            row = first_light + n
+            for m in range(wires):
+                matrix[row, first_light + m] = 0.0
+            matrix[row, row] = -compliance[p, n]
+            for m in range(free):
+                value = form[p, n, order[m]]
+                if place[m] < row:
+                    matrix[row, place[m]] = value
+                else:
+                    matrix[place[m], row] = value
+            for j in range(6):
+                drawn[row, j] = form[p, n, j]
+        good[q] = factorise(matrix, factor, pivot, where) > SMALL
+        if not good[q]:
+            continue
+        for column in range(moves.shape[2]):
+            b[first_light:last] = 0.0
+            for n in range(free):
+                b[place[n]] = forces[p, order[n] - 6, column]
+            for j in range(6):
+                if moves[p, j, column] != 0.0:
+                    for i in range(size):
+                        b[i] -= drawn[i, j] * moves[p, j, column]
+            x[:] = b
+            substitute(factor, pivot, x)
+            residual(matrix, x, b, work, left)
+            substitute(factor, pivot, left)
+            for n in range(free):
+                result[q, order[n] - 6, column] = x[place[n]] + left[place[n]]
+
+
+@compiled
+def _add_further(
+    order: Any, place: Any, factor: Any, damping: Any, added: Any, matrix: Any, drawn: Any
+) -> None:
+    """Add factor times damping (N, N) and further stiffness (N, N) to one system, if not empty."""
+    for n in range(len(order)):
+        i = order[n]
+        for m in range(n + 1):
+            j = order[m]
+            if len(damping):
+                matrix[place[n], place[m]] += factor * damping[i, j]
+            if len(added):
+                matrix[place[n], place[m]] += added[i, j]
+        for j in range(6):
+            if len(damping):
+                drawn[place[n], j] += factor * damping[i, j]
+            if len(added):
+                drawn[place[n], j] += added[i, j]
