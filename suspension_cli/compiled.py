@@ -7,15 +7,36 @@ this module.
 
 from __future__ import annotations
 
+import hashlib
+import os
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit, types
+from numba import config, njit, types
 from numba.core import event
 from numba.extending import overload
 
-compiled = njit(cache=True, error_model="numpy", nogil=True)
+
+
+def _cache_folder() -> str:
+    """Folder for compiled loops: numba does not notice that a function in another file changed."""
+    text = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.rglob("compiled*.py")))
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return str(base / "pendsus" / hashlib.sha256(text).hexdigest()[:16])
+
+
+_FOLDER = config.CACHE_DIR or _cache_folder()
+
+
+def compiled(function: Any) -> Any:
+    """Compile a function when it is first called, and keep it on disk."""
+    before, config.CACHE_DIR = config.CACHE_DIR, _FOLDER
+    try:
+        return njit(cache=True, error_model="numpy", nogil=True)(function)
+    finally:
+        config.CACHE_DIR = before
 
 
 class _Announcement(event.Listener):

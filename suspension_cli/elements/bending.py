@@ -71,9 +71,18 @@ def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene
             stiffness = _slope_stiffness(strand.resting(part))
             bend[..., group, plane, :] = stiffness.reshape(*scene.batch, 1, 3)
         twist[..., group] = (strand.resting("twist")[1, 1] / 4).reshape(*scene.batch, 1)
+    scene = with_planes(scene)
+    assert scene.flex is not None
+    return replace(scene, flex=replace(scene.flex, bend=bend, twist=twist))
+
+
+def with_planes(scene: Scene) -> Scene:
+    """Fill `flex` of a scene with the principal planes of its wires, and no stiffness yet."""
+    assert scene.fibres is not None
     planes = np.array([fibre.plane for fibre in scene.fibres.wire]).reshape(-1, 3)
     clamps = np.array([fibre.clamp for fibre in scene.fibres.wire]).reshape(-1, 2, 3)
     upper, lower = (_planes(planes, clamps[:, end]) for end in (0, 1))
+    bend, twist = np.zeros((len(planes), 2, 3)), np.zeros(len(planes))
     return replace(scene, flex=Flex(upper, lower, bend, twist))
 
 

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.compiled import compiled
+from suspension_cli.elements.compiled_wire import resting
 
-WIRE = ("upper_point", "lower_point", "span", "length", "tension", "stiffness")
-"""Fields of `Wires` in a row of 12 numbers."""
+WIRE = ("upper_point", "lower_point", "span", "length", "tension", "stiffness", "torsion")
+"""Fields of `Wires` in a row of 13 numbers."""
 BLADE = ("tip", "stiffness", "load", "tip_mass")
 """Fields of `Blades` in a row of 10 numbers."""
 SPRING = ("upper_point", "lower_point", "stiffness", "preload")
@@ -164,6 +165,7 @@ def add_wires(
     lower: Any,
     blade: Any,
     place: Any,
+    sections: Any,
     wires: Any,
     flex: Any,
     shift: Any,
@@ -185,8 +187,11 @@ def add_wires(
         See `Wires`.
     place : (w, 15) int array
         Coordinates of the upper body, the lower body and the tip.
-    wires, flex : (w, 12) and (w, 19) arrays
-        Numbers of the build; no flex, (0, 19), for strings without torsion.
+    sections : (w, m, 9) array
+        Sections of the wires, see `compiled_wire`; (0, 0, 9) for strings.
+    wires, flex : (w, 13) and (w, 19) arrays
+        Numbers of the build; no flex, (0, 19), for strings without torsion. With sections, the
+        stiffness against bending and twisting is set to that of the tension in this pose.
     shift, turn, deflection
         Pose, see `Pose`.
     tension : (w,) array
@@ -201,7 +206,7 @@ def add_wires(
     change, e, pull, point = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     jacobian, product = np.empty((3, 15)), np.empty((3, 15))
     normal, first, second = np.empty((2, 2, 3)), np.zeros(9), np.zeros((9, 9))
-    stretching = np.empty((3, 3))
+    stretching, whole, section = np.empty((3, 3)), np.empty((4, 4)), np.empty((4, 4))
     rows = np.empty((2, 9))
     bends = len(flex) > 0
     for n in range(len(wires)):
@@ -232,6 +237,8 @@ def add_wires(
         for i in range(3):
             e[i] = stretched[i] / length
         if bends:
+            if len(sections) and tension[n] > 0:
+                resting(sections[n], length, tension[n], own[12], flex[n, 12:], whole, section)
             first[:], second[:] = 0.0, 0.0
             for plane in range(2):
                 rotate(turn[u], flex[n, 3 * plane : 3 * plane + 3], normal[0, plane])

@@ -29,7 +29,7 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     Parameters
     ----------
     scene : Scene
-        With `fibres`, and at most one batch axis; the scenes of a batch are independent.
+        With `fibres`, and at most one batch axis.
     numbering : Layout
 
     Returns
@@ -39,22 +39,33 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     found : Equilibrium
         Not necessarily converged: see `Equilibrium.demand`.
     """
+    if scene.batch:
+        return _solve_batch(scene, numbering)
     scene = _clamped(scene)
     found = equilibrium.solve(scene, numbering)
-    shape = (*scene.batch, len(scene.wires.label))
-    tension, length = (np.broadcast_to(v, shape) for v in (scene.wires.tension, scene.wires.length))
-    threshold = 0.0  # the first time any change counts
+    tension, threshold = scene.wires.tension, 0.0  # the first time any change counts
     for _ in range(PASSES):
-        taut = found.converged & (found.tension > 0).all(-1)
-        changed = taut & (np.abs(found.tension - tension) > threshold * np.abs(tension)).any(-1)
-        if not changed.any():
+        taut = found.converged and (found.tension > 0).all()
+        if not taut or not (np.abs(found.tension - tension) > threshold * np.abs(tension)).any():
             break
-        tension = np.where(changed[..., None], found.tension, tension)
-        length = np.where(changed[..., None], string.state(scene, found.pose).length, length)
+        tension, length = found.tension, string.state(scene, found.pose).length
         scene = bending.with_bending(scene, tension, length)
-        found = equilibrium.solve_again(scene, numbering, found, changed)
+        found = equilibrium.solve(scene, numbering, start=found.pose)
         threshold = SETTLED
     return scene, found
+
+
+def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
+    """Find the equilibria of many builds by compiled loops, which keep the bending up to date."""
+    drawn = scene.drawn
+    if drawn is not None:
+        drawn = bending.with_planes(_to_clamps(replace(drawn, fibres=scene.fibres)))
+        drawn = drawn if drawn.batch else bending.with_bending(drawn)
+    scene = replace(bending.with_planes(_to_clamps(scene)), drawn=drawn)
+    found = equilibrium.solve(scene, numbering)
+    assert scene.flex is not None
+    bend = found.flex[..., :6].reshape(*found.flex.shape[:-1], 2, 3)
+    return replace(scene, flex=replace(scene.flex, bend=bend, twist=found.flex[..., 6])), found
 
 
 def _clamped(scene: Scene) -> Scene:

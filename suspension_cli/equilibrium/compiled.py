@@ -25,6 +25,7 @@ from suspension_cli.elements.compiled import (
     add_springs,
     add_wires,
 )
+from suspension_cli.elements.compiled_wire import wire_sections
 from suspension_cli.equilibrium.residual_scale import LEAST_ARM, ROUNDINGS
 from suspension_cli.equilibrium.tree import parents
 from suspension_cli.scene.arrays import inner_axes
@@ -34,7 +35,7 @@ from suspension_cli.scene.scene import Flex, Scene
 SHORT = 1e-6
 """Step (rad, or in units of the largest lever arm) after which the factors are not renewed: stiff
 wires on a soft pendulum change K by some 1e3 times a rotation, so the next step gains 1e3."""
-FAIR = 1e-6
+FAIR = 1e-12
 """Smallest pivot, relative to the stiffness of its coordinate, that the factors are trusted with;
 else the build is left to `solve`."""
 EPS = float(np.finfo(float).eps)
@@ -51,6 +52,7 @@ class Packed:
     topology : tuple of int arrays
         Upper body, lower body, blade and coordinates (w, 15) of wires; body and coordinates (b, 3)
         of blades; upper and lower body of springs; body that each body hangs from (n + 1,).
+        Last, the sections of wires that bend, (w, m, 9), see `compiled_wire`.
     gravity : float
     numbers : tuple of (p, k, m) arrays
         Masses (p, n, 1), wires, blades, springs, and the bending of wires.
@@ -64,6 +66,7 @@ class Packed:
 def pack(scene: Scene, numbering: Layout) -> Packed:
     """Pack a scene with one batch axis."""
     wires, blades, springs = scene.wires, scene.blades, scene.springs
+    bends = scene.flex is not None and scene.fibres is not None
     place = np.full((len(wires.label), 15), numbering.size)
     place[:, :6] = 6 * wires.upper[:, None] + np.arange(6)
     place[:, 6:12] = 6 * wires.lower[:, None] + np.arange(6)
@@ -79,6 +82,7 @@ def pack(scene: Scene, numbering: Layout) -> Packed:
         springs.upper,
         springs.lower,
         parents(scene),
+        wire_sections(scene.fibres.wire if bends else ()),
     )
     flex = bending.wire_resistance(scene)
     if flex is not None and flex.bend is None:
@@ -125,7 +129,7 @@ def _evaluate(
 
     The sums `outer` and `on_tips` are overwritten; for `form` see `add_wires`.
     """
-    w_upper, w_lower, w_blade, w_place, b_body, b_tips, s_upper, s_lower, _ = topology
+    w_upper, w_lower, w_blade, w_place, b_body, b_tips, s_upper, s_lower, _, sections = topology
     mass, wires, blades, springs, flex = numbers
     shift, turn, deflection = pose
     gradient[:], outer[:], on_tips[:] = 0.0, 0.0, 0.0
@@ -138,6 +142,7 @@ def _evaluate(
         w_lower,
         w_blade,
         w_place,
+        sections,
         wires,
         flex,
         shift,
@@ -163,7 +168,7 @@ def _evaluate(
 @compiled
 def _scales(topology: Any, gravity: float, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
     """Fill the scale of the residual in every coordinate but the support's; largest lever arm."""
-    w_upper, w_lower, w_blade, w_place, b_body, b_tips, s_upper, s_lower, parent = topology
+    w_upper, w_lower, w_blade, w_place, b_body, b_tips, s_upper, s_lower, parent, _ = topology
     mass, wires, blades, springs, _ = numbers
     bodies = len(mass)
     largest = 1e-3
@@ -490,4 +495,5 @@ def newton(
         tuple(results.values()),
     )
     found = {name: results[name] for name in ("residual", "rounding", "tension", "stiffness", "pivot")}
+    found["flex"] = packed.numbers[-1][..., 12:]
     return Pose(*poses), found, int(results["steps"].max(initial=0)), results["status"]

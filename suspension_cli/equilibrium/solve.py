@@ -78,6 +78,9 @@ class Equilibrium:
         Tangent stiffness in this pose, N/m, N and N m.
     pivot : (...) array or None
         Least pivot of the stiffness in the last step, relative to its diagonal, if known.
+    flex : (..., w, 7) array or None
+        Of a batch of builds: stiffness of wires that bend, at these tensions: S_uu, S_ul, S_ll in
+        both planes, and against twisting, N m/rad.
     """
 
     pose: Pose
@@ -87,6 +90,7 @@ class Equilibrium:
     tension: Any
     stiffness: Any
     pivot: Any = None
+    flex: Any = None
 
     @property
     def converged(self) -> Any:
@@ -197,25 +201,6 @@ def newton_steps(scene: Scene, steps: int) -> Equilibrium:
     return _newton(scene, layout(scene), nominal_pose(scene), 0.0, steps)
 
 
-def solve_again(scene: Scene, numbering: Layout, found: Equilibrium, where: Any) -> Equilibrium:
-    """Solve those scenes of a batch that have changed again, from their last equilibrium.
-
-    Parameters
-    ----------
-    scene : Scene
-        As changed.
-    numbering : Layout
-    found : Equilibrium
-        Of the batch before the change.
-    where : (...) bool array
-        The scenes that have changed.
-    """
-    if not scene.batch:
-        return solve(scene, numbering, start=found.pose)
-    start = _select_pose(found.pose, where)
-    return _replace(found, where, solve(select_scenes(scene, where), numbering, start=start))
-
-
 def _select_pose(pose: Pose, where: Any) -> Pose:
     return Pose(*(getattr(pose, name)[where] for name in PARTS_OF_POSE))
 
@@ -239,8 +224,10 @@ def _replace(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
         *(merge(getattr(found.pose, name), getattr(new.pose, name)) for name in PARTS_OF_POSE)
     )
     parts = {name: merge(getattr(found, name), getattr(new, name)) for name in PARTS_OF_RESULT}
-    if found.pivot is not None:
-        parts["pivot"] = merge(found.pivot, np.nan if new.pivot is None else new.pivot)
+    for name in ("pivot", "flex"):
+        old, some = getattr(found, name), getattr(new, name)
+        if old is not None:
+            parts[name] = merge(old, np.full((1, *old.shape[1:]), np.nan) if some is None else some)
     return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **parts)
 
 
@@ -251,7 +238,8 @@ def _replace_converged(found: Equilibrium, where: Any, new: Equilibrium) -> Equi
     chosen[where] = kept
     pose = _select_pose(new.pose, kept)
     parts = {name: getattr(new, name)[kept] for name in PARTS_OF_RESULT}
-    parts["pivot"] = None if new.pivot is None else new.pivot[kept]
+    for name in ("pivot", "flex"):
+        parts[name] = None if getattr(new, name) is None else getattr(new, name)[kept]
     return _replace(found, chosen, Equilibrium(pose=pose, iterations=new.iterations, **parts))
 
 
@@ -331,7 +319,7 @@ def _newton_compiled(
     target: Any,
     limit: int,
     *,
-    accept_nominal: bool,
+    accept_nominal: bool = False,
 ) -> Equilibrium:
     from suspension_cli.equilibrium import compiled  # takes half a second
 
@@ -349,10 +337,16 @@ def _newton_compiled(
     if not left.any():
         return found
     goal = target[left] if isinstance(target, np.ndarray) else target
-    start = _select_pose(_broadcast_pose(pose, scene.batch), left)
-    return _replace(
-        found, left, _newton_arrays(select_scenes(scene, left), numbering, start, goal, limit)
-    )
+    start, some = _select_pose(_broadcast_pose(pose, scene.batch), left), select_scenes(scene, left)
+    if scene.flex is None:
+        return _replace(found, left, _newton_arrays(some, numbering, start, goal, limit))
+    # the arrays do not know the stiffness of bending at tensions to be found
+    found.residual[left & (status == compiled.FAILED)] = np.nan
+    again = left & (status == compiled.NOMINAL)
+    if not again.any():
+        return found
+    start, some = _select_pose(_broadcast_pose(pose, scene.batch), again), select_scenes(scene, again)
+    return _replace(found, again, _newton_compiled(some, numbering, start, goal, limit))
 
 
 def _newton_arrays(
