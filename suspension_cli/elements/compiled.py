@@ -465,3 +465,44 @@ def add_springs(
                 hessian[6 * l + 3 + j, 6 * u + 3 + i] += mixed
                 hessian[6 * l + j, 6 * u + 3 + i] += skew[i, j]
                 hessian[6 * u + 3 + i, 6 * u + j] -= skew[i, j]
+
+
+@compiled
+def fill_geometry(
+    upper: Any, lower: Any, blade: Any, wires: Any, flex: Any, pose: Any, tension: Any, result: Any
+) -> None:
+    """Fill the geometry (w, 25) of the wires of one build, see `compiled_wire.add_dynamic`."""
+    shift, turn, deflection = pose
+    point, other = np.empty(3), np.empty(3)
+    for n in range(len(wires)):
+        own, row, u, l, b = wires[n], result[n], upper[n], lower[n], blade[n]
+        for i in range(3):
+            point[i] = own[i] + (deflection[b, i] if b >= 0 else 0.0)
+        rotate(turn[u], point, row[6:9])
+        rotate(turn[l], own[3:6], row[9:12])
+        # the span from displacements: its nominal value and what the ends moved
+        rotate(turn[u], deflection[b] if b >= 0 else np.zeros(3), other)
+        square = 0.0
+        for i in range(3):
+            moved = shift[l, i] - shift[u, i] - other[i]
+            for j in range(3):
+                moved += turn[l, i, j] * own[3 + j] - turn[u, i, j] * own[j]
+            row[i] = own[6 + i] + moved
+            square += row[i] * row[i]
+        length = math.sqrt(square)
+        for i in range(3):
+            row[i] /= length
+        rotate(turn[u], flex[n, :3], point)
+        rotate(turn[l], flex[n, 6:9], other)
+        for i in range(3):
+            point[i] += other[i]
+        along, size = _dot(point, row[:3]), 0.0
+        for i in range(3):
+            row[3 + i] = point[i] - along * row[i]
+            size += row[3 + i] ** 2
+        for i in range(3):
+            row[3 + i] /= math.sqrt(size)
+            for j in range(3):
+                # the upper end moves with the tip
+                row[12 + 3 * i + j] = turn[u, i, j] + (i == j) if b >= 0 else 0.0
+        row[21], row[22], row[23], row[24] = length, tension[n], own[11], own[12]

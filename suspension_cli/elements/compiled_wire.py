@@ -140,3 +140,313 @@ def resting(
         if own[LENGTH] > 0.0:
             twist += own[LENGTH] * stretch / (own[TWISTING] + tension * own[POLAR_AREA])
     flex[6] = torsion if torsion > 0 else 1 / twist
+
+
+@compiled
+def _odd_series(p: complex, n: complex) -> complex:
+    """Sum the series of N, see `beam._series`."""
+    complete = np.empty(TERMS + 1, dtype=np.complex128)
+    complete[0] = power = 1.0 + 0.0j
+    for k in range(TERMS):
+        power *= n
+        complete[k + 1] = p * complete[k] + power
+    product, total = p * n, 0.0j
+    for j in range(TERMS // 2 - 1, -1, -1):
+        inner = 0.0j
+        for i in range(j + 1, TERMS):
+            inner += _COEFFICIENT[i, j] * complete[i - j - 1]
+        total = total * product + inner
+    return total
+
+
+@compiled
+def _tanh(z: complex) -> complex:
+    """Hyperbolic tangent for Re z >= 0; that of the library overflows."""
+    if abs(z) < 1.0:
+        return np.tanh(z)
+    decay = np.exp(-2 * z)
+    return (1 - decay) / (1 + decay)
+
+
+@compiled
+def _dynamic_beam(
+    rigidity: complex, tension: float, mass: complex, length: float, omega: float, result: Any
+) -> None:
+    """Dynamic stiffness (4, 4) of a beam under tension on w_1, w'_1, w_2, w'_2, see `beam`."""
+    h = length / 2
+    tau, m = tension / rigidity, mass * omega * omega / rigidity
+    alpha2 = (tau + np.sqrt(tau * tau + 4 * m)) / 2
+    if alpha2 == 0:
+        alpha2 = (1e-8 / h) ** 2 + 0.0j
+    beta2 = m / alpha2
+    alpha, beta = np.sqrt(alpha2), np.sqrt(beta2)
+    tanh, cos = _tanh(alpha * h) / alpha, np.cos(beta * h)
+    sin = h + 0.0j if beta == 0 else np.sin(beta * h) / beta
+    sum2 = alpha2 + beta2
+    if abs(sum2) * h * h < SERIES:
+        p, n = alpha2 * h * h, -beta2 * h * h
+        odd = h * (p - n) * _odd_series(p, n) / np.cosh(alpha * h)
+    else:
+        odd = sin - cos * tanh
+    if odd == 0:
+        odd = EPS * (abs(sin) + abs(cos * tanh)) + 0.0j
+    even = beta2 * sin + alpha2 * cos * tanh
+    if even == 0:
+        even = EPS * (abs(beta2 * sin) + abs(alpha2 * cos * tanh)) + 0.0j
+    twice, product = 2 * rigidity, sin * tanh
+    even_ww = -twice * alpha2 * beta2 * sum2 * product / even
+    even_wt = twice * alpha2 * beta2 * odd / even
+    even_tt = twice * sum2 * cos / even
+    odd_ww = twice * sum2 * cos / odd
+    odd_wt = -twice * even / odd
+    odd_tt = twice * sum2 * product / odd
+    # W_s = (w_1 + w_2)/2, T_s = (w'_2 - w'_1)/2, W_a = (w_2 - w_1)/2, T_a = (w'_1 + w'_2)/2
+    result[0, 0] = result[2, 2] = (even_ww + odd_ww) / 4
+    result[0, 2] = result[2, 0] = (even_ww - odd_ww) / 4
+    result[0, 1] = result[1, 0] = -(even_wt + odd_wt) / 4
+    result[0, 3] = result[3, 0] = (even_wt - odd_wt) / 4
+    result[2, 1] = result[1, 2] = (odd_wt - even_wt) / 4
+    result[2, 3] = result[3, 2] = (even_wt + odd_wt) / 4
+    result[1, 1] = result[3, 3] = (even_tt + odd_tt) / 4
+    result[1, 3] = result[3, 1] = (odd_tt - even_tt) / 4
+
+
+@compiled
+def _join_rod(
+    rigidity: complex, mass: complex, length: float, omega: float, springs: Any, first: bool
+) -> None:
+    """Join a rod below others: springs (3,) between the ends and to the ground, see
+    `joined_sections.join_rods`.
+    """
+    h = length / 2
+    kappa2 = mass * omega * omega / rigidity
+    angle = np.sqrt(kappa2) * h
+    tanc = 1.0 + 0.0j if angle == 0 else np.tan(angle) / angle
+    even, odd = -2 * rigidity * kappa2 * h * tanc, 2 * rigidity / h / tanc
+    below, end = (odd - even) / 4, even / 2
+    if first:
+        springs[0], springs[1], springs[2] = below, end, end
+        return
+    spring, lower = springs[0], springs[2]
+    own, ground = spring + below + lower + end, lower + end
+    if own == 0:
+        own = EPS * (abs(spring) + abs(below) + abs(lower) + abs(end)) + 0.0j
+    springs[1] += spring * ground / own
+    springs[2] = end + below * ground / own
+    springs[0] = spring * below / own
+
+
+@compiled
+def add_dynamic(
+    which: Any,
+    omega: Any,
+    number: Any,
+    place: Any,
+    sections: Any,
+    geometry: Any,
+    angles: Any,
+    slopes: Any,
+    drag: Any,
+    massive: bool,
+    dynamic: Any,
+    compliance: Any,
+) -> None:
+    """Add F(omega) - F(0) of all wires to the stiffness of many systems; set their compliances.
+
+    Parameters
+    ----------
+    which, omega, number : (q,) arrays
+        Build, frequency (rad/s) and number of the frequency of each system.
+    place : (w, 15) int array
+        Coordinates of the upper body, the lower body and the tip of each wire.
+    sections : (w, m, 9) array
+    geometry : (p, w, 25) array
+        Of each wire in equilibrium: unit vector e along it, n_1 of its first plane, arms of its
+        upper and lower end, motion of the upper end with the tip (9), length, tension, stiffness
+        and torsion (0 where the design gives none).
+    angles : (f, w, m, 6) array
+        Loss angles: bulk and surface of bending in both planes, of stretching and twisting; then
+        the thermoelastic ones of bending at a coefficient of expansion of 1 (1/K).
+    slopes : (w, m, 2) array
+        That coefficient without tension, 1/K, and its decrease per tension, 1/(K N).
+    drag : (w, m, 4) array
+        Of the gas, per length, for both planes, stretching and twisting.
+    massive : bool
+        Whether the wires have inertia.
+    dynamic : (q, N + 1, N + 1) complex array
+    compliance : (q, w) complex array
+    """
+    whole, part = np.empty((4, 4), dtype=np.complex128), np.empty((4, 4), dtype=np.complex128)
+    still, piece = np.empty((4, 4)), np.empty((4, 4))
+    up, low = np.empty((2, 9)), np.empty((2, 6))
+    normal, springs = np.empty((2, 3)), np.empty(3, dtype=np.complex128)
+    for q in range(len(which)):
+        w = omega[q]
+        for n in range(place.shape[0]):
+            own, where, target = geometry[which[q], n], place[n], dynamic[q]
+            e, length, tension = own[:3], own[21], own[22]
+            drawn, stretching, twisting = 0.0, 0.0, 0.0
+            for m in range(sections.shape[1]):
+                row = sections[n, m]
+                if row[LENGTH] > 0.0:
+                    drawn += row[LENGTH]
+                    stretching += row[LENGTH] / row[STRETCHING]
+                    twisting += row[LENGTH] / (row[TWISTING] + tension * row[POLAR_AREA])
+            stretch = length / drawn
+            stiffer = own[23] * stretching * stretch
+            turning = own[24] * twisting * stretch if own[24] > 0 else 1.0
+            normal[0] = own[3:6]
+            _fill_cross(e, normal[0], normal[1])
+            for plane in range(2):
+                if plane == 0 or sections[n, 0, ROUND] == 0.0:
+                    _join_bends(
+                        sections[n],
+                        angles[number[q], n],
+                        slopes[n],
+                        drag[n],
+                        plane,
+                        w,
+                        stretch,
+                        tension,
+                        massive,
+                        whole,
+                        part,
+                        still,
+                        piece,
+                    )
+                _fill_forms(own, normal[plane], up, low)
+                _add_block(up, up, whole[:2, :2], where, UPPER, where, UPPER, target)
+                _add_block(low, up, whole[2:, :2], where, LOWER, where, UPPER, target)
+                _add_block(low, low, whole[2:, 2:], where, LOWER, where, LOWER, target)
+            for part_of_rod in range(2):  # stretching, twisting
+                first = True
+                for m in range(sections.shape[1]):
+                    row, lost = sections[n, m], angles[number[q], n, m]
+                    if row[LENGTH] == 0.0:
+                        continue
+                    if part_of_rod == 0:
+                        rigidity = row[STRETCHING] * stiffer * (1 + 1j * lost[2])
+                        inertia = row[MASS] + 0.0j
+                    else:
+                        own_torsion = row[TWISTING] * (1 + 1j * lost[3])
+                        rigidity = (own_torsion + tension * row[POLAR_AREA]) * turning
+                        inertia = row[POLAR] + 0.0j
+                    if massive and w > 0:
+                        inertia -= 1j * drag[n, m, 2 + part_of_rod] / w
+                    elif not massive:
+                        inertia = 0.0j
+                    _join_rod(rigidity, inertia, row[LENGTH] * stretch, w, springs, first)
+                    first = False
+                if part_of_rod == 0:
+                    compliance[q, n] = 1 / springs[0]
+                    if massive:
+                        _fill_forms(own, e, up, low)
+                        _add_along(up[0], springs[1], where, UPPER, target)
+                        _add_along(low[0], springs[2], where, LOWER, target)
+                else:
+                    change = springs[0] - turning / (twisting * stretch)
+                    _add_twist(e, change, springs[1], springs[2], where, target)
+
+
+UPPER = np.array([0, 1, 2, 3, 4, 5, 12, 13, 14])
+LOWER = np.array([6, 7, 8, 9, 10, 11])
+
+
+@compiled
+def _fill_cross(a: Any, b: Any, out: Any) -> None:
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@compiled
+def _fill_forms(own: Any, n: Any, up: Any, low: Any) -> None:
+    """Deflection along n and slope there of the upper end, per coordinate (2, 9); lower (2, 6)."""
+    e = own[:3]
+    up[:], low[:] = 0.0, 0.0
+    up[0, :3], low[0, :3] = n, n
+    _fill_cross(own[6:9], n, up[0, 3:6])
+    _fill_cross(own[9:12], n, low[0, 3:6])
+    for axis in range(3):
+        up[0, 6 + axis] = n[0] * own[12 + axis] + n[1] * own[15 + axis] + n[2] * own[18 + axis]
+    _fill_cross(e, n, up[1, 3:6])
+    _fill_cross(e, n, low[1, 3:6])
+
+
+@compiled
+def _add_block(
+    left: Any, right: Any, block: Any, one: Any, rows: Any, two: Any, columns: Any, target: Any
+) -> None:
+    """Add L^T B R to a symmetric matrix at some coordinates, and its mirror image."""
+    same = left.shape[1] == right.shape[1]
+    for i in range(left.shape[1]):
+        first = block[0, 0] * left[0, i] + block[1, 0] * left[1, i]
+        second = block[0, 1] * left[0, i] + block[1, 1] * left[1, i]
+        a = one[rows[i]]
+        for j in range(i + 1 if same else right.shape[1]):
+            b = two[columns[j]]
+            value = first * right[0, j] + second * right[1, j]
+            target[a, b] += value
+            if a != b:
+                target[b, a] += value
+
+
+@compiled
+def _add_along(form: Any, stiffness: complex, where: Any, rows: Any, target: Any) -> None:
+    for i in range(len(form)):
+        for j in range(len(form)):
+            target[where[rows[i]], where[rows[j]]] += stiffness * form[i] * form[j]
+
+
+@compiled
+def _add_twist(
+    e: Any, between: complex, upper: complex, lower: complex, where: Any, target: Any
+) -> None:
+    for i in range(3):
+        for j in range(3):
+            product = e[i] * e[j]
+            u, l, v, k = where[3 + i], where[9 + i], where[3 + j], where[9 + j]
+            target[u, v] += (between + upper) * product
+            target[l, k] += (between + lower) * product
+            target[u, k] -= between * product
+            target[l, v] -= between * product
+
+
+@compiled
+def _join_bends(
+    sections: Any,
+    angles: Any,
+    slopes: Any,
+    drag: Any,
+    plane: int,
+    omega: float,
+    stretch: float,
+    tension: float,
+    massive: bool,
+    whole: Any,
+    part: Any,
+    still: Any,
+    piece: Any,
+) -> None:
+    """Fill `whole` with F(omega) - F(0) of bending in one plane, on w and w' of both ends."""
+    started = False
+    for m in range(len(sections)):
+        row = sections[m]
+        if row[LENGTH] == 0.0:
+            continue
+        coefficient = slopes[m, 0] - slopes[m, 1] * tension
+        angle = angles[m, plane] + angles[m, 4 + plane] * coefficient * coefficient
+        rigidity, length = row[SOFT + plane], row[LENGTH] * stretch
+        inertia = 0.0j
+        if massive:
+            inertia = row[MASS] - (1j * drag[m, plane] / omega if omega > 0 else 0.0j)
+        lossy = rigidity * (1 + 1j * angle)
+        _dynamic_beam(lossy, tension, inertia, length, omega, part if started else whole)
+        _static_rotations(rigidity, tension, length, piece if started else still)
+        if started:
+            join(whole, part)
+            join(still, piece)
+        started = True
+    for i in range(4):
+        for j in range(4):
+            whole[i, j] -= still[i, j]

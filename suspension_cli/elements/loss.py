@@ -74,11 +74,29 @@ def bending_angle(section: Section, plane: int, omega: Any, tension: Any, temper
     array
         Of the shape to which the arguments broadcast.
     """
+    bulk, thermoelastic, expansion, slope = bending_angle_parts(section, plane, omega, temperature)
+    return bulk + thermoelastic * (expansion - slope * np.asarray(tension)) ** 2
+
+
+def bending_angle_parts(
+    section: Section, plane: int, omega: Any, temperature: Any
+) -> tuple[Any, Any, float, float]:
+    """Parts of the loss angle of the bending of a wire.
+
+    Returns
+    -------
+    bulk : array
+        Loss angle of bulk and surface, rad.
+    thermoelastic : array
+        Thermoelastic loss angle if the coefficient a were 1/K, K^2.
+    expansion, slope : float
+        a = expansion - slope * tension; 1/K and 1/(K N).
+    """
     losses = section.losses
-    strain = np.asarray(tension) / (losses.youngs_modulus * section.area)
-    return _bulk_and_surface(losses, omega, bending_ratio(section, plane)) + _thermoelastic(
-        losses, section.depth[plane], section.round, omega, strain, temperature
-    )
+    bulk = _bulk_and_surface(losses, omega, bending_ratio(section, plane))
+    strength = _thermoelastic(losses, section.depth[plane], section.round, omega, temperature)
+    slope = losses.modulus_slope / (losses.youngs_modulus * section.area)
+    return bulk, strength, losses.expansion, slope
 
 
 def stretching_angle(section: Section, omega: Any) -> Any:
@@ -102,9 +120,8 @@ def blade_angle(blade: BladeLoss, omega: Any) -> Any:
     if losses is None:
         return blade.angle + 0.0 * np.asarray(omega)
     ratio = 6 / thickness if thickness > 0 else 0.0
-    return _bulk_and_surface(losses, omega, ratio) + _thermoelastic(
-        losses, thickness, False, omega, 0.0, blade.temperature
-    )
+    strength = _thermoelastic(losses, thickness, False, omega, blade.temperature)
+    return _bulk_and_surface(losses, omega, ratio) + strength * losses.expansion**2
 
 
 def bending_ratio(section: Section, plane: int) -> float:
@@ -192,13 +209,14 @@ def _bulk(losses: Losses, omega: Any) -> Any:
 
 
 def _thermoelastic(
-    losses: Losses, depth: float, is_round: bool, omega: Any, strain: Any, temperature: Any
+    losses: Losses, depth: float, is_round: bool, omega: Any, temperature: Any
 ) -> Any:
-    """Thermoelastic loss angle; 0 where heat capacity, conductivity or depth is unknown."""
+    """Thermoelastic loss angle over a^2, K^2; 0 where heat capacity, conductivity or depth is
+    unknown.
+    """
     if not (losses.heat_capacity > 0 and losses.conductivity > 0 and depth > 0):
-        return 0.0 * (np.asarray(omega) + strain + temperature)
-    coefficient = losses.expansion - strain * losses.modulus_slope
+        return 0.0 * (np.asarray(omega) + temperature)
     capacity = losses.density * losses.heat_capacity
-    strength = losses.youngs_modulus * temperature * coefficient**2 / capacity
+    strength = losses.youngs_modulus * temperature / capacity
     phase = np.asarray(omega) * (capacity * (depth / 2) ** 2 / losses.conductivity)
     return strength * relaxation(phase, 1.0 if is_round else 0.5)

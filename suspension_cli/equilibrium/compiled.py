@@ -24,6 +24,7 @@ from suspension_cli.elements.compiled import (
     add_rotation_hessian,
     add_springs,
     add_wires,
+    fill_geometry,
 )
 from suspension_cli.elements.compiled_wire import wire_sections
 from suspension_cli.equilibrium.residual_scale import LEAST_ARM, ROUNDINGS
@@ -440,6 +441,40 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any]
     inertia = np.ascontiguousarray(np.broadcast_to(inertia, (count, *inertia.shape[-3:])))
     _tangents(packed.topology, packed.gravity, packed.numbers, inertia, poses, soft, form, masses)
     return soft, form[..., :-1], masses
+
+
+@compiled
+def _geometries(topology: Any, numbers: Any, poses: Any, tension: Any, result: Any) -> None:
+    shift, turn, deflection = poses
+    for p in range(len(result)):
+        pose = (shift[p], turn[p], deflection[p])
+        fill_geometry(
+            topology[0],
+            topology[1],
+            topology[2],
+            numbers[1][p],
+            numbers[4][p],
+            pose,
+            tension[p],
+            result[p],
+        )
+
+
+def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> tuple[Any, ...]:
+    """Geometry of the wires of a batch of scenes that bend, in equilibrium.
+
+    Returns
+    -------
+    place : (w, 15) int array
+    sections : (w, m, 9) array
+    geometry : (p, w, 25) array
+        All as `elements.compiled_wire.add_dynamic` takes them.
+    """
+    packed = pack(scene, numbering)
+    result = np.empty((*scene.batch, len(scene.wires.label), 25))
+    poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
+    _geometries(packed.topology, packed.numbers, poses, np.ascontiguousarray(tension), result)
+    return packed.topology[3], packed.topology[-1], result
 
 
 def newton(

@@ -60,8 +60,8 @@ def respond(
         Further stiffness of each system; (0, N, N) for none.
     form : (p, w, N) array
         Elongation of each wire per coordinate.
-    compliance : (p, w) array
-        1/k of each wire.
+    compliance : (q, w) array
+        1/k of each wire, m/N.
     moves, forces : (p, 6, i) and (p, N - 6, i) arrays
     result : (q, N - 6, i) array
         To be filled: coordinates but the support's, in the order of the model.
@@ -99,7 +99,7 @@ def respond(
             row = first_light + n
             for m in range(wires):
                 matrix[row, first_light + m] = 0.0
-            matrix[row, row] = -compliance[p, n]
+            matrix[row, row] = -compliance[q, n]
             for m in range(free):
                 value = form[p, n, order[m]]
                 if place[m] < row:

@@ -5,9 +5,8 @@ omega^2 M
 
     sum over wires of G (F(omega) - F(0)) G^T,      F(0) without loss,
 
-with the dynamic stiffness F (12, 12) of a wire against the motion of its ends and the forms G (N,
-12) of those; builds and their frequencies run together along the last axis of
-`elements.dynamic_wire`.
+with the dynamic stiffness F of a wire against the motion of its ends and the forms G of those. The
+stretching stiffness of a wire is not added but replaced (its inverse, see `linear.stretching`).
 """
 
 from __future__ import annotations
@@ -17,21 +16,18 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS, TautWire, fit_to_equilibrium
+from suspension_cli.elements import gas, loss
 from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.scene.arrays import Index
 from suspension_cli.scene.composition import Fibre, Gas
-
-ENDS = sum(COORDINATES.values())
-"""Coordinates of the two ends of a wire."""
 
 
 class BatchTerm(Protocol):
     """A frequency-dependent part of the model of many builds."""
 
-    def add(self, dynamic: Any, omega: Any, which: Index) -> None:
-        """Add it to dynamic stiffnesses (q, N, N) of builds (q,) at a frequency (q,) each, rad/s,
-        in place.
+    def add(self, dynamic: Any, compliance: Any, omega: Any, which: Index) -> None:
+        """Add it to the stiffness (q, N, N) of builds (q,) at a frequency (q,) each, rad/s, in
+        place; or set the compliance (q, w) of wires against stretching, m/N.
         """
         ...
 
@@ -42,55 +38,80 @@ class BatchTerm(Protocol):
 
 @dataclass(frozen=True)
 class WireBatchTerm:
-    """Dynamic stiffness of one wire in many builds.
+    """Dynamic stiffness of all wires in many builds.
 
     Attributes
     ----------
-    fibre : Fibre
-        In the nominal pose.
-    length, tension, stiffness, torsion : (p,) arrays
-        In equilibrium: m, N, N/m (stretching), N m/rad (torsion where the design gives it, else 0).
+    fibre : tuple of Fibre
+        The wires in the nominal pose.
     massive : bool
-        Whether it has mass.
+        Whether they have mass.
     surrounded : Gas or None
-    rows : (r,) int array
-        Coordinates that move its ends.
-    forms : (p, r, 12) array
-        Motion of its ends with these coordinates, for all of `dynamic_wire.PARTS`.
+    size : int
+        Number of coordinates N of the scene.
+    place, sections, geometry : arrays
+        See `elements.compiled_wire.add_dynamic`.
+    basis : (N, N') array or None
+        The scene's coordinates in terms of the system's own, if these differ.
     """
 
-    fibre: Fibre
-    length: Any
-    tension: Any
-    stiffness: Any
-    torsion: Any
+    fibre: tuple[Fibre, ...]
     massive: bool
     surrounded: Gas | None
-    rows: Index
-    forms: Any
+    size: int
+    place: Any
+    sections: Any
+    geometry: Any
+    basis: Any = None
 
-    def add(self, dynamic: Any, omega: Any, which: Index) -> None:
-        """Add it to dynamic stiffnesses (q, N, N) of builds, in place."""
-        tension = self.tension[which]
-        fibre = fit_to_equilibrium(
-            self.fibre, self.length[which], self.stiffness[which], tension, self.torsion[which]
+    def add(self, dynamic: Any, compliance: Any, omega: Any, which: Index) -> None:
+        """Add the bending and twisting; set the compliances."""
+        from suspension_cli.elements import compiled_wire  # takes half a second
+
+        values, number = np.unique(omega, return_inverse=True)
+        added = np.zeros((len(which), self.size + 1, self.size + 1), dtype=complex)
+        compiled_wire.add_dynamic(
+            which,
+            np.ascontiguousarray(omega),
+            number,
+            self.place,
+            self.sections,
+            self.geometry,
+            *self._losses(values),
+            self.massive,
+            added,
+            compliance,
         )
-        strand = TautWire(fibre, tension, self.massive, lossy=True, surrounded=self.surrounded)
-        moving = strand.at(omega)
-        ends = np.zeros((len(which), ENDS, ENDS), dtype=complex)
-        start = 0
-        for part in PARTS:
-            own = slice(start, start + COORDINATES[part])
-            ends[:, own, own] = np.moveaxis(moving.stiffness(part) - strand.resting(part), -1, 0)
-            start = own.stop
-        forms = self.forms[which]
-        dynamic[:, self.rows[:, None], self.rows] += forms @ ends @ np.swapaxes(forms, -1, -2)
+        own = added[:, :-1, :-1]
+        dynamic += own if self.basis is None else self.basis.T @ own @ self.basis
+
+    def _losses(self, omega: Any) -> tuple[Any, Any, Any]:
+        """Loss angles, thermoelastic coefficients and drag, see `add_dynamic`."""
+        wires, most = self.sections.shape[:2]
+        angles, slopes = np.zeros((len(omega), wires, most, 6)), np.zeros((wires, most, 2))
+        drag, known = np.zeros((wires, most, 4)), {}
+        for n, fibre in enumerate(self.fibre):
+            temperature = sum(fibre.temperature) / 2
+            for m, section in enumerate(fibre.sections):
+                key = (section, temperature)
+                if key not in known:
+                    known[key] = n, m
+                    for plane in (0, 1):
+                        parts = loss.bending_angle_parts(section, plane, omega, temperature)
+                        angles[:, n, m, plane], angles[:, n, m, 4 + plane], *slopes[n, m] = parts
+                    angles[:, n, m, 2] = loss.stretching_angle(section, omega)
+                    angles[:, n, m, 3] = loss.twisting_angle(section, omega)
+                    if self.surrounded is not None:
+                        drag[n, m] = gas.wire_drag(section, self.surrounded)
+                else:
+                    first = known[key]
+                    angles[:, n, m], slopes[n, m] = angles[:, *first], slopes[first]
+                    drag[n, m] = drag[first]
+        return angles, slopes, drag
 
     def spread(self, from_new: Any) -> WireBatchTerm:
         """Transform it to new coordinates."""
-        some = from_new[self.rows]
-        rows = np.flatnonzero(some.any(0))
-        return replace(self, rows=rows, forms=some[:, rows].T @ self.forms)
+        return replace(self, basis=from_new if self.basis is None else self.basis @ from_new)
 
 
 @dataclass(frozen=True)
@@ -99,11 +120,14 @@ class LossBatchTerm:
 
     term: LossTerm
 
-    def add(self, dynamic: Any, omega: Any, which: Index) -> None:
-        """Add it to dynamic stiffnesses (q, N, N) of builds, in place."""
+    def add(self, dynamic: Any, compliance: Any, omega: Any, which: Index) -> None:
+        """Add it to the stiffness (q, N, N) of builds, in place."""
+        del compliance
         matrix = self.term.matrix
-        own = matrix[which] if matrix.ndim > 2 else matrix
-        dynamic += 1j * self.term.angle(omega)[:, None, None] * own
+        rows, columns = np.nonzero(matrix.reshape(-1, *matrix.shape[-2:]).any(0))
+        own = matrix[..., rows, columns]
+        own = own[which] if matrix.ndim > 2 else own
+        dynamic[:, rows, columns] += 1j * self.term.angle(omega)[:, None] * own
 
     def spread(self, from_new: Any) -> LossBatchTerm:
         """Transform it to new coordinates."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
-from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, PARTS, TautWire, fit_to_equilibrium
+from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
 from suspension_cli.elements.gas import body_damping
 from suspension_cli.equilibrium import bending_wires
 from suspension_cli.equilibrium.nominal import expand
@@ -205,34 +205,15 @@ def linear_models(
 
 def _batch_wires(
     scene: Scene, numbering: Layout, found: Equilibrium, *, massive: bool
-) -> list[WireBatchTerm]:
-    wires, fibres, result = scene.wires, scene.fibres, []
+) -> list[BatchTerm]:
+    from suspension_cli.equilibrium import compiled  # takes half a second
+
+    fibres = scene.fibres
     assert fibres is not None
-    every = wire_forms(scene, numbering, found.pose)
-    forms = np.concatenate([every[part] for part in PARTS], axis=-1)
-    length = string.state(scene, found.pose).length
-    stiffness, torsion = (
-        np.broadcast_to(values, found.tension.shape) for values in (wires.stiffness, wires.torsion)
-    )
-    for n, fibre in enumerate(fibres.wire):
-        bodies = [6 * body + np.arange(6) for body in (wires.upper[n], wires.lower[n])]
-        tip = numbering.blade[wires.blade[n]] if wires.blade[n] >= 0 else np.zeros(0, dtype=np.intp)
-        rows = np.concatenate([*bodies, tip[tip < numbering.size]])
-        own = (..., n)
-        result.append(
-            WireBatchTerm(
-                fibre,
-                length[own],
-                found.tension[own],
-                stiffness[own],
-                torsion[own],
-                massive,
-                fibres.gas,
-                rows,
-                forms[:, rows, n],
-            )
-        )
-    return result
+    if not fibres.wire:
+        return []
+    geometry = compiled.wire_geometry(scene, numbering, found.pose, found.tension)
+    return [WireBatchTerm(fibres.wire, massive, fibres.gas, numbering.size, *geometry)]
 
 
 def with_fibres(scene: Scene, design: Design) -> tuple[Scene, Drag]:

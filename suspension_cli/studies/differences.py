@@ -30,6 +30,7 @@ from suspension_cli.studies import builds, derivatives, variants
 from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.derivatives import Differentiable, Linear
 from suspension_cli.studies.parameters import Parameter, shifted
+from suspension_cli.studies.systems import further_stiffness
 
 STEP = 1e-3
 """Step, relative to a number or to the change of it that would change a matrix by its own size:
@@ -189,12 +190,10 @@ def _solved(
 def _each(found: Builds, omega: Array, scene: Scene) -> list[DispersiveLinear | None]:
     """Matrices of each build of a batch."""
     model, count = found.model, len(found.status)
-    which, size = np.arange(count), model.size
-    dispersive = np.zeros((count, len(omega), size, size), dtype=complex)
-    for n, at in enumerate(omega):
-        for term in found.terms:
-            term.add(dispersive[:, n], np.full(count, at), which)
-    dispersive = (dispersive + np.swapaxes(dispersive, -1, -2)) / 2
+    size = model.size
+    each, every = np.tile(omega, count), np.repeat(np.arange(count), len(omega))
+    dispersive = further_stiffness(model, found.terms, every, each)
+    dispersive = dispersive.reshape(count, len(omega), size, size)
     mass, stiffness, damping = (
         np.broadcast_to(matrix, (count, size, size))
         for matrix in (model.mass, model.stiffness, model.damping)

@@ -125,19 +125,15 @@ def respond(
     moves, forces : (p, 6, i) and (p, n, i) arrays
     """
     every, each = np.repeat(which, len(omega)), np.tile(omega, len(which))
-    added = None
-    if terms:
-        added = np.zeros((len(every), model.size, model.size), dtype=complex)
-        for term in terms:
-            term.add(added, each, every)
-        added = (added + np.swapaxes(added, -1, -2)) / 2
+    added, compliance = _terms(model, terms, every, each)
     left = np.ones(len(every), dtype=bool)
     result = np.empty((len(every), model.size - 6, moves.shape[-1]), dtype=complex)
     if model.separated is not None:
-        result, good = _respond_compiled(model, every, each, added, moves, forces)
+        result, good = _respond_compiled(model, every, each, added, compliance, moves, forces)
         left = ~good
     if left.any():
-        some, dispersive = every[left], None if added is None else added[left]
+        some = every[left]
+        dispersive = further_stiffness(model, terms, some, each[left]) if terms else None
         found = Systems.of(model, some, dispersive).solve(
             each[left][:, None], moves[some], forces[some]
         )
@@ -146,8 +142,57 @@ def respond(
     return result.reshape(len(which), len(omega), *result.shape[1:])
 
 
+def _terms(
+    model: LinearSystem, terms: tuple[BatchTerm, ...], which: Any, omega: Array
+) -> tuple[Any, Any]:
+    """Further stiffness (q, N, N) of builds at a frequency each, or None; compliance of wires."""
+    compliance: Any = np.zeros((len(which), 0))
+    if model.separated is not None:
+        stiffness = np.broadcast_to(model.separated.stiffness, (*model.batch, len(model.wire)))
+        compliance = 1 / stiffness[which]
+    if not terms:
+        return None, compliance
+    compliance = compliance.astype(complex)
+    added = np.zeros((len(which), model.size, model.size), dtype=complex)
+    for term in terms:
+        term.add(added, compliance, omega, which)
+    return (added + np.swapaxes(added, -1, -2)) / 2, compliance
+
+
+def further_stiffness(
+    model: LinearSystem, terms: tuple[BatchTerm, ...], which: Any, omega: Array
+) -> Any:
+    """Frequency-dependent parts (q, N, N) of builds at a frequency each, the stretching included.
+
+    Parameters
+    ----------
+    model : LinearSystem
+        Of p builds.
+    terms : tuple of BatchTerm
+    which : (q,) int array
+        Builds.
+    omega : (q,) array
+        rad/s.
+    """
+    added, compliance = _terms(model, terms, which, omega)
+    if added is None:
+        return np.zeros((len(which), model.size, model.size), dtype=complex)
+    if model.separated is not None:
+        form, stiffness = model.separated.form[which], model.separated.stiffness
+        stiffness = np.broadcast_to(stiffness, (*model.batch, len(model.wire)))[which]
+        change = 1 / compliance - stiffness
+        added = added + (np.swapaxes(form, -1, -2) * change[:, None]) @ form
+    return added
+
+
 def _respond_compiled(
-    model: LinearSystem, which: Any, omega: Array, added: Any, moves: Any, forces: Any
+    model: LinearSystem,
+    which: Any,
+    omega: Array,
+    added: Any,
+    compliance: Any,
+    moves: Any,
+    forces: Any,
 ) -> tuple[Any, Any]:
     """Coordinates (q, n, i) of systems by compiled loops, and whether these could solve each."""
     from suspension_cli.linear import compiled  # takes half a second
@@ -164,7 +209,6 @@ def _respond_compiled(
     damping = np.zeros((0, size, size))
     if damped.any():
         damping = np.ascontiguousarray(np.broadcast_to(model.damping, whole))
-    stiffness = np.broadcast_to(separated.stiffness, (*batch, len(model.wire)))
     result = np.empty((len(which), size - 6, moves.shape[-1]), dtype=kind)
     good = np.empty(len(which), dtype=bool)
     compiled.respond(
@@ -178,7 +222,7 @@ def _respond_compiled(
         damping,
         np.zeros((0, size, size), dtype=kind) if added is None else added,
         np.ascontiguousarray(separated.form),
-        np.ascontiguousarray((1 / stiffness).astype(kind)),
+        np.ascontiguousarray(compliance, dtype=kind),
         np.ascontiguousarray(moves),
         np.ascontiguousarray(forces),
         result,
