@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.damp.solve import LocalControl
+    from suspension_cli.design.schema import Design
 
 
 class DampAnalysis(Analysis):
@@ -93,6 +96,16 @@ class DampAnalysis(Analysis):
         if not found.stable:
             run.log.warn(f"the closed loop is unstable: {growth(found)}")
         return Result(self, run.source, choice, found, command=run.command)
+
+    def parse_names(
+        self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
+    ) -> Iterator[Callable[[], object]]:
+        """Parse the sensors and actuators of the loops."""
+        from suspension_cli.analyses.damp import control
+
+        for loop in design.control.loop if design.control is not None else ():
+            yield partial(control.parse_sensor, loop, stages, known)
+            yield partial(control.parse_actuator, loop, known)
 
     def document(self, result: Result) -> dict[str, Any]:
         """Return poles, margins and sensor noise."""
