@@ -1,4 +1,4 @@
-"""Tables of text: aligned, folded to a terminal, whole in a pipe; rich is imported for them alone."""
+"""Tables of text: aligned, folded to a terminal, whole in a pipe; rich for them alone."""
 
 from __future__ import annotations
 

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from suspension_cli.analyses import settings, tables
+from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Log, Report
-from suspension_cli.analyses.check import limits, names, plausible, statics, warnings
-from suspension_cli.design import plausibility
-from suspension_cli.design.paths import value_at
-from suspension_cli.design.plausibility import ImplausibleNumber
-from suspension_cli.design.reader import Source
 from suspension_cli.errors import Fault, InputError, escape_unprintable
-from suspension_cli.models import registry
-from suspension_cli.models.registry import Choice
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.check.statics import BladeLoad, Statics, WireLoad
+    from suspension_cli.design.plausibility import ImplausibleNumber
+    from suspension_cli.design.reader import Source
+    from suspension_cli.models.registry import Choice
 
 
 @dataclass(frozen=True, repr=False)
@@ -39,7 +37,7 @@ class Check(Report):
 
     source: Source
     choice: Choice
-    statics: statics.Statics
+    statics: Statics
     stable: bool | None
     stability_model: str | None
     warnings: list[ImplausibleNumber]
@@ -130,6 +128,14 @@ def solve(source: Source) -> Check:
     InputError
         With the faults of its `[analysis]` tables, or if it does not balance.
     """
+    import tomllib
+
+    from suspension_cli.analyses import settings
+    from suspension_cli.analyses.check import limits, names, plausible, statics, warnings
+    from suspension_cli.design import plausibility
+    from suspension_cli.design.paths import value_at
+    from suspension_cli.models import registry
+
     design = source.design
     settings.check_tables(design.analysis, source.file)
     found = plausibility.find_implausible(design)
@@ -147,17 +153,19 @@ def solve(source: Source) -> Check:
     near = limits.find_slackest(design, loads)
     if near is not None:
         remedy = "move its ends, or give it its share of the load"
-        found.append(ImplausibleNumber(Fault("", warnings.describe_slack(near), remedy)))
+        found.append(
+            plausibility.ImplausibleNumber(Fault("", warnings.describe_slack(near), remedy))
+        )
     raw = tomllib.loads(source.text)
     found += names.find_unknown_names(design, modes, lambda path: value_at(raw, path) is not None)
     return Check(source, choice, loads, stable, level, found)
 
 
-def _stressed(part: statics.WireLoad | statics.BladeLoad) -> dict[str, Any]:
+def _stressed(part: WireLoad | BladeLoad) -> dict[str, Any]:
     return {"stress_pa": part.stress, "strength_pa": part.strength, "strength_share": part.share}
 
 
-def _strength(part: statics.WireLoad | statics.BladeLoad) -> tuple[float | None, float | None]:
+def _strength(part: WireLoad | BladeLoad) -> tuple[float | None, float | None]:
     """Return the stress in MPa and its fraction of the strength in %; None where unknown."""
     return (
         None if part.stress is None else part.stress / 1e6,

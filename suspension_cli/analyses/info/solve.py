@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Log, Report, as_number
-from suspension_cli.analyses.check import warnings
-from suspension_cli.design.reader import Source
-from suspension_cli.errors import attribute_faults_to
-from suspension_cli.grids import parse_grid
-from suspension_cli.linear import eigenmodes, signals
-from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.models import auto, registry
-from suspension_cli.models.auto import Decision
-from suspension_cli.models.base import BENDING, MASS
-from suspension_cli.models.estimates import Estimates, estimates
-from suspension_cli.models.quantity_of_interest import Frequencies, Transfer
-from suspension_cli.models.registry import Choice
-from suspension_cli.scene.fibres import explain_unsuitable
+
+if TYPE_CHECKING:
+    from suspension_cli.design.reader import Source
+    from suspension_cli.linear.eigenmodes import Modes
+    from suspension_cli.models.auto import Refinement
+    from suspension_cli.models.estimates import Estimates
+    from suspension_cli.models.quantity_of_interest import Transfer
+    from suspension_cli.models.registry import Choice
 
 
 @dataclass(frozen=True, repr=False)
@@ -39,27 +35,24 @@ class Info(Report):
         Changes of every mode by wire bending and wire mass, per stage.
     modes : Modes
         Those of the simplest model that is valid.
-    decisions : dict
-        By quantity, the `Decision` of `auto`; of thermal noise the `Choice` alone.
+    choices : dict
+        The model of every quantity, its estimated error and why it was chosen.
+    refinements : dict
+        Of every quantity but thermal noise: the refinements that were weighed.
     """
 
     source: Source
     tolerance: float
     estimates: Estimates
     modes: Modes
-    decisions: dict[str, Decision | Choice]
-
-    @property
-    def choices(self) -> dict[str, Choice]:
-        """The model of every quantity, its estimated error and why it was chosen."""
-        return {
-            quantity: found.choice if isinstance(found, Decision) else found
-            for quantity, found in self.decisions.items()
-        }
+    choices: dict[str, Choice]
+    refinements: dict[str, Sequence[Refinement]]
 
     @property
     def change(self) -> dict[str, Any]:
         """Largest relative change of a mode by each refinement of each stage's wires, (s,) each."""
+        from suspension_cli.models.base import BENDING, MASS
+
         return {BENDING: self.estimates.bending.max(0), MASS: self.estimates.mass.max(0)}
 
     def document(self) -> dict[str, Any]:
@@ -78,7 +71,7 @@ class Info(Report):
                         "change": None if item.change is None else as_number(item.change),
                         "taken": item.taken,
                     }
-                    for item in getattr(self.decisions[quantity], "refinements", ())
+                    for item in self.refinements.get(quantity, ())
                 ],
             }
             for quantity, choice in self.choices.items()
@@ -117,6 +110,8 @@ class Info(Report):
         else:
             lines.append("No stage hangs on wires.")
         if any(np.isinf(values).any() for values in change.values()):
+            from suspension_cli.models import auto
+
             why = auto.unrestrained_mode(self.modes, unstable=False)
             why = why or "a mode lies near or above the first violin mode of these wires"
             lines.append(f"  without bound: {why}")
@@ -140,6 +135,15 @@ def solve(source: Source, setting: dict[str, Any], log: Log) -> Info:
     InputError
         If the design does not balance, or a signal does not exist.
     """
+    from suspension_cli.analyses.check import warnings
+    from suspension_cli.errors import attribute_faults_to
+    from suspension_cli.grids import parse_grid
+    from suspension_cli.linear import eigenmodes, signals
+    from suspension_cli.models import auto, registry
+    from suspension_cli.models.estimates import estimates
+    from suspension_cli.models.quantity_of_interest import Frequencies, Transfer
+    from suspension_cli.scene.fibres import explain_unsuitable
+
     design, tolerance = source.design, setting["tolerance"]
     frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
     output = setting["output"] or f"{design.stage[-1].name}.x"
@@ -154,18 +158,20 @@ def solve(source: Source, setting: dict[str, Any], log: Log) -> Info:
 
     span = f"{frequency.min():g} to {frequency.max():g} Hz"
     with attribute_faults_to(source.file):
-        decisions: dict[str, Decision | Choice] = {
+        decisions = {
             "frequencies of the modes": auto.decide(design, lambda _: Frequencies(), tolerance),
             f"{output} / {setting['drive']}, {span}": auto.decide(design, transfer, tolerance),
         }
+        choices = {quantity: decision.choice for quantity, decision in decisions.items()}
         if not explain_unsuitable(design, massive=True):
-            decisions[f"thermal noise of {output}, {span}"] = auto.for_thermal_noise(
+            choices[f"thermal noise of {output}, {span}"] = auto.for_thermal_noise(
                 design, "auto", float(frequency.max()), tolerance
             )
         modes = eigenmodes.solve(registry.choose(design).model.system(design))
-        found = Info(source, tolerance, estimates(design, modes), modes, decisions)
+        found = estimates(design, modes)
     warnings.warn_implausible(design, log)
-    return found
+    refinements = {quantity: decision.refinements for quantity, decision in decisions.items()}
+    return Info(source, tolerance, found, modes, choices, refinements)
 
 
 def _named(values: Any, infinite: str) -> list[float | str]:
