@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -46,7 +45,7 @@ class Info(Report):
     estimates: Estimates
     modes: Modes
     choices: dict[str, Choice]
-    refinements: dict[str, Sequence[Refinement]]
+    refinements: dict[str, tuple[Refinement, ...]]
 
     @property
     def change(self) -> dict[str, Any]:
