@@ -80,13 +80,8 @@ class Check(Report):
                 for b in found.bodies
             ],
             "warnings": [
-                {
-                    "key": item.fault.key,
-                    "value": item.fault.value,
-                    "problem": item.fault.problem,
-                    "remedy": item.fault.remedy,
-                    "serious": item.serious,
-                }
+                {name: getattr(item.fault, name) for name in ("key", "value", "problem", "remedy")}
+                | {"serious": item.serious}
                 for item in self.warnings
             ],
         }
@@ -94,8 +89,9 @@ class Check(Report):
     def __str__(self) -> str:
         found, count = self.statics, len(self.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
-        file = escape_unprintable(self.source.file or self.name)
-        lines = [f"{file}: {verdict}; {self.choice.line}"]
+        lines = [
+            f"{escape_unprintable(self.source.file) or self.name}: {verdict}; {self.choice.line}"
+        ]
         if found.wires:
             rows = ((w.label, w.tension, 1e3 * w.stretch, *_strength(w)) for w in found.wires)
             lines.append(_table("wire", "tension", "stretch", rows))
