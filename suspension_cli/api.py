@@ -19,8 +19,12 @@ from typing import Any
 import click
 import numpy as np
 
-from suspension_cli.analyses import registry, settings
-from suspension_cli.analyses.analysis import Analysis, Log, Result, Run
+from suspension_cli.analyses import options, registry, settings
+from suspension_cli.analyses.analysis import Log, Result, Run
+from suspension_cli.analyses.check.solve import Check
+from suspension_cli.analyses.check.solve import solve as solve_check
+from suspension_cli.analyses.info.solve import Info
+from suspension_cli.analyses.info.solve import solve as solve_info
 from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import Fault, InputError
@@ -834,6 +838,73 @@ def tradeoff(design: Design, *, quantities: Sequence[str] = (), repeat: int = 7)
     return _run("tradeoff", design, None, quantities=tuple(quantities), repeat=repeat)
 
 
+def check(design: Design) -> Check:
+    """Check the plausibility of a design, and compute what its wires and blades carry.
+
+    Warnings are those of ``pendsus check``; they are Python warnings too.
+
+    Parameters
+    ----------
+    design : Design
+
+    Raises
+    ------
+    InputError
+        If the design does not balance, or an ``[analysis]`` table has faults.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.check(sus.template("single"))
+    >>> found.stable, len(found.warnings), round(found.statics.wires[0].tension, 2)
+    (True, 0, 13.75)
+    """
+    with _python_names():
+        found = solve_check(design)
+    found.warn(Log())
+    return found
+
+
+def info(
+    design: Design,
+    *,
+    input: str = "support.x",
+    output: str | None = None,
+    frequency: Grid = "0.1:100:2000",
+    tolerance: float = 1e-3,
+) -> Info:
+    """Estimate how complete a model a design needs, and choose the models that ``"auto"`` takes.
+
+    For the modes, for one response and for its thermal noise.
+
+    Parameters
+    ----------
+    design : Design
+    input, output : str
+        Signals of the response. Default output: x of the last stage.
+    frequency : grid
+        Hz.
+    tolerance : float
+        Relative error that ``"auto"`` may leave.
+
+    Raises
+    ------
+    InputError
+        If the design does not balance, or a signal does not exist.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.info(sus.example("geo-silica-triple"), tolerance=0.01)
+    >>> [choice.level for choice in found.choices.values()]
+    ['beam', 'violin', 'violin']
+    """
+    given = {"drive": input, "output": output, "frequency": _grid(frequency)}
+    with _python_names():
+        setting = _setting("info", options.INFO, (), design, given | {"tolerance": tolerance})
+        return solve_info(design, setting, Log())
+
+
 def draw(design: Design) -> Any:
     """Draw a design to scale, side on and face on, with its dimensions.
 
@@ -873,7 +944,7 @@ def _run(name: str, files: Design | dict[str, Any], model: str | None, **given: 
 
     def ask(file: Design | PathLike, overrides: tuple[str, ...] = ()) -> Run:
         design = file if isinstance(file, Design) else read(file, overrides)
-        setting = _setting(analysis, design, given)
+        setting = _setting(name, analysis.parameters, analysis.swept_names(), design, given)
         command = f"suspension_cli.{name}()"
         return Run(design, setting, Log(), Path(folder.name), command)
 
@@ -885,17 +956,22 @@ def _run(name: str, files: Design | dict[str, Any], model: str | None, **given: 
     return result
 
 
-def _setting(analysis: Analysis, design: Design, given: dict[str, Any]) -> dict[str, Any]:
-    command = click.Command(analysis.name, params=list(analysis.parameters))
-    context = command.make_context(analysis.name, [])  # all defaults
-    for param in analysis.parameters:
+def _setting(
+    name: str,
+    parameters: Sequence[click.Parameter],
+    extra: tuple[str, ...],
+    design: Design,
+    given: dict[str, Any],
+) -> dict[str, Any]:
+    context = click.Command(name, params=list(parameters)).make_context(name, [])  # all defaults
+    for param in parameters:
         value = given.get(param.name, context.params[param.name])
         if value != context.params[param.name]:
             context.set_parameter_source(param.name, click.core.ParameterSource.COMMANDLINE)
             context.params[param.name] = param.type_cast_value(context, value)
     context.params["as_json"] = True  # nothing is printed
-    table = design.design.analysis.get(analysis.name, {})
-    return settings.with_analysis_table(context, table, design.file, analysis.swept_names())
+    table = design.design.analysis.get(name, {})
+    return settings.with_analysis_table(context, table, design.file, extra)
 
 
 @contextlib.contextmanager

@@ -14,19 +14,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import config, njit, types
+from numba import config as _config
+from numba import njit, types
 from numba.core import event
 from numba.extending import overload
 
 
-
 def _cache_folder() -> str:
     """Folder for compiled loops: numba does not notice that a function in another file changed."""
-    text = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.rglob("compiled*.py")))
+    text = b"".join(
+        path.read_bytes() for path in sorted(Path(__file__).parent.rglob("compiled*.py"))
+    )
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return str(base / "pendsus" / hashlib.sha256(text).hexdigest()[:16])
 
 
+config: Any = _config
 _FOLDER = config.CACHE_DIR or _cache_folder()
 
 
@@ -136,7 +139,7 @@ def _add_product(high: float, low: float, a: float, b: float) -> tuple[float, fl
 
 @compiled
 def _subtract_product(matrix: Any, x: Any, sign: float, high: Any, low: Any) -> None:
-    """Subtract sign times a symmetric real matrix (n, n), lower triangle, times x (n,) from a sum."""
+    """Subtract sign A x from a sum, for a real symmetric A (n, n) given by its lower triangle."""
     for i in range(len(x)):
         for j in range(i + 1):
             element = -sign * matrix[i, j]

@@ -50,7 +50,7 @@ def test_every_analysis_has_its_function():
 def test_importing_imports_nothing_heavy():
     code = (
         "import suspension_cli, sys; print([n for n in ('click', 'numpy', 'scipy', 'h5py',"
-        " 'msgspec', 'matplotlib') if n in sys.modules])"
+        " 'msgspec', 'matplotlib', 'rich') if n in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
@@ -103,6 +103,40 @@ def test_results_are_those_of_the_command(name, tmp_path):
     table = found.to_xarray()
     assert table.attrs["model"] == found.model and table.data_vars
     assert "<pre>" in found._repr_html_()
+
+
+REPORTS = {
+    "check": (lambda design: sus.check(design), ()),
+    "info": (
+        lambda design: sus.info(design, output="test.pitch", frequency=[1.0, 30.0], tolerance=0.01),
+        ("--output", "test.pitch", "--frequency", "1.0,30.0", "--tolerance", "0.01"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REPORTS)
+def test_reports_are_those_of_the_command(name):
+    function, options = REPORTS[name]
+    found = function(sus.read(str(DOUBLE)))
+    assert found.document() == strict_json(run(name, DOUBLE, *options, "--json").stdout)
+    assert f"{found}\n" == run(name, DOUBLE, *options).stdout
+    assert found._repr_html_().startswith("<pre>")
+    assert repr(found) == f"<pendsus {name} of double>"
+
+
+def test_checks_warn_and_refuse():
+    design = sus.example("triple-damped").replace({"control.loop.x.sensor": "tset.x"})
+    with pytest.warns(sus.PendsusWarning, match="names no body"):
+        found = sus.check(design)
+    assert [item.fault.key for item in found.warnings] == ["control.loop.x.sensor"]
+    with pytest.raises(sus.InputError, match=r'output = "tset\.x": names no body'):
+        sus.info(sus.read(DOUBLE), output="tset.x")
+
+
+def test_info_takes_the_analysis_table():
+    design = sus.read(DOUBLE).replace({"analysis.info.output": "upper.y"})
+    assert any("upper.y" in quantity for quantity in sus.info(design).choices)
+    assert any("test.x" in quantity for quantity in sus.info(design, output="test.x").choices)
 
 
 def test_faults_name_arguments():

@@ -8,7 +8,7 @@ import html
 import math
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -87,8 +87,48 @@ class Run:
         return attribute_faults_to(self.source.file)
 
 
+class Report(ABC):
+    """Findings about a design, as a JSON document and as text.
+
+    Attributes
+    ----------
+    source : Source
+        The design, its TOML text (overrides applied) and the name of its file.
+    """
+
+    source: Source
+
+    @property
+    def design(self) -> Design:
+        """The design."""
+        return self.source.design
+
+    @property
+    def name(self) -> str:
+        """Name of the design."""
+        return self.design.design.name
+
+    @property
+    def title(self) -> str:
+        """Title of the design, or its name."""
+        return self.design.design.title or self.name
+
+    @abstractmethod
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document that ``pendsus ... --json`` prints."""
+
+    @abstractmethod
+    def __str__(self) -> str: ...
+
+    def __repr__(self) -> str:
+        return f"<pendsus {type(self).__name__.lower()} of {self.name}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
 @dataclasses.dataclass(frozen=True)
-class Result:
+class Result(Report):
     """Result of an analysis, with its design and its model.
 
     Fields of `data` are attributes of the result too: ``result.frequency``.
@@ -123,21 +163,6 @@ class Result:
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *(n for n in dir(self.data) if n[0] != "_")})
-
-    @property
-    def design(self) -> Design:
-        """The design."""
-        return self.source.design
-
-    @property
-    def name(self) -> str:
-        """Name of the design."""
-        return self.design.design.name
-
-    @property
-    def title(self) -> str:
-        """Title of the design, or its name."""
-        return self.design.design.title or self.name
 
     @property
     def model(self) -> str:
@@ -197,9 +222,6 @@ class Result:
 
     def __repr__(self) -> str:
         return f"<pendsus {self.analysis.name} of {self.name}, {self.model} model>"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 class Analysis(ABC):
@@ -265,6 +287,16 @@ class Analysis(ABC):
 
     def swept_names(self) -> tuple[str, ...]:
         """Return the keys of `[analysis.NAME]` that are no options: parameters with their grids."""
+        return ()
+
+    def parse_names(
+        self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
+    ) -> Iterable[Callable[[], object]]:
+        """Return calls that parse names in tables of a design that only this analysis reads.
+
+        Each raises `InputError` if its name is unknown; `pendsus check` then warns of it. `known`
+        are the bodies with signals.
+        """
         return ()
 
     def path(self, result: Result, folder: Path) -> Path:

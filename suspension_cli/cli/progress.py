@@ -5,9 +5,8 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from types import TracebackType
+from typing import Any
 
-WIDTH = 30
 PATIENCE = 1.0
 """Time before the bar appears, s."""
 EVERY = 0.2
@@ -15,45 +14,43 @@ EVERY = 0.2
 
 
 class Bar:
-    """Progress bar, rate and time left; call it with (done, all, rate)."""
+    """Progress bar, rate and time left on a terminal; call it with (done, all, rate)."""
 
     def __init__(self, *, enabled: bool) -> None:
-        self.enabled = enabled
-        self.began = time.monotonic()
-        self.drawn = 0.0
+        self.enabled = enabled and sys.stderr.isatty()
+        self.due = time.monotonic() + PATIENCE
+        self.bar: Any = None
 
     def __enter__(self) -> Bar:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self.drawn and sys.stderr.isatty():
-            sys.stderr.write("\n")
+    def __exit__(self, *_: object) -> None:
+        if self.bar:
+            with contextlib.suppress(OSError):
+                self.bar.stop()
 
     def __call__(self, done: int, count: int, rate: float) -> None:
         """Update the bar if enough time has passed."""
         now = time.monotonic()
-        last = done == count and self.drawn
-        if (
-            not self.enabled
-            or now - self.began < PATIENCE
-            or (now - self.drawn < EVERY and not last)
-        ):
+        if not self.enabled or (now < self.due and not (self.bar and done == count)):
             return
-        self.drawn = now
-        filled = int(WIDTH * done / count)
+        self.due = now + EVERY
         left = f"{(count - done) / rate:.0f} s left" if rate else ""
         pace = f"{rate:,.0f}/s" if rate >= 1 or not rate else f"{1 / rate:.0f} s each"
-        end = "\r" if sys.stderr.isatty() else "\n"
         with contextlib.suppress(OSError):  # a stderr that is full or closed stops nothing
-            sys.stderr.write(
-                f"{'#' * filled}{'.' * (WIDTH - filled)} {done:,} of {count:,}  {pace} "
-                f" {left:12}{end}"
-            )
-            sys.stderr.flush()
-        if not sys.stderr.isatty():
-            self.drawn = now + 10 - EVERY  # a log gets a line every ten seconds
+            if not self.bar:
+                self.bar = _start()
+            text = f"{done:,} of {count:,}  {pace}  {left}"
+            self.bar.update(0, completed=done, total=count, description=text, refresh=True)
+
+
+def _start() -> Any:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    columns = BarColumn(30), TextColumn("{task.description}", markup=False)
+    console = Console(stderr=True)
+    bar = Progress(*columns, console=console, auto_refresh=False, redirect_stdout=False)
+    bar.add_task("")
+    bar.start()
+    return bar

@@ -11,7 +11,7 @@ from typing import Any
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import materials
 from suspension_cli.design.schema import Body, Design, Stage
-from suspension_cli.design.sections import area, stretches
+from suspension_cli.design.sections import stretches, thinnest
 from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet
 
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -69,10 +69,11 @@ def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float
     if wire.k is not None:
         return wire.k
     if wire.sections is None:
-        assert wire.material is not None
-        return _modulus(design, wire.material) * area(wire.radius, wire.section) / length
+        area = thinnest(wire)
+        assert wire.material is not None and area is not None
+        return _modulus(design, wire.material) * area / length
     return 1.0 / sum(
-        piece.length / (_modulus(design, piece.material or "") * piece.area)
+        piece.length / (_modulus(design, piece.material or "") * piece.shape.area)
         for piece in stretches(wire, length)
     )
 
@@ -206,7 +207,8 @@ def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
     if not any(angles):
         return 0.0
     compliances = [
-        piece.length / (_modulus(design, piece.material or "") * piece.area) for piece in pieces
+        piece.length / (_modulus(design, piece.material or "") * piece.shape.area)
+        for piece in pieces
     ]
     return sum(map(operator.mul, compliances, angles)) / sum(compliances)
 

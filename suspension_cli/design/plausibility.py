@@ -24,7 +24,7 @@ from suspension_cli.design import imperfections
 from suspension_cli.design.derive import body_inertia, body_mass, com_offset, set_geometry, volume
 from suspension_cli.design.imperfections import Imperfection
 from suspension_cli.design.schema import Body, Design, Material, Perturbation, Stage
-from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
+from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet, cross_sections
 from suspension_cli.errors import Fault, format_key, format_value
 
 OSMIUM = 22_600.0
@@ -452,17 +452,8 @@ def _check_thickness(wire: WireSet | Wire, length: float, key: str) -> Iterator[
         else [(f"{key}.sections.{n}", piece) for n, piece in enumerate(wire.sections, 1)]
     )
     for path, table in tables:
-        sizes: dict[str, float] = {}
-        if table.radius is not None:
-            sizes["radius"] = 2 * (
-                max(table.radius) if isinstance(table.radius, list) else table.radius
-            )
-        if table.section is not None:
-            sizes |= {
-                "section.width": table.section.width,
-                "section.thickness": table.section.thickness,
-            }
-        for name, size in sizes.items():
+        sizes = (size for shape in cross_sections(table) for size in shape.sizes())
+        for name, value, size in sizes:
             if size > THICK * length:
                 hint = suggest_unit(size, lambda v: v <= THICK * length) or "give it in m"
                 problem = (
@@ -474,7 +465,7 @@ def _check_thickness(wire: WireSet | Wire, length: float, key: str) -> Iterator[
                         f"{path}.{name}",
                         problem,
                         hint,
-                        format_value(size / 2 if name == "radius" else size),
+                        format_value(value),
                     ),
                     serious=True,
                 )

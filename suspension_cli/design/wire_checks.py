@@ -10,7 +10,16 @@ from suspension_cli.design import materials
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Design, Material
-from suspension_cli.design.wires import Blade, BladeSet, Clamp, Wire, WireSection, WireSet
+from suspension_cli.design.wires import (
+    CROSS_SECTIONS,
+    Blade,
+    BladeSet,
+    Clamp,
+    Wire,
+    WireSection,
+    WireSet,
+    cross_sections,
+)
 from suspension_cli.errors import Fault, format_value
 
 CLAMP_ANGLE = 0.5
@@ -71,26 +80,32 @@ def check_wire(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Faul
     if wire.sections is not None:
         yield from _check_sections(design, wire, path)
         return
-    if wire.radius is not None and wire.section is not None:
+    given = cross_sections(wire)
+    if len(given) > 1:
+        first, second, *_ = given
         yield Fault(
-            f"{path}.radius",
-            "conflicts with a section",
-            "give radius for a round wire or section for a ribbon",
-            format_value(wire.radius),
+            f"{path}.{first.key}",
+            f"conflicts with a {second.key}",
+            "give " + " or ".join(f"{kind.key} for {kind.wire}" for kind in CROSS_SECTIONS),
+            format_value(getattr(wire, first.key)),
         )
     if wire.k is None:
         if wire.material is None:
             yield Fault(f"{path}.material", "missing", "name a material, or give k in N/m")
-        if wire.radius is None and wire.section is None:
+        if not given:
+            keys = " or ".join(kind.key for kind in CROSS_SECTIONS)
             yield Fault(
-                f"{path}.radius", "missing", "give the wire's radius in m, or section, or k in N/m"
+                f"{path}.{CROSS_SECTIONS[0].key}",
+                "missing",
+                f"give the wire's {keys} in m, or k in N/m",
             )
 
 
 def _check_sections(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
-    for key in ("radius", "section"):
-        if getattr(wire, key) is not None:
-            yield Fault(f"{path}.{key}", "conflicts with sections", "give it in the sections alone")
+    for shape in cross_sections(wire):
+        yield Fault(
+            f"{path}.{shape.key}", "conflicts with sections", "give it in the sections alone"
+        )
     assert wire.sections is not None
     for number, piece in enumerate(wire.sections, 1):
         yield from _check_section(design, wire, piece, f"{path}.sections.{number}")
@@ -106,10 +121,8 @@ def _check_sections(design: Design, wire: WireSet | Wire, path: str) -> Iterator
 def _check_section(
     design: Design, wire: WireSet | Wire, piece: WireSection, path: str
 ) -> Iterator[Fault]:
-    given = {"radius": piece.radius, "section": piece.section}
-    yield from check_exactly_one(
-        path, given, "radius (one, or [upper, lower] of a taper) or section { width, thickness }"
-    )
+    given = {kind.key: getattr(piece, kind.key) for kind in CROSS_SECTIONS}
+    yield from check_exactly_one(path, given, " or ".join(kind.form for kind in CROSS_SECTIONS))
     if piece.material is not None:
         yield from check_material(design, piece.material, f"{path}.material")
     elif wire.material is None and wire.k is None:

@@ -6,6 +6,9 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from suspension_cli.design.cross_sections.ribbon import Ribbon
+from suspension_cli.design.cross_sections.round import Round
+from suspension_cli.design.cross_sections.shape import CrossSection
 from suspension_cli.design.units import (
     NAMES,
     Direction,
@@ -50,13 +53,6 @@ WireTorsion = Annotated[
 ]
 
 
-class Section(Table, frozen=True):
-    """A ribbon's rectangular cross-section: width along y, thickness along x."""
-
-    width: Annotated[Length, Meta(description="along y, m")]
-    thickness: Annotated[Length, Meta(description="along x, m")]
-
-
 Radii = Annotated[
     list[Length],
     Meta(
@@ -98,7 +94,7 @@ class WireSection(Table, frozen=True):
         ]
         | None
     ) = None
-    section: Section | None = None
+    section: Ribbon | None = None
     material: (
         Annotated[Name, Meta(description=f"name of a material; default the wire's ({NAMES})")]
         | None
@@ -184,7 +180,7 @@ class WireSet(Table, frozen=True):
     ] = 0.0
     material: WireMaterial | None = None
     radius: Radius | None = None
-    section: Section | None = None
+    section: Ribbon | None = None
     sections: Sections | None = None
     k: (
         Annotated[
@@ -212,7 +208,7 @@ class Wire(Table, frozen=True):
     lower: Annotated[Vector, Meta(description="lower end, from this body's COM, m")]
     material: WireMaterial | None = None
     radius: Radius | None = None
-    section: Section | None = None
+    section: Ribbon | None = None
     sections: Sections | None = None
     k: (
         Annotated[
@@ -244,6 +240,16 @@ class Wire(Table, frozen=True):
     ) = None
     clamp: Clamped = "wire"
     temperature: Temperature | None = None
+
+
+CROSS_SECTIONS: tuple[type[CrossSection], ...] = (Round, Ribbon)
+"""Cross-sections; each has its key in `WireSet`, `Wire` and `WireSection`."""
+
+
+def cross_sections(table: WireSet | Wire | WireSection) -> list[CrossSection]:
+    """List the cross-sections that a table gives; a valid one gives at most one."""
+    given = ((kind, getattr(table, kind.key)) for kind in CROSS_SECTIONS)
+    return [kind.read(value) for kind, value in given if value is not None]
 
 
 class BladeGeometry(Table, frozen=True):

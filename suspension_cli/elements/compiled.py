@@ -50,7 +50,9 @@ def add_rotation_hessian(outer: Any, first: int, hessian: Any) -> None:
 
 
 @compiled
-def _fill_jacobian(jacobian: Any, upper_arm: Any, lower_arm: Any, turn: Any, on_blade: bool) -> None:
+def _fill_jacobian(
+    jacobian: Any, upper_arm: Any, lower_arm: Any, turn: Any, on_blade: bool
+) -> None:
     """Derivative (3, 15) of a span with respect to both bodies (12) and the tip (3)."""
     jacobian[:] = 0.0
     for start, arm, sign in ((0, upper_arm, -1.0), (6, lower_arm, 1.0)):
@@ -110,7 +112,9 @@ def _add_bending(e: Any, length: float, flex: Any, normal: Any, ends: Any) -> No
             for i in range(3):
                 for j in range(3):
                     across = (1.0 if i == j else 0.0) - e[i] * e[j]
-                    second[i, j] += over / length * (e[i] * flat[j] + flat[i] * e[j] + along * across)
+                    second[i, j] += (
+                        over / length * (e[i] * flat[j] + flat[i] * e[j] + along * across)
+                    )
             # P [n] with P = 1 - e e, [n] the matrix of the vector product
             for i in range(3):
                 p0, p1, p2 = -e[i] * e[0], -e[i] * e[1], -e[i] * e[2]
@@ -127,7 +131,10 @@ def _add_bending(e: Any, length: float, flex: Any, normal: Any, ends: Any) -> No
                 first[i] += moment * row[i]
             _add_outer(outer_upper if side == 0 else outer_lower, -moment, e, n)
         for i in range(9):
-            up, low = upper * rows[0, i] + mixed * rows[1, i], mixed * rows[0, i] + lower * rows[1, i]
+            up, low = (
+                upper * rows[0, i] + mixed * rows[1, i],
+                mixed * rows[0, i] + lower * rows[1, i],
+            )
             for j in range(9):
                 second[i, j] += up * rows[0, j] + low * rows[1, j]
 
@@ -294,9 +301,7 @@ def add_wires(
 
 
 @compiled
-def _add_rotations(
-    place: Any, size: int, jacobian: Any, second: Any, hessian: Any
-) -> None:
+def _add_rotations(place: Any, size: int, jacobian: Any, second: Any, hessian: Any) -> None:
     """Add the second derivatives with respect to the rotations at the ends, and mixed ones."""
     for c in range(6):
         turn = place[c + 3 if c < 3 else c + 6]

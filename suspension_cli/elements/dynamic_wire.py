@@ -292,7 +292,7 @@ class WireAtFrequencies:
         inertia, around = section.polar if part == "twist" else section.mass, self.strand.surrounded
         if around is None or not self.strand.lossy:
             return inertia
-        drag = gas.wire_drag(section, around)[PARTS.index(part)]
+        drag = section.shape.drag(*gas.surface_drag(around))[PARTS.index(part)]
         with np.errstate(divide="ignore"):
             return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
 

@@ -27,35 +27,13 @@ import numpy as np
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.schema import Body
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.composition import Gas, Section
+from suspension_cli.scene.composition import Gas
 
 
 def surface_drag(gas: Gas) -> tuple[float, float]:
     """Drag per area and velocity of normal and of tangential motion of a surface, N s/m^3."""
     along = gas.pressure * math.sqrt(gas.molecule / (2 * math.pi * BOLTZMANN * gas.temperature))
     return (2 + math.pi / 2) * along, along
-
-
-def wire_drag(section: Section, gas: Gas) -> tuple[float, float, float, float]:
-    """Drag per length of a wire.
-
-    Round: half of the circumference pi d counts as normal, half as tangential. Ribbon: two faces
-    and two edges.
-
-    Returns
-    -------
-    first, second, along, turning : float
-        Of motion across the wire in its first and its second plane and along the wire, N s/m^2, and
-        of rotation about its axis, N s.
-    """
-    normal, along = surface_drag(gas)
-    if section.round:
-        d = section.depth[0]
-        across = math.pi / 2 * d * (normal + along)
-        return across, across, math.pi * d * along, math.pi / 4 * d**3 * along
-    t, w = section.depth
-    turning = normal * (w**3 + t**3) / 6 + along * w * t * (w + t) / 2
-    return 2 * (w * normal + t * along), 2 * (t * normal + w * along), 2 * (w + t) * along, turning
 
 
 def body_damping(body: Body, gas: Gas) -> Array | None:

@@ -67,7 +67,7 @@ class Packed:
 def pack(scene: Scene, numbering: Layout) -> Packed:
     """Pack a scene with one batch axis."""
     wires, blades, springs = scene.wires, scene.blades, scene.springs
-    bends = scene.flex is not None and scene.fibres is not None
+    bends = scene.flex is not None
     place = np.full((len(wires.label), 15), numbering.size)
     place[:, :6] = 6 * wires.upper[:, None] + np.arange(6)
     place[:, 6:12] = 6 * wires.lower[:, None] + np.arange(6)
@@ -83,7 +83,7 @@ def pack(scene: Scene, numbering: Layout) -> Packed:
         springs.upper,
         springs.lower,
         parents(scene),
-        wire_sections(scene.fibres.wire if bends else ()),
+        wire_sections(scene.fibres.wire if bends and scene.fibres else ()),
     )
     flex = bending.wire_resistance(scene)
     if flex is not None and flex.bend is None:
@@ -157,9 +157,7 @@ def _evaluate(
         curved,
         form,
     )
-    add_blades(
-        b_body, b_tips, gravity, blades, turn, deflection, gradient, hessian, outer, on_tips
-    )
+    add_blades(b_body, b_tips, gravity, blades, turn, deflection, gradient, hessian, outer, on_tips)
     for n in range(len(outer) if curved else 0):
         add_rotation_hessian(outer[n], 6 * n + 3, hessian)
     if len(springs):
@@ -169,7 +167,7 @@ def _evaluate(
 @compiled
 def _scales(topology: Any, gravity: float, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
     """Fill the scale of the residual in every coordinate but the support's; largest lever arm."""
-    w_upper, w_lower, w_blade, w_place, b_body, b_tips, s_upper, s_lower, parent, _ = topology
+    w_upper, w_lower, w_blade, w_place, b_body, _, _, s_lower, parent, _ = topology
     mass, wires, blades, springs, _ = numbers
     bodies = len(mass)
     largest = 1e-3
@@ -211,7 +209,11 @@ def _rotate_by(vector: Any, turn: Any, step: Any, product: Any) -> None:
         return
     a, half = math.sin(angle) / angle, math.sin(angle / 2) / angle
     b = 2 * half * half
-    step[0, 0], step[1, 1], step[2, 2] = -b * (y * y + z * z), -b * (x * x + z * z), -b * (x * x + y * y)
+    step[0, 0], step[1, 1], step[2, 2] = (
+        -b * (y * y + z * z),
+        -b * (x * x + z * z),
+        -b * (x * x + y * y),
+    )
     step[0, 1], step[1, 0] = b * x * y - a * z, b * x * y + a * z
     step[0, 2], step[2, 0] = b * x * z + a * y, b * x * z - a * y
     step[1, 2], step[2, 1] = b * y * z - a * x, b * y * z + a * x
@@ -354,7 +356,7 @@ def newton_batch(
                 step /= shorten
                 # error after a step: of a full one by its square, else by the ratio of both
                 error = last_step if renewed else last_step**2 * last / step
-                converged = step < error and residual < settled or (
+                converged = (step < error and residual < settled) or (
                     step < last_step and residual > before / 2
                 )
                 last = step
@@ -529,6 +531,8 @@ def newton(
         accept_nominal,
         tuple(results.values()),
     )
-    found = {name: results[name] for name in ("residual", "rounding", "tension", "stiffness", "pivot")}
+    found = {
+        name: results[name] for name in ("residual", "rounding", "tension", "stiffness", "pivot")
+    }
     found["flex"] = packed.numbers[-1][..., 12:]
     return Pose(*poses), found, int(results["steps"].max(initial=0)), results["status"]

@@ -305,7 +305,7 @@ def _newton(
     At most `limit` steps. With `accept_nominal` a nominal pose that balances is returned unchanged.
     A batch is solved by compiled loops, but for stages that hang at a single point.
     """
-    if len(scene.batch) == 1 and scene.kind == float and not single_point_stages(scene):
+    if len(scene.batch) == 1 and scene.kind == np.float64 and not single_point_stages(scene):
         return _newton_compiled(
             scene, numbering, pose, target, limit, accept_nominal=accept_nominal
         )
@@ -345,7 +345,10 @@ def _newton_compiled(
     again = left & (status == compiled.NOMINAL)
     if not again.any():
         return found
-    start, some = _select_pose(_broadcast_pose(pose, scene.batch), again), select_scenes(scene, again)
+    start, some = (
+        _select_pose(_broadcast_pose(pose, scene.batch), again),
+        select_scenes(scene, again),
+    )
     return _replace(found, again, _newton_compiled(some, numbering, start, goal, limit))
 
 

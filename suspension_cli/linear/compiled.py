@@ -17,6 +17,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+
 from suspension_cli.compiled import compiled, factorise, residual, substitute
 
 SMALL = 1e-6

@@ -16,7 +16,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from suspension_cli.elements import gas, loss
+from suspension_cli.elements import loss
+from suspension_cli.elements.gas import surface_drag
 from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.scene.arrays import Index
 from suspension_cli.scene.composition import Fibre, Gas
@@ -102,7 +103,7 @@ class WireBatchTerm:
                     angles[:, n, m, 2] = loss.stretching_angle(section, omega)
                     angles[:, n, m, 3] = loss.twisting_angle(section, omega)
                     if self.surrounded is not None:
-                        drag[n, m] = gas.wire_drag(section, self.surrounded)
+                        drag[n, m] = section.shape.drag(*surface_drag(self.surrounded))
                 else:
                     first = known[key]
                     angles[:, n, m], slopes[n, m] = angles[:, *first], slopes[first]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Hashable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -116,7 +115,7 @@ def _stiffness(
 
 def _is_compiled(scene: Scene) -> bool:
     """Whether a scene is a batch that compiled loops take."""
-    return len(scene.batch) == 1 and scene.kind == float and bool(scene.wires.label)
+    return len(scene.batch) == 1 and scene.kind == np.float64 and bool(scene.wires.label)
 
 
 def _separated(
@@ -187,9 +186,7 @@ def damping_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
     return (result + np.swapaxes(result, -1, -2)) / 2
 
 
-def loss_matrix(
-    scene: Scene, numbering: Layout, pose: Pose, *, stretching: bool = True
-) -> Any:
+def loss_matrix(scene: Scene, numbering: Layout, pose: Pose, *, stretching: bool = True) -> Any:
     """Imaginary part (..., N, N) of the stiffness: each elastic constant times its loss angle.
 
     With or without the stretching of wires.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from suspension_cli.design.cross_sections.shape import CrossSection
 from suspension_cli.scene.arrays import Array
 
 
@@ -50,8 +51,6 @@ class Section:
     ----------
     length : float
         Loaded, m.
-    area : float
-        m^2.
     rigidity : tuple of float
         E I for bending in the two principal planes, N m^2; the first is the plane of a ribbon's
         thickness (its soft plane).
@@ -61,34 +60,31 @@ class Section:
         G J, N m^2; the tension T adds T I_p/A to it, see `polar_area`.
     mass, polar : float
         Mass and polar moment of inertia per length, kg/m and kg m.
-    depth : tuple of float
-        Size across the wire in the two planes (diameter; thickness and width), m.
-    round : bool
+    shape : CrossSection
     losses : Losses
     torsion_factor : float
         Factor on G J + T I_p/A, for a wire whose torsional stiffness is given.
     """
 
     length: float
-    area: float
     rigidity: tuple[float, float]
     stretching: float
     twisting: float
     mass: float
     polar: float
-    depth: tuple[float, float]
-    round: bool
+    shape: CrossSection
     losses: Losses
     torsion_factor: float = 1.0
 
     @property
-    def polar_area(self) -> float:
-        """Polar second moment of area over area, I_p/A in m^2.
+    def round(self) -> bool:
+        """Whether it is the same in all directions across the wire."""
+        return self.shape.round
 
-        d^2/8 of a round wire of diameter d, (w^2 + t^2)/12 of a ribbon of width w, thickness t.
-        """
-        first, second = self.depth
-        return first**2 / 8 if self.round else (first**2 + second**2) / 12
+    @property
+    def polar_area(self) -> float:
+        """Polar second moment of area over area, I_p/A in m^2."""
+        return self.shape.polar_area
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,9 @@ def _sections(
 ) -> tuple[Section, ...]:
     """Sections of a wire of a loaded length (m); a given k scales their stiffness of stretching."""
     pieces = [(piece, losses(piece.material or "")) for piece in stretches(table, length)]
-    compliance = sum(piece.length / (own.youngs_modulus * piece.area) for piece, own in pieces)
+    compliance = sum(
+        piece.length / (own.youngs_modulus * piece.shape.area) for piece, own in pieces
+    )
     along = 1.0 if table.k is None else table.k * compliance
     return tuple(_section(design, piece, own, along) for piece, own in pieces)
 
@@ -149,18 +151,17 @@ def _section(design: Design, piece: Stretch, losses: Losses, along: float) -> Se
     """
     poisson = materials.resolve(design, piece.material or "").poisson_ratio
     shear = losses.youngs_modulus / (2 * (1 + (POISSON if poisson is None else poisson)))
-    first, second = piece.moments
-    mass, polar = piece.bulk
+    shape = piece.shape
+    first, second = shape.moments
+    mass, polar = shape.bulk
     return Section(
         length=piece.length,
-        area=piece.area,
         rigidity=(losses.youngs_modulus * first, losses.youngs_modulus * second),
-        stretching=losses.youngs_modulus * piece.area * along,
-        twisting=shear * piece.torsion,
+        stretching=losses.youngs_modulus * shape.area * along,
+        twisting=shear * shape.torsion,
         mass=losses.density * mass,
         polar=losses.density * polar,
-        depth=piece.depth,
-        round=piece.section is None,
+        shape=shape,
         losses=losses,
     )
 

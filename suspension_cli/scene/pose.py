@@ -159,13 +159,14 @@ def point_jacobian(
         (*batch, numbering.size + 1, count, 3), dtype=np.result_type(arm, pose.rotation)
     )
     points = np.arange(count)
-    for axis in range(3):
-        result[..., 6 * body + axis, points, axis] = 1.0
+    block = np.zeros((*arm.shape[:-1], 6, 3), dtype=result.dtype)
+    block[..., (0, 1, 2), (0, 1, 2)] = 1.0
     x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
     # rotation by a small vector t moves the point by t x arm
-    result[..., 6 * body + 3, points, 1], result[..., 6 * body + 3, points, 2] = -z, y
-    result[..., 6 * body + 4, points, 0], result[..., 6 * body + 4, points, 2] = z, -x
-    result[..., 6 * body + 5, points, 0], result[..., 6 * body + 5, points, 1] = -y, x
+    block[..., 3, 1], block[..., 3, 2] = -z, y
+    block[..., 4, 0], block[..., 4, 2] = z, -x
+    block[..., 5, 0], block[..., 5, 1] = -y, x
+    result[..., 6 * body[:, None] + np.arange(6), points[:, None], :] = block
     if blade is not None and numbering.blade.size:
         columns = np.where((blade >= 0)[:, None], numbering.blade[blade], numbering.size)
         for axis in range(3):

@@ -214,7 +214,7 @@ def _respond_compiled(
     compiled.respond(
         order,
         int((~light).sum()),
-        kind(1j) if lossy else 0.0,
+        1j if lossy else 0.0,
         which,
         np.ascontiguousarray(omega),
         np.ascontiguousarray(separated.soft, dtype=kind),

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.check import plausible
+from suspension_cli.analyses.check.names import find_unknown_names as names_of
 from suspension_cli.analyses.check.statics import solve
-from suspension_cli.cli.name_checks import find_unknown_names as names_of
 from suspension_cli.design import plausibility as numbers
 from suspension_cli.design.materials import resolve
 from suspension_cli.design.reader import convert, template

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.elements import beam, bending, rod
 from suspension_cli.models.string import linear_model
 from suspension_cli.scene.fibres import compose
@@ -166,7 +167,9 @@ def test_limp_wires_without_mass_are_strings(seed):
         replace(
             f,
             sections=tuple(
-                replace(s, rigidity=(t * l**2 / 1e14,) * 2, twisting=1e-9, depth=(1e-9, 1e-9))
+                replace(
+                    s, rigidity=(t * l**2 / 1e14,) * 2, twisting=1e-9, shape=Round(5e-10, 5e-10)
+                )
                 for s in f.sections
             ),
         )

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
+from suspension_cli.design.cross_sections.ribbon import Ribbon
+from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.derive import body_inertia
 from suspension_cli.design.schema import Body
 from suspension_cli.elements import gas as drag
-from suspension_cli.scene.composition import Gas, Losses, Section
+from suspension_cli.scene.composition import Gas
 
 AIR = Gas(pressure=1e-5, molecule=0.028 / AVOGADRO, temperature=300.0)
-STUFF = Losses(0.0, None, 0.0, 1e11, 2e3, 0.0, 0.0, 0.0, 0.0)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
@@ -142,10 +143,6 @@ def test_no_shape_no_drag():
     assert drag.body_damping(Body(mass=1.0, inertia=[1.0, 1.0, 1.0]), AIR) is None
 
 
-def section(depth, is_round):
-    return Section(1.0, 1.0, (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, depth, is_round, STUFF)
-
-
 def test_wires_against_long_bodies():
     """A long thin cylinder or plate, by its length."""
     long = 1e6
@@ -158,11 +155,13 @@ def test_wires_against_long_bodies():
         / long
     )
     np.testing.assert_allclose(
-        drag.wire_drag(section((4e-4, 4e-4), True), AIR), pole[[0, 1, 2, 5]], rtol=1e-8
+        Round(2e-4, 2e-4).drag(*drag.surface_drag(AIR)), pole[[0, 1, 2, 5]], rtol=1e-8
     )
     plate = (
         np.diag(drag.body_damping(Body(shape="box", size=(1e-4, 1e-3, long), mass=1.0), AIR)) / long
     )
     np.testing.assert_allclose(
-        drag.wire_drag(section((1e-4, 1e-3), False), AIR), plate[[0, 1, 2, 5]], rtol=1e-8
+        Ribbon(width=1e-3, thickness=1e-4).drag(*drag.surface_drag(AIR)),
+        plate[[0, 1, 2, 5]],
+        rtol=1e-8,
     )

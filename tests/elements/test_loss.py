@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import integrate
 
-from suspension_cli.design.sections import rectangle_torsion
+from suspension_cli.design.cross_sections.ribbon import Ribbon, rectangle_torsion
+from suspension_cli.design.cross_sections.round import Round
+from suspension_cli.design.cross_sections.shape import CrossSection
 from suspension_cli.elements import loss
 from suspension_cli.scene.composition import BladeLoss, Losses, Section
 
@@ -30,27 +31,15 @@ OMEGA = np.concatenate([[0.0], 2 * np.pi * np.logspace(-3, 5, 33)])
 
 
 def wire(diameter: float = 4e-4, losses: Losses = SILICA) -> Section:
-    return section((diameter, diameter), losses, is_round=True)
+    return section(Round(diameter / 2, diameter / 2), losses)
 
 
 def ribbon(thickness: float, width: float, losses: Losses = SILICA) -> Section:
-    return section((thickness, width), losses, is_round=False)
+    return section(Ribbon(thickness=thickness, width=width), losses)
 
 
-def section(depth: tuple[float, float], losses: Losses, is_round: bool) -> Section:
-    area = math.pi * depth[0] ** 2 / 4 if is_round else depth[0] * depth[1]
-    return Section(
-        1.0,
-        area,
-        (1.0, 1.0),
-        losses.youngs_modulus * area,
-        1.0,
-        losses.density * area,
-        1.0,
-        depth,
-        is_round,
-        losses,
-    )
+def section(shape: CrossSection, losses: Losses) -> Section:
+    return Section(1.0, (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, shape, losses)
 
 
 def test_surface_of_a_round_wire():
@@ -58,10 +47,10 @@ def test_surface_of_a_round_wire():
     r, n = 2e-4, 2000
     azimuth = (np.arange(n) + 0.5) * 2 * np.pi / n
     for strain, found in (
-        (lambda x, y: x, loss.bending_ratio(wire(2 * r), 0)),
-        (lambda x, y: x, loss.bending_ratio(wire(2 * r), 1)),
-        (lambda x, y: np.ones_like(x), loss.stretching_ratio(wire(2 * r))),
-        (lambda x, y: np.hypot(x, y), loss.twisting_ratio(wire(2 * r))),
+        (lambda x, y: x, wire(2 * r).shape.bending_ratio(0)),
+        (lambda x, y: x, wire(2 * r).shape.bending_ratio(1)),
+        (lambda x, y: np.ones_like(x), wire(2 * r).shape.stretching_ratio),
+        (lambda x, y: np.hypot(x, y), wire(2 * r).shape.twisting_ratio),
     ):
         surface = (strain(r * np.cos(azimuth), r * np.sin(azimuth)) ** 2).sum() * r * 2 * np.pi / n
         inside, _ = integrate.quad(
@@ -98,9 +87,9 @@ def test_surface_of_a_ribbon(t, w):
             (strain(x, np.full(8, side * w / 2)) ** 2 * weights).sum() * t / 2 for side in (-1, 1)
         )
         found = (
-            loss.stretching_ratio(ribbon(t, w))
+            ribbon(t, w).shape.stretching_ratio
             if plane == 2
-            else loss.bending_ratio(ribbon(t, w), plane)
+            else ribbon(t, w).shape.bending_ratio(plane)
         )
         assert found == pytest.approx(edges / inside, rel=1e-12)
 
@@ -133,14 +122,14 @@ def test_surface_of_a_twisted_rectangle(t, w):
         return (weights * shear_along_edge(side, across, nodes * side / 2) ** 2).sum() * side / 2
 
     expected = 2 * (edge(t, w) + edge(w, t)) / rectangle_torsion(w, t)
-    assert loss.twisting_ratio(ribbon(t, w)) == pytest.approx(expected, rel=1e-7)
-    assert loss.twisting_ratio(ribbon(w, t)) == loss.twisting_ratio(ribbon(t, w))
+    assert ribbon(t, w).shape.twisting_ratio == pytest.approx(expected, rel=1e-7)
+    assert ribbon(w, t).shape.twisting_ratio == ribbon(t, w).shape.twisting_ratio
 
 
 def test_surface_of_a_twisted_thin_ribbon():
     """Shear ~ distance from the middle plane: 6/t, less what the ends lack."""
-    assert loss.twisting_ratio(ribbon(1e-7, 1e-3)) * 1e-7 == pytest.approx(6, rel=1e-3)
-    assert np.isfinite(loss.twisting_ratio(ribbon(1e-9, 1e3)))
+    assert ribbon(1e-7, 1e-3).shape.twisting_ratio * 1e-7 == pytest.approx(6, rel=1e-3)
+    assert np.isfinite(ribbon(1e-9, 1e3).shape.twisting_ratio)
 
 
 def peak(losses: Losses, diameter: float) -> float:
@@ -160,7 +149,7 @@ def test_published_peak():
     )
     assert extra.max() == pytest.approx(delta / 2, rel=0.011)
     assert omega[extra.argmax()] == pytest.approx(peak(SILICA, 4e-4), rel=5e-3)
-    nulling = fibre.area * 7.2e10 * 3.9e-7 / 1.52e-4
+    nulling = fibre.shape.area * 7.2e10 * 3.9e-7 / 1.52e-4
     assert loss.bending_angle(fibre, 0, OMEGA, nulling, free) == pytest.approx(
         loss.bending_angle(wire(losses=COLD), 0, OMEGA, 0.0, free), rel=1e-12
     )
@@ -180,7 +169,7 @@ def test_strain_against_temperature():
     coefficient = (strain(step) - strain(-step)) / (2 * step)
     cold = loss.bending_angle(wire(losses=COLD), 1, omega, 0.0, 300.0)
     loaded, free = (
-        loss.bending_angle(wire(), 1, omega, load * wire().area, 300.0) - cold
+        loss.bending_angle(wire(), 1, omega, load * wire().shape.area, 300.0) - cold
         for load in (stress, 0.0)
     )
     assert loaded / free == pytest.approx((coefficient / 3.9e-7) ** 2, rel=1e-6)

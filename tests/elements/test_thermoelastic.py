@@ -11,6 +11,9 @@ import mpmath
 import numpy as np
 import pytest
 
+from suspension_cli.design.cross_sections.relaxation import relaxation
+from suspension_cli.design.cross_sections.ribbon import Ribbon
+from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.elements import loss
 from suspension_cli.scene.composition import BladeLoss, Losses, Section
 from tests.support.commandline import run, strict_json, written
@@ -56,20 +59,8 @@ def of_heat(phase: float, *, is_round: bool) -> float:
 
 
 def section(depth: float, *, is_round: bool) -> Section:
-    breadth = depth if is_round else 3 * depth
-    size = depth * breadth
-    return Section(
-        1.0,
-        size,
-        (1.0, 1.0),
-        STEEL.youngs_modulus * size,
-        1.0,
-        STEEL.density * size,
-        1.0,
-        (depth, breadth),
-        is_round,
-        STEEL,
-    )
+    shape = Round(depth / 2, depth / 2) if is_round else Ribbon(thickness=depth, width=3 * depth)
+    return Section(1.0, (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, shape, STEEL)
 
 
 @pytest.mark.parametrize("phase", PHASES)
@@ -102,12 +93,12 @@ def test_far_from_the_peak(order: float, least: float, most: float):
     """It rises with w and falls with 1/w, at any frequency that can be written; the next term far
     above is lower by sqrt(2/p) or so."""
     low = np.array([1e-300, 1e-30, 1e-12])
-    assert loss.relaxation(low, order) == pytest.approx(least * low, rel=1e-9)
+    assert relaxation(low, order) == pytest.approx(least * low, rel=1e-9)
     high = np.array([1e11, 0.99e12, 1.01e12, 1e20, 1e100])
-    assert loss.relaxation(high, order) * high / most == pytest.approx(
+    assert relaxation(high, order) * high / most == pytest.approx(
         1 - np.sqrt(0.5 / high), rel=1e-10
     )
-    assert loss.relaxation(np.zeros(2), order).tolist() == [0.0, 0.0]
+    assert relaxation(np.zeros(2), order).tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("order", [1.0, 0.5])
@@ -117,8 +108,8 @@ def test_analytic_in_the_frequency(order: float, centre: float):
     conjugates of those above."""
     radius = 0.2 * centre if centre != 4.0 else 1e-3
     circle = centre + radius * np.exp(2j * np.pi * (np.arange(24) + 0.5) / 24)
-    found = loss.relaxation(circle, order)
-    assert found.mean() == pytest.approx(loss.relaxation(np.array([centre]), order)[0], rel=1e-11)
+    found = relaxation(circle, order)
+    assert found.mean() == pytest.approx(relaxation(np.array([centre]), order)[0], rel=1e-11)
     np.testing.assert_allclose(found, found[::-1].conj(), rtol=1e-12)
 
 

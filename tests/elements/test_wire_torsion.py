@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.elements.dynamic_wire import Fibre, TautWire
 from suspension_cli.scene.composition import Losses, Section
 from tests.support.commandline import modes_json, written
@@ -139,14 +140,12 @@ def round_section(radius: float, length: float) -> Section:
     gj = 2.8e10 * 2 * inertia
     return Section(
         length,
-        size,
         (7e10 * inertia,) * 2,
         7e10 * size,
         gj,
         2200 * size,
         4400 * inertia,
-        (2 * radius,) * 2,
-        True,
+        Round(radius, radius),
         STUFF,
     )
 
@@ -177,7 +176,7 @@ def test_torsional_waves_run_faster_under_tension():
     """c^2 = (GJ + T I_p/A)/(rho I_p) = G/rho + sigma/rho; between held ends the resonances lie at n
     c/2L."""
     tension, section = 90.0, round_section(2e-4, LENGTH)
-    speed = math.sqrt((2.8e10 + tension / section.area) / 2200)
+    speed = math.sqrt((2.8e10 + tension / section.shape.area) / 2200)
     found = strand((section,), tension, massive=True).held_resonances(
         "twist", 3 * math.pi * speed / LENGTH
     )

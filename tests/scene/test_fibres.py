@@ -13,9 +13,11 @@ from scipy import integrate
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
+from suspension_cli.design.cross_sections.ribbon import rectangle_torsion
+from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.derive import blade_loss, wire_loss, wire_stiffness
 from suspension_cli.design.reader import convert, read
-from suspension_cli.design.sections import Stretch, rectangle_torsion, stretches
+from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene.fibres import compose, explain_unsuitable
 from tests.support.commandline import edited, run, strict_json, written
@@ -70,7 +72,7 @@ def test_round_wire():
     assert (section.mass, section.polar) == pytest.approx(
         (2200 * math.pi * r**2, 2200 * math.pi * r**4 / 2), rel=1e-12
     )
-    assert section.depth == pytest.approx((4e-4, 4e-4), rel=1e-12)
+    assert section.shape.depth == pytest.approx((4e-4, 4e-4), rel=1e-12)
     assert section.round
 
 
@@ -86,7 +88,7 @@ def test_ribbon():
     assert section.twisting == pytest.approx(
         young / 2.34 * rectangle_torsion(1e-3, 1e-4), rel=1e-12
     )
-    assert section.depth == (1e-4, 1e-3)
+    assert section.shape.depth == (1e-4, 1e-3)
     assert section.polar == pytest.approx(2200 * (1e-15 + 1e-13) / 12, rel=1e-12)
     assert not section.round
     assert abs(fibre.plane[0]) > 0.99
@@ -236,7 +238,7 @@ def test_step_of_a_taper(a, b):
     def mean(power):
         return integrate.quad(lambda s: (a + (b - a) * s) ** power, 0, 1, epsabs=0, epsrel=1e-12)[0]
 
-    step = Stretch(0.01, None, None, (a, b))
+    step = Round(a, b)
     assert math.pi / step.area == pytest.approx(mean(-2), rel=1e-10)
     assert math.pi / 4 / step.moments[0] == pytest.approx(mean(-4), rel=1e-10)
     assert math.pi / 2 / step.torsion == pytest.approx(mean(-4), rel=1e-10)
@@ -248,7 +250,7 @@ def bent(pieces: list[Stretch], tension: float, young: float) -> float:
     chained."""
     chain = np.eye(4)
     for piece in pieces:
-        rigidity = young * piece.moments[0]
+        rigidity = young * piece.shape.moments[0]
         k = math.sqrt(tension / rigidity)
         c, s = math.cosh(k * piece.length), math.sinh(k * piece.length)
         # deflection, slope, moment, and the side force, which stays

@@ -155,8 +155,8 @@ def test_interrupted_from_the_keyboard(workers, when, small, tmp_path):
     stderr = process.ended()
     if process.returncode != 0:
         assert process.returncode == 130
-        [line] = [line for line in stderr.splitlines() if line]
-        assert line.startswith("interrupted; ") and "--resume" in line
+        assert stderr.count("\n") == 1, stderr
+        assert stderr.startswith("interrupted; ") and "--resume" in stderr
         assert sorted(path.name for path in tmp_path.iterdir()) == [
             f"{NAME}.journal",
             f"{NAME}.part",

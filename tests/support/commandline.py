@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import copy
 import json
+import multiprocessing.util
 import os
 import resource
 import subprocess
@@ -75,6 +76,9 @@ def become(words: list[str], out: int, err: int, limit: int | None = None) -> No
     except BaseException:
         traceback.print_exc()
     finally:
+        # as at the end of an ordinary process: semaphores that are still referenced are released,
+        # of which multiprocessing would warn otherwise
+        multiprocessing.util._run_finalizers()
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

@@ -106,7 +106,7 @@ def joined(elements, shared):
 
 def twisting(section, tension):
     """GJ, and T I_p/A of a round section or of a ribbon."""
-    a, b = section.depth
+    a, b = section.shape.depth
     return section.twisting + tension * (a**2 / 8 if section.round else (a**2 + b**2) / 12)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from suspension_cli.design import materials
 from suspension_cli.design.schema import Body, Design, Stage
-from suspension_cli.design.sections import area
+from suspension_cli.design.sections import thinnest
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
@@ -194,10 +194,9 @@ def _wire_load(
     )
     found: list[tuple[float, float | None, str]] = []
     for piece, name in pieces:
-        if piece.radius is None and piece.section is None:
-            continue
-        thinnest = min(piece.radius) if isinstance(piece.radius, list) else piece.radius
-        found.append((tension / area(thinnest, piece.section), _strength(design, name), name or ""))
+        area = thinnest(piece)
+        if area is not None:
+            found.append((tension / area, _strength(design, name), name or ""))
     known = [
         (stress / strength, strength, name)
         for stress, strength, name in found

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number
 from suspension_cli.analyses.options import option
 
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.damp.solve import LocalControl
+    from suspension_cli.design.schema import Design
 
 
 class DampAnalysis(Analysis):
@@ -93,6 +97,16 @@ class DampAnalysis(Analysis):
             run.log.warn(f"the closed loop is unstable: {growth(found)}")
         return Result(self, run.source, choice, found, command=run.command)
 
+    def parse_names(
+        self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
+    ) -> Iterator[Callable[[], object]]:
+        """Parse the sensors and actuators of the loops."""
+        from suspension_cli.analyses.damp import control
+
+        for loop in design.control.loop if design.control is not None else ():
+            yield partial(control.parse_sensor, loop, stages, known)
+            yield partial(control.parse_actuator, loop, known)
+
     def document(self, result: Result) -> dict[str, Any]:
         """Return poles, margins and sensor noise."""
         answer: LocalControl = result.data
@@ -131,42 +145,30 @@ class DampAnalysis(Analysis):
         """Return tables of poles and margins."""
         answer: LocalControl = result.data
         lines = [] if answer.stable else [f"UNSTABLE: {growth(answer)}", ""]
-        lines += [
-            result.choice.line,
-            "",
-            "  closed-loop pole       Q  lives in",
-        ]
-        closed = answer.closed
+        rows, closed = [], answer.closed
         for frequency, q, rate, state in zip(
             closed.frequency, closed.q, closed.growth_rate, closed.state, strict=True
         ):
-            size = "grows" if rate else "undamped" if q == float("inf") else f"{q:.4g}"
-            lines.append(
-                f"  {frequency:#11.5g} Hz  {size:>8}  {state}"
-                + (f", {rate:.4g} 1/s" if rate else "")
-            )
+            size = "grows" if rate else "undamped" if q == float("inf") else q
+            rows.append((frequency, size, state + (f", {rate:.4g} 1/s" if rate else "")))
+        columns = {"closed-loop pole\nHz": "#.5g", "Q": ".4g", "largest in": ""}
+        lines += [result.choice.line, "", tables.render(columns, rows), ""]
         if answer.margin is None:
-            return "\n".join([*lines, "", "  An unstable loop has no margins."])
-        lines += [
-            "",
-            "  loop           phase margin             gain margin          nearest to -1",
-        ]
+            return "\n".join([*lines, "  An unstable loop has no margins."])
+        rows = []
         for loop, m in zip(answer.loop, answer.margin, strict=True):
-            phase = (
-                f"{m.phase:.0f} degrees at {m.phase_frequency:.3g} Hz"
-                if m.phase < float("inf")
-                else "gain below 1"
-            )
-            gain = " and ".join(
-                part
-                for part in (
-                    f"x {m.gain_up:.3g}" if m.gain_up < float("inf") else "",
-                    f"x {m.gain_down:.3g}" if m.gain_down else "",
-                )
-                if part
-            )
-            lines.append(f"  {loop:12}  {phase:24} {gain or 'without limit':20} {m.distance:.3g}")
-        return "\n".join(lines)
+            gains = [f"x {gain:.3g}" for gain in (m.gain_up, m.gain_down) if 0 < gain < math.inf]
+            phase = m.phase if m.phase < math.inf else "gain below 1"
+            gain = " and ".join(gains) or "without limit"
+            rows.append((loop, phase, m.phase_frequency, gain, m.distance))
+        columns = {
+            "loop": "",
+            "phase margin\ndegrees": ".0f",
+            "at\nHz": ".3g",
+            "gain margin": "",
+            "nearest to -1": ".3g",
+        }
+        return "\n".join([*lines, tables.render(columns, rows)])
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Write the group `damp`."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, plain
 from suspension_cli.analyses.options import argument, option
 
@@ -138,7 +138,7 @@ class FitAnalysis(Analysis):
         """Return what was learned, how modes lie, and what the data cannot tell apart."""
         found: Fit = result.data
         lines = [*misfit(found), ""] if found.misfit else []
-        return "\n".join([*lines, *_numbers(found), "", *_residuals(found), "", *_known(found)])
+        return "\n".join([*lines, _numbers(found), "", _residuals(found), "", *_known(found)])
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Write the group `fit`."""
@@ -373,30 +373,29 @@ def misfit(found: Fit) -> list[str]:
     return lines
 
 
-def _numbers(found: Fit) -> list[str]:
-    """Return a line for each number."""
+def _numbers(found: Fit) -> str:
+    """Return a table of the numbers."""
     from suspension_cli.analyses.fit.file import format_uncertainty
 
-    wide = max(len(name) for name in found.parameters)
-    return [
-        f"{name:{wide}}  {found.start[n]:#.6g} ->"
-        f" {found.value[n]:#.6g}{format_uncertainty(found, n)}"
+    rows = [
+        (name, found.start[n], found.value[n], format_uncertainty(found, n).strip(", "))
         for n, name in enumerate(found.parameters)
     ]
+    return tables.render({"number": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}, rows)
 
 
-def _residuals(found: Fit) -> list[str]:
+def _residuals(found: Fit) -> str:
     """Return a table of the measured modes."""
-    lines = ["   measured        before    after Hz  residual  mode"]
-    for n, label in enumerate(found.modes):
-        known = f"{found.measured[n]:#9.5g} +- {found.uncertainty[n]:.2g}"
-        before, after = (
-            f"{value:#9.5g}" if math.isfinite(value) else " unstable"
-            for value in (found.before[n], found.after[n])
-        )
-        residual = f"{found.residual[n]:+8.2f}" if math.isfinite(found.residual[n]) else f"{'-':>8}"
-        lines.append(f"{known:18} {before} {after}  {residual}  {label}")
-    return lines
+    modelled = (
+        [value if math.isfinite(value) else "unstable" for value in values]
+        for values in (found.before, found.after)
+    )
+    columns = dict.fromkeys(("measured\nHz", "+-\nHz", "before\nHz", "after\nHz"), "#.5g")
+    columns |= {"+-\nHz": ".2g", "residual": "+.2f", "mode": ""}
+    rows = zip(
+        found.measured, found.uncertainty, *modelled, found.residual, found.modes, strict=True
+    )
+    return tables.render(columns, rows)
 
 
 def _known(found: Fit) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Result, Run, reading_all
 from suspension_cli.analyses.options import option
 
@@ -122,51 +122,38 @@ class ModesAnalysis(Analysis):
         from suspension_cli.linear.eigenmodes import describe
 
         modes: Modes = result.data
-        lines = [
-            result.title + (f"  [{result.name}]" if result.title != result.name else ""),
-            result.choice.line,
-            "",
-        ]
         lossy = bool(np.isfinite(modes.q).any())
         diluted = bool(np.isfinite(modes.dilution).any())
-        columns = ("        Q  " if lossy else "") + ("dilution  " if diluted else "")
-        lines.append(
-            f"  #    frequency  {columns}{'from the top mass':24}  mode, by share of kinetic energy"
-        )
-        verdict, labels, home, every, top_share, frequency = (
-            modes.verdict,
-            modes.label,
-            modes.home,
-            modes.shares,
-            modes.top_share,
-            modes.frequency,
-        )
+        labels, home, place, verdict = modes.label, modes.home, modes.place, modes.verdict
+        every, top_share, frequency = modes.shares, modes.top_share, modes.frequency
+        rows = []
         for group in modes.groups:
             n, shares = group[0], every[group[0]]
-            leading = [
-                i for i in np.argsort(-shares.round(9), kind="stable")[:3] if shares[i] > 0.02
-            ]
-            where = ", ".join(
-                f"{describe(modes.place[i])} {100 * shares[i]:.0f} %" for i in leading
-            )
-            quality = _number(modes.q[n] if modes.q[n] > 0 else np.inf, 9) if lossy else ""
-            quality += _number(modes.dilution[n], 8) if diluted else ""
+            quality = [modes.q[n] if modes.q[n] > 0 else None] * lossy + [
+                modes.dilution[n]
+            ] * diluted
             if modes.order[n]:
-                last = group[-1]
-                spread = (
-                    "" if len(group) == 1 else f", {len(group)} modes to {frequency[last]:#.6g} Hz"
+                top, what = "", _family([labels[k] for k in group], *home[n], modes.order[n])
+                if len(group) > 1:
+                    what += f", {len(group)} modes to {frequency[group[-1]]:#.6g} Hz"
+            else:
+                top, order = 100 * top_share[n], np.argsort(-shares.round(9), kind="stable")[:3]
+                what = ", ".join(
+                    f"{describe(place[i])} {100 * shares[i]:.0f} %"
+                    for i in order
+                    if shares[i] > 0.02
                 )
-                lines.append(
-                    f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{'':24} "
-                    f" {_family([labels[k] for k in group], *home[n], modes.order[n])}{spread}"
-                )
-                continue
-            top = f"{100 * top_share[n]:.1f} %, {verdict[n]}"
-            decays = f", decays at {modes.decay_rate[n]:#.4g} 1/s" if modes.overdamped[n] else ""
-            lines.append(
-                f"{n + 1:3d}  {_frequency(modes, n):>11}  {quality}{top:24}  {where}{decays}"
-            )
-        return "\n".join(lines)
+                if modes.overdamped[n]:
+                    what += f"; decays at {modes.decay_rate[n]:#.4g} 1/s"
+                elif modes.omega_squared[n] > 0 and verdict[n] != "can be damped":
+                    what += f"; {verdict[n]}"
+            rows.append((n + 1, _frequency(modes, n), *quality, top, what))
+        columns = {"#": "d", "frequency\nHz": "#.5g"}
+        columns |= {"Q": ".4g"} if lossy else {}
+        columns |= {"dilution": ".4g"} if diluted else {}
+        columns |= {"top mass\n%": ".1f", "mode, by share of kinetic energy": ""}
+        title = result.title + (f"  [{result.name}]" if result.title != result.name else "")
+        return "\n".join([title, result.choice.line, "", tables.render(columns, rows)])
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Write the group `modes`."""
@@ -295,16 +282,12 @@ def _family(labels: list[str], body: str, dof: str, order: int) -> str:
     )
 
 
-def _number(value: float, width: int) -> str:
-    return f"{value:{width}.4g}  " if value < float("inf") else f"{'-':>{width}}  "
-
-
-def _frequency(modes: Modes, n: int) -> str:
+def _frequency(modes: Modes, n: int) -> float | str:
     if modes.growth_rate[n] > 0:
         return "unstable"
     if modes.omega_squared[n] == 0:
         return "overdamped" if modes.overdamped[n] else "rigid"
-    return f"{modes.frequency[n]:#.5g} Hz"
+    return modes.frequency[n]
 
 
 ANALYSIS = ModesAnalysis()

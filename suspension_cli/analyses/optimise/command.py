@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, as_number
 from suspension_cli.analyses.options import argument, option
 
@@ -139,17 +139,15 @@ class OptimiseAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return what changed, what each goal got, and where the starts arrived."""
         found: Optimum = result.data
-        numbers, wide = found.numbers, max(len(name) for name in found.numbers.name)
-        lines = []
-        for n, name in enumerate(numbers.name):
-            remark = "  follows" if numbers.tied[n] else ""
-            remark += {-1: "  at its lower bound", 0: "", 1: "  at its upper bound"}[
-                int(numbers.bound[n])
-            ]
-            lines.append(
-                f"{name:{wide}}  {numbers.before[n]:#.6g} -> {numbers.after[n]:#.6g}{remark}"
-            )
-        lines.append("")
+        numbers = found.numbers
+        places = ("at its lower bound", "", "at its upper bound")
+        remarks = (
+            f"{'follows ' * bool(tied)}{places[int(bound) + 1]}"
+            for tied, bound in zip(numbers.tied, numbers.bound, strict=True)
+        )
+        rows = zip(numbers.name, numbers.before, numbers.after, remarks, strict=True)
+        columns = {"number": "", "before": "#.6g", "after": "#.6g", "": ""}
+        lines = [tables.render(columns, rows), ""]
         names = [goal.name or goal.kind for goal in _goals(found).goal]
         for name in dict.fromkeys(names):
             lines += _goal(found, [n for n, other in enumerate(names, 1) if other == name], name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
 
 if TYPE_CHECKING:
@@ -86,15 +86,18 @@ class SensitivityAnalysis(Analysis):
         import numpy as np
 
         found: Sensitivity = result.data
-        change = found.one_percent
-        wide = max((len(name) for name in found.parameter), default=0)
+        absolute = found.nominal == 0
+        shown = (abs(found.one_percent) >= LEAST) | (absolute & (found.one_percent != 0))
+        shown &= np.isfinite(found.one_percent)
+        taken = max(map(len, found.parameter), default=0) + 12
+        across = min(max((tables.width() - taken) // 9, 1), ACROSS)
         lines = [
             result.choice.line,
             "",
             "1 % of a number moves a result by so many % (by so much, where the result is 0):",
         ]
-        for start in range(0, len(found.result), ACROSS):
-            here = range(start, min(start + ACROSS, len(found.result)))
+        for start in range(0, len(found.result), across):
+            here = range(start, min(start + across, len(found.result)))
             lines += [
                 "",
                 *(
@@ -103,17 +106,15 @@ class SensitivityAnalysis(Analysis):
                     for n in here
                 ),
             ]
-            lines.append(" " * (wide + 11) + "".join(f"{f'[{n + 1}]':>9}" for n in here))
-            for name, value, row in zip(found.parameter, found.value, change, strict=True):
-                cells = [_cell(row[n], found.nominal[n] == 0) for n in here]
-                if any(
-                    np.isfinite(row[n])
-                    and (abs(row[n]) >= LEAST or (found.nominal[n] == 0 and row[n] != 0))
-                    for n in here
-                ):
-                    lines.append(
-                        f"{name:{wide}} {value:10.4g}" + "".join(f"{cell:>9}" for cell in cells)
-                    )
+            rows = [
+                (name, value, *(_cell(row[n], absolute[n]) for n in here))
+                for name, value, row, some in zip(
+                    found.parameter, found.value, found.one_percent, shown[:, here], strict=True
+                )
+                if some.any()
+            ]
+            columns = {"": "", "value": ".4g"} | {f"[{n + 1}]": "+.3f" for n in here}
+            lines.append(tables.render(columns, rows))
         return "\n".join(lines)
 
     def fill(self, file: h5py.File, result: Result) -> None:
@@ -135,12 +136,10 @@ class SensitivityAnalysis(Analysis):
         return {"": picture.draw(result.data, result.title, result.model)}
 
 
-def _cell(value: float, absolute: bool) -> str:
-    if value != value:
-        return "-"
-    if absolute:
-        return f"{value:.1e}" if value else "0"
-    return f"{value:+.3f}" if abs(value) >= LEAST else "0"
+def _cell(value: float, absolute: bool) -> float | str:
+    if absolute and value:
+        return f"{value:.1e}"
+    return "0" if abs(value) < LEAST else value
 
 
 ANALYSIS = SensitivityAnalysis()

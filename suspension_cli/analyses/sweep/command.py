@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
 from suspension_cli.analyses.options import option
 
@@ -122,26 +122,22 @@ class SweepAnalysis(Analysis):
         import numpy as np
 
         answer: SweepResult = result.data
-        lines = [result.choice.line]
-        lines += ["", "  as drawn   smallest    largest        result, and where it is largest"]
+        rows = []
         for n, name in enumerate(answer.result):
-            value = answer.value[..., n]
-            if not np.isfinite(value).any():
-                lines.append(
-                    f"{answer.nominal[n]:#10.5g}          -          -        {name}: nowhere on"
-                    " the grid"
+            value, where = answer.value[..., n], "nowhere on the grid"
+            if np.isfinite(value).any():
+                top = np.unravel_index(int(np.nanargmax(value)), value.shape)
+                where = ", ".join(
+                    f"{axis.name} = {axis.values[k]:.4g}"
+                    for axis, k in zip(answer.axes, top, strict=True)
                 )
-                continue
-            top = np.unravel_index(int(np.nanargmax(value)), value.shape)
-            where = ", ".join(
-                f"{axis.name} = {axis.values[k]:.4g}"
-                for axis, k in zip(answer.axes, top, strict=True)
-            )
-            lines.append(
-                f"{answer.nominal[n]:#10.5g} {np.nanmin(value):#10.5g} {np.nanmax(value):#10.5g}"
-                f" {answer.unit[n]:6} {name}: {where}"
-            )
-        return "\n".join(lines)
+                ends = np.nanmin(value), np.nanmax(value)
+            else:
+                ends = None, None
+            rows.append((answer.nominal[n], *ends, answer.unit[n], name, where))
+        columns = dict.fromkeys(("as drawn", "smallest", "largest"), "#.5g")
+        columns |= {"unit": "", "result": "", "where it is largest": ""}
+        return "\n".join([result.choice.line, "", tables.render(columns, rows)])
 
     def load(self, file: h5py.File) -> SweepResult:
         """Read the group `sweep`."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, only_one
 from suspension_cli.analyses.options import option
 
@@ -98,10 +98,8 @@ class ThermalAnalysis(Analysis):
         lines = [result.choice.line]
         for noise in result.data:
             along = f" along a beam that rises by {1e6 * noise.tilt:.3g} urad" if noise.tilt else ""
-            lines.append(
-                f"{noise.output}{along}: thermal noise in {noise.unit}/sqrt(Hz), and the shares of"
-                " its power"
-            )
+            lines.append(f"{noise.output}{along}: thermal noise")
+            rows = []
             for n in told(noise.frequency):
                 power = noise.density[:, n]
                 order = sorted(range(len(power)), key=lambda s: -power[s])[:NAMED]
@@ -110,9 +108,13 @@ class ThermalAnalysis(Analysis):
                     for s in order
                     if power[s] >= LEADING * power.sum()
                 )
-                lines.append(
-                    f"{noise.frequency[n]:>10.4g} Hz  {noise.amplitude[n]:.3e}  {', '.join(shares)}"
-                )
+                rows.append((noise.frequency[n], noise.amplitude[n], ", ".join(shares)))
+            columns = {
+                "frequency\nHz": ".4g",
+                f"noise\n{noise.unit}/sqrt(Hz)": ".3e",
+                "shares of its power": "",
+            }
+            lines.append(tables.render(columns, rows))
         return "\n".join(lines)
 
     def fill(self, file: h5py.File, result: Result) -> None:

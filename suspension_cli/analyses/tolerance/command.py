@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number
 from suspension_cli.analyses.options import option
 
@@ -147,23 +147,19 @@ class ToleranceAnalysis(Analysis):
             f"{summary.good:,} of {summary.builds:,} builds hang on taut wires",
             "",
         ]
-        lines.append(
-            "   nominal       5 %       95 %   std      mode, and what moves it most (rank"
-            " correlation)"
-        )
         low, high = QUANTILES.index(0.05), QUANTILES.index(0.95)
+        rows = []
         for n, label in enumerate(summary.label):
             what = ", ".join(
                 f"{name} {value:+.2f}"
                 for name, value in leading(summary.mode_rank[n], summary.factor, 2)
             )
-            spread = (
-                100 * summary.spread[n] / summary.nominal[n] if summary.nominal[n] else math.nan
-            )
-            lines.append(
-                f"{summary.nominal[n]:#9.5g} {summary.quantiles[n, low]:#9.5g}"
-                f" {summary.quantiles[n, high]:#9.5g} Hz {spread:5.2f} %  {label}: {what}"
-            )
+            nominal, quantiles = summary.nominal[n], summary.quantiles[n]
+            spread = 100 * summary.spread[n] / nominal if nominal else None
+            rows.append((nominal, quantiles[low], quantiles[high], spread, label, what))
+        columns = dict.fromkeys(("nominal\nHz", "5 %\nHz", "95 %\nHz"), "#.5g")
+        columns |= {"std\n%": ".2f", "mode": "", "what moves it most (rank correlation)": ""}
+        lines.append(tables.render(columns, rows))
         lines += [
             "",
             (

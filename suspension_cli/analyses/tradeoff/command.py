@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
 from suspension_cli.analyses.options import option
 
@@ -204,16 +204,12 @@ def _table(panel: Panel) -> str:
             f"  time {panel.start}: 1 is {format_time(fastest['once'])};"
             f" {format_time(fastest['batch'])} a {panel.item} in a batch of {panel.count}"
         )
-        rows = [["", "once", "in a batch", *panel.component]]
+        rows = []
         for n, entry in enumerate(panel.entries):
             times = (_time(entry, kind, fastest[kind], n in fronts[kind]) for kind in KINDS)
-            rows.append([entry.label, *times, *map(format_error, entry.error)])
-        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines += [
-            "  "
-            + "  ".join(f"{cell:{'<' if n < 3 else '>'}{wide[n]}}" for n, cell in enumerate(row))
-            for row in rows
-        ]
+            rows.append((entry.label, *times, *map(format_error, entry.error)))
+        columns = {"": "", "once": "", "in a batch": "", **dict.fromkeys(panel.component, ".1e")}
+        lines.append(tables.render(columns, rows))
     reasons: dict[str, list[str]] = {}
     for item in panel.left:
         reasons.setdefault(item.reason, []).append(

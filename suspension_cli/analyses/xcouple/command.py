@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
 from suspension_cli.analyses.options import option
 
@@ -242,13 +242,14 @@ class MatrixAnalysis(Analysis):
         observed = result.extra.get("observed", answer.output[0].rpartition(".")[0])
         lines = []
         for frequency, matrix in zip(answer.frequency, answer.value, strict=True):
+            rows = [
+                (dof, *("0" if value == 0 else abs(value) for value in row))
+                for dof, row in zip(DOFS, matrix, strict=True)
+            ]
             lines += [
                 f"|motion of {observed} for motion of the support| at {frequency:.4g} Hz (SI)",
-                " " * 8 + "".join(f"{dof:>11}" for dof in DOFS),
+                tables.render({"": "", **dict.fromkeys(DOFS, ".3e")}, rows),
             ]
-            for dof, row in zip(DOFS, matrix, strict=True):
-                cells = (f"{'0' if value == 0 else f'{abs(value):.3e}':>11}" for value in row)
-                lines.append(f"{dof:>8}" + "".join(cells))
         return "\n".join(lines)
 
     def fill(self, file: h5py.File, result: Result) -> None:

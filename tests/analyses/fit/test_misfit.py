@@ -101,7 +101,7 @@ def test_uncertainties_of_a_misfit_are_scaled(tmp_path):
 def test_a_number_at_its_bound_has_no_uncertainty(tmp_path):
     raw = measured(lower=1e11, upper=1.75e11)
     result = fitted(tmp_path, raw)
-    assert "-> 1.75000e+11 at its bound\n" in result.stdout
+    assert "  1.75000e+11  at its bound\n" in result.stdout
     head = (tmp_path / "out" / "husman2000-table1-case4-fitted.toml").read_text()
     assert "at its bound, from 1.7e+11" in head
     assert "nan" not in result.stdout + head

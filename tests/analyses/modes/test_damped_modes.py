@@ -383,7 +383,7 @@ def test_the_command_lists_overdamped_modes(tmp_path):
     ]
     shown = run("modes", file, "--out", tmp_path)
     assert shown.exit_code == 0
-    assert shown.stdout.count("overdamped") == 4
+    assert shown.stdout.count("overdamped") == 2
     assert "decays at" in shown.stdout
 
 

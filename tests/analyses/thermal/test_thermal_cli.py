@@ -163,11 +163,10 @@ def test_text_for_people(file, out):
         "--frequency",
         "0.5:20:1000",
     )
-    reason, head, *rows = result.stdout.splitlines()
+    reason, head, _names, units, *rows = result.stdout.splitlines()
     assert reason.startswith("model: violin (")
-    assert head.startswith(
-        "test.x along a beam that rises by 47.1 urad: thermal noise in m/sqrt(Hz)"
-    )
+    assert head == "test.x along a beam that rises by 47.1 urad: thermal noise"
+    assert units.split() == ["Hz", "m/sqrt(Hz)"]
     assert [float(row.split()[0]) for row in rows] == pytest.approx([1.0, 10.0], rel=5e-3)
     assert all("%" in row and "bending" in row for row in rows)
 

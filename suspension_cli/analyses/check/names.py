@@ -1,4 +1,4 @@
-"""Unknown names in `[control]` and `[analysis]` tables.
+"""Unknown names in `[analysis]` tables and in tables that a single analysis reads.
 
 These are warnings: only the command that uses a name refuses it.
 """
@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from suspension_cli.analyses import registry
 from suspension_cli.analyses.check.statics import list_wire_tables
-from suspension_cli.analyses.damp import control
-from suspension_cli.conventions import FRAME, SUPPORT
+from suspension_cli.conventions import ANALYSES, FRAME, SUPPORT
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.plausibility import ImplausibleNumber
 from suspension_cli.design.schema import Design
@@ -25,7 +25,7 @@ NO_TABLE = "does not lead to a table of the design"
 def find_unknown_names(
     design: Design, found: Modes | None, paths: Callable[[str], bool]
 ) -> list[ImplausibleNumber]:
-    """Find names in `[control]` and `[analysis]` tables that are unknown in a design.
+    """Find names in a design that nothing in it has.
 
     Parameters
     ----------
@@ -43,9 +43,9 @@ def find_unknown_names(
     stages = tuple(stage.name for stage in design.stage)
     known = (SUPPORT, *stages, *((FRAME,) if design.support is not None else ()))
     unknown: list[ImplausibleNumber] = []
-    for loop in design.control.loop if design.control is not None else ():
-        unknown += _collect_faults(lambda loop=loop: control.parse_sensor(loop, stages, known))
-        unknown += _collect_faults(lambda loop=loop: control.parse_actuator(loop, known))
+    for analysis in map(registry.get, ANALYSES):
+        for parse in analysis.parse_names(design, stages, known):
+            unknown += _collect_faults(parse)
     wires = [
         f"{stage.name}.{n}"
         for stage in design.stage

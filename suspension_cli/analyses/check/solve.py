@@ -1,0 +1,174 @@
+"""Validity and plausibility of a design, and the loads of its wires and blades."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from suspension_cli.analyses import tables
+from suspension_cli.analyses.analysis import Log, Report
+from suspension_cli.errors import Fault, InputError, escape_unprintable
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.check.statics import BladeLoad, Statics, WireLoad
+    from suspension_cli.design.plausibility import ImplausibleNumber
+    from suspension_cli.design.reader import Source
+    from suspension_cli.models.registry import Choice
+
+
+@dataclass(frozen=True, repr=False)
+class Check(Report):
+    """A valid design: what its wires and blades carry, and what is implausible.
+
+    Attributes
+    ----------
+    source : Source
+        The design, its TOML text (overrides applied) and the name of its file.
+    choice : Choice
+        The simplest model that is valid for it.
+    statics : Statics
+        Loads of wires and blades, pose and lowest points of bodies.
+    stable : bool or None
+        Whether it is stable; None where that could not be computed.
+    stability_model : str or None
+        Name of the model in which it is.
+    warnings : list of ImplausibleNumber
+    """
+
+    source: Source
+    choice: Choice
+    statics: Statics
+    stable: bool | None
+    stability_model: str | None
+    warnings: list[ImplausibleNumber]
+
+    def warn(self, log: Log) -> None:
+        """Report the warnings."""
+        for item in self.warnings:
+            log.warn(f"{self.name}: {item.line}")
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document that ``pendsus check --json`` prints."""
+        found = self.statics
+        return {
+            "command": "check",
+            "design": self.name,
+            "file": self.source.file,
+            "stable": self.stable,
+            "stability_model": self.stability_model,
+            "residual": found.residual,
+            "height_m": found.height,
+            "lowest": [
+                {"stage": low.name, "z_m": low.z, "point": low.point} for low in found.lowest
+            ],
+            "wires": [
+                {
+                    "wire": w.label,
+                    "tension_n": w.tension,
+                    "stretch_m": w.stretch,
+                    "stretch_share": w.stretch / w.length,
+                }
+                | _stressed(w)
+                for w in found.wires
+            ],
+            "blades": [
+                {"blade": b.label, "load_n": b.load, "sag_m": b.sag} | _stressed(b)
+                for b in found.blades
+            ],
+            "bodies": [
+                {"stage": b.name, "shift_m": list(b.shift), "rotation_rad": list(b.rotation)}
+                for b in found.bodies
+            ],
+            "warnings": [
+                {name: getattr(item.fault, name) for name in ("key", "value", "problem", "remedy")}
+                | {"serious": item.serious}
+                for item in self.warnings
+            ],
+        }
+
+    def __str__(self) -> str:
+        found, count = self.statics, len(self.warnings)
+        verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
+        lines = [
+            f"{escape_unprintable(self.source.file) or self.name}: {verdict}; {self.choice.line}"
+        ]
+        if found.wires:
+            rows = ((w.label, w.tension, 1e3 * w.stretch, *_strength(w)) for w in found.wires)
+            lines.append(_table("wire", "tension", "stretch", rows))
+        if found.blades:
+            rows = ((b.label, b.load, 1e3 * b.sag, *_strength(b)) for b in found.blades)
+            lines.append(_table("blade", "load", "sag", rows))
+        for body in found.bodies:
+            if any(body.shift) or any(body.rotation):
+                shift = ", ".join(f"{1e3 * value:.4f}" for value in body.shift)
+                turn = ", ".join(f"{1e3 * value:.4f}" for value in body.rotation)
+                lines.append(
+                    f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose"
+                )
+        lines.append(
+            f"  height {found.height:.4g} m; lowest points:"
+            f" {', '.join(f'{low.name} {low.z:.4g} m ({low.point})' for low in found.lowest)}"
+        )
+        if self.stable is not None:
+            word = "stable" if self.stable else "UNSTABLE"
+            lines.append(f"  {word} in the {self.stability_model} model")
+        lines.append(f"  balanced to {found.residual:.0e} of the weight")
+        return "\n".join(lines)
+
+
+def solve(source: Source) -> Check:
+    """Check a design.
+
+    Raises
+    ------
+    InputError
+        With the faults of its `[analysis]` tables, or if it does not balance.
+    """
+    import tomllib
+
+    from suspension_cli.analyses import settings
+    from suspension_cli.analyses.check import limits, names, plausible, statics, warnings
+    from suspension_cli.design import plausibility
+    from suspension_cli.design.paths import value_at
+    from suspension_cli.models import registry
+
+    design = source.design
+    settings.check_tables(design.analysis, source.file)
+    found = plausibility.find_implausible(design)
+    try:
+        choice, loads = registry.choose(design), statics.solve(design)
+    except InputError as error:  # it may be one of these numbers that keeps it from balancing
+        raise InputError([*error.faults, *(item.fault for item in found)], source.file) from None
+    found += plausible.find_implausible_loads(design, loads)
+    stable = level = modes = None
+    stability = plausible.solve_stability(design)
+    if stability is not None:
+        found += plausible.find_instability(*stability)
+        level, modes = stability[0].level, stability[1]
+        stable = bool(modes.stable)
+    near = limits.find_slackest(design, loads)
+    if near is not None:
+        remedy = "move its ends, or give it its share of the load"
+        found.append(
+            plausibility.ImplausibleNumber(Fault("", warnings.describe_slack(near), remedy))
+        )
+    raw = tomllib.loads(source.text)
+    found += names.find_unknown_names(design, modes, lambda path: value_at(raw, path) is not None)
+    return Check(source, choice, loads, stable, level, found)
+
+
+def _stressed(part: WireLoad | BladeLoad) -> dict[str, Any]:
+    return {"stress_pa": part.stress, "strength_pa": part.strength, "strength_share": part.share}
+
+
+def _strength(part: WireLoad | BladeLoad) -> tuple[float | None, float | None]:
+    """Return the stress in MPa and its fraction of the strength in %; None where unknown."""
+    return (
+        None if part.stress is None else part.stress / 1e6,
+        None if part.share is None else 100 * part.share,
+    )
+
+
+def _table(part: str, load: str, change: str, rows: Any) -> str:
+    columns = {part: "", f"{load}\nN": ".2f", f"{change}\nmm": ".3f"}
+    return tables.render(columns | {"stress\nMPa": ".0f", "of strength\n%": ".3g"}, rows)

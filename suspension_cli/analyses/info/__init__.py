@@ -1,0 +1,1 @@
+"""How complete a model a design needs, and why."""

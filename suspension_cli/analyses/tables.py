@@ -1,0 +1,83 @@
+"""Tables of text, as wide as the terminal."""
+
+from __future__ import annotations
+
+import math
+import re
+import shutil
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+LEAST = 24
+"""Least width of a last column of text; in a narrower terminal lines are too long."""
+GLUE = "\ue000"
+"""Stands for a space at which text is not folded."""
+
+
+def width() -> int:
+    """Return the length of a line in the terminal; unlimited where stdout is none."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 1_000_000
+
+
+def render(columns: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> str:
+    r"""Render a table: numbers are aligned on the point, text in the last column is folded.
+
+    Parameters
+    ----------
+    columns : mapping
+        Headings, with units on a second line, and the format of the numbers below; "" for text.
+    rows : iterable of sequences
+        Numbers or text; None and numbers that are not finite become "-".
+
+    Examples
+    --------
+    >>> print(render({"frequency\nHz": "#.3g", "mode": ""}, [(0.79, "yaw"), (12.5, "roll")]))
+      frequency  mode
+             Hz
+          0.790  yaw
+         12.5    roll
+    """
+    from rich.cells import cell_len
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    formats = columns.values()
+    text = [map(_cell, row, formats) for row in rows]
+    cells = [
+        _align(head.split("\n"), column) if form else [head, *column]
+        for form, head, *column in zip(formats, columns, *text, strict=True)
+    ]
+    widths = [2 + max(map(cell_len, "\n".join(column).split("\n"))) for column in cells]
+    if not [*formats][-1]:
+        widths[-1] = min(widths[-1], max(width() - 2 - sum(widths[:-1]), LEAST))
+    table = Table.grid()
+    for wide in widths:
+        table.add_column(width=wide)
+    for row in zip(*cells, strict=True):
+        table.add_row(*map(Text, row))
+    console = Console(width=sum(widths), force_terminal=False, force_jupyter=False)
+    with console.capture() as captured:
+        console.print(table)
+    lines = captured.get().replace(GLUE, " ").splitlines()
+    return "\n".join(f"  {line}".rstrip() for line in lines)
+
+
+def _cell(value: Any, form: str) -> str:
+    from suspension_cli.errors import escape_unprintable
+
+    if isinstance(value, str):
+        return re.sub(r" (?=%|[-+]\d)", GLUE, escape_unprintable(value))
+    return f"{value:{form}}" if value is not None and math.isfinite(value) else "-"
+
+
+def _align(heads: list[str], cells: list[str]) -> list[str]:
+    """Align numbers on the point, or on the right where some have exponents; words on the right."""
+    if not any(re.search(r"\de[-+]", cell) for cell in cells):
+        points = [re.fullmatch(r"[-+]?[\d,]+(\.?\d*)", cell) for cell in cells]
+        longest = max((len(point[1]) for point in points if point), default=0)
+        pairs = zip(cells, points, strict=True)
+        cells = [cell + " " * (longest - len(p[1])) if p else cell for cell, p in pairs]
+    wide = max(map(len, heads + cells))
+    return ["\n".join(head.rjust(wide) for head in heads), *(cell.rjust(wide) for cell in cells)]

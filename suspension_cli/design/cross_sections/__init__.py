@@ -1,0 +1,1 @@
+"""Cross-sections of wires, one per file: stiffness, inertia, loss and drag that follow from it."""

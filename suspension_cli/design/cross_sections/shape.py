@@ -1,0 +1,125 @@
+"""Properties that each cross-section of a wire has.
+
+Everything that depends on the shape is here, and nothing else compares shapes. Bending in plane 0
+moves the wire along the thickness of a ribbon (its soft plane), in plane 1 along its width.
+
+**Surface loss.**  A layer at the surface is lossier than the bulk. It adds phi_bulk d_s mu S/V to
+the loss angle phi_bulk of the bulk, where the dissipation depth d_s is a property of the finish and
+
+    mu S/V = (integral of e^2 over the surface) / (integral of e^2 over the volume)
+
+for the strain e of the deformation (Gretarsson and Harry, Rev. Sci. Instrum. 70, 4081 (1999)). The
+methods named `..._ratio` give it for each deformation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, ClassVar, Self
+
+
+class CrossSection:
+    """Cross-section of a wire; sizes in m.
+
+    Attributes
+    ----------
+    key : str
+        Key in the tables of wires.
+    wire : str
+        The wire that has it, for messages.
+    form : str
+        How to give it, for messages.
+    round : bool
+        Whether it is the same in all directions across the wire.
+    """
+
+    __slots__ = ()
+    key: ClassVar[str]
+    wire: ClassVar[str]
+    form: ClassVar[str]
+    round: ClassVar[bool] = False
+
+    @classmethod
+    def read(cls, value: Any) -> Self:
+        """Make a cross-section from the value of its key."""
+        return value
+
+    def sizes(self) -> Iterator[tuple[str, float, float]]:
+        """List keys below the wire's table, their values, and the size across that each means."""
+        raise NotImplementedError
+
+    @property
+    def area(self) -> float:
+        """Area for stretching, m^2."""
+        raise NotImplementedError
+
+    @property
+    def least_area(self) -> float:
+        """Smallest area along the wire, m^2, where stress is largest."""
+        return self.area
+
+    @property
+    def depth(self) -> tuple[float, float]:
+        """Size across the wire in the two planes of bending, m."""
+        raise NotImplementedError
+
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Second moments of area for bending in the two planes, m^4."""
+        raise NotImplementedError
+
+    @property
+    def torsion(self) -> float:
+        """Torsion constant J, m^4."""
+        raise NotImplementedError
+
+    @property
+    def polar_area(self) -> float:
+        """Polar second moment of area over area, I_p/A in m^2, by which tension resists torsion."""
+        raise NotImplementedError
+
+    @property
+    def bulk(self) -> tuple[float, float]:
+        """Volume per length (m^2) and its polar moment per length (m^4), for mass and inertia."""
+        return self.area, sum(self.moments)
+
+    def bending_ratio(self, plane: int) -> float:
+        """mu S/V of bending in one plane, 1/m."""
+        raise NotImplementedError
+
+    @property
+    def stretching_ratio(self) -> float:
+        """mu S/V of stretching, 1/m: circumference over area, as the strain is uniform."""
+        raise NotImplementedError
+
+    @property
+    def twisting_ratio(self) -> float:
+        """mu S/V of twisting, 1/m."""
+        raise NotImplementedError
+
+    def relaxation(self, phase: Any) -> Any:
+        """Thermoelastic loss angle of bending in a plane over its strength Delta.
+
+        Parameters
+        ----------
+        phase : array
+            w h^2/D, with h half the `depth` in the plane and D the diffusivity; complex for the
+            analytic continuation.
+        """
+        raise NotImplementedError
+
+    def drag(self, normal: float, along: float) -> tuple[float, float, float, float]:
+        """Drag of a thin gas per length of wire.
+
+        Parameters
+        ----------
+        normal, along : float
+            Of a surface that moves along its normal or slides, per area and velocity, N s/m^3.
+
+        Returns
+        -------
+        first, second, along, turning : float
+            Of motion in the two planes of bending and along the wire, N s/m^2, and of rotation
+            about its axis, N s.
+        """
+        raise NotImplementedError
