@@ -53,7 +53,7 @@ class Question:
     cheaper : tuple of str
         Models cheaper than the reference that can compute it.
     solve_auto : callable
-        Return the model that `auto` chooses, and its result.
+        Return the choice of `auto`, and its result.
     solve_on : callable
         Compute the result with a model, from the design.
     error : callable
@@ -61,7 +61,7 @@ class Question:
     """
 
     cheaper: tuple[str, ...]
-    solve_auto: Callable[[], tuple[str, Any]]
+    solve_auto: Callable[[], tuple[Choice, Any]]
     solve_on: Callable[[str], Any]
     error: Callable[[Any], float]
 
@@ -75,9 +75,9 @@ def frequencies(design: Design, _: Generator, tolerance: float) -> Question:
             model, float(np.nanmax(still.frequency))
         ) if level == REFERENCE else still
 
-    def solve_auto() -> tuple[str, Any]:
+    def solve_auto() -> tuple[Choice, Any]:
         decision = auto.decide(design, lambda _: Frequencies(), tolerance)
-        return decision.choice.level, listed(decision.model, decision.choice.level)
+        return decision.choice, listed(decision.model, decision.choice.level)
 
     def solve_on(level: str) -> Any:
         return listed(registry.by_name(level).system(design), level)
@@ -120,9 +120,9 @@ def responses(design: Design, rng: Generator, tolerance: float) -> Question:
         one = quantity(model)
         return response.solve(model, frequency, one.inputs, one.outputs).value[:, 0, 0]
 
-    def solve_auto() -> tuple[str, Any]:
+    def solve_auto() -> tuple[Choice, Any]:
         decision = auto.decide(design, quantity, tolerance)
-        return decision.choice.level, solved(decision.model, grid)
+        return decision.choice, solved(decision.model, grid)
 
     def solve_on(level: str) -> Any:
         return solved(registry.by_name(level).system(design), grid)
@@ -148,9 +148,9 @@ def noises(design: Design, rng: Generator, tolerance: float) -> Question:
         signal, row = thermal.parse_motion(model, output)
         return thermal.solve(model, frequency, row, signal, design.constants.temperature).amplitude
 
-    def solve_auto() -> tuple[str, Any]:
-        level = auto.for_thermal_noise(design, "auto", float(grid[-1]), tolerance).level
-        return level, solved(level, grid)
+    def solve_auto() -> tuple[Choice, Any]:
+        choice = auto.for_thermal_noise(design, "auto", float(grid[-1]), tolerance)
+        return choice, solved(choice.level, grid)
 
     def error(quick: Any) -> float:
         return error_or_shift(
@@ -188,9 +188,9 @@ def couplings(design: Design, rng: Generator, tolerance: float) -> Question:
         quantity,
     )
 
-    def solve_auto() -> tuple[str, Any]:
+    def solve_auto() -> tuple[Choice, Any]:
         taken, choice, _ = model_error.choose_model(job, Choice("string", "given"), tolerance)
-        return choice.level, taken.compute(0, job.count)["ratio"]
+        return choice, taken.compute(0, job.count)["ratio"]
 
     def solve_on(level: str) -> Any:
         return replace(job, level=level).compute(0, job.count)["ratio"]
