@@ -2,8 +2,8 @@
 
 Three refinements may be neglected: `base.BLADE_TIPS`, `base.BENDING` and `base.MASS`. Their effect
 is estimated from the modes of the simplest model (`estimates`), before any other is built. A
-refinement far below the tolerance is neglected, one far above it is included; in between the
-quantity of interest itself is computed with and without it.
+refinement below the tolerance is neglected; where its estimate is not, it is included, or the
+quantity of interest is computed with and without it if that costs less.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from suspension_cli.models.estimates import estimates
 from suspension_cli.models.quantity_of_interest import QuantityOfInterest
 from suspension_cli.models.registry import AUTO, MOST_COMPLETE, Choice
 from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.fibres import explain_unsuitable
 
 TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
@@ -105,6 +106,8 @@ def decide(
     make: Callable[[LinearSystem], QuantityOfInterest],
     tolerance: float = TOLERANCE,
     top: str = MOST_COMPLETE.name,
+    *,
+    complete: bool = True,
 ) -> Decision:
     """Choose the cheapest model in which a quantity is accurate to a relative tolerance.
 
@@ -119,15 +122,24 @@ def decide(
     tolerance : float
     top : str
         The most complete model allowed; physics that it omits is neglected, however large.
+    complete : bool
+        Whether to weigh each refinement even where one requires the most complete model anyway.
     """
     base, highest = registry.choose(design), registry.by_name(top)
     build = _Builder(design)
+    if not (complete or highest.omits or explain_unsuitable(design, massive=True)):
+        bound = make(build(base.model)).mass_bound(design)
+        if bound > MARGIN * tolerance:
+            why = f"{MASS} may change the result by up to {percent(bound)}"
+            if not np.isfinite(bound):
+                why = f"{MASS}: frequencies lie near or above the first violin mode"
+            return Decision(Choice(highest.name, why, 0.0), build(highest), ())
     quantity, expected, stages, found = _expected(design, build(base.model), make)
     refinements = _series(design, base.model, quantity, build, _room([], tolerance))
     for name in (BENDING, MASS):
         left = _estimated(name, stages, expected[name])
         refinements.append(
-            _weighed(left, quantity, build, tolerance, _room(refinements, tolerance))
+            _weighed(left, quantity, build, _room(refinements, tolerance))
             if name not in highest.omits
             else _sampled(left, quantity, build)
         )
@@ -221,10 +233,7 @@ def for_thermal_noise(
         return Choice(
             light.name, f"as requested; neglected: {MASS}, {size}, {effect.where}", effect.error
         )
-    if effect.load > tolerance:
-        why = f"a third of the mass of wires is {percent(effect.load)} of the mass that they hold"
-        return Choice(heavy.name, why, 0.0)
-    if effect.fraction > wire_mass.BELOW * (tolerance / TOLERANCE) ** 0.5:
+    if effect.error > tolerance:
         return Choice(heavy.name, f"{MASS} matters, {effect.where}", 0.0)
     return Choice(
         light.name,
@@ -275,14 +284,12 @@ def _weighed(
     left: Refinement,
     quantity: QuantityOfInterest,
     build: _Builder,
-    tolerance: float,
     room: float,
 ) -> Refinement:
     """A refinement, taken if it changes more than the `room` that is left of the tolerance."""
-    low, high = quantity.thresholds[left.name]
-    if np.isnan(left.indicator) or left.indicator < low * tolerance:
+    if np.isnan(left.indicator) or left.indicator <= room:
         return left
-    if left.indicator > high * tolerance:
+    if left.name not in quantity.computed:
         return replace(left, taken=True)
     seen = _computed(left, quantity, build)
     return replace(seen, taken=not seen.estimate <= room)

@@ -118,7 +118,9 @@ def _crossing(rng: Generator) -> list[Raw]:
         for end in (1, -1)
         for side in (1, -1)
     ]
-    return [{"name": "crossed", "body": body, "position": [0.0, 0.0, -drop - height], "wire": wires}]
+    return [
+        {"name": "crossed", "body": body, "position": [0.0, 0.0, -drop - height], "wire": wires}
+    ]
 
 
 def _lopsided(rng: Generator) -> list[Raw]:
