@@ -28,6 +28,9 @@ from suspension_cli.scene.fibres import explain_unsuitable
 
 TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
+AWAY = 2.0
+"""Safety factor on the estimate of bending where bodies do not hang as drawn: bent wires then also
+pull on them, which turns them a little and is not estimated."""
 MARGIN = 0.8
 """Fraction of the tolerance that all neglected refinements together may change."""
 
@@ -123,12 +126,15 @@ def decide(
     top : str
         The most complete model allowed; physics that it omits is neglected, however large.
     complete : bool
-        Whether to weigh each refinement even where one requires the most complete model anyway.
+        Whether to weigh each refinement of a response, even where one requires the most complete
+        model anyway.
     """
     base, highest = registry.choose(design), registry.by_name(top)
     build = _Builder(design)
     if not (complete or highest.omits or explain_unsuitable(design, massive=True)):
-        bound = make(build(base.model)).mass_bound(design)
+        # without the frequencies, which the quantity has, no other model need be built
+        still = wire_mass.effect_on_response(design, 0.0).error > MARGIN * tolerance
+        bound = make(build(highest if still else base.model)).mass_bound(design)
         if bound > MARGIN * tolerance:
             why = f"{MASS} may change the result by up to {percent(bound)}"
             if not np.isfinite(bound):
@@ -255,7 +261,10 @@ def _expected(
     """The quantity of interest, its estimated changes by stage, these stages, and the modes."""
     quantity, found = make(system), eigenmodes.solve(replace(system, terms=()))
     of = estimates(design, found)
-    return quantity, quantity.estimate(found, of), of.stage, found
+    expected = quantity.estimate(found, of)
+    if system.orientation is not None:
+        expected[BENDING] = AWAY * expected[BENDING]
+    return quantity, expected, of.stage, found
 
 
 def _series(

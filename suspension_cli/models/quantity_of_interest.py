@@ -278,7 +278,8 @@ def _loaded(found: Modes, model: LinearSystem) -> Any:
     coupling[range(len(omega)), itself] = 0.0
     apart = np.subtract.outer(omega**2, found.omega_squared)
     result = np.zeros(len(good))
-    result[good] = (np.abs(own) + repulsion(coupling, apart).sum(1)) / (2 * omega**2)
+    fraction = (np.abs(own) + repulsion(coupling, apart).sum(1)) / omega**2
+    result[good] = np.where(fraction < 1, 1 / np.sqrt(np.maximum(1 - fraction, 1e-30)) - 1, np.inf)
     return result
 
 
