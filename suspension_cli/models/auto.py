@@ -31,6 +31,10 @@ TOLERANCE = 1e-3
 AWAY = 2.0
 """Safety factor on the estimate of bending where bodies do not hang as drawn: bent wires then also
 pull on them, which turns them a little and is not estimated."""
+CHANGED = 0.1
+"""Relative change of a result by bending above which the modes of straight wires tell little."""
+OTHER = 4.0
+"""Safety factor on the estimate of wire mass from these modes."""
 MARGIN = 0.8
 """Fraction of the tolerance that all neglected refinements together may change."""
 
@@ -144,6 +148,8 @@ def decide(
     refinements = _series(design, base.model, quantity, build, _room([], tolerance))
     for name in (BENDING, MASS):
         left = _estimated(name, stages, expected[name])
+        if name == MASS and refinements[-1].taken and refinements[-1].indicator > CHANGED:
+            left = replace(left, indicator=OTHER * left.indicator)
         refinements.append(
             _weighed(left, quantity, build, _room(refinements, tolerance))
             if name not in highest.omits

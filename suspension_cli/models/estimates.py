@@ -22,11 +22,10 @@ the remaining stiffness is EI / l (in a ribbon's stiff plane, plus the differenc
 hinges). Bending brings loss: a fraction phi of the energy of stretching and twisting, and phi / 2
 of that of hinges, as these go with sqrt(EI).
 
-Mass. A wire whose ends move by a and b is a straight line in between, with the kinetic energy m
-(a^2 + a.b + b^2) / 6 (any text on finite elements), if the frequency f is far below its first
-violin mode f1; see `wire_mass` for where its ends are. Held above and moved below, its force is k L
-/ sin(k L) times that of a massless wire, k L = pi f / f1, so the straight line neglects (pi f /
-f1)^2 / 6.
+Mass. Wires act on their ends, where their waves meet the bodies, like strings and rods with mass at
+the frequency of the mode; see `wire_mass` for where the ends are. Far below the first violin mode
+they are straight lines with the kinetic energy m (a^2 + a.b + b^2) / 6 for ends that move by a and
+b.
 """
 
 from __future__ import annotations
@@ -41,14 +40,18 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elements import loss
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.models.wire_mass import FORCE, first_violin_of, hinge_distance
+from suspension_cli.models.wire_mass import FORCE, first_violin_of, hinge_distance, moments
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import Fibre
 from suspension_cli.scene.fibres import compose, explain_unsuitable
 from suspension_cli.scene.scene import Scene
 
 FAR = 0.5
-"""Largest (f / f1)^2 at which a wire is about a straight line; above it nothing is estimated."""
+"""Largest (f / f1)^2 at which the series for responses is valid; above it nothing is estimated."""
+SMALL = 1e-3
+"""Wave number times length below which waves on a wire are negligible."""
+HIGHER = 1.1
+"""Safety factor for what orders beyond the second add."""
 RANGE = 2 * np.pi * np.geomspace(0.1, 1e4, 6)
 """Angular frequencies at which loss angles are evaluated; the largest is used."""
 
@@ -110,14 +113,17 @@ def estimates(design: Design, found: Modes) -> Estimates:
                 [first_violin_of(fibre, float(wires.tension[w])) for w, fibre in enumerate(made)]
             )
             violin = np.array([first[here].min() for here in groups])
-            near = (
-                np.abs(found.omega_squared)[:, None] / (2 * np.pi * np.maximum(violin, 1e-150)) ** 2
+            moved = [motion.inertia(made, here) for here in groups]
+            change = (
+                _with_repulsion(moved, found)
+                / np.maximum(np.abs(found.omega_squared), 1e-300)[:, None]
             )
-            held = np.array([sum(s.mass * s.length for s in fibre.sections) for fibre in made])
-            moved = [motion.kinetic_energy(held, here) for here in groups]
-            kinetic = _with_repulsion(moved, found, found.omega_squared)
+            whole = change.sum(1, keepdims=True)
+            slower = np.where(whole < 1, 1 / np.sqrt(np.maximum(1 - whole, 1e-30)) - 1, np.inf)
             mass = np.where(
-                near < FAR, kinetic / 2 * (1 + FORCE * near), np.where(kinetic > 0, np.inf, 0.0)
+                change > 0,
+                slower * change / np.where((whole > 0) & np.isfinite(whole), whole, 1.0),
+                0.0,
             )
     return Estimates(tuple(design.stage[n].name for n in hung), bending, mass, lossy, violin)
 
@@ -141,19 +147,19 @@ def repulsion(coupling: Any, distance: Any) -> Any:
     return 2 * coupling**2 / np.where(both > 0, both, 1.0)
 
 
-def _with_repulsion(parts: list[Any], found: Modes, scale: Any = None) -> Any:
-    """Diagonals (m, s) of matrices (m, m), one per stage, raised by what modes add to each other.
-
-    With `scale` (m,), the matrices are fractions of that part of omega^2.
-    """
+def _with_repulsion(parts: list[Any], found: Modes) -> Any:
+    """Diagonals (m, s) of matrices (m, m), one per stage, raised by the repulsion of modes."""
     diagonal = np.stack([part.diagonal() for part in parts], axis=1)
-    size = np.ones(len(diagonal)) if scale is None else np.abs(scale)
-    coupling = size[:, None] * sum(parts)
+    coupling = sum(parts)
     np.fill_diagonal(coupling, 0.0)
     apart = np.subtract.outer(found.omega_squared, found.omega_squared)
-    added = repulsion(coupling, apart).sum(1) / np.where(size > 0, size, 1.0)
+    finite = np.isfinite(coupling).all(1)
+    added = np.full(len(apart), np.inf)
+    added[finite] = repulsion(coupling[finite], apart[finite]).sum(1)
     total = diagonal.sum(1)
-    return diagonal * (1 + added / np.where(total > 0, total, 1.0))[:, None]
+    plain = (total > 0) & np.isfinite(total)
+    factor = HIGHER * (1 + np.where(plain, added / np.where(plain, total, 1.0), 0.0))
+    return np.where(np.isfinite(total)[:, None], diagonal * factor[:, None], np.inf)
 
 
 class _EndMotion:
@@ -165,6 +171,7 @@ class _EndMotion:
             [np.zeros((len(found.shape), 6)), found.shape[:, :count]], axis=1
         ).reshape(len(found.shape), -1, 6)
         self.wires = wires
+        self.omega = np.sqrt(np.abs(found.omega_squared))
         self.along = wires.span / wires.length[:, None]
         self.turn = tuple(moves[:, body, 3:] for body in (wires.upper, wires.lower))
         reach = np.array(
@@ -246,15 +253,57 @@ class _EndMotion:
                 lost = lost + angle[0] / 2 * whole * turned**2
         return parts, lost
 
-    def kinetic_energy(self, mass: Any, here: Any) -> Any:
-        """v^T dM v (m, m) of the wires `here` (w,), given the mass (w,) of all."""
+    def inertia(self, made: tuple[Fibre, ...], here: Any) -> Any:
+        """Magnitudes of v_i^T (Z - K) v_j (m, m) by the mass of the wires `here` at omega_i.
+
+        Infinite if omega_i is too close to a violin mode.
+        """
         a, b = (
-            ((move + sign * np.cross(turn, self.reach)) * np.sqrt(mass / 6)[:, None])[:, here]
+            move + sign * np.cross(turn, self.reach)
             for move, turn, sign in zip(self.move, self.turn, (1, -1), strict=True)
         )
-        a, b = a.reshape(len(a), -1), b.reshape(len(b), -1)
-        cross = a @ b.T
-        return 2 * a @ a.T + cross + cross.T + 2 * b @ b.T
+        result = np.zeros((len(a), len(a)))
+        for w in np.flatnonzero(here).tolist():
+            first, mixed, last = moments(made[w])
+            mass = first + 2 * mixed + last
+            uneven = 3 * max(first, last) / mass if mass > 0 else 1.0
+            length, along = float(self.wires.length[w]), self.along[w]
+            reach = hinge_distance(made[w], float(self.wires.tension[w]))
+            stretched = [np.outer(end[:, w] @ along, along) for end in (a, b)]
+            across = [end[:, w] - own for end, own in zip((a, b), stretched, strict=True)]
+            for ends, stiffness, shorter in (
+                (stretched, float(self.wires.stiffness[w]), 0.0),
+                (across, float(self.wires.tension[w]) / length, 2 * reach / length),
+            ):
+                one, both = _waves(self.omega, uneven * mass, stiffness, shorter)
+                u, v = ends
+                result += one[:, None] * (u @ u.T + v @ v.T) + both[:, None] * (u @ v.T + v @ u.T)
+        return np.where(np.isnan(result), np.inf, np.abs(result))
+
+
+def _waves(omega: Any, mass: float, stiffness: float, shorter: float) -> tuple[Any, Any]:
+    """What mass adds to the stiffness (m,) of a string or rod, for one end and between its ends.
+
+    With X = omega sqrt(mass / stiffness), the stiffness times X cot X - 1 and 1 - X / sin X (any
+    text on vibrations). A clamped wire vibrates on a length that is less by the fraction `shorter`:
+    the larger magnitude of both counts, NaN where a resonance lies in between.
+    """
+    if not mass > 0 or not stiffness > 0:
+        return np.zeros(len(omega)), np.zeros(len(omega))
+    full = omega * np.sqrt(mass / stiffness)
+    found = []
+    for x in (full, full * (1 - 1.5 * shorter)):
+        some = np.where(x > SMALL, x, 1.0)
+        found.append(
+            (
+                np.where(x > SMALL, some / np.tan(some) - 1, -(x**2) / 3),
+                np.where(x > SMALL, 1 - some / np.sin(some), -(x**2) / 6),
+            )
+        )
+    between = np.floor(full / np.pi) != np.floor(full * (1 - 1.5 * shorter) / np.pi)
+    larger = np.abs(found[1][0]) > np.abs(found[0][0])
+    one, both = (np.where(larger, found[1][n], found[0][n]) for n in (0, 1))
+    return np.where(between, np.nan, stiffness * one), np.where(between, np.nan, stiffness * both)
 
 
 def _hinge(

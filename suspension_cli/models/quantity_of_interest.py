@@ -21,7 +21,7 @@ from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import wire_mass
 from suspension_cli.models.base import BENDING, MASS
-from suspension_cli.models.estimates import Estimates, repulsion
+from suspension_cli.models.estimates import HIGHER, Estimates, repulsion
 from suspension_cli.scene.arrays import Array
 
 SAMPLES = 12
@@ -278,7 +278,7 @@ def _loaded(found: Modes, model: LinearSystem) -> Any:
     coupling[range(len(omega)), itself] = 0.0
     apart = np.subtract.outer(omega**2, found.omega_squared)
     result = np.zeros(len(good))
-    fraction = (np.abs(own) + repulsion(coupling, apart).sum(1)) / omega**2
+    fraction = HIGHER * (np.abs(own) + repulsion(coupling, apart).sum(1)) / omega**2
     result[good] = np.where(fraction < 1, 1 / np.sqrt(np.maximum(1 - fraction, 1e-30)) - 1, np.inf)
     return result
 

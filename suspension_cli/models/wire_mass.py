@@ -1,13 +1,13 @@
 """Upper estimates of what wire mass changes, without solving for modes; first violin modes.
 
 Inertia. A wire whose ends move by a and b is a straight line in between, with the kinetic energy m
-(a^2 + a.b + b^2) / 6 (any text on finite elements). With the mass matrices M of the bodies and W of
-such wires, a frequency of the bodies falls by a fraction between 0 and beta / 2, where beta is the
-largest eigenvalue of M^-1 W (Rayleigh's principle), whatever the mode. Off resonance, the response
-of each stage goes with 1 / M, so that of n stages changes by up to n beta. A clamped wire turns
-about a hinge at u = sqrt(EI / T) from its clamp (Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207
-(1994)), so its ends are taken there; u is at most 0.16 l, as for a beam without tension, whose mass
-matrix is that of such a wire (13/35, 11/210 and 1/105).
+(a^2 + a.b + b^2) / 6 (any text on finite elements; `moments` for one of several sections). With the
+mass matrices M of the bodies and W of such wires, a frequency of the bodies falls by a fraction
+between 0 and beta / 2, where beta is the largest eigenvalue of M^-1 W (Rayleigh's principle),
+whatever the mode. Off resonance, the response of each stage goes with 1 / M, so that of n stages
+changes by up to n beta. A clamped wire turns about a hinge at u = sqrt(EI / T) from its clamp
+(Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207 (1994)), so its ends are taken there; u is at
+most 0.16 l, as for a beam without tension (whose mass matrix has 13/35, 11/210 and 1/105).
 
 Waves. Held above and moved by x below at omega, the slope of a string is k x / sin(k L) at the
 upper end and k x cos(k L) / sin(k L) at the lower one, with k L = pi f / f1 and f1 = sqrt(T / mu) /
@@ -136,9 +136,9 @@ def _largest_load(scene: Scene, made: tuple[Fibre, ...]) -> float:
             upper[blades.axes[blade]] = np.eye(size)[own : own + 3][blades.axes[blade]]
         elif blade >= 0:
             upper[blades.axes[blade]] = lower[blades.axes[blade]]
-        held = sum(section.length * section.mass for section in fibre.sections)
+        first, mixed, last = moments(fibre)
         cross = upper.T @ lower
-        added += held / 6 * (2 * upper.T @ upper + cross + cross.T + 2 * lower.T @ lower)
+        added += first * upper.T @ upper + mixed * (cross + cross.T) + last * lower.T @ lower
     moves = np.diag(mass) > 0
     half = np.linalg.inv(np.linalg.cholesky(mass[np.ix_(moves, moves)]))
     return float(np.linalg.eigvalsh(half @ added[np.ix_(moves, moves)] @ half.T)[-1])
@@ -151,6 +151,20 @@ def hinge_distance(fibre: Fibre, tension: float) -> float:
     rigidity = max(max(section.rigidity) for section in (fibre.sections[0], fibre.sections[-1]))
     length = sum(section.length for section in fibre.sections)
     return min(float(np.sqrt(rigidity / tension)), HINGE * length) if tension > 0 else 0.0
+
+
+def moments(fibre: Fibre) -> tuple[float, float, float]:
+    """Integrals of (1 - s)^2, s (1 - s) and s^2 over the mass of a wire, kg.
+
+    s rises from 0 at its upper end to 1 at the lower one; m/3, m/6 and m/3 for a uniform wire.
+    """
+    ends = np.cumsum([0.0, *(section.length for section in fibre.sections)])
+    ends /= ends[-1]
+    mass = np.array([section.length * section.mass for section in fibre.sections])
+    width, middle = np.diff(ends), (ends[1:] + ends[:-1]) / 2
+    square = float((mass * (middle**2 + width**2 / 12)).sum())
+    single, total = float((mass * middle).sum()), float(mass.sum())
+    return total - 2 * single + square, single - square, square
 
 
 def _point(size: int, body: int, arm: Array) -> Array:

@@ -37,7 +37,8 @@ class Trial:
     estimate : float
         The error that `auto` reports; NaN if unknown.
     cost : float
-        Time of `auto`, choice included, over that of the reference model: medians of repetitions.
+        Processor time of `auto`, choice included, over that of the reference model: medians of
+        repetitions.
     best : float
         The same for the cheapest model within the tolerance, if that were known beforehand.
     seconds : float
@@ -89,9 +90,9 @@ def run_trial(
     works = {name: work for name, work in works.items() if results[name] is not None}
     for _ in range(REPETITIONS):
         for name, work in works.items():
-            start = time.perf_counter()
+            start = time.process_time()
             work()
-            times[name].append(time.perf_counter() - start)
+            times[name].append(time.process_time() - start)
     cost = {name: float(np.median(times[name])) for name in works}
     accurate = [
         cost[level]
