@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import msgspec
@@ -82,8 +82,10 @@ def frequencies(design: Design, _: Generator, tolerance: float) -> Question:
     def solve_on(level: str) -> Any:
         return listed(registry.by_name(level).system(design), level)
 
+    exact = cache(lambda: solve_on(REFERENCE))
+
     def error(quick: Any) -> float:
-        model, slow = solve_on(REFERENCE)
+        model, slow = exact()
         count = 6 * len(design.stage)
         overlap = np.abs(
             slow.shape[:, :count]
@@ -127,11 +129,14 @@ def responses(design: Design, rng: Generator, tolerance: float) -> Question:
     def solve_on(level: str) -> Any:
         return solved(registry.by_name(level).system(design), grid)
 
-    def error(quick: Any) -> float:
+    @cache
+    def exact() -> tuple[Any, Any]:
         model = registry.by_name(REFERENCE).system(design)
-        return error_or_shift(
-            rng, grid, quick, _dense(model, grid, tolerance), partial(solved, model)
-        )
+        dense = _dense(model, grid, tolerance)
+        return dense, solved(model, dense)
+
+    def error(quick: Any) -> float:
+        return error_or_shift(rng, grid, quick, *exact())
 
     return Question((registry.choose(design).level, "beam"), solve_auto, solve_on, error)
 
@@ -152,14 +157,13 @@ def noises(design: Design, rng: Generator, tolerance: float) -> Question:
         choice = auto.for_thermal_noise(design, "auto", float(grid[-1]), tolerance)
         return choice, solved(choice.level, grid)
 
+    @cache
+    def exact() -> tuple[Any, Any]:
+        dense = _dense(registry.by_name(REFERENCE).system(design), grid, tolerance)
+        return dense, solved(REFERENCE, dense)
+
     def error(quick: Any) -> float:
-        return error_or_shift(
-            rng,
-            grid,
-            quick,
-            _dense(registry.by_name(REFERENCE).system(design), grid, tolerance),
-            partial(solved, REFERENCE),
-        )
+        return error_or_shift(rng, grid, quick, *exact())
 
     return Question(("beam",), solve_auto, partial(solved, frequency=grid), error)
 
@@ -195,8 +199,10 @@ def couplings(design: Design, rng: Generator, tolerance: float) -> Question:
     def solve_on(level: str) -> Any:
         return replace(job, level=level).compute(0, job.count)["ratio"]
 
+    reference = cache(lambda: solve_on(REFERENCE))
+
     def error(quick: Any) -> float:
-        exact = solve_on(REFERENCE)
+        exact = reference()
         hung = np.isfinite(exact)
         if (np.isfinite(quick) != hung).any():
             return float("inf")
@@ -215,17 +221,14 @@ QUANTITIES = {
 """Quantities of interest by name."""
 
 
-def error_or_shift(
-    rng: Generator, grid: Any, quick: Any, dense: Any, exact: Callable[[Any], Any]
-) -> float:
+def error_or_shift(rng: Generator, grid: Any, quick: Any, dense: Any, value: Any) -> float:
     """Largest error of a result at random grid points, in size or equivalent frequency shift.
 
     Near a resonance a relative frequency error delta changes a response by Q delta, so a result
     that is exact at a slightly shifted frequency counts with that shift. The exact result is
-    interpolated linearly between the frequencies `dense`.
+    interpolated linearly between its values at the frequencies `dense`.
     """
     at = np.sort(rng.choice(len(grid), CHECKED, replace=False))
-    value = exact(dense)
     shift = dense / grid[at, None] - 1
     start, size = value[:-1], np.maximum(np.abs(value[:-1]), np.abs(value[1:]))
     difference, step = quick[at, None] - start, np.diff(value)

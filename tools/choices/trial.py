@@ -14,6 +14,8 @@ from suspension_cli.errors import InputError
 from tools.choices.quantities import REFERENCE, Question
 
 REPETITIONS = 3
+SLOW = 0.2
+"""Seconds from which work is timed once."""
 ROUNDING = 1e-8
 """Errors below this are those of the comparison."""
 
@@ -86,12 +88,20 @@ def run_trial(
         for level in (*question.cheaper, REFERENCE)
     }
     times: dict[str, list[float]] = {name: [] for name in works}
-    results = {name: _attempted(work) for name, work in works.items()}
+    results: dict[str, Any] = {}
+    for name, work in works.items():
+        start = time.process_time()
+        results[name] = _attempted(work)
+        times[name].append(time.process_time() - start)
     works = {name: work for name, work in works.items() if results[name] is not None}
-    for _ in range(REPETITIONS):
+    for turn in range(REPETITIONS):
         for name, work in works.items():
+            if times[name][0] > SLOW:
+                continue
             start = time.process_time()
             work()
+            if not turn:
+                times[name].clear()  # the first time fills caches
             times[name].append(time.process_time() - start)
     cost = {name: float(np.median(times[name])) for name in works}
     accurate = [
