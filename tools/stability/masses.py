@@ -133,7 +133,7 @@ def row(mass: Any = MASS) -> Row:
     )
 
 
-WIRES = 10.0 ** np.arange(-6.0, 2.0)
+WIRES = 10.0 ** np.arange(-6.0, 0.5, 0.5)
 LENGTH = 0.5
 RADIUS = 3e-4
 """Length and radius of the wires of the light body, m."""
