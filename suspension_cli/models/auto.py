@@ -150,6 +150,8 @@ def decide(
         left = _estimated(name, stages, expected[name])
         if name == MASS and refinements[-1].taken and refinements[-1].indicator > CHANGED:
             left = replace(left, indicator=OTHER * left.indicator)
+        if name == MASS and not np.isnan(left.indicator):
+            left = replace(left, indicator=quantity.mass_bound(design) or left.indicator)
         refinements.append(
             _weighed(left, quantity, build, _room(refinements, tolerance))
             if name not in highest.omits

@@ -145,7 +145,7 @@ def _needs_mass(job: Sweep, tolerance: float) -> str:
     if registry.MOST_COMPLETE.unsuitable(design):
         return ""
     bound = wire_mass.effect_on_response(design, float(max(job.question.frequency))).error
-    if bound <= tolerance:
+    if bound < 1.0:  # couplings change by less than the responses that they are ratios of
         return ""
     size = f"by up to {percent(bound)}" if math.isfinite(bound) else "near violin modes"
     return f"wire mass may change couplings {size}; tolerance {100 * tolerance:g} %"
