@@ -150,7 +150,7 @@ def repulsion(coupling: Any, distance: Any) -> Any:
 def _with_repulsion(parts: list[Any], found: Modes) -> Any:
     """Diagonals (m, s) of matrices (m, m), one per stage, raised by the repulsion of modes."""
     diagonal = np.stack([part.diagonal() for part in parts], axis=1)
-    coupling = sum(parts)
+    coupling = np.sum(parts, axis=0)
     np.fill_diagonal(coupling, 0.0)
     apart = np.subtract.outer(found.omega_squared, found.omega_squared)
     finite = np.isfinite(coupling).all(1)
