@@ -188,22 +188,23 @@ class _EndMotion:
     def _move_tips(self, scene: Scene, found: Modes) -> None:
         """Add the motion of blade tips to that of upper ends.
 
-        Where blades are in series with wires, a tip follows the stretching force F of its wires by
-        F / k_blade.
+        Where blades are in series with wires, the tip is where its stiffness balances the
+        stretching of its wires.
         """
         wires, blades = scene.wires, scene.blades
         stretched = ((self.move[1] - self.move[0]) * self.along).sum(-1)
-        for w in np.flatnonzero(wires.blade >= 0).tolist():
-            blade = int(wires.blade[w])
+        for blade, label in enumerate(blades.label):
+            on_it = np.flatnonzero(wires.blade == blade)
             for axis in np.flatnonzero(blades.axes[blade]).tolist():
-                name = f"{blades.label[blade]}.{DOFS[axis]}"
-                if name in found.coordinate:
-                    self.move[0][:, w, axis] += found.shape[:, found.coordinate.index(name)]
-                    continue
-                slope, spring = self.along[w, axis], float(blades.stiffness[blade, axis])
-                on_it = int((wires.blade == blade).sum())
-                series = 1 / (1 / wires.stiffness[w] + on_it * slope**2 / spring)
-                self.move[0][:, w, axis] += on_it * slope * series / spring * stretched[:, w]
+                name = f"{label}.{DOFS[axis]}"
+                slope = self.along[on_it, axis]
+                pull = wires.stiffness[on_it] * slope
+                tip = (
+                    found.shape[:, found.coordinate.index(name)]
+                    if name in found.coordinate
+                    else stretched[:, on_it] @ pull / (blades.stiffness[blade, axis] + pull @ slope)
+                )
+                self.move[0][:, on_it, axis] += tip[:, None]
 
     def bending_energy(self, made: tuple[Fibre, ...]) -> tuple[list[Any], Any]:
         """Bending and twisting of all wires, and the imaginary part with that of stretching.
