@@ -32,6 +32,7 @@ ROWS: dict[str, Callable[[], Row]] = {
     "horizontal": geometry.nearly_horizontal,
     "quality": modal.quality,
     "masses": masses.row,
+    "heavy-wires": masses.heavy_wires,
 }
 """Rows of the atlas, in order."""
 

@@ -57,7 +57,7 @@ def choose(
     request = request or (lambda _: Frequencies())
     if wanted == registry.AUTO:
         limit = registry.MOST_COMPLETE if top is None else top
-        return auto.decide(source.design, request, tolerance, limit.name)
+        return auto.decide(source.design, request, tolerance, limit.name, complete=False)
     return auto.estimate_error(source.design, registry.choose(source.design, wanted), request)
 
 

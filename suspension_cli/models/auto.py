@@ -2,8 +2,8 @@
 
 Three refinements may be neglected: `base.BLADE_TIPS`, `base.BENDING` and `base.MASS`. Their effect
 is estimated from the modes of the simplest model (`estimates`), before any other is built. A
-refinement far below the tolerance is neglected, one far above it is included; in between the
-quantity of interest itself is computed with and without it.
+refinement below the tolerance is neglected; where its estimate is not, it is included, or the
+quantity of interest is computed with and without it if that costs less.
 """
 
 from __future__ import annotations
@@ -24,9 +24,17 @@ from suspension_cli.models.estimates import estimates
 from suspension_cli.models.quantity_of_interest import QuantityOfInterest
 from suspension_cli.models.registry import AUTO, MOST_COMPLETE, Choice
 from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.fibres import explain_unsuitable
 
 TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
+AWAY = 2.0
+"""Safety factor on the estimate of bending where bodies do not hang as drawn: bent wires then also
+pull on them, which turns them a little and is not estimated."""
+CHANGED = 0.1
+"""Relative change of a result by bending above which the modes of straight wires tell little."""
+OTHER = 4.0
+"""Safety factor on the estimate of wire mass from these modes."""
 MARGIN = 0.8
 """Fraction of the tolerance that all neglected refinements together may change."""
 
@@ -105,6 +113,8 @@ def decide(
     make: Callable[[LinearSystem], QuantityOfInterest],
     tolerance: float = TOLERANCE,
     top: str = MOST_COMPLETE.name,
+    *,
+    complete: bool = True,
 ) -> Decision:
     """Choose the cheapest model in which a quantity is accurate to a relative tolerance.
 
@@ -119,15 +129,31 @@ def decide(
     tolerance : float
     top : str
         The most complete model allowed; physics that it omits is neglected, however large.
+    complete : bool
+        Whether to weigh each refinement of a response, even where one requires the most complete
+        model anyway.
     """
     base, highest = registry.choose(design), registry.by_name(top)
     build = _Builder(design)
+    if not (complete or highest.omits or explain_unsuitable(design, massive=True)):
+        # without the frequencies, which the quantity has, no other model need be built
+        still = wire_mass.effect_on_response(design, 0.0).error > MARGIN * tolerance
+        bound = make(build(highest if still else base.model)).mass_bound(design)
+        if bound > MARGIN * tolerance:
+            why = f"{MASS} may change the result by up to {percent(bound)}"
+            if not np.isfinite(bound):
+                why = f"{MASS}: frequencies lie near or above the first violin mode"
+            return Decision(Choice(highest.name, why, 0.0), build(highest), ())
     quantity, expected, stages, found = _expected(design, build(base.model), make)
     refinements = _series(design, base.model, quantity, build, _room([], tolerance))
     for name in (BENDING, MASS):
         left = _estimated(name, stages, expected[name])
+        if name == MASS and refinements[-1].taken and refinements[-1].indicator > CHANGED:
+            left = replace(left, indicator=OTHER * left.indicator)
+        if name == MASS and not np.isnan(left.indicator):
+            left = replace(left, indicator=quantity.mass_bound(design) or left.indicator)
         refinements.append(
-            _weighed(left, quantity, build, tolerance, _room(refinements, tolerance))
+            _weighed(left, quantity, build, _room(refinements, tolerance))
             if name not in highest.omits
             else _sampled(left, quantity, build)
         )
@@ -221,10 +247,7 @@ def for_thermal_noise(
         return Choice(
             light.name, f"as requested; neglected: {MASS}, {size}, {effect.where}", effect.error
         )
-    if effect.load > tolerance:
-        why = f"a third of the mass of wires is {percent(effect.load)} of the mass that they hold"
-        return Choice(heavy.name, why, 0.0)
-    if effect.fraction > wire_mass.BELOW * (tolerance / TOLERANCE) ** 0.5:
+    if effect.error > tolerance:
         return Choice(heavy.name, f"{MASS} matters, {effect.where}", 0.0)
     return Choice(
         light.name,
@@ -246,7 +269,10 @@ def _expected(
     """The quantity of interest, its estimated changes by stage, these stages, and the modes."""
     quantity, found = make(system), eigenmodes.solve(replace(system, terms=()))
     of = estimates(design, found)
-    return quantity, quantity.estimate(found, of), of.stage, found
+    expected = quantity.estimate(found, of)
+    if system.orientation is not None:
+        expected[BENDING] = AWAY * expected[BENDING]
+    return quantity, expected, of.stage, found
 
 
 def _series(
@@ -275,14 +301,12 @@ def _weighed(
     left: Refinement,
     quantity: QuantityOfInterest,
     build: _Builder,
-    tolerance: float,
     room: float,
 ) -> Refinement:
     """A refinement, taken if it changes more than the `room` that is left of the tolerance."""
-    low, high = quantity.thresholds[left.name]
-    if np.isnan(left.indicator) or left.indicator < low * tolerance:
+    if np.isnan(left.indicator) or left.indicator <= room:
         return left
-    if left.indicator > high * tolerance:
+    if left.name not in quantity.computed:
         return replace(left, taken=True)
     seen = _computed(left, quantity, build)
     return replace(seen, taken=not seen.estimate <= room)

@@ -1,22 +1,31 @@
-"""First-order estimates of what wire bending and wire mass change, from the modes on strings.
+"""Upper estimates of what wire bending and wire mass change, from the modes on strings.
 
-By Rayleigh's principle a small addition of energy to a mode v of unit modal mass changes its
-frequency by
+By Rayleigh's principle small additions dK and dM change omega^2 = lambda of the mode v_i of unit
+modal mass by A_ii = v_i^T (dK - lambda_i dM) v_i. Another mode v_j at the distance D = |lambda_i -
+lambda_j| adds at most
 
-    d omega / omega = (v^T dK v / omega^2 - v^T dM v) / 2.
+    2 A_ij^2 / (D + sqrt(D^2 + 4 A_ij^2)),
+
+by which two coupled levels repel each other (Landau and Lifshitz, Quantum Mechanics, section 79).
+The sum of all these over 2 lambda_i is the relative change of the frequency.
 
 Bending. A clamped wire under tension T acts like a hinge of stiffness sqrt(T EI) at the distance u
 = sqrt(EI / T) from its clamp (Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207 (1994)), turned by
-the angle between the clamp and the line from end to end. Torsion has the stiffness (G J + T I_p /
-A) / l; where the design gives it, strings have it already. Where the design gives the effective
-bending points, the remaining stiffness is EI / l (in a ribbon's stiff plane, plus the difference of
-the two hinges). Bending brings loss: a fraction phi of the energy of stretching and twisting, and
-phi / 2 of that of hinges, as these go with sqrt(EI).
+the angle between the clamp and the line from end to end. For a wire of length l bent like an S by
+two parallel clamps, which is the stiffer case, the stiffness is exactly
 
-Mass. A wire whose ends move by a and b is a straight line in between, with the kinetic energy m
-(a^2 + a.b + b^2) / 6 (any text on finite elements), if the frequency f is far below its first
-violin mode f1. Held above and moved below, its force is k L / sin(k L) times that of a massless
-wire, k L = pi f / f1, so the straight line neglects (pi f / f1)^2 / 6.
+    T u t / (1 - 2 u t / l),    t = tanh(l / 2u),
+
+by the deflection of a beam under tension. Torsion has the stiffness (G J + T I_p / A) / l; where
+the design gives it, strings have it already. Where the design gives the effective bending points,
+the remaining stiffness is EI / l (in a ribbon's stiff plane, plus the difference of the two
+hinges). Bending brings loss: a fraction phi of the energy of stretching and twisting, and phi / 2
+of that of hinges, as these go with sqrt(EI).
+
+Mass. Wires act on their ends, where their waves meet the bodies, like strings and rods with mass at
+the frequency of the mode; see `wire_mass` for where the ends are. Far below the first violin mode
+they are straight lines with the kinetic energy m (a^2 + a.b + b^2) / 6 for ends that move by a and
+b.
 """
 
 from __future__ import annotations
@@ -26,20 +35,23 @@ from typing import Any
 
 import numpy as np
 
+from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import loss
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.models.wire_mass import first_violin_of
+from suspension_cli.models.wire_mass import FORCE, first_violin_of, hinge_distance, moments
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import Fibre
 from suspension_cli.scene.fibres import compose, explain_unsuitable
 from suspension_cli.scene.scene import Scene
 
-CURVED = np.pi**2 / 6
-"""Relative change of a wire's force by its mass, over (f / f1)^2."""
 FAR = 0.5
-"""Largest (f / f1)^2 at which a wire is about a straight line; above it nothing is estimated."""
+"""Largest (f / f1)^2 at which the series for responses is valid; above it nothing is estimated."""
+SMALL = 1e-3
+"""Wave number times length below which waves on a wire are negligible."""
+HIGHER = 1.1
+"""Safety factor for what orders beyond the second add."""
 RANGE = 2 * np.pi * np.geomspace(0.1, 1e4, 6)
 """Angular frequencies at which loss angles are evaluated; the largest is used."""
 
@@ -70,7 +82,7 @@ class Estimates:
     def curved(self, highest: float) -> Array:
         """Relative change (s,) of each stage's wire force by wire mass, at a frequency in Hz."""
         near = (highest / np.maximum(self.violin, 1e-150)) ** 2
-        return np.where(near < FAR, CURVED * near, np.inf)
+        return np.where(near < FAR, FORCE * near, np.inf)
 
 
 def estimates(design: Design, found: Modes) -> Estimates:
@@ -88,55 +100,121 @@ def estimates(design: Design, found: Modes) -> Estimates:
     )
     made = () if unknown[False] else compose(design).wire
     if made:
-        motion = _EndMotion(scene, found)
-        stored, lost = motion.bending_energy(made)
-        first = np.array(
-            [first_violin_of(fibre, float(wires.tension[w])) for w, fibre in enumerate(made)]
+        motion = _EndMotion(scene, found, made)
+        groups = [wires.lower == n + 1 for n in hung]
+        energy, lost = motion.bending_energy(made)
+        stored = [sum(part[:, here] @ part[:, here].T for part in energy) for here in groups]
+        bending = _over(_with_repulsion(stored, found) / 2, found.omega_squared)
+        lossy = _over(
+            np.stack([lost[:, here].sum(1) for here in groups], axis=1), found.omega_squared
         )
-        near = np.abs(found.omega_squared)[:, None] / (2 * np.pi * np.maximum(first, 1e-150)) ** 2
-        kinetic = motion.kinetic_energy(
-            np.array([sum(s.mass * s.length for s in fibre.sections) for fibre in made])
-        )
-        heavy = np.where(
-            near < FAR, kinetic / 2 * (1 + CURVED * near), np.where(kinetic > 0, np.inf, 0.0)
-        )
-        for column, n in enumerate(hung):
-            here = wires.lower == n + 1
-            bending[:, column] = _over(stored[:, here].sum(1) / 2, found.omega_squared)
-            lossy[:, column] = _over(lost[:, here].sum(1), found.omega_squared)
-            if not unknown[True]:
-                mass[:, column] = heavy[:, here].sum(1)
-                violin[column] = first[here].min()
+        if not unknown[True]:
+            first = np.array(
+                [first_violin_of(fibre, float(wires.tension[w])) for w, fibre in enumerate(made)]
+            )
+            violin = np.array([first[here].min() for here in groups])
+            moved = [motion.inertia(made, here) for here in groups]
+            change = (
+                _with_repulsion(moved, found)
+                / np.maximum(np.abs(found.omega_squared), 1e-300)[:, None]
+            )
+            whole = change.sum(1, keepdims=True)
+            slower = np.where(whole < 1, 1 / np.sqrt(np.maximum(1 - whole, 1e-30)) - 1, np.inf)
+            mass = np.where(
+                change > 0,
+                slower * change / np.where((whole > 0) & np.isfinite(whole), whole, 1.0),
+                0.0,
+            )
     return Estimates(tuple(design.stage[n].name for n in hung), bending, mass, lossy, violin)
 
 
 def _over(energy: Any, omega_squared: Any) -> Any:
-    """Energy as a fraction of that of each mode (m,); 0 if both are 0."""
-    stored = np.abs(omega_squared)
+    """Energy (m, s) as a fraction of that of each mode (m,); 0 if both are 0."""
+    stored = np.abs(omega_squared)[:, None]
     return np.where(
         stored > 0, energy / np.where(stored > 0, stored, 1.0), np.where(energy > 0, np.inf, 0.0)
     )
 
 
+def repulsion(coupling: Any, distance: Any) -> Any:
+    """Change of one of two coupled levels: 2 A^2 / (D + sqrt(D^2 + 4 A^2)).
+
+    >>> float(repulsion(2.0, 3.0))
+    1.0
+    """
+    apart = np.abs(distance)
+    both = apart + np.sqrt(apart**2 + 4 * coupling**2)
+    return 2 * coupling**2 / np.where(both > 0, both, 1.0)
+
+
+def _with_repulsion(parts: list[Any], found: Modes) -> Any:
+    """Diagonals (m, s) of matrices (m, m), one per stage, raised by the repulsion of modes."""
+    diagonal = np.stack([part.diagonal() for part in parts], axis=1)
+    coupling = np.sum(parts, axis=0)
+    np.fill_diagonal(coupling, 0.0)
+    apart = np.subtract.outer(found.omega_squared, found.omega_squared)
+    finite = np.isfinite(coupling).all(1)
+    added = np.full(len(apart), np.inf)
+    added[finite] = repulsion(coupling[finite], apart[finite]).sum(1)
+    total = diagonal.sum(1)
+    plain = (total > 0) & np.isfinite(total)
+    factor = HIGHER * (1 + np.where(plain, added / np.where(plain, total, 1.0), 0.0))
+    return np.where(np.isfinite(total)[:, None], diagonal * factor[:, None], np.inf)
+
+
 class _EndMotion:
     """Motion of the ends of all wires in each mode: (m, w, 3)."""
 
-    def __init__(self, scene: Scene, found: Modes) -> None:
+    def __init__(self, scene: Scene, found: Modes, made: tuple[Fibre, ...]) -> None:
         wires, count = scene.wires, 6 * len(found.body)
         moves = np.concatenate(
             [np.zeros((len(found.shape), 6)), found.shape[:, :count]], axis=1
         ).reshape(len(found.shape), -1, 6)
         self.wires = wires
+        self.omega = np.sqrt(np.abs(found.omega_squared))
         self.along = wires.span / wires.length[:, None]
         self.turn = tuple(moves[:, body, 3:] for body in (wires.upper, wires.lower))
+        reach = np.array(
+            [hinge_distance(one, float(wires.tension[w])) for w, one in enumerate(made)]
+        )
+        self.reach = reach[:, None] * self.along
         points = (wires.upper_point, wires.lower_point)
         self.move = tuple(
             moves[:, body, :3] + np.cross(turn, point)
             for body, turn, point in zip((wires.upper, wires.lower), self.turn, points, strict=True)
         )
+        self._move_tips(scene, found)
 
-    def bending_energy(self, made: tuple[Fibre, ...]) -> tuple[Any, Any]:
-        """v^T dK v (m, w) of bending and twisting, and its imaginary part with stretching's."""
+    def _move_tips(self, scene: Scene, found: Modes) -> None:
+        """Add the motion of blade tips to that of upper ends.
+
+        Where blades are in series with wires, the tip is where its stiffness balances the
+        stretching of its wires.
+        """
+        wires, blades = scene.wires, scene.blades
+        stretched = ((self.move[1] - self.move[0]) * self.along).sum(-1)
+        for blade, label in enumerate(blades.label):
+            on_it = np.flatnonzero(wires.blade == blade)
+            for axis in np.flatnonzero(blades.axes[blade]).tolist():
+                name = f"{label}.{DOFS[axis]}"
+                slope = self.along[on_it, axis]
+                pull = wires.stiffness[on_it] * slope
+                tip = (
+                    found.shape[:, found.coordinate.index(name)]
+                    if name in found.coordinate
+                    else stretched[:, on_it] @ pull / (blades.stiffness[blade, axis] + pull @ slope)
+                )
+                self.move[0][:, on_it, axis] += tip[:, None]
+
+    def bending_energy(self, made: tuple[Fibre, ...]) -> tuple[list[Any], Any]:
+        """Bending and twisting of all wires, and the imaginary part with that of stretching.
+
+        Returns
+        -------
+        parts : list of (m, w) arrays
+            Whose squares sum to v^T dK v.
+        lost : (m, w) array
+        """
         wires = self.wires
         chord = (self.move[1] - self.move[0]) / wires.length[:, None]
         stretched = (chord * self.along).sum(-1) * wires.length
@@ -150,7 +228,7 @@ class _EndMotion:
             .T
         )
         given = wires.torsion > 0
-        stored = np.where(given, 0.0, torsion) * twisted**2
+        parts = [np.sqrt(np.where(given, 0.0, torsion)) * twisted]
         twist_lost = np.where(
             given,
             np.abs(angle[2] * sheared - wires.loss) * wires.torsion,
@@ -159,36 +237,98 @@ class _EndMotion:
         lost = (
             twist_lost * twisted**2 + np.abs(angle[1] - wires.loss) * wires.stiffness * stretched**2
         )
+        first = np.array([fibre.plane for fibre in made])
+        first = first - (first * self.along).sum(-1, keepdims=True) * self.along
+        first = first / np.sqrt((first**2).sum(-1, keepdims=True))
         for end, turn in enumerate(self.turn):
             slope = np.cross(turn, self.along) - chord
-            across = (slope**2).sum(-1) - (slope * self.along).sum(-1) ** 2
-            whole, extra = np.array(
-                [
-                    _hinge(made[w], end, float(wires.tension[w]), float(wires.length[w]))
-                    for w in range(len(made))
-                ]
-            ).T
-            stored = stored + extra * across
-            lost = lost + angle[0] / 2 * whole * across
-        return stored, lost
+            for plane, across in enumerate((first, np.cross(self.along, first))):
+                turned = (slope * across).sum(-1)
+                whole, extra = np.array(
+                    [
+                        _hinge(made[w], end, plane, float(wires.tension[w]), float(wires.length[w]))
+                        for w in range(len(made))
+                    ]
+                ).T
+                parts.append(np.sqrt(extra) * turned)
+                lost = lost + angle[0] / 2 * whole * turned**2
+        return parts, lost
 
-    def kinetic_energy(self, mass: Any) -> Any:
-        """v^T dM v (m, w) of the mass (w,) of wires."""
-        a, b = self.move
-        return mass / 3 * (a**2 + a * b + b**2).sum(-1)
+    def inertia(self, made: tuple[Fibre, ...], here: Any) -> Any:
+        """Magnitudes of v_i^T (Z - K) v_j (m, m) by the mass of the wires `here` at omega_i.
+
+        Infinite if omega_i is too close to a violin mode.
+        """
+        a, b = (
+            move + sign * np.cross(turn, self.reach)
+            for move, turn, sign in zip(self.move, self.turn, (1, -1), strict=True)
+        )
+        result = np.zeros((len(a), len(a)))
+        for w in np.flatnonzero(here).tolist():
+            first, mixed, last = moments(made[w])
+            mass = first + 2 * mixed + last
+            uneven = 3 * max(first, last) / mass if mass > 0 else 1.0
+            length, along = float(self.wires.length[w]), self.along[w]
+            reach = hinge_distance(made[w], float(self.wires.tension[w]))
+            stretched = [np.outer(end[:, w] @ along, along) for end in (a, b)]
+            across = [end[:, w] - own for end, own in zip((a, b), stretched, strict=True)]
+            for ends, stiffness, shorter in (
+                (stretched, float(self.wires.stiffness[w]), 0.0),
+                (across, float(self.wires.tension[w]) / length, 2 * reach / length),
+            ):
+                one, both = _waves(self.omega, uneven * mass, stiffness, shorter)
+                u, v = ends
+                result += one[:, None] * (u @ u.T + v @ v.T) + both[:, None] * (u @ v.T + v @ u.T)
+        return np.where(np.isnan(result), np.inf, np.abs(result))
 
 
-def _hinge(fibre: Fibre, end: int, tension: float, length: float) -> tuple[float, float]:
+def _waves(omega: Any, mass: float, stiffness: float, shorter: float) -> tuple[Any, Any]:
+    """What mass adds to the stiffness (m,) of a string or rod, for one end and between its ends.
+
+    With X = omega sqrt(mass / stiffness), the stiffness times X cot X - 1 and 1 - X / sin X (any
+    text on vibrations). A clamped wire vibrates on a length that is less by the fraction `shorter`:
+    the larger magnitude of both counts, NaN where a resonance lies in between.
+    """
+    if not mass > 0 or not stiffness > 0:
+        return np.zeros(len(omega)), np.zeros(len(omega))
+    full = omega * np.sqrt(mass / stiffness)
+    found = []
+    for x in (full, full * (1 - 1.5 * shorter)):
+        some = np.where(x > SMALL, x, 1.0)
+        found.append(
+            (
+                np.where(x > SMALL, some / np.tan(some) - 1, -(x**2) / 3),
+                np.where(x > SMALL, 1 - some / np.sin(some), -(x**2) / 6),
+            )
+        )
+    between = np.floor(full / np.pi) != np.floor(full * (1 - 1.5 * shorter) / np.pi)
+    larger = np.abs(found[1][0]) > np.abs(found[0][0])
+    one, both = (np.where(larger, found[1][n], found[0][n]) for n in (0, 1))
+    return np.where(between, np.nan, stiffness * one), np.where(between, np.nan, stiffness * both)
+
+
+def _hinge(
+    fibre: Fibre, end: int, plane: int, tension: float, length: float
+) -> tuple[float, float]:
     """Stiffness of a wire's end against turning, N m/rad, and the part of it that strings lack."""
     tension = max(tension, 0.0)
     section = fibre.sections[-end]
-    stiff, soft = (
-        float(np.sqrt(tension * rigidity))
-        for rigidity in (max(section.rigidity), section.rigidity[0])
-    )
+    reach = np.sqrt(section.rigidity[plane] / tension) if tension else np.inf
+    near = [section] if reach < section.length else fibre.sections
+    full, soft = (max(one.rigidity[n] for one in near) for n in (plane, 0))
+    stiff = _between_clamps(full, tension, length)
     if not fibre.effective:
         return stiff, stiff
-    return stiff, stiff - soft + section.rigidity[0] / length
+    return stiff, max(stiff - _between_clamps(soft, tension, length), 0.0) + soft / length
+
+
+def _between_clamps(rigidity: float, tension: float, length: float) -> float:
+    """Stiffness per end against turning of a beam bent like an S, N m/rad; 6 EI / l if slack."""
+    u = np.sqrt(rigidity / tension) if tension > 0 else np.inf
+    if u > 10 * length:
+        return 6 * rigidity / length
+    t = np.tanh(length / 2 / u)
+    return float(tension * u * t / (1 - 2 * u * t / length))
 
 
 def _torsion(fibre: Fibre, tension: float) -> tuple[float, float]:

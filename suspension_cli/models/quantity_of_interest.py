@@ -12,14 +12,16 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.schema import Design
 from suspension_cli.linear import eigenmodes, quality, response
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import wire_mass
 from suspension_cli.models.base import BENDING, MASS
-from suspension_cli.models.estimates import Estimates
+from suspension_cli.models.estimates import HIGHER, Estimates, repulsion
 from suspension_cli.scene.arrays import Array
 
 SAMPLES = 12
@@ -36,16 +38,20 @@ class QuantityOfInterest(Protocol):
     ----------
     effect : str
         Verb and noun for the change: "shifts the modes".
-    thresholds : dict of str to pair of floats
-        By refinement (`base.BENDING`, `base.MASS`): an estimate below the first, as a multiple of
-        the tolerance, is negligible without further computation; one above the second is not.
+    computed : tuple of str
+        Refinements (of `base.BENDING`, `base.MASS`) whose effect is computed where its estimate is
+        not below the tolerance; others are included there.
     """
 
     effect: ClassVar[str]
-    thresholds: ClassVar[dict[str, tuple[float, float]]]
+    computed: ClassVar[tuple[str, ...]]
 
     def estimate(self, found: Modes, of: Estimates) -> dict[str, Array]:
         """Estimate its relative change by bending and by mass of each stage's wires, (s,) each."""
+        ...
+
+    def mass_bound(self, design: Design) -> float:
+        """Upper estimate of its change by wire mass, without modes; 0 where they are needed."""
         ...
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
@@ -57,24 +63,32 @@ class QuantityOfInterest(Protocol):
 class Frequencies:
     """The frequencies of all modes of the bodies.
 
-    First-order estimates of their change are right within a factor of 3.5
-    (`tests/models/test_estimates.py`).
+    The modes of beams cost little less than the change that bending makes to them, but violin
+    modes, which are counted one by one, cost far more than what wire mass makes.
     """
 
     effect: ClassVar[str] = "shifts the modes"
-    thresholds: ClassVar[dict[str, tuple[float, float]]] = {BENDING: (0.25, 3.0), MASS: (0.25, 3.0)}
+    computed: ClassVar[tuple[str, ...]] = (MASS,)
 
     def estimate(self, found: Modes, of: Estimates) -> dict[str, Array]:
         """Estimate the change of the mode that changes most."""
-        return {BENDING: of.bending.max(0), MASS: of.mass.max(0)}
+        return {
+            BENDING: of.bending[of.bending.sum(1).argmax()],
+            MASS: of.mass[of.mass.sum(1).argmax()],
+        }
+
+    def mass_bound(self, design: Design) -> float:
+        """Return 0, as modes differ by far in what mass changes."""
+        del design
+        return 0.0
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
         """Compute that of the mode that changes most; modes are paired by their shapes."""
-        new = eigenmodes.solve(refined)
+        new = eigenmodes.solve(replace(refined, terms=()))
         changes = (
             _loaded(new, refined)
             if _massive(refined)
-            else _shifted(eigenmodes.solve(without), new, refined)
+            else _shifted(eigenmodes.solve(replace(without, terms=())), new, refined)
         )
         most = int(np.argmax(changes))
         return float(changes[most]), new.label[most]
@@ -84,8 +98,9 @@ class Frequencies:
 class Transfer:
     """Responses of outputs to inputs at frequencies (f,) in Hz.
 
-    Estimates of their change are coarser. Responses of wires with mass cost no more than without:
-    if the estimate is not small, mass is included and nothing is sampled.
+    Beside a resonance, an error is the shift of frequency that it is equal to. Responses of wires
+    with mass cost no more than without: if the estimate is not small, mass is included and nothing
+    is sampled.
     """
 
     inputs: list[Signal]
@@ -93,7 +108,7 @@ class Transfer:
     frequency: Array
 
     effect: ClassVar[str] = "changes the response"
-    thresholds: ClassVar[dict[str, tuple[float, float]]] = {BENDING: (0.5, 1.0), MASS: (0.5, 0.5)}
+    computed: ClassVar[tuple[str, ...]] = ()
 
     def estimate(self, found: Modes, of: Estimates) -> dict[str, Array]:
         """Estimate the change far above all modes.
@@ -105,6 +120,10 @@ class Transfer:
         curved = of.curved(float(np.max(self.frequency)))
         bending = (2 * of.bending[touched] + of.loss[touched]).sum(0)
         return {BENDING: bending, MASS: 2 * of.mass[touched].sum(0) + curved}
+
+    def mass_bound(self, design: Design) -> float:
+        """Upper estimate for any response at these frequencies, without modes."""
+        return wire_mass.effect_on_response(design, float(np.max(self.frequency))).error
 
     def _touched(self, found: Modes) -> Any:
         """Modes in the blocks of the inputs and outputs: (m,) bool."""
@@ -157,7 +176,7 @@ class Several:
     modes: Modes
 
     effect: ClassVar[str] = "changes the results"
-    thresholds: ClassVar[dict[str, tuple[float, float]]] = Frequencies.thresholds
+    computed: ClassVar[tuple[str, ...]] = (BENDING, MASS)
 
     def estimate(self, found: Modes, of: Estimates) -> dict[str, Array]:
         """Estimate the change of the scalar that changes most."""
@@ -167,6 +186,11 @@ class Several:
             for name in (BENDING, MASS)
         }
 
+    def mass_bound(self, design: Design) -> float:
+        """Return 0, as these may be modes."""
+        del design
+        return 0.0
+
     def _estimate(self, item: Scalar, found: Modes, of: Estimates) -> dict[str, Array]:
         if isinstance(item, Mode):
             return {BENDING: of.bending[item.number], MASS: of.mass[item.number]}
@@ -175,11 +199,11 @@ class Several:
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
         """Compute that of the scalar that changes most; modes are paired by their shapes."""
-        new = eigenmodes.solve(refined)
+        new = eigenmodes.solve(replace(refined, terms=()))
         changes = (
             _loaded(new, refined)
             if _massive(refined)
-            else _shifted(eigenmodes.solve(without), new, refined)
+            else _shifted(eigenmodes.solve(replace(without, terms=())), new, refined)
         )
         here = _pairs(self.modes, new, refined)
         each = [
@@ -230,22 +254,32 @@ def _pairs(rows: Modes, columns: Modes, model: LinearSystem) -> Any:
 
 
 def _loaded(found: Modes, model: LinearSystem) -> Any:
-    """First-order relative change of each frequency by wire mass, v^T (Z - K + omega^2 M) v.
+    """Relative change of each frequency by wire mass, at most.
 
-    Over 2 omega^2, with the dynamic stiffness Z(omega) of wires with mass.
+    With the dynamic stiffness Z(omega) of wires with mass, omega^2 of the mode v_i is a root of x =
+    omega_i^2 + A_ii(x), A_ij = v_i^T (Z - K + omega^2 M) v_j. A_ii falls with x but at violin modes
+    (its slope is minus the wires' kinetic energy), so a root lies between omega_i^2 and omega_i^2 +
+    A_ii(omega_i^2). Other modes of the bodies add their repulsion (`estimates.repulsion`).
     """
     good = found.omega_squared > 0
     omega = np.sqrt(found.omega_squared[good])
-    shapes = np.linalg.solve(model.basis, np.pad(found.shape[good], ((0, 0), (6, 0))).T)
-    change = np.zeros(len(omega))
+    shapes = np.linalg.solve(model.basis, np.pad(found.shape, ((0, 0), (6, 0))).T)
+    coupling = np.zeros((len(omega), len(good)))
     for strand, ends in quality.end_motions(model, shapes.T):
         there = replace(strand, lossy=False).at(omega)
         for part, moved in ends.items():
-            change += np.einsum(
-                "iwm,ijm,jwm->m", moved, there.stiffness(part) - strand.resting(part), moved
+            force = np.einsum(
+                "ijm,iwm->jwm", there.stiffness(part) - strand.resting(part), moved[..., good]
             )
-    result = np.zeros(len(found.omega_squared))
-    result[good] = np.abs(change / (2 * omega**2))
+            count = len(good)
+            coupling += force.reshape(-1, len(omega)).T @ moved.reshape(-1, count)
+    itself = np.flatnonzero(good)
+    own = coupling[range(len(omega)), itself].copy()
+    coupling[range(len(omega)), itself] = 0.0
+    apart = np.subtract.outer(omega**2, found.omega_squared)
+    result = np.zeros(len(good))
+    fraction = HIGHER * (np.abs(own) + repulsion(coupling, apart).sum(1)) / omega**2
+    result[good] = np.where(fraction < 1, 1 / np.sqrt(np.maximum(1 - fraction, 1e-30)) - 1, np.inf)
     return result
 
 

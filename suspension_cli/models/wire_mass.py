@@ -1,15 +1,24 @@
-"""Effect of wire mass: first violin modes, and the change of thermal noise.
+"""Upper estimates of what wire mass changes, without solving for modes; first violin modes.
 
-A wire is a string but for its ends. Held above and moved by x below at omega, its slope is k x /
-sin(k L) at the upper end and k x cos(k L) / sin(k L) at the lower one, with k L = pi f / f1 and f1
-= sqrt(T / mu) / (2 L) its first violin mode (any text on vibrations). Loss acts where it bends, at
-its ends, and goes with the square of the slope there. With X = k L,
+Inertia. A wire whose ends move by a and b is a straight line in between, with the kinetic energy m
+(a^2 + a.b + b^2) / 6 (any text on finite elements; `moments` for one of several sections). With the
+mass matrices M of the bodies and W of such wires, a frequency of the bodies falls by a fraction
+between 0 and beta / 2, where beta is the largest eigenvalue of M^-1 W (Rayleigh's principle),
+whatever the mode. Off resonance, the response of each stage goes with 1 / M, so that of n stages
+changes by up to n beta. A clamped wire turns about a hinge at u = sqrt(EI / T) from its clamp
+(Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207 (1994)), so its ends are taken there; u is at
+most 0.16 l, as for a beam without tension (whose mass matrix has 13/35, 11/210 and 1/105).
 
-    upper: (x/L)^2 (1 + X^2/3 + ...),    lower: (x/L)^2 (1 - 2 X^2/3 + ...),    mean: (x/L)^2 (1 -
-    X^2/6 + ...),
+Waves. Held above and moved by x below at omega, the slope of a string is k x / sin(k L) at the
+upper end and k x cos(k L) / sin(k L) at the lower one, with k L = pi f / f1 and f1 = sqrt(T / mu) /
+(2 L) its first violin mode (any text on vibrations). Its force on the far end is k L / sin(k L)
+times that of a massless wire, so a response changes by X^2 / 6, X = k L. Loss acts where the wire
+bends, at its ends, and goes with the square of the slope there:
 
-so without mass the amplitude of the sum is too large by X^2/12 = 0.82 (f/f1)^2, and that of one end
-wrong by up to 3.3 (f/f1)^2.
+    upper: (x/L)^2 (1 + X^2/3 + ...),    lower: (x/L)^2 (1 - 2 X^2/3 + ...).
+
+So the amplitude of the noise without mass is wrong by up to X^2/3, that of the end which is worse
+off (X^2/12 for the mean of both).
 """
 
 from __future__ import annotations
@@ -21,75 +30,155 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene import fibres
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import Fibre
+from suspension_cli.scene.scene import Scene
 
-TOLERANCE = 1e-3
-BELOW = 0.03
-"""Of the lowest first violin mode: up to here neglecting mass costs less than `TOLERANCE`."""
-VALID = 0.7
-"""Of the lowest first violin mode: above it the series is not valid."""
-ERROR = np.pi**2 / 12
-"""Relative error of the amplitude without mass, over (f/f1)^2."""
+VALID = 0.5
+"""Of a first violin mode: above it the series are not valid."""
+FORCE = np.pi**2 / 6
+"""Relative change of the force of a wire on its far end, over (f/f1)^2."""
+NOISE = np.pi**2 / 3
+"""Largest relative change of the amplitude of a wire's thermal noise, over (f/f1)^2."""
+HINGE = 0.16
+"""Largest distance from a clamp to the point about which the wire turns, over its length."""
 
 
 @dataclass(frozen=True)
-class NoiseEffect:
-    """Effect of wire mass on thermal noise up to some frequency.
+class MassEffect:
+    """Effect of wire mass up to some frequency, at most.
 
     Attributes
     ----------
-    error : float
-        Relative error of the amplitude of the sum without mass; infinite near violin modes.
-    load : float
-        Largest ratio of a third of the wires' mass to the mass that they hold.
+    inertia : float
+        Of the wires' inertia on responses: the number of stages times the largest ratio of the
+        wires' kinetic energy to that of the bodies.
+    waves : float
+        Of waves on the wires, all stages together; infinite near violin modes.
     highest, lowest : float
         That frequency and the lowest first violin mode, Hz.
     wire : str
         The wire that has it; "" if none has one.
     """
 
-    error: float
-    load: float
+    inertia: float
+    waves: float
     highest: float
     lowest: float
     wire: str
 
     @property
-    def fraction(self) -> float:
-        """The frequency over the lowest first violin mode."""
-        return self.highest / self.lowest
+    def error(self) -> float:
+        """Relative change of the result."""
+        return self.inertia + self.waves
 
     @property
     def where(self) -> str:
-        """The frequency compared with the violin mode, in words."""
+        """The larger of the two causes, in words."""
+        if self.inertia > self.waves:
+            return f"as the inertia of wires is up to {_percent(self.inertia)} of that of bodies"
         return (
-            f"as {self.highest:.4g} Hz is {float(f'{100 * self.fraction:.2g}'):g} % of the lowest"
+            f"as {self.highest:.4g} Hz is {_percent(self.highest / self.lowest)} of the lowest"
             f" first violin mode ({self.lowest:.4g} Hz, wire {self.wire})"
         )
 
 
-def effect_on_noise(design: Design, highest: float) -> NoiseEffect:
-    """Estimate the change of thermal noise by wire mass, up to a frequency in Hz."""
-    lowest, wire = first_violin(design)
-    load = _load(design) if wire else 0.0
-    fraction = highest / lowest
-    error = max(ERROR * fraction**2, load) if fraction < VALID else np.inf
-    return NoiseEffect(error, load, highest, lowest, wire)
+def effect_on_noise(design: Design, highest: float) -> MassEffect:
+    """Estimate the largest change of thermal noise by wire mass, up to a frequency in Hz."""
+    return _effect(design, highest, NOISE)
 
 
-def _load(design: Design) -> float:
-    """Largest ratio of a third of the wires' mass to the mass that they hold.
+def effect_on_response(design: Design, highest: float) -> MassEffect:
+    """Estimate the largest change of responses by wire mass, up to a frequency in Hz."""
+    return _effect(design, highest, FORCE)
 
-    By so much a swinging wire adds to the inertia of its body.
+
+def _effect(design: Design, highest: float, slope: float) -> MassEffect:
+    scene, made = expand(design), fibres.compose(design).wire
+    tension = scene.wires.tension
+    first = np.array([first_violin_of(one, float(t)) for one, t in zip(made, tension, strict=True)])
+    if not np.isfinite(first).any():
+        return MassEffect(0.0, 0.0, highest, np.inf, "")
+    hung = np.unique(scene.wires.lower)
+    near = np.array(
+        [(highest / max(first[scene.wires.lower == body].min(), 1e-150)) ** 2 for body in hung]
+    )
+    waves = slope * float(near.sum()) if near.max() < VALID**2 else np.inf
+    lowest = int(np.argmin(first))
+    inertia = len(hung) * _largest_load(scene, made)
+    return MassEffect(inertia, waves, highest, float(first[lowest]), made[lowest].label)
+
+
+def _largest_load(scene: Scene, made: tuple[Fibre, ...]) -> float:
+    """Largest ratio of the wires' kinetic energy to that of bodies and blade tips.
+
+    The upper end of a wire on a blade whose tip has no mass follows the lower end up and down.
     """
-    made = fibres.compose(design).wire
-    scene = expand(design)
-    total = np.zeros(len(scene.bodies.name))
-    for number, fibre in enumerate(made):
-        total[scene.wires.lower[number] - 1] += sum(
-            section.length * section.mass for section in fibre.sections
-        )
-    return float((total / 3 / scene.bodies.mass).max(initial=0.0))
+    bodies, blades, wires = scene.bodies, scene.blades, scene.wires
+    count = 6 * len(bodies.name)
+    tips = np.flatnonzero(blades.tip_mass > 0)
+    size = 6 + count + 3 * len(tips)
+    mass, added = np.zeros((size, size)), np.zeros((size, size))
+    for n in range(len(bodies.name)):
+        at = 6 * (n + 1)
+        mass[range(at, at + 3), range(at, at + 3)] = bodies.mass[n]
+        mass[at + 3 : at + 6, at + 3 : at + 6] = bodies.inertia[n]
+    for n, blade in enumerate(tips):
+        at = 6 + count + 3 * n
+        mass[range(at, at + 3), range(at, at + 3)] = blades.tip_mass[blade]
+    for w, fibre in enumerate(made):
+        reach = hinge_distance(fibre, float(wires.tension[w])) * wires.span[w] / wires.length[w]
+        lower = _point(size, wires.lower[w], wires.lower_point[w] - reach)
+        upper = _point(size, wires.upper[w], wires.upper_point[w] + reach)
+        blade = int(wires.blade[w])
+        if blade in tips:
+            own = 6 + count + 3 * int(np.flatnonzero(tips == blade)[0])
+            upper[blades.axes[blade]] = np.eye(size)[own : own + 3][blades.axes[blade]]
+        elif blade >= 0:
+            upper[blades.axes[blade]] = lower[blades.axes[blade]]
+        first, mixed, last = moments(fibre)
+        cross = upper.T @ lower
+        added += first * upper.T @ upper + mixed * (cross + cross.T) + last * lower.T @ lower
+    moves = np.diag(mass) > 0
+    half = np.linalg.inv(np.linalg.cholesky(mass[np.ix_(moves, moves)]))
+    return float(np.linalg.eigvalsh(half @ added[np.ix_(moves, moves)] @ half.T)[-1])
+
+
+def hinge_distance(fibre: Fibre, tension: float) -> float:
+    """Distance from the ends that the design gives to the points where a wire bends, m."""
+    if fibre.effective:
+        return 0.0
+    rigidity = max(max(section.rigidity) for section in (fibre.sections[0], fibre.sections[-1]))
+    length = sum(section.length for section in fibre.sections)
+    return min(float(np.sqrt(rigidity / tension)), HINGE * length) if tension > 0 else 0.0
+
+
+def moments(fibre: Fibre) -> tuple[float, float, float]:
+    """Integrals of (1 - s)^2, s (1 - s) and s^2 over the mass of a wire, kg.
+
+    s rises from 0 at its upper end to 1 at the lower one; m/3, m/6 and m/3 for a uniform wire.
+    """
+    ends = np.cumsum([0.0, *(section.length for section in fibre.sections)])
+    ends /= ends[-1]
+    mass = np.array([section.length * section.mass for section in fibre.sections])
+    width, middle = np.diff(ends), (ends[1:] + ends[:-1]) / 2
+    square = float((mass * (middle**2 + width**2 / 12)).sum())
+    single, total = float((mass * middle).sum()), float(mass.sum())
+    return total - 2 * single + square, single - square, square
+
+
+def _point(size: int, body: int, arm: Array) -> Array:
+    """Motion (3, size) of a point of a body with the coordinates."""
+    x, y, z = arm
+    result = np.zeros((3, size))
+    at = 6 * body
+    result[:, at : at + 3] = np.eye(3)
+    result[:, at + 3 : at + 6] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    return result
+
+
+def _percent(value: float) -> str:
+    return f"{float(f'{100 * value:.2g}'):g} %"
 
 
 def first_violin(design: Design) -> tuple[float, str]:

@@ -202,6 +202,14 @@ def test_masses():
     fails(row, pitch=(1.0, 1e-3))
 
 
+def test_heavy_wires():
+    """Wires with mass are right whatever they weigh; `auto` to its tolerance."""
+    row = masses.heavy_wires(np.array([1e-6, 1e-3, 0.1, 1.0]))
+    holds(row, 1e-6, "pendsus: violin")
+    holds(row, 1e-3, "pendsus: auto")
+    fails(row, wires=(1e-3, 0.1), a_third=(1e-3, 1.0))
+
+
 def test_every_row_is_tested():
     """The functions of the atlas are those called here, with their own grids."""
     text = (ROOT / "tests" / "linear" / "test_stability.py").read_text()

@@ -38,7 +38,7 @@ def _errors(axes: Axes, found: list[Trial]) -> None:
         color=INK,
     )
     axes.annotate(
-        "nothing left out",
+        "nothing neglected",
         (low, FLOOR),
         xytext=(3, 5),
         textcoords="offset points",
@@ -57,7 +57,7 @@ def _errors(axes: Axes, found: list[Trial]) -> None:
         yscale="log",
         xlim=(low, high),
         ylim=(FLOOR / 3, 30.0),
-        xlabel="tolerance asked for",
+        xlabel="tolerance",
         ylabel="error against violin",
     )
     axes.legend(
@@ -65,7 +65,7 @@ def _errors(axes: Axes, found: list[Trial]) -> None:
         ncols=2,
         columnspacing=1.2,
         handletextpad=0.3,
-        title="rung taken (scenes)",
+        title="model taken (scenes)",
         fontsize=8,
         title_fontsize=8,
         alignment="left",

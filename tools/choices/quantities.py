@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import msgspec
@@ -40,7 +40,7 @@ points."""
 EVERYWHERE = 2000
 LARGEST_SHIFT = 10.0
 """Largest apparent frequency shift considered, in tolerances."""
-ALIKE = 0.7
+ALIKE = 0.5
 """Overlap above which two modes are the same; a body mode mixed with a wire mode has no partner."""
 
 
@@ -53,7 +53,7 @@ class Question:
     cheaper : tuple of str
         Models cheaper than the reference that can compute it.
     solve_auto : callable
-        Return the model that `auto` chooses, and its result.
+        Return the choice of `auto`, and its result.
     solve_on : callable
         Compute the result with a model, from the design.
     error : callable
@@ -61,7 +61,7 @@ class Question:
     """
 
     cheaper: tuple[str, ...]
-    solve_auto: Callable[[], tuple[str, Any]]
+    solve_auto: Callable[[], tuple[Choice, Any]]
     solve_on: Callable[[str], Any]
     error: Callable[[Any], float]
 
@@ -75,15 +75,17 @@ def frequencies(design: Design, _: Generator, tolerance: float) -> Question:
             model, float(np.nanmax(still.frequency))
         ) if level == REFERENCE else still
 
-    def solve_auto() -> tuple[str, Any]:
+    def solve_auto() -> tuple[Choice, Any]:
         decision = auto.decide(design, lambda _: Frequencies(), tolerance)
-        return decision.choice.level, listed(decision.model, decision.choice.level)
+        return decision.choice, listed(decision.model, decision.choice.level)
 
     def solve_on(level: str) -> Any:
         return listed(registry.by_name(level).system(design), level)
 
+    exact = cache(lambda: solve_on(REFERENCE))
+
     def error(quick: Any) -> float:
-        model, slow = solve_on(REFERENCE)
+        model, slow = exact()
         count = 6 * len(design.stage)
         overlap = np.abs(
             slow.shape[:, :count]
@@ -120,18 +122,21 @@ def responses(design: Design, rng: Generator, tolerance: float) -> Question:
         one = quantity(model)
         return response.solve(model, frequency, one.inputs, one.outputs).value[:, 0, 0]
 
-    def solve_auto() -> tuple[str, Any]:
-        decision = auto.decide(design, quantity, tolerance)
-        return decision.choice.level, solved(decision.model, grid)
+    def solve_auto() -> tuple[Choice, Any]:
+        decision = auto.decide(design, quantity, tolerance, complete=False)
+        return decision.choice, solved(decision.model, grid)
 
     def solve_on(level: str) -> Any:
         return solved(registry.by_name(level).system(design), grid)
 
-    def error(quick: Any) -> float:
+    @cache
+    def exact() -> tuple[Any, Any]:
         model = registry.by_name(REFERENCE).system(design)
-        return error_or_shift(
-            rng, grid, quick, _dense(model, grid, tolerance), partial(solved, model)
-        )
+        dense = _dense(model, grid, tolerance)
+        return dense, solved(model, dense)
+
+    def error(quick: Any) -> float:
+        return error_or_shift(rng, grid, quick, *exact())
 
     return Question((registry.choose(design).level, "beam"), solve_auto, solve_on, error)
 
@@ -148,18 +153,17 @@ def noises(design: Design, rng: Generator, tolerance: float) -> Question:
         signal, row = thermal.parse_motion(model, output)
         return thermal.solve(model, frequency, row, signal, design.constants.temperature).amplitude
 
-    def solve_auto() -> tuple[str, Any]:
-        level = auto.for_thermal_noise(design, "auto", float(grid[-1]), tolerance).level
-        return level, solved(level, grid)
+    def solve_auto() -> tuple[Choice, Any]:
+        choice = auto.for_thermal_noise(design, "auto", float(grid[-1]), tolerance)
+        return choice, solved(choice.level, grid)
+
+    @cache
+    def exact() -> tuple[Any, Any]:
+        dense = _dense(registry.by_name(REFERENCE).system(design), grid, tolerance)
+        return dense, solved(REFERENCE, dense)
 
     def error(quick: Any) -> float:
-        return error_or_shift(
-            rng,
-            grid,
-            quick,
-            _dense(registry.by_name(REFERENCE).system(design), grid, tolerance),
-            partial(solved, REFERENCE),
-        )
+        return error_or_shift(rng, grid, quick, *exact())
 
     return Question(("beam",), solve_auto, partial(solved, frequency=grid), error)
 
@@ -188,15 +192,17 @@ def couplings(design: Design, rng: Generator, tolerance: float) -> Question:
         quantity,
     )
 
-    def solve_auto() -> tuple[str, Any]:
+    def solve_auto() -> tuple[Choice, Any]:
         taken, choice, _ = model_error.choose_model(job, Choice("string", "given"), tolerance)
-        return choice.level, taken.compute(0, job.count)["ratio"]
+        return choice, taken.compute(0, job.count)["ratio"]
 
     def solve_on(level: str) -> Any:
         return replace(job, level=level).compute(0, job.count)["ratio"]
 
+    reference = cache(lambda: solve_on(REFERENCE))
+
     def error(quick: Any) -> float:
-        exact = solve_on(REFERENCE)
+        exact = reference()
         hung = np.isfinite(exact)
         if (np.isfinite(quick) != hung).any():
             return float("inf")
@@ -215,17 +221,14 @@ QUANTITIES = {
 """Quantities of interest by name."""
 
 
-def error_or_shift(
-    rng: Generator, grid: Any, quick: Any, dense: Any, exact: Callable[[Any], Any]
-) -> float:
+def error_or_shift(rng: Generator, grid: Any, quick: Any, dense: Any, value: Any) -> float:
     """Largest error of a result at random grid points, in size or equivalent frequency shift.
 
     Near a resonance a relative frequency error delta changes a response by Q delta, so a result
     that is exact at a slightly shifted frequency counts with that shift. The exact result is
-    interpolated linearly between the frequencies `dense`.
+    interpolated linearly between its values at the frequencies `dense`.
     """
     at = np.sort(rng.choice(len(grid), CHECKED, replace=False))
-    value = exact(dense)
     shift = dense / grid[at, None] - 1
     start, size = value[:-1], np.maximum(np.abs(value[:-1]), np.abs(value[1:]))
     difference, step = quick[at, None] - start, np.diff(value)

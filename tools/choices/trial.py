@@ -9,9 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import InputError
 from tools.choices.quantities import REFERENCE, Question
 
 REPETITIONS = 3
+SLOW = 0.2
+"""Seconds from which work is timed once."""
+ROUNDING = 1e-8
+"""Errors below this are those of the comparison."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +26,9 @@ class Trial:
 
     Attributes
     ----------
+    generator : str
     seed : int
+    design : str
     stages : int
     quantity : str
     tolerance : float
@@ -28,26 +36,51 @@ class Trial:
         Model that `auto` chose.
     error : float
         Relative, against the reference model.
+    estimate : float
+        The error that `auto` reports; NaN if unknown.
     cost : float
-        Time of `auto`, choice included, over that of the reference model: medians of repetitions.
+        Processor time of `auto`, choice included, over that of the reference model: medians of
+        repetitions.
     best : float
         The same for the cheapest model within the tolerance, if that were known beforehand.
     seconds : float
         Time of the reference model.
     """
 
+    generator: str
     seed: int
+    design: str
     stages: int
     quantity: str
     tolerance: float
     level: str
     error: float
+    estimate: float
     cost: float
     best: float
     seconds: float
 
+    @property
+    def miss(self) -> float:
+        """Error over the tolerance."""
+        return self.error / self.tolerance
 
-def run_trial(seed: int, stages: int, quantity: str, tolerance: float, question: Question) -> Trial:
+    @property
+    def excess(self) -> float:
+        """Error over its estimate; 0 if it is unknown or rounding."""
+        if not self.error > ROUNDING or np.isnan(self.estimate):
+            return 0.0
+        return self.error / self.estimate if self.estimate else float("inf")
+
+    @property
+    def overhead(self) -> float:
+        """Cost over that of the cheapest model within the tolerance."""
+        return self.cost / self.best
+
+
+def run_trial(
+    generator: str, seed: int, design: Design, quantity: str, tolerance: float, question: Question
+) -> Trial:
     """Run `auto` and all models in turns."""
     works: dict[str, Callable[[], Any]] = {"auto": question.solve_auto}
     works |= {
@@ -55,25 +88,47 @@ def run_trial(seed: int, stages: int, quantity: str, tolerance: float, question:
         for level in (*question.cheaper, REFERENCE)
     }
     times: dict[str, list[float]] = {name: [] for name in works}
-    results = {name: work() for name, work in works.items()}
-    for _ in range(REPETITIONS):
+    results: dict[str, Any] = {}
+    for name, work in works.items():
+        start = time.process_time()
+        results[name] = _attempted(work)
+        times[name].append(time.process_time() - start)
+    works = {name: work for name, work in works.items() if results[name] is not None}
+    for turn in range(REPETITIONS):
         for name, work in works.items():
-            start = time.perf_counter()
+            if times[name][0] > SLOW:
+                continue
+            start = time.process_time()
             work()
-            times[name].append(time.perf_counter() - start)
-    cost = {name: float(np.median(row)) for name, row in times.items()}
+            if not turn:
+                times[name].clear()  # the first time fills caches
+            times[name].append(time.process_time() - start)
+    cost = {name: float(np.median(times[name])) for name in works}
     accurate = [
-        cost[level] for level in question.cheaper if question.error(results[level]) <= tolerance
+        cost[level]
+        for level in question.cheaper
+        if level in works and question.error(results[level]) <= tolerance
     ]
-    level, result = results["auto"]
+    choice, result = results["auto"]
     return Trial(
+        generator,
         seed,
-        stages,
+        design.design.name,
+        len(design.stage),
         quantity,
         tolerance,
-        level,
+        choice.level,
         question.error(result),
+        choice.error,
         cost["auto"] / cost[REFERENCE],
         min([*accurate, cost[REFERENCE]]) / cost[REFERENCE],
         cost[REFERENCE],
     )
+
+
+def _attempted(work: Callable[[], Any]) -> Any:
+    """Result of a model; None if the design has no equilibrium in it."""
+    try:
+        return work()
+    except InputError:
+        return None

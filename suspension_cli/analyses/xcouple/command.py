@@ -115,8 +115,10 @@ class CouplingAnalysis(Analysis):
         job = Sweep(run.source.text, over, requested, unstable, choice.level)
         job.check()
         higher = ""
-        if not choice.model.bends_wires and setting["fidelity"] == registry.AUTO:
+        if setting["fidelity"] == registry.AUTO:
             job, choice, higher = model_error.choose_model(job, choice, setting["tolerance"])
+        else:
+            choice = model_error.estimate_choice(job, choice)
         path = sweeping.fill(run, self, job, choice, lambda group: stored.fill(group, job))
         found = stored.load(path)
         failed = found.failures.items()

@@ -185,6 +185,19 @@ def test_a_tolerance_decides(tmp_path):
     )
 
 
+def test_a_requested_model_reports_its_error(tmp_path):
+    """As much as if `auto` had taken it, without a warning; less with wires that bend."""
+    words = ("xcouple", CONFIGS / "double.toml", "--sweep", "k=0.9:1.1:3", "--json", "--no-plot")
+    done = {
+        level: run(*words, "--out", tmp_path, "--fidelity", level)
+        for level in ("auto", "string", "beam", "violin")
+    }
+    error = {level: json.loads(one.stdout)["estimated_error"] for level, one in done.items()}
+    assert error["string"] == error["auto"] > error["beam"] > 0.0
+    assert error["violin"] == 0.0
+    assert "warning" not in done["string"].stderr
+
+
 def test_the_matrix_tells_too(tmp_path):
     design = CONFIGS / "imperfect.toml"
     plain, close = (
