@@ -43,7 +43,7 @@ def compiled(function: Any) -> Any:
 
 
 class _Announcement(event.Listener):
-    """Tell once that loops are being compiled, since that takes a while."""
+    """Tell a user at a terminal once that loops are being compiled, since that takes a while."""
 
     def __init__(self) -> None:
         self.made = False
@@ -51,7 +51,7 @@ class _Announcement(event.Listener):
     def on_start(self, event: Any) -> None:
         """At the first function that is compiled, not loaded from disk."""
         del event
-        if not self.made:
+        if not self.made and sys.stderr.isatty():
             self.made = True
             print("compiling the loops over builds (once, some 30 s)", file=sys.stderr)
 

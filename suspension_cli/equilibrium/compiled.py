@@ -40,6 +40,8 @@ FAIR = 1e-12
 """Smallest pivot, relative to the stiffness of its coordinate, that the factors are trusted with;
 else the build is left to `solve`."""
 EPS = float(np.finfo(float).eps)
+ROUNDED = 1e-15
+"""Residual (relative to the weight) that no step reduces."""
 SOLVED, NOMINAL, FAILED = 0, 1, 2
 """Status of a build: solved; left as it is since its nominal pose balances; nearly singular."""
 
@@ -279,7 +281,7 @@ def newton_batch(
     targets : (p, N - 6) array
         Gradient to reach, N and N m.
     limits : tuple of float
-        Most steps, and the constants BALANCED, SETTLED, LAST_STEP, CAP of `solve`.
+        Most steps, and the constants BALANCED, LAST_STEP, CAP of `solve`.
     accept_nominal : bool
         Whether to leave a start that balances as it is.
     results : tuple of arrays
@@ -289,7 +291,7 @@ def newton_batch(
     mass, wires, blades, springs, flex = numbers
     shift, turn, deflection = poses
     tension, stiffness, residuals, roundings, steps, pivots, status = results
-    most, balanced, settled, last_step, cap = limits
+    most, balanced, last_step, cap = limits
     size = stiffness.shape[-1]
     gradient, hessian = np.empty(size + 1), np.empty((size + 1, size + 1))
     outer, on_tips = np.empty((shift.shape[1], 3, 3)), np.empty((blades.shape[1], 3))
@@ -313,12 +315,11 @@ def newton_batch(
         _evaluate(topology, gravity, own, pose, *work, True, none)
         residual = _residual(gradient, targets[p], scale)
         count, fresh, slow, converged, least = 0, True, False, False, np.nan
-        status[p], last = SOLVED, np.inf
+        status[p] = SOLVED
         if accept_nominal and residual <= balanced:
             status[p] = NOMINAL
         else:
             while count < most and not converged and math.isfinite(residual):
-                renewed = fresh
                 if fresh:
                     for i in range(free):
                         for j in range(i + 1):
@@ -354,12 +355,8 @@ def newton_batch(
                 _evaluate(topology, gravity, own, pose, *work, fresh, none)
                 before, residual = residual, _residual(gradient, targets[p], scale)
                 step /= shorten
-                # error after a step: of a full one by its square, else by the ratio of both
-                error = last_step if renewed else last_step**2 * last / step
-                converged = (step < error and residual < settled) or (
-                    step < last_step and residual > before / 2
-                )
-                last = step
+                # as far as rounding lets the residual fall
+                converged = step < last_step and (residual < ROUNDED or residual > before / 2)
                 slow = not fresh and residual > before / 10
                 count += 1
             if not fresh:

@@ -323,7 +323,7 @@ def _newton_compiled(
 ) -> Equilibrium:
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    limits = (float(limit), BALANCED, SETTLED, LAST_STEP, CAP)
+    limits = (float(limit), BALANCED, LAST_STEP, CAP)
     reached, parts, steps, status = compiled.newton(
         scene, numbering, pose, target, limits, accept_nominal=accept_nominal
     )
