@@ -80,27 +80,27 @@ def factorise(matrix: Any, factor: Any, pivot: Any, where: Any) -> float:
             factor[i, j] = matrix[i, j]
     least = np.inf
     for k in range(size - 1, -1, -1):
-        row = factor[k]
-        d = row[k]
+        d = factor[k, k]
         pivot[k] = d
         ratio = abs(d) / abs(matrix[k, k])
         if not ratio >= least:
             least = ratio
         count = 0
         for i in range(k):
-            if row[i] != 0.0:
+            if factor[k, i] != 0.0:
                 where[count] = i
                 count += 1
+        sparse = 2 * count < k
+        # elements are indexed one by one: a view of a row costs more than the row
         for m in range(count):
             i = where[m]
-            scaled = row[i] / d
-            other = factor[i]
-            if 2 * count > k:
-                for j in range(i + 1):
-                    other[j] -= scaled * row[j]
+            scaled = factor[k, i] / d
+            if sparse:
+                for n in range(m + 1):
+                    factor[i, where[n]] -= scaled * factor[k, where[n]]
             else:
-                for j in where[: m + 1]:
-                    other[j] -= scaled * row[j]
+                for j in range(i + 1):
+                    factor[i, j] -= scaled * factor[k, j]
     return least
 
 

@@ -88,11 +88,11 @@ def _dot(a: Any, b: Any) -> float:
 
 
 @compiled
-def _add_bending(e: Any, length: float, flex: Any, normal: Any, ends: Any) -> None:
+def _add_bending(e: Any, length: float, flex: Any, normal: Any, ends: Any, curved: bool) -> None:
     """Add the derivatives of the energy of bending of one wire, see `bending`.
 
     `normal` (2, 2, 3): end, plane; `ends` is first (9,), second (9, 9), outer of the upper and
-    of the lower body (3, 3), rows (2, 9), flat (3,).
+    of the lower body (3, 3), rows (2, 9), flat (3,). The second derivatives only if `curved`.
     """
     first, second, outer_upper, outer_lower, rows, flat = ends
     for plane in range(2):
@@ -100,48 +100,41 @@ def _add_bending(e: Any, length: float, flex: Any, normal: Any, ends: Any) -> No
         a, b = -_dot(e, normal[0, plane]), -_dot(e, normal[1, plane])
         for side in range(2):
             moment = upper * a + mixed * b if side == 0 else mixed * a + lower * b
-            n = normal[side, plane]
-            along = _dot(n, e)
-            row, turn = rows[side], 3 + 3 * side
+            n, row, turn = normal[side, plane], rows[side], 3 + 3 * side
+            along, over = _dot(n, e), moment / length
             row[:] = 0.0
             for i in range(3):
                 flat[i] = n[i] - along * e[i]
                 row[i] = -flat[i] / length
             _cross(e, n, 1.0, row[turn : turn + 3])
-            over = moment / length
             for i in range(3):
-                for j in range(3):
-                    across = (1.0 if i == j else 0.0) - e[i] * e[j]
-                    second[i, j] += (
-                        over / length * (e[i] * flat[j] + flat[i] * e[j] + along * across)
-                    )
-            # P [n] with P = 1 - e e, [n] the matrix of the vector product
-            for i in range(3):
-                p0, p1, p2 = -e[i] * e[0], -e[i] * e[1], -e[i] * e[2]
-                if i == 0:
-                    p0 += 1.0
-                elif i == 1:
-                    p1 += 1.0
-                else:
-                    p2 += 1.0
-                second[i, turn] += over * (p1 * n[2] - p2 * n[1])
-                second[i, turn + 1] += over * (p2 * n[0] - p0 * n[2])
-                second[i, turn + 2] += over * (p0 * n[1] - p1 * n[0])
-            for i in range(9):
                 first[i] += moment * row[i]
-            _add_outer(outer_upper if side == 0 else outer_lower, -moment, e, n)
-        for i in range(9):
-            up, low = (
-                upper * rows[0, i] + mixed * rows[1, i],
-                mixed * rows[0, i] + lower * rows[1, i],
-            )
-            for j in range(9):
-                second[i, j] += up * rows[0, j] + low * rows[1, j]
+                first[turn + i] += moment * row[turn + i]
+                if not curved:
+                    continue
+                for j in range(3):
+                    one = 1.0 if i == j else 0.0
+                    product = e[i] * flat[j] + flat[i] * e[j] + along * (one - e[i] * e[j])
+                    second[i, j] += over / length * product
+                # row i of P [n], P = 1 - e e: e_i x n - e_i (e x n)
+                j, k = (i + 1) % 3, (i + 2) % 3
+                second[i, turn + j] -= over * n[k]
+                second[i, turn + k] += over * n[j]
+                for j in range(3):
+                    second[i, turn + j] -= over * e[i] * row[turn + j]
+            if curved:
+                _add_outer(outer_upper if side == 0 else outer_lower, -moment, e, n)
+        if curved:
+            for i in range(9):
+                up = upper * rows[0, i] + mixed * rows[1, i]
+                low = mixed * rows[0, i] + lower * rows[1, i]
+                for j in range(9):
+                    second[i, j] += up * rows[0, j] + low * rows[1, j]
 
 
 @compiled
-def _add_twisting(stiffness: float, normal: Any, ends: Any) -> None:
-    """Add the derivatives of the energy of twisting of one wire, see `bending`."""
+def _add_twisting(stiffness: float, normal: Any, ends: Any, curved: bool) -> None:
+    """Add the derivatives of the energy of twisting of one wire, see `_add_bending`."""
     first, second, outer_upper, outer_lower, rows, flat = ends
     twist = (_dot(normal[1, 0], normal[0, 1]) - _dot(normal[1, 1], normal[0, 0])) / 2
     torque = stiffness * twist
@@ -153,7 +146,7 @@ def _add_twisting(stiffness: float, normal: Any, ends: Any) -> None:
     for i in range(3):
         first[3 + i] -= torque * row[i]
         first[6 + i] += torque * row[i]
-        for j in range(3):
+        for j in range(3 if curved else 0):
             own = stiffness * row[i] * row[j]
             second[3 + i, 3 + j] += own
             second[6 + i, 6 + j] += own
@@ -161,9 +154,10 @@ def _add_twisting(stiffness: float, normal: Any, ends: Any) -> None:
             mixed = torque * ((twist if i == j else 0.0) + turned / 2) - own
             second[6 + i, 3 + j] += mixed
             second[3 + j, 6 + i] += mixed
-    for sign, low, up in ((0.5, 0, 1), (-0.5, 1, 0)):
-        _add_outer(outer_lower, sign * torque, normal[0, up], normal[1, low])
-        _add_outer(outer_upper, sign * torque, normal[1, low], normal[0, up])
+    if curved:
+        for sign, low, up in ((0.5, 0, 1), (-0.5, 1, 0)):
+            _add_outer(outer_lower, sign * torque, normal[0, up], normal[1, low])
+            _add_outer(outer_upper, sign * torque, normal[1, low], normal[0, up])
 
 
 @compiled
@@ -246,13 +240,15 @@ def add_wires(
         if bends:
             if len(sections) and tension[n] > 0:
                 resting(sections[n], length, tension[n], own[12], flex[n, 12:], whole, section)
-            first[:], second[:] = 0.0, 0.0
+            first[:] = 0.0
+            if curved:
+                second[:] = 0.0
             for plane in range(2):
                 rotate(turn[u], flex[n, 3 * plane : 3 * plane + 3], normal[0, plane])
                 rotate(turn[l], flex[n, 6 + 3 * plane : 9 + 3 * plane], normal[1, plane])
             ends = (first, second, outer[u], outer[l], rows, point)
-            _add_bending(e, length, flex[n], normal, ends)
-            _add_twisting(flex[n, 18], normal, ends)
+            _add_bending(e, length, flex[n], normal, ends, curved)
+            _add_twisting(flex[n, 18], normal, ends, curved)
         for i in range(3):
             pull[i] = tension[n] * e[i] + first[i]
         _fill_jacobian(jacobian, arms[0], arms[1], turn[u], b >= 0)

@@ -53,17 +53,13 @@ def test_swinging_wires_bend_by_u_over_l():
 def test_bending_points_leave_the_square():
     found, weighed = of(pendulum(d=0.0, clamp="bending-point"))
     reach = math.sqrt(2e11 * math.pi * 1e-16 / 4 / 9.81)
-    assert weighed.bending[mode(found, "y"), 0] == pytest.approx(
-        1.1 * (reach / 0.5) ** 2, rel=1e-3
-    )
+    assert weighed.bending[mode(found, "y"), 0] == pytest.approx(1.1 * (reach / 0.5) ** 2, rel=1e-3)
 
 
 def test_mass_of_swinging_wires_is_a_third():
     found, weighed = of(pendulum(d=0.0))
     held = 4 * 7800 * math.pi * 1e-8 * 0.5
-    assert weighed.mass[mode(found, "y"), 0] == pytest.approx(
-        1.1 * held / 3 / 4.0 / 2, rel=2e-3
-    )
+    assert weighed.mass[mode(found, "y"), 0] == pytest.approx(1.1 * held / 3 / 4.0 / 2, rel=2e-3)
 
 
 def test_first_violin_mode():
