@@ -63,11 +63,13 @@ event.register("numba:compile", _Announcement())
 
 
 @compiled
-def factorise(matrix: Any, factor: Any, pivot: Any, where: Any) -> float:
+def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int = 0) -> float:
     """Factorise L D L^T from the lower triangle of a symmetric matrix (n, n), real or complex.
 
     Columns are eliminated from the last to the first; zeros cost nothing. `factor` (n, n) is
-    filled with the rows of L^T D, `pivot` (n,) with D; `where` (n,) is scratch.
+    filled with the rows of L^T D, `pivot` (n,) with D; `where` (n,) is scratch. The first `kept`
+    columns are not eliminated: the lower triangle of `factor` then has what is left of their
+    matrix.
 
     Returns
     -------
@@ -79,7 +81,7 @@ def factorise(matrix: Any, factor: Any, pivot: Any, where: Any) -> float:
         for j in range(i + 1):
             factor[i, j] = matrix[i, j]
     least = np.inf
-    for k in range(size - 1, -1, -1):
+    for k in range(size - 1, kept - 1, -1):
         d = factor[k, k]
         pivot[k] = d
         ratio = abs(d) / abs(matrix[k, k])

@@ -8,17 +8,19 @@ A system is D(omega) = K + i omega C - omega^2 M with the stretching of its wire
 
 so a wire may be 1e10 times stiffer than the blade that carries it. The factors L D L^T eliminate
 massless blade tips first, then tensions, then bodies from below, without pivoting; each solution is
-refined once with a residual in twice the digits (Higham, Accuracy and Stability of Numerical
-Algorithms, 2nd ed., chapter 12). Where a pivot is too small the system is left to the caller.
+refined with a residual in twice the digits (Higham, Accuracy and Stability of Numerical Algorithms,
+2nd ed., chapter 12). Where a pivot is too small the system is left to the caller.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from suspension_cli.compiled import compiled, factorise, residual, substitute
+from suspension_cli.linear.system import LinearSystem
 
 SMALL = 1e-6
 """Least pivot, relative to the element on the diagonal, of factors that are used. They lose up
@@ -29,6 +31,7 @@ to six digits then, which refining the solution once restores."""
 def respond(
     order: Any,
     first_light: int,
+    refinements: int,
     unit: Any,
     which: Any,
     omega: Any,
@@ -51,6 +54,8 @@ def respond(
         Coordinates but the support's: bodies from the top down, then massless tips.
     first_light : int
         Number of those with mass.
+    refinements : int
+        Number of corrections of each solution.
     unit : complex or float
         1j; any number in real systems, which have no damping.
     which, omega : (q,) arrays
@@ -122,10 +127,12 @@ def respond(
                         b[i] -= drawn[i, j] * moves[p, j, column]
             x[:] = b
             substitute(factor, pivot, x)
-            residual(matrix, x, b, work, left)
-            substitute(factor, pivot, left)
+            for _ in range(refinements):
+                residual(matrix, x, b, work, left)
+                substitute(factor, pivot, left)
+                x += left
             for n in range(free):
-                result[q, order[n] - 6, column] = x[place[n]] + left[place[n]]
+                result[q, order[n] - 6, column] = x[place[n]]
 
 
 @compiled
@@ -146,3 +153,60 @@ def _add_further(
                 drawn[place[n], j] += factor * damping[i, j]
             if len(added):
                 drawn[place[n], j] += added[i, j]
+
+
+@compiled
+def condense_tips(
+    order: Any, first_light: int, soft: Any, form: Any, compliance: Any, result: Any
+) -> None:
+    """Eliminate massless tips from the stiffness of many builds, wires kept apart.
+
+    Parameters
+    ----------
+    order, first_light, soft, form
+        See `respond`.
+    compliance : (p, w) array
+    result : (p, N, N) array
+        To be filled: the condensed stiffness; a tip has no coupling and the stiffness 1 N/m.
+    """
+    free, wires = len(order), form.shape[1]
+    size = free + wires
+    matrix, factor = np.zeros((size, size)), np.zeros((size, size))
+    pivot, where = np.empty(size), np.empty(size, dtype=np.int64)
+    for p in range(len(soft)):
+        for n in range(free):
+            i = order[n]
+            row = n if n < first_light else n + wires
+            for m in range(n + 1):
+                matrix[row, m if m < first_light else m + wires] = soft[p, i, order[m]]
+        for n in range(wires):
+            row = first_light + n
+            for m in range(wires):
+                matrix[row, first_light + m] = 0.0
+            matrix[row, row] = -compliance[p, n]
+            for m in range(free):
+                if m < first_light:
+                    matrix[row, m] = form[p, n, order[m]]
+                else:
+                    matrix[m + wires, row] = form[p, n, order[m]]
+        factorise(matrix, factor, pivot, where, first_light)
+        result[p] = 0.0
+        for n in range(free):
+            for m in range(n + 1 if n < first_light else 0):
+                result[p, order[n], order[m]] = result[p, order[m], order[n]] = factor[n, m]
+            if n >= first_light:
+                result[p, order[n], order[n]] = 1.0
+
+
+def without_tips(model: LinearSystem) -> LinearSystem:
+    """A batch of lossless systems without the coupling of massless tips, which are condensed."""
+    separated = model.separated
+    assert separated is not None
+    light = model.massless[6:]
+    order = 6 + np.concatenate([np.flatnonzero(~light), np.flatnonzero(light)])
+    soft = np.ascontiguousarray(np.real(separated.soft))
+    stiffness = np.broadcast_to(np.real(separated.stiffness), separated.form.shape[:2])
+    result = np.empty(soft.shape)
+    form = np.ascontiguousarray(separated.form)
+    condense_tips(order, int((~light).sum()), soft, form, 1 / stiffness, result)
+    return replace(model, stiffness=result, lossy=None, separated=None)

@@ -11,6 +11,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+import threading
 import traceback
 import warnings
 from pathlib import Path
@@ -76,8 +77,9 @@ def become(words: list[str], out: int, err: int, limit: int | None = None) -> No
     except BaseException:
         traceback.print_exc()
     finally:
-        # as at the end of an ordinary process: semaphores that are still referenced are released,
-        # of which multiprocessing would warn otherwise
+        # as at the end of an ordinary process: pools wait for their workers, and semaphores that
+        # are still referenced are released, of which multiprocessing would warn otherwise
+        threading._shutdown()
         multiprocessing.util._run_finalizers()
         sys.stdout.flush()
         sys.stderr.flush()

@@ -158,7 +158,9 @@ def follow_modes(found: builds.Builds, shapes: Array, keep: Any) -> Array:
     keep : (c,) int array
         Coordinates with inertia, which the shapes refer to.
     """
-    model = found.model
+    from suspension_cli.linear import compiled  # takes half a second
+
+    model = found.model if found.model.separated is None else compiled.without_tips(found.model)
     stiffness = condense(
         model.stiffness[..., 6:, 6:], ~np.isin(np.arange(6, model.size), keep)
     ).matrix
