@@ -14,13 +14,10 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
-from suspension_cli.analyses.xcouple import solve as coupling
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, Sweep
-from suspension_cli.design.reader import parse, read
-from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.design.reader import read
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
-from suspension_cli.studies import builds
 from suspension_cli.studies.axes import Axis
 
 CONFIGS = Path(__file__).parent.parent / "configs"
@@ -77,27 +74,11 @@ def compute_all(job: Any) -> Callable[[], object]:
     return lambda: [job.compute(start, start + CHUNK) for start in range(0, job.count, CHUNK)]
 
 
-def linear_algebra_floor(job: Sweep) -> Callable[[], object]:
-    """Build the floor: bare `numpy.linalg.solve` for all Newton steps and responses."""
-    design = parse(job.text)
-    chosen = np.unravel_index(np.arange(job.count), job.shape)
-    values = {
-        axis.name: np.array(axis.values)[pick] for axis, pick in zip(job.axes, chosen, strict=True)
-    }
-    scene = coupling.impose(expand(design), values, job.question)
-    model = builds.balance(scene, design).model
-    steps = equilibrium.solve(scene).iterations
-    stiffness, mass = model.stiffness[:, 6:, 6:].copy(), model.mass[:, 6:, 6:].copy()
-    dynamic, right = stiffness - (2 * np.pi * 50.0) ** 2 * mass, np.ones((*stiffness.shape[:-1], 1))
-    return lambda: [np.linalg.solve(matrix, right) for matrix in (*(stiffness,) * steps, dynamic)]
-
-
-def eigenvalue_floor(job: RandomBuilds) -> Callable[[], object]:
-    """Build the floor of random builds: `numpy.linalg.eigh` of as many matrices of equal size."""
-    size = len(job.nominal.omega_squared)
-    root = np.random.default_rng(0).normal(size=(job.count, size, size))
+def eigenvalue_floor(size: int, function: Callable[[Any], Any]) -> Callable[[], object]:
+    """Build the floor: eigenvalues of as many random symmetric matrices as there are builds."""
+    root = np.random.default_rng(0).normal(size=(BUILDS, size, size))
     matrices = root @ np.swapaxes(root, -1, -2)
-    return lambda: np.linalg.eigh(matrices)
+    return lambda: function(matrices)
 
 
 def seconds(folder: str, count: int, workers: int) -> float:
@@ -148,51 +129,45 @@ def run(
     ratio: Callable[..., None], absolute: Callable[..., None], judge: Callable[..., str]
 ) -> None:
     """Time builds on one core and two processes against one; compare the memory of long sweeps."""
-    for name, file, limit, most in (
-        ("single stage", SINGLE, 100.0, 45.0),
-        ("triple", TRIPLE, 500.0, 15.0),
-    ):
-        job = sweep(file)
-        absolute(
-            f"xcouple, {name}, {BUILDS} builds on one core, {limit:g} us each",
-            compute_all(job),
-            limit * BUILDS / 1000,
-            7,
-        )
-        ratio(
-            "the same / numpy.linalg.solve for each Newton step and response",
-            compute_all(job),
-            linear_algebra_floor(job),
-            most,
-            7,
-        )
-    with_wire_mass = replace(sweep(TRIPLE), level="violin")
-    absolute(
-        f"xcouple --fidelity violin, triple, {BUILDS} builds on one core, 5 ms each",
-        compute_all(with_wire_mass),
-        5.0 * BUILDS,
-        3,
-    )
-    source = read(RANDOM)
-    random = RandomBuilds(
-        source.text,
-        BUILDS,
-        7,
-        coupling_question(tuple(stage.name for stage in source.design.stage), 0),
-    )
-    absolute(
-        f"tolerance, triple, {BUILDS} builds on one core, 2 ms each",
-        compute_all(random),
-        2.0 * BUILDS,
-        3,
+    string = sweep(TRIPLE)
+    beam, violin = replace(string, level="beam"), replace(string, level="violin")
+    single = sweep(SINGLE)
+    ratio(
+        f"xcouple, single stage, {BUILDS} builds / numpy.linalg.eigvalsh of 6 x 6",
+        compute_all(single),
+        eigenvalue_floor(6, np.linalg.eigvalsh),
+        12.0,
     )
     ratio(
-        "the same / numpy.linalg.eigh of their dynamics",
-        compute_all(random),
-        eigenvalue_floor(random),
-        30.0,
-        3,
+        f"xcouple, triple, string, {BUILDS} builds / numpy.linalg.eigvalsh of 18 x 18",
+        compute_all(string),
+        eigenvalue_floor(18, np.linalg.eigvalsh),
+        8.0,
     )
+    ratio(
+        "the same on beam / on string",
+        compute_all(beam),
+        compute_all(string),
+        5.0,
+    )
+    ratio(
+        "the same on violin / on string",
+        compute_all(violin),
+        compute_all(string),
+        6.0,
+    )
+    source = read(RANDOM)
+    names = tuple(stage.name for stage in source.design.stage)
+    for level, limit in (("string", 9.0), ("beam", 14.0)):
+        random = RandomBuilds(source.text, BUILDS, 7, coupling_question(names, 0), level=level)
+        size = len(random.nominal.omega_squared)
+        ratio(
+            f"tolerance, triple, {level}, all modes / numpy.linalg.eigh of {size} x {size}",
+            compute_all(random),
+            eigenvalue_floor(size, np.linalg.eigh),
+            limit,
+            3,
+        )
     with tempfile.TemporaryDirectory() as folder:
         times = [(seconds(folder, 400_000, 1), seconds(folder, 400_000, 2)) for _ in range(3)]
         one, two = (min(column) for column in zip(*times, strict=True))

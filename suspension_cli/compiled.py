@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,13 @@ def _cache_folder() -> str:
     text = b"".join(
         path.read_bytes() for path in sorted(Path(__file__).parent.rglob("compiled*.py"))
     )
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return str(base / "pendsus" / hashlib.sha256(text).hexdigest()[:16])
+    digest = hashlib.sha256(text).hexdigest()[:16]
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pendsus" / digest
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+    except OSError:  # a home that cannot be written
+        return str(Path(tempfile.gettempdir()) / f"pendsus-{os.getuid()}-{digest}")
+    return str(home)
 
 
 config: Any = _config
