@@ -22,11 +22,11 @@ from numba.extending import overload
 
 
 def _cache_folder() -> str:
-    """Folder for compiled loops: numba does not notice that a function in another file changed."""
-    text = b"".join(
-        path.read_bytes() for path in sorted(Path(__file__).parent.rglob("compiled*.py"))
-    )
-    digest = hashlib.sha256(text).hexdigest()[:16]
+    """Folder for compiled loops: numba does not notice that something in another file changed."""
+    here = Path(__file__).parent
+    constants = [here / "elements" / "beam.py", here / "equilibrium" / "residual_scale.py"]
+    files = (*sorted(here.rglob("compiled*.py")), *constants)
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:16]
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pendsus" / digest
     try:
         home.mkdir(parents=True, exist_ok=True)
