@@ -11,6 +11,7 @@ from suspension_cli.design.reader import read
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.definite import positive_definite
 from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.scene.stack import stack_scenes
 from tests.support import scenes
 from tests.support.energy_minimum import Energy
 from tests.support.golden import ROOT
@@ -19,6 +20,12 @@ TRIPLE = ROOT / "configs" / "geo-silica-triple.toml"
 TOO_LONG = [12, 14, 8, -3, 6, 6, -13, 14, -14, -8]
 """Changes of the wires' lengths, 0.1 mm, after which Newton's method from the nominal pose ends
 where two modes grow."""
+
+
+def scene_of_half(wires):
+    """With half of these changes of length, which Newton's method solves at once."""
+    half = [one | {"length_change": one["length_change"] / 2} for one in wires]
+    return expand(scenes.design_of(tomllib.loads(TRIPLE.read_text()) | {"perturbation": half}))
 
 
 def test_a_pose_with_two_growing_modes_is_not_taken_for_stable():
@@ -32,6 +39,9 @@ def test_a_pose_with_two_growing_modes_is_not_taken_for_stable():
     scene = expand(scenes.design_of(tomllib.loads(TRIPLE.read_text()) | {"perturbation": wires}))
     found = equilibrium.solve(scene)
     assert found.converged
+    batch = equilibrium.solve(stack_scenes([scene, scene_of_half(wires), scene]))
+    assert batch.converged.all()
+    np.testing.assert_allclose(batch.pose.turn[[0, 2]], [found.pose.turn] * 2, atol=1e-9)
     assert np.linalg.eigvalsh(found.stiffness[6:, 6:]).min() > 0
     assert np.abs(found.pose.turn).max() < 0.1
     energy = Energy(scene, nominal.blades.load[:, 2])
