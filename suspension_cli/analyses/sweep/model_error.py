@@ -1,0 +1,136 @@
+"""Change of a sweep's results from one model to another, computed at some points of its grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.sweep.solve import ParameterSweep, has_modes
+from suspension_cli.errors import InputError
+from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
+from suspension_cli.linear.named_results import Mode
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import auto
+from suspension_cli.models.base import Model
+from suspension_cli.models.quantity_of_interest import Several
+from suspension_cli.models.registry import Choice
+from suspension_cli.scene.arrays import Array
+from suspension_cli.studies import builds
+from suspension_cli.studies.axes import ends_and_middle
+from suspension_cli.studies.variants import overridden
+
+POINTS = 5
+"""Largest number of points at which the effect of wire mass on modes is estimated."""
+ONE_MODEL_ONLY = "some points have an equilibrium in only one of the models"
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Results of p points in one model: status, modes (shapes of bodies alone), magnitudes."""
+
+    status: Any
+    omega_squared: Any
+    shape: Any
+    response: Any
+
+
+def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, str]]:
+    """Return the change of a sweep's results, as `model_choice.for_builds` takes it.
+
+    Results are compared at the corners and middles of the grid, modes paired by their shapes. The
+    effect of wire mass on the frequencies of modes is estimated. The change is infinite where a
+    point has an equilibrium in only one of the models.
+
+    Parameters
+    ----------
+    job : ParameterSweep
+        In the simplest model.
+    """
+    sample = replace(job, axes=ends_and_middle(job.axes))
+    modes = tuple(item for item in job.results if isinstance(item, Mode))
+    count = 6 * len(job.nominal.body)
+
+    @cache
+    def points(model: Model) -> _Points:
+        results = job.ratios if model.has_wire_mass else job.results
+        found = replace(sample, level=model.name, results=results).compute(0, sample.count)
+        shape, response = found.get("shape"), found.get("response", np.zeros((sample.count, 0)))
+        bodies = None if shape is None else np.asarray(shape, dtype=float)[..., :count]
+        return _Points(found["status"], found.get("omega_squared"), bodies, np.abs(response))
+
+    def change(simple: Model, refined: Model) -> tuple[float, str]:
+        changes: list[tuple[float, str]] = []
+        if job.ratios or not refined.has_wire_mass:
+            old, new = points(simple), points(refined)
+            valid = (lambda s: s == builds.GOOD) if job.ratios else has_modes
+            if (valid(old.status) != valid(new.status)).any():
+                return float("inf"), ONE_MODEL_ONLY
+            for n, item in enumerate(job.ratios):
+                changes.append(_relative(old.response[:, n], new.response[:, n], item.text))
+            if modes and not refined.has_wire_mass:
+                changes += _shifts(job.nominal_shape[:, :count], modes, old, new)
+        if modes and refined.has_wire_mass:
+            changes += _mass_effects(sample, modes, simple)
+        return max(changes, key=lambda one: one[0], default=(0.0, "the results"))
+
+    return change
+
+
+def _relative(old: Array, new: Array, name: str) -> tuple[float, str]:
+    """Largest relative change of magnitudes (p,); NaN counts as no change."""
+    with np.errstate(all="ignore"):
+        changes = np.abs(old - new) / new
+    most = float(np.where(np.isnan(changes), 0.0, changes).max(initial=0.0))
+    return most, f"{name} is zero without it" if np.isinf(most) else name
+
+
+def _shifts(
+    nominal: Array, modes: tuple[Mode, ...], old: _Points, new: _Points
+) -> list[tuple[float, str]]:
+    """Largest relative changes of frequencies at each point; infinite where a sign changes."""
+    changes = []
+    for n in np.flatnonzero(has_modes(old.status)):
+        here = pair_by_overlap((nominal @ old.shape[n].T) ** 2)
+        there = pair_by_overlap((old.shape[n] @ new.shape[n].T) ** 2)
+        for mode in modes:
+            number = here[mode.number]
+            a, b = old.omega_squared[n, number], new.omega_squared[n, there[number]]
+            if np.sign(a) != np.sign(b):
+                changes.append((float("inf"), f"it decides whether {mode.text} is stable"))
+            elif b > 0:
+                changes.append((abs(float(np.sqrt(a / b)) - 1), mode.text))
+    return changes
+
+
+def _mass_effects(
+    sample: ParameterSweep, modes: tuple[Mode, ...], simple: Model
+) -> list[tuple[float, str]]:
+    """Estimated changes of mode frequencies by wire mass, at some points."""
+    base, changes = sample.nominal, []
+    for n in np.unique(np.linspace(0, sample.count - 1, min(POINTS, sample.count)).astype(int)):
+        here = {name: float(value[0]) for name, value in sample.values(n, n + 1).items()}
+        try:
+            decision = auto.estimate_error(
+                overridden(sample.text, here),
+                Choice(simple.name, ""),
+                lambda system: _renumbered(modes, base, system),
+            )
+        except InputError:  # no equilibrium there
+            continue
+        changes.append((decision.choice.error, decision.missed or "the frequencies of modes"))
+    return changes
+
+
+def _renumbered(modes: tuple[Mode, ...], base: Modes, system: LinearSystem) -> Several:
+    """Modes of one design, given by their numbers in another."""
+    found = eigenmodes.solve(replace(system, terms=()))
+    count = 6 * len(system.body)
+    mass = system.mass[6 : 6 + count, 6 : 6 + count]
+    number = pair_by_overlap(body_overlap(base.shape, found.shape, mass))
+    return Several(tuple(Mode(one.text, int(number[one.number])) for one in modes), found)
