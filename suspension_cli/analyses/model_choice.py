@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     """The quantity of interest, given any model of the design."""
     Change = Callable[[Model, Model], tuple[float, str]]
     """The largest relative change of results from a model to a more complete one, and where it is;
-    if it is infinite, why."""
+    if it is infinite or (NaN) unknown, why."""
 
 WARNED_ERROR = 0.01
 """Relative error of a model that the user did not choose, from which there is a warning."""
@@ -133,14 +133,19 @@ def for_builds(
     )
     model, left = chain[number], steps[number:]
     unknown = _unknown_physics(chain[-1], design)
+    for one in left:
+        if math.isnan(one.change):
+            unknown.insert(0, f"unknown: {one.physics}, as {one.what}")
+    left = [one for one in left if not math.isnan(one.change)]
     error = math.nan if unknown else float(errors[number])
     if wanted != registry.AUTO:
         reason, end = registry.choose(design, wanted).reason, ""
     else:
-        met = "" if errors[number] <= tolerance else " not met by any model of this analysis"
+        met = " not met by any model of this analysis" if errors[number] > tolerance else ""
         reason, end = model.valid_for, f" (tolerance {100 * tolerance:g} %{met})"
         if number:
-            reason = _why([one for one in steps[:number] if one.change > limit] or steps[:number])
+            large = [one for one in steps[:number] if not one.change <= limit]
+            reason = _why(large or steps[:number])
     parts = [f"neglected: {', and '.join(one.size for one in left)}{end}"] if left else []
     return registry.Choice(model.name, "; ".join([reason, *parts, *unknown]), error)
 
@@ -171,8 +176,8 @@ class _Step:
         """The physics with the size of its effect."""
         from suspension_cli.models.auto import percent
 
-        size = f" ({self.what})" if math.isinf(self.change) else f", {percent(self.change)}"
-        return self.physics + size
+        known = math.isfinite(self.change)
+        return self.physics + (f", {percent(self.change)}" if known else f" ({self.what})")
 
 
 def _why(steps: list[_Step]) -> str:
@@ -181,7 +186,7 @@ def _why(steps: list[_Step]) -> str:
 
     clauses, before = [], ""
     for step in steps:
-        if math.isinf(step.change):
+        if not math.isfinite(step.change):
             clauses.append(f"{step.physics}: {step.what}")
         else:
             verb = "" if step.what == before else f" changes {step.what}"

@@ -22,6 +22,7 @@ SEARCHED = 1000
 """Number of first builds from which the extreme ones are taken."""
 EXTREME = 15
 """Number of extreme builds, those that deviate most, at which models are compared."""
+NO_BUILD = "no extreme build has an equilibrium"
 ONE_MODEL_ONLY = "some builds have an equilibrium in only one of the models"
 
 
@@ -62,7 +63,9 @@ def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str
         if (np.isfinite(old["ratio"]) != np.isfinite(new["ratio"])).any():
             return float("inf"), ONE_MODEL_ONLY
         coupling = relative_change(old["ratio"], new["ratio"])
-        changes = [(0.0 if np.isnan(coupling) else coupling, "the cross-coupling")]
+        if np.isnan(coupling):
+            return coupling, NO_BUILD
+        changes = [(coupling, "the cross-coupling")]
         if refined.has_wire_mass:
             decision = auto.estimate_error(
                 job.design, Choice(simple.name, ""), lambda _: Frequencies()

@@ -17,6 +17,7 @@ from suspension_cli.studies.relative_change import relative_change
 FREQUENCIES = 12
 """Number of frequencies at which models are compared."""
 ONE_MODEL_ONLY = "some builds have an equilibrium in only one of the models"
+NO_BUILD = "no build at the corners and middles has an equilibrium"
 WHAT = "couplings"
 
 
@@ -41,6 +42,6 @@ def coupling_change(job: Sweep) -> Callable[[Model, Model], tuple[float, str]]:
         if (np.isfinite(old) != np.isfinite(new)).any():
             return float("inf"), ONE_MODEL_ONLY
         found = relative_change(old, new)
-        return (0.0 if np.isnan(found) else found), WHAT
+        return found, NO_BUILD if np.isnan(found) else WHAT
 
     return change
