@@ -44,10 +44,8 @@ def test_xcouple(name):
     body, _ = last(design)
     k = [1.0, 1.1]
     found = sus.xcouple(design, sweep={"k": k, "offset": [0.0, 1e-3]})
-    built = sus.parse(
-        design.text
-        + f'\n[[perturbation]]\nwire = "{body}.1"\nk_factor = 1.1\nupper_offset = [1e-3, 0.0, 0.0]\n'
-    )
+    imperfect = f'wire = "{body}.1"\nk_factor = 1.1\nupper_offset = [1e-3, 0.0, 0.0]'
+    built = sus.parse(f"{design.text}\n[[perturbation]]\n{imperfect}\n")
     point = "@0,0,-0.001"
     single = sus.response(
         built,

@@ -174,7 +174,7 @@ class ToleranceAnalysis(Analysis):
         from suspension_cli.analyses.tolerance import file as stored
 
         group: Any = file["tolerance"]
-        job = stored.reconstruct_job(group, str(file.attrs["design"]))
+        job = stored.reconstruct_job(group, str(file.attrs["design"]), str(file.attrs["fidelity"]))
         return stored.summarise_group(group, job, float(group.attrs["limit"]))
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
