@@ -32,11 +32,12 @@ ONE_MODEL_ONLY = "some points have an equilibrium in only one of the models"
 
 @dataclass(frozen=True)
 class _Points:
-    """Results of p points in one model: status, modes (shapes of bodies alone), magnitudes."""
+    """Results of p points in one model: status, modes (in coordinates of bodies), magnitudes."""
 
     status: Any
     omega_squared: Any
     shape: Any
+    nominal: Any
     response: Any
 
 
@@ -59,10 +60,13 @@ def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, 
     @cache
     def points(model: Model) -> _Points:
         results = job.ratios if model.has_wire_mass else job.results
-        found = replace(sample, level=model.name, results=results).compute(0, sample.count)
+        one = replace(sample, level=model.name, results=results)
+        found = one.compute(0, one.count)
         shape, response = found.get("shape"), found.get("response", np.zeros((sample.count, 0)))
         bodies = None if shape is None else np.asarray(shape, dtype=float)[..., :count]
-        return _Points(found["status"], found.get("omega_squared"), bodies, np.abs(response))
+        nominal = None if shape is None else one.nominal_shape[:, :count]
+        squares = found.get("omega_squared")
+        return _Points(found["status"], squares, bodies, nominal, np.abs(response))
 
     def change(simple: Model, refined: Model) -> tuple[float, str]:
         changes: list[tuple[float, str]] = []
@@ -93,19 +97,36 @@ def _relative(old: Array, new: Array, name: str) -> tuple[float, str]:
 def _shifts(
     nominal: Array, modes: tuple[Mode, ...], old: _Points, new: _Points
 ) -> list[tuple[float, str]]:
-    """Largest relative changes of frequencies at each point; infinite where a sign changes."""
+    """Largest relative changes of frequencies at each point; infinite where a sign changes.
+
+    A mode of one model is paired with that of the other whose shape overlaps it most at this point,
+    or in the nominal design: the smaller change of the two, as shapes mix where frequencies meet.
+    `nominal` are the nominal shapes of the simplest model, in which modes are numbered.
+    """
     changes = []
+    start_old, start_new = _pair(nominal, old.nominal), _pair(nominal, new.nominal)
     for n in np.flatnonzero(has_modes(old.status)):
-        here = pair_by_overlap((nominal @ old.shape[n].T) ** 2)
-        there = pair_by_overlap((old.shape[n] @ new.shape[n].T) ** 2)
+        here, there = _pair(old.nominal, old.shape[n]), _pair(old.shape[n], new.shape[n])
+        along = _pair(new.nominal, new.shape[n])
         for mode in modes:
-            number = here[mode.number]
-            a, b = old.omega_squared[n, number], new.omega_squared[n, there[number]]
-            if np.sign(a) != np.sign(b):
-                changes.append((float("inf"), f"it decides whether {mode.text} is stable"))
-            elif b > 0:
-                changes.append((abs(float(np.sqrt(a / b)) - 1), mode.text))
+            number = here[start_old[mode.number]]
+            partners = there[number], along[start_new[mode.number]]
+            squares = old.omega_squared[n, number], new.omega_squared[n, list(partners)]
+            change = float(_frequency_change(*squares).min())
+            text = f"it decides whether {mode.text} is stable" if np.isinf(change) else mode.text
+            changes.append((change, text))
     return changes
+
+
+def _pair(rows: Array, columns: Array) -> Any:
+    """Pair modes by their shapes."""
+    return pair_by_overlap((rows @ columns.T) ** 2)
+
+
+def _frequency_change(old: Any, new: Array) -> Array:
+    """Relative changes of frequency from omega^2; infinite where only one mode is stable."""
+    change = np.abs(np.sqrt(np.abs(old) / np.where(new > 0, new, 1.0)) - 1)
+    return np.where(np.sign(old) != np.sign(new), np.inf, np.where(new > 0, change, 0.0))
 
 
 def _mass_effects(
