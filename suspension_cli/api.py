@@ -387,7 +387,7 @@ def xcouple(
     frequency: Grid = "50",
     matrix: bool = False,
     model: str = "auto",
-    tolerance: float | None = None,
+    tolerance: float = 1e-3,
     workers: int = 1,
     allow_unstable: bool = False,
 ) -> Result:
@@ -412,8 +412,8 @@ def xcouple(
     matrix : bool
         Compute the six-by-six table of couplings of this design instead of a sweep.
     model : str
-    tolerance : float, optional
-        Error relative to the largest coupling that ``"auto"`` may leave.
+    tolerance : float
+        Error that ``"auto"`` may leave, relative to the largest coupling.
     workers : int
         Number of processes.
     allow_unstable : bool
@@ -471,6 +471,7 @@ def tolerance(
     under: str | None = None,
     frequency: Grid = "50",
     model: str = "auto",
+    tolerance: float = 1e-3,
     workers: int = 1,
     allow_unstable: bool = False,
 ) -> Result:
@@ -487,6 +488,8 @@ def tolerance(
         The cross-coupling, as of `xcouple`.
     model, workers, allow_unstable
         As of `xcouple`.
+    tolerance : float
+        Relative error that ``"auto"`` may leave.
 
     Returns
     -------
@@ -518,6 +521,7 @@ def tolerance(
         over=over,
         under=under,
         frequency=_grid(frequency),
+        tolerance=tolerance,
         workers=workers,
         allow_unstable=allow_unstable,
     )
@@ -529,6 +533,7 @@ def sweep(
     vary: Mapping[str, Grid],
     result: Sequence[str] = (),
     model: str = "auto",
+    tolerance: float = 1e-3,
     workers: int = 1,
     allow_unstable: bool = False,
 ) -> Result:
@@ -544,6 +549,8 @@ def sweep(
         Default: every mode.
     model, workers, allow_unstable
         As of `xcouple`.
+    tolerance : float
+        Relative error that ``"auto"`` may leave.
 
     Returns
     -------
@@ -571,6 +578,7 @@ def sweep(
         model,
         vary=tuple(f"{path}={_grid(values)}" for path, values in vary.items()),
         result=tuple(result),
+        tolerance=tolerance,
         workers=workers,
         allow_unstable=allow_unstable,
     )

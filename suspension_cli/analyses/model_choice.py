@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses.options import TOLERANCE
@@ -20,6 +22,9 @@ if TYPE_CHECKING:
 
     Request = Callable[[LinearSystem], QuantityOfInterest]
     """The quantity of interest, given any model of the design."""
+    Change = Callable[[Model, Model], tuple[float, str]]
+    """The largest relative change of results from a model to a more complete one, and where it is;
+    if it is infinite or (NaN) unknown, why."""
 
 WARNED_ERROR = 0.01
 """Relative error of a model that the user did not choose, from which there is a warning."""
@@ -79,25 +84,141 @@ def without_wire_mass(source: Source, wanted: str, tolerance: float) -> Decision
     return choose(source, wanted, tolerance=tolerance, top=registry.BEAM)
 
 
-def for_builds(source: Source, wanted: str, models: tuple[Model, ...]) -> Choice:
-    """Choose the first of the `models` of imperfect builds, unless another of them is wanted.
+def for_builds(
+    source: Source,
+    wanted: str,
+    models: Sequence[Model],
+    change: Change,
+    tolerance: float = TOLERANCE,
+) -> Choice:
+    """Choose the cheapest model whose error in the results of many builds is below a tolerance.
+
+    Each suitable model is compared with the next more complete one at some of the builds. The error
+    of a model is the sum of all changes from it to the most complete one.
+
+    Parameters
+    ----------
+    source : Source
+    wanted : str
+        ``"auto"`` or the name of a model.
+    models : sequence of Model
+        Those that the analysis can use, from the cheapest to the most complete.
+    change : callable
+        Compute the largest relative change of the results from one model to another.
+    tolerance : float
+        Relative error that ``"auto"`` may leave. If no model keeps to it, the most complete one is
+        taken.
 
     Raises
     ------
     InputError
-        If a model is wanted that has no imperfect builds.
+        If the wanted model is not among `models`, or is not valid for the design.
     """
+    from suspension_cli.models import registry
+    from suspension_cli.models.auto import MARGIN
+
+    design = source.design
+    if wanted == registry.AUTO:
+        usable = [one for one in models if one.automatic and not one.unsuitable(design)]
+    else:
+        _demand_one_of(wanted, models)
+        usable = [registry.choose(design, wanted).model]
+    later = registry.MODELS[registry.MODELS.index(usable[0]) + 1 :]
+    chain = [usable[0], *(one for one in later if one.automatic and not one.unsuitable(design))]
+    steps = [_Step.between(*pair, change) for pair in pairwise(chain)]
+    errors = [sum(step.change for step in steps[n:]) for n in range(len(chain))]
+    limit = MARGIN * tolerance
+    number = next(
+        (n for n, error in enumerate(errors[: len(usable)]) if error <= limit), len(usable) - 1
+    )
+    model, left = chain[number], steps[number:]
+    unknown = _unknown_physics(chain[-1], design)
+    for one in left:
+        if math.isnan(one.change):
+            unknown.insert(0, f"unknown: {one.physics}, as {one.what}")
+    left = [one for one in left if not math.isnan(one.change)]
+    error = math.nan if unknown else float(errors[number])
+    if wanted != registry.AUTO:
+        reason, end = registry.choose(design, wanted).reason, ""
+    else:
+        met = " not met by any model of this analysis" if errors[number] > tolerance else ""
+        reason, end = model.valid_for, f" (tolerance {100 * tolerance:g} %{met})"
+        if number:
+            large = [one for one in steps[:number] if not one.change <= limit]
+            reason = _why(large or steps[:number])
+    parts = [f"neglected: {', and '.join(one.size for one in left)}{end}"] if left else []
+    return registry.Choice(model.name, "; ".join([reason, *parts, *unknown]), error)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Step:
+    """From one model to the next more complete one: added physics and change of the results."""
+
+    physics: str
+    change: float
+    what: str
+
+    @classmethod
+    def between(cls, simple: Model, refined: Model, change: Change) -> _Step:
+        """Compute the step between two models."""
+        from suspension_cli.errors import InputError
+        from suspension_cli.models import registry
+
+        try:
+            found, what = change(simple, refined)
+        except InputError:
+            found, what = math.inf, f"the {refined.name} model has no equilibrium"
+        physics = registry.adds(refined, simple) or f"approximations of the {simple.name} model"
+        return cls(physics, found, what)
+
+    @property
+    def size(self) -> str:
+        """The physics with the size of its effect."""
+        from suspension_cli.models.auto import percent
+
+        known = math.isfinite(self.change)
+        return self.physics + (f", {percent(self.change)}" if known else f" ({self.what})")
+
+
+def _why(steps: list[_Step]) -> str:
+    """Why the model after these steps is needed."""
+    from suspension_cli.models.auto import percent
+
+    clauses, before = [], ""
+    for step in steps:
+        if not math.isfinite(step.change):
+            clauses.append(f"{step.physics}: {step.what}")
+        else:
+            verb = "" if step.what == before else f" changes {step.what}"
+            clauses.append(f"{step.physics}{verb} by up to {percent(step.change)}")
+            before = step.what
+    return ", and ".join(clauses)
+
+
+def _unknown_physics(highest: Model, design: Design) -> list[str]:
+    """Physics that no model valid for a design has, and why; none if one has it all."""
+    if not highest.omits:
+        return []
+    from suspension_cli.models import registry
+
+    why = next(
+        found
+        for one in registry.MODELS[registry.MODELS.index(highest) + 1 :]
+        if (found := one.unsuitable(design))
+    )
+    return [f"unknown: {' and '.join(highest.omits)}, as {why}"]
+
+
+def _demand_one_of(wanted: str, models: Sequence[Model]) -> None:
+    """Raise `InputError` if the wanted model is none of these."""
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.models import registry
 
     names = [model.name for model in models]
-    if wanted not in (registry.AUTO, *names):
+    if wanted not in names:
         remedy = f"take {', '.join((registry.AUTO, *names[:-1]))} or {names[-1]}"
         problem = "is not valid for imperfect builds"
         raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
-    if wanted in names[1:]:
-        return registry.choose(source.design, wanted)
-    return registry.Choice(names[0], "the cheapest model of imperfect builds")
 
 
 def with_derivatives(wanted: str, source: Source, request: Request) -> Decision:

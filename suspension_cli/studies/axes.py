@@ -50,6 +50,20 @@ class Product:
         }
 
 
+def ends_and_middle(axes: tuple[Axis, ...], most: int = 3) -> tuple[Axis, ...]:
+    """Axes of the corners and the middles of a grid; of those after `most`, the middle alone.
+
+    >>> ends_and_middle((Axis("k", (1.0, 2.0, 3.0, 4.0, 5.0)),))
+    (Axis(name='k', values=(1.0, 3.0, 5.0)),)
+    """
+    result = []
+    for n, axis in enumerate(axes):
+        middle, last = len(axis.values) // 2, len(axis.values) - 1
+        chosen = sorted({0, middle, last}) if n < most else [middle]
+        result.append(Axis(axis.name, tuple(axis.values[i] for i in chosen)))
+    return tuple(result)
+
+
 def of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
     """Faults of the design with one value of an axis, attributed to the option that gave it."""
     found = []

@@ -44,7 +44,7 @@ def written_by(out, workers, chunk, *command):
 def few():
     """What strings leave out is estimated from few builds: here it only has to be the same."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(model_error, "BUILDS", 4)
+        patch.setattr(model_error, "EXTREME", 3)
         yield
 
 

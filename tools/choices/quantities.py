@@ -12,6 +12,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.optimize import linear_sum_assignment
 
+from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.xcouple import model_error
@@ -193,8 +194,11 @@ def couplings(design: Design, rng: Generator, tolerance: float) -> Question:
     )
 
     def solve_auto() -> tuple[Choice, Any]:
-        taken, choice, _ = model_error.choose_model(job, Choice("string", "given"), tolerance)
-        return choice, taken.compute(0, job.count)["ratio"]
+        source = reader.Source(design, text, "")
+        choice = model_choice.for_builds(
+            source, "auto", registry.SCENE_MODELS, model_error.coupling_change(job), tolerance
+        )
+        return choice, replace(job, level=choice.level).compute(0, job.count)["ratio"]
 
     def solve_on(level: str) -> Any:
         return replace(job, level=level).compute(0, job.count)["ratio"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
@@ -42,6 +43,7 @@ class SweepAnalysis(Analysis):
         ),
         options.RESULTS,
         *options.SWEEP,
+        options.ACCURACY,
         options.ALLOW_UNSTABLE,
         *options.WRITING,
     )
@@ -51,6 +53,7 @@ class SweepAnalysis(Analysis):
         from suspension_cli.analyses import model_choice, sweeping
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.sweep import file as stored
+        from suspension_cli.analyses.sweep import model_error
         from suspension_cli.analyses.sweep.solve import ParameterSweep
         from suspension_cli.errors import Fault, InputError, format_value
         from suspension_cli.linear import eigenmodes, named_results, signals
@@ -58,32 +61,41 @@ class SweepAnalysis(Analysis):
 
         setting, source = run.setting, run.source
         over = axes(list(setting["vary"]))
-        decision = model_choice.choose(
-            source,
-            setting["fidelity"],
-            model_choice.named_results(setting["result"]),
-            top=registry.STRING,
-        )
-        choice, model = decision.choice, decision.model
-        requested = named_results.parse(
-            list(setting["result"]) or [named_results.ALL],
-            eigenmodes.solve(model),
-            signals.bodies_with_signals(model),
-        )
-        if choice.model.has_wire_mass and any(
-            isinstance(item, named_results.Mode) for item in requested
-        ):
+        unstable = setting["allow_unstable"]
+        job = ParameterSweep(source.text, over, registry.STRING.name, (), unstable)
+        simplest = registry.choose(source.design, setting["fidelity"])
+
+        def on(level: str, names: list[str]) -> ParameterSweep:
+            system = registry.by_name(level).system(source.design)
+            found = eigenmodes.solve(dataclasses.replace(system, terms=()))
+            known = signals.bodies_with_signals(system)
+            results = named_results.parse(names, found, known)
+            return dataclasses.replace(job, level=level, results=results)
+
+        names = list(setting["result"]) or [named_results.ALL]
+        try:
+            first = on(simplest.level, names)
+        except InputError:  # another model may have a mode of this label
+            if setting["fidelity"] != registry.AUTO:
+                raise
+            first = on(simplest.level, [named_results.ALL])
+        follows = len(first.ratios) < len(first.results)
+        if follows and simplest.model.has_wire_mass:
             remedy = "take beam, or ask for responses alone"
             problem = "has no modes that could be followed"
-            raise InputError([Fault("--fidelity", problem, remedy, format_value(choice.level))])
-        job = ParameterSweep(source.text, over, choice.level, requested, setting["allow_unstable"])
-        job.check()
+            raise InputError([Fault("--fidelity", problem, remedy, format_value(simplest.level))])
+        first.check()
+        choice = model_choice.for_builds(
+            source,
+            setting["fidelity"],
+            [model for model in registry.MODELS if not (follows and model.has_wire_mass)],
+            model_error.result_change(first),
+            setting["tolerance"],
+        )
+        job = on(choice.level, names)
+        model = choice.model.system(source.design)
         run.log.detail(f"{run.name}: {choice.line}")
         warnings.warn_implausible(run.design, run.log)
-        if setting["fidelity"] == "auto":
-            model_choice.warn_of_neglected(
-                source, decision, run.log, (registry.BEAM, registry.VIOLIN)
-            )
         path = sweeping.fill(
             run,
             self,
@@ -148,8 +160,9 @@ class SweepAnalysis(Analysis):
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
         from suspension_cli.analyses.sweep import picture
+        from suspension_cli.drawing.style import name_model
 
-        return {"": picture.draw(result.data, result.title)}
+        return {"": name_model(picture.draw(result.data, result.title), result.choice)}
 
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,9 +15,7 @@ if TYPE_CHECKING:
     import h5py
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.tolerance.solve import RandomBuilds
     from suspension_cli.analyses.tolerance.statistics import Summary
-    from suspension_cli.models.registry import Choice
 
 
 class ToleranceAnalysis(Analysis):
@@ -56,6 +53,7 @@ class ToleranceAnalysis(Analysis):
         ),
         *options.COUPLING,
         *options.SWEEP,
+        options.ACCURACY,
         options.ALLOW_UNSTABLE,
         *options.WRITING,
     )
@@ -64,37 +62,30 @@ class ToleranceAnalysis(Analysis):
         """Compute all builds, then their statistics."""
         from suspension_cli.analyses import model_choice, sweeping
         from suspension_cli.analyses.tolerance import file as stored
+        from suspension_cli.analyses.tolerance import model_error
         from suspension_cli.analyses.tolerance.solve import RandomBuilds
         from suspension_cli.analyses.xcouple.request import parse_request
-        from suspension_cli.models import auto, registry
-        from suspension_cli.models.quantity_of_interest import Frequencies
+        from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
-        models = (registry.STRING, registry.BEAM)
-        decision = auto.estimate_error(
-            run.design,
-            model_choice.for_builds(source, setting["fidelity"], models),
-            lambda _: Frequencies(),
-        )
-        choice = decision.choice
-        model = model_choice.stable_system(
-            source, choice, setting["allow_unstable"], run.log, decision.model
-        )
         job = RandomBuilds(
             source.text,
             setting["builds"],
             setting["seed"],
-            parse_request(model, setting),
+            parse_request(registry.STRING.system(run.design), setting),
             setting["allow_unstable"],
-            choice.level,
         )
         job.check()
         run.log.detail(f"{len(job.factors)} numbers scatter")
-        if not choice.model.bends_wires:
-            choice = _coupled(job, choice)
-        if setting["fidelity"] == "auto":
-            model_choice.warn_of_neglected(source, decision, run.log, models)
-            _warn_of_coupling(run, choice, decision.choice)
+        choice = model_choice.for_builds(
+            source,
+            setting["fidelity"],
+            (registry.STRING, registry.BEAM),
+            model_error.build_change(job),
+            setting["tolerance"],
+        )
+        model_choice.stable_system(source, choice, setting["allow_unstable"], run.log, bends=True)
+        job = dataclasses.replace(job, level=choice.level)
         path = sweeping.fill(
             run, self, job, choice, lambda group: stored.fill(group, job, setting["limit"])
         )
@@ -183,39 +174,16 @@ class ToleranceAnalysis(Analysis):
         from suspension_cli.analyses.tolerance import file as stored
 
         group: Any = file["tolerance"]
-        job = stored.reconstruct_job(group, str(file.attrs["design"]))
+        job = stored.reconstruct_job(group, str(file.attrs["design"]), str(file.attrs["fidelity"]))
         return stored.summarise_group(group, job, float(group.attrs["limit"]))
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw distributions and correlations."""
         from suspension_cli.analyses.tolerance import picture
+        from suspension_cli.drawing.style import name_model
 
-        return {"": picture.draw(result.data, result.title, result.data.ratio)}
-
-
-def _coupled(job: RandomBuilds, choice: Choice) -> Choice:
-    """Add the error of the cross-coupling by neglected wire bending to a choice."""
-    from suspension_cli.analyses.tolerance import model_error
-
-    error = model_error.estimate_scatter_error(job)
-    if math.isnan(error):
-        return choice
-    reason = (
-        f"{choice.reason}; of the cross-coupling: bending of wires ({error:.1g} of the largest of"
-        " the first builds)"
-    )
-    return dataclasses.replace(choice, reason=reason, error=max(choice.error, error))
-
-
-def _warn_of_coupling(run: Run, choice: Choice, of_modes: Choice) -> None:
-    """Warn of what strings neglect in the cross-coupling, if that is more than in the modes."""
-    from suspension_cli.analyses import model_choice
-
-    if choice.error > max(model_choice.WARNED_ERROR, of_modes.error):
-        run.log.warn(
-            f"{run.name}: bending of wires changes the cross-coupling of builds by up to"
-            f" {float(f'{100 * choice.error:.2g}'):g} % of the largest: --fidelity beam has it"
-        )
+        figure = picture.draw(result.data, result.title, result.data.ratio)
+        return {"": name_model(figure, result.choice)}
 
 
 ANALYSIS = ToleranceAnalysis()

@@ -44,8 +44,8 @@ def fill(group: h5py.Group, job: RandomBuilds, limit: float) -> None:
         group.attrs[name] = getattr(job.question, name).text
 
 
-def reconstruct_job(group: Any, text: str) -> RandomBuilds:
-    """Reconstruct the job of a group and the text of its design."""
+def reconstruct_job(group: Any, text: str, level: str) -> RandomBuilds:
+    """Reconstruct the job of a group from the text of its design and the name of its model."""
     known = (SUPPORT, *(stage.name for stage in parse(text).stage), FRAME)
     drive, over, under = (
         signals.parse(str(group.attrs[name]), name, known) for name in ("input", "over", "under")
@@ -53,7 +53,8 @@ def reconstruct_job(group: Any, text: str) -> RandomBuilds:
     question = CouplingRequest(
         0, 1, "", drive, over, under, tuple(group["coupling_frequency"][:].tolist())
     )
-    return RandomBuilds(text, len(group["status"]), int(group.attrs["seed"]), question)
+    seed = int(group.attrs["seed"])
+    return RandomBuilds(text, len(group["status"]), seed, question, level=level)
 
 
 def summarise(path: Path | str, job: RandomBuilds, limit: float) -> Summary:

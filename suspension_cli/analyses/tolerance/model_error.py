@@ -1,29 +1,93 @@
-"""Error of the couplings of random builds in the string model."""
+"""Change of the results of random builds from one model to another, computed for some of them."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
-from suspension_cli.models.registry import BEAM
+from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
+from suspension_cli.models import auto, registry
+from suspension_cli.models.base import Model
+from suspension_cli.models.quantity_of_interest import Frequencies
+from suspension_cli.models.registry import Choice
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.relative_change import relative_change
 
-BUILDS = 32
-"""Number of random builds that are compared."""
+SEARCHED = 1000
+"""Number of first builds from which the extreme ones are taken."""
+EXTREME = 15
+"""Number of extreme builds, those that deviate most, at which models are compared."""
+NO_BUILD = "no extreme build has an equilibrium"
+ONE_MODEL_ONLY = "some builds have an equilibrium in only one of the models"
 
 
-def estimate_scatter_error(job: RandomBuilds) -> float:
-    """Estimate the error of the couplings of random builds in the string model, from wire bending.
+@dataclass(frozen=True)
+class _Extremes(RandomBuilds):
+    """The nominal build and the extreme ones of a job."""
 
-    Relative to the largest coupling of the first builds. NaN if unknown: the design lacks
-    properties of its wires, or none of these builds has an equilibrium in both models.
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of builds."""
+        return (1 + min(EXTREME, self.count),)
+
+    def deviations(self, start: int, stop: int) -> Array:
+        """Deviations (p, factors) of builds start to stop - 1; none of the first."""
+        every = super().deviations(0, min(SEARCHED, self.count))
+        scale = every.std(0)
+        size = (every / np.where(scale > 0, scale, 1.0) ** 2 * every).sum(1)
+        most = np.argsort(-size, kind="stable")[:EXTREME]
+        return np.concatenate([np.zeros_like(every[:1]), every[most]])[start:stop]
+
+
+def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str]]:
+    """Return the change of the results of random builds, as `model_choice.for_builds` takes it.
+
+    Frequencies and couplings of the nominal build and of extreme ones are compared, couplings
+    relative to the largest of these. The effect of wire mass on frequencies is estimated for the
+    nominal build. The change is infinite where a build has an equilibrium in one model alone.
     """
-    if BEAM.unsuitable(job.design):
-        return float("nan")
-    first = min(job.count, BUILDS)
-    old, new = (
-        np.asarray(one.compute(0, first)["ratio"]) for one in (job, replace(job, level=BEAM.name))
-    )
-    return relative_change(old, new)
+
+    @cache
+    def solved(level: str) -> tuple[_Extremes, dict[str, Any]]:
+        fields = (job.text, job.count, job.seed, job.question, job.allow_unstable)
+        extremes = _Extremes(*fields, level)
+        return extremes, extremes.compute(0, *extremes.shape)
+
+    def change(simple: Model, refined: Model) -> tuple[float, str]:
+        (old_job, old), (new_job, new) = solved(simple.name), solved(refined.name)
+        if (np.isfinite(old["ratio"]) != np.isfinite(new["ratio"])).any():
+            return float("inf"), ONE_MODEL_ONLY
+        coupling = relative_change(old["ratio"], new["ratio"])
+        if np.isnan(coupling):
+            return coupling, NO_BUILD
+        changes = [(coupling, "the cross-coupling")]
+        if refined.has_wire_mass:
+            decision = auto.estimate_error(
+                job.design, Choice(simple.name, ""), lambda _: Frequencies()
+            )
+            changes.append((decision.choice.error, decision.missed or "the frequencies of modes"))
+        else:
+            model = registry.by_name(simple.name).system(job.design)
+            count = 6 * len(model.body)
+            mass = model.mass[6 : 6 + count, 6 : 6 + count]
+            a, b = old_job.nominal, new_job.nominal
+            there = pair_by_overlap(body_overlap(a.shape, b.shape, mass))
+            changes += [
+                (_relative(old["frequency"][:, n], new["frequency"][:, there[n]]), label)
+                for n, label in enumerate(a.label)
+            ]
+        return max(changes, key=lambda one: one[0])
+
+    return change
+
+
+def _relative(old: Array, new: Array) -> float:
+    """Largest relative change of frequencies (p,); of an unstable mode, none."""
+    with np.errstate(all="ignore"):
+        changes = np.abs(old - new) / new
+    return float(np.where(np.isnan(changes), 0.0, changes).max(initial=0.0))

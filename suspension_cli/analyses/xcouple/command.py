@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.xcouple.solve import CouplingRequest
     from suspension_cli.linear.response import Response
     from suspension_cli.models.quantity_of_interest import Transfer
-    from suspension_cli.models.registry import Choice
     from suspension_cli.studies.axes import Axis
 
 DEFAULT_GRID = {"k": "0.6:1.4:41"}
@@ -60,20 +60,12 @@ class CouplingAnalysis(Analysis):
         ),
         *options.COUPLING,
         option(
-            "--tolerance",
-            type=options.Finite(1e-12, 1.0),
-            metavar="SHARE",
-            help=(
-                "Error relative to the largest coupling that strings may leave before auto takes"
-                " beam or violin.  [default: strings, with a warning from 1 %]"
-            ),
-        ),
-        option(
             "--matrix",
             is_flag=True,
             help="The six-by-six table of couplings of this one design instead of a sweep.",
         ),
         *options.SWEEP,
+        options.ACCURACY,
         options.ALLOW_UNSTABLE,
         *options.WRITING,
     )
@@ -86,22 +78,18 @@ class CouplingAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Compute the coupling of all builds, or the matrix of one design."""
-        from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.xcouple.request import parse_request
         from suspension_cli.linear import signals
         from suspension_cli.models import registry
 
         setting = run.setting
-        choice = model_choice.for_builds(run.source, setting["fidelity"], registry.SCENE_MODELS)
-        model = model_choice.stable_system(
-            run.source, choice, setting["allow_unstable"], run.log, bends=True
-        )
-        requested = parse_request(model, setting)
+        strings = registry.STRING.system(run.design)
+        requested = parse_request(strings, setting)
         if setting["matrix"]:
-            return MATRIX.of(run, choice, signals.bodies_with_signals(model), requested)
-        return self._sweep(run, choice, requested)
+            return MATRIX.of(run, signals.bodies_with_signals(strings), requested)
+        return self._sweep(run, requested)
 
-    def _sweep(self, run: Run, choice: Choice, requested: CouplingRequest) -> Result:
+    def _sweep(self, run: Run, requested: CouplingRequest) -> Result:
         from suspension_cli.analyses import model_choice, sweeping
         from suspension_cli.analyses.xcouple import file as stored
         from suspension_cli.analyses.xcouple import model_error
@@ -109,16 +97,19 @@ class CouplingAnalysis(Analysis):
         from suspension_cli.models import registry
 
         setting = run.setting
-        table = run.design.analysis.get("xcouple", {})
-        over = axes(setting["sweep"], table)
+        over = axes(setting["sweep"], run.design.analysis.get("xcouple", {}))
         unstable = setting["allow_unstable"]
-        job = Sweep(run.source.text, over, requested, unstable, choice.level)
+        job = Sweep(run.source.text, over, requested, unstable)
         job.check()
-        higher = ""
-        if setting["fidelity"] == registry.AUTO:
-            job, choice, higher = model_error.choose_model(job, choice, setting["tolerance"])
-        else:
-            choice = model_error.estimate_choice(job, choice)
+        choice = model_choice.for_builds(
+            run.source,
+            setting["fidelity"],
+            registry.SCENE_MODELS,
+            model_error.coupling_change(job),
+            setting["tolerance"],
+        )
+        model_choice.stable_system(run.source, choice, unstable, run.log, bends=True)
+        job = dataclasses.replace(job, level=choice.level)
         path = sweeping.fill(run, self, job, choice, lambda group: stored.fill(group, job))
         found = stored.load(path)
         failed = found.failures.items()
@@ -126,12 +117,6 @@ class CouplingAnalysis(Analysis):
             run.log.warn(
                 "; ".join(f"{count} of {job.count} builds failed: {why}" for why, count in failed)
             )
-        if (
-            higher
-            and not choice.model.bends_wires
-            and not choice.error <= model_choice.WARNED_ERROR
-        ):
-            run.log.warn(f"{_changed(higher, choice.error)}; rerun with --fidelity {higher}")
         _warn_of_faint(run, requested, found)
         return Result(self, run.source, choice, found, file=path, command=run.command)
 
@@ -159,7 +144,7 @@ class CouplingAnalysis(Analysis):
         answer: Coupling = result.data
         size = np.abs(answer.ratio)
         if not np.isfinite(size).any():
-            return "no build has an equilibrium on taut wires"
+            return f"{result.choice.line}\nno build has an equilibrium on taut wires"
         where = np.unravel_index(int(np.nanargmax(size)), size.shape)
         at = ", ".join(
             f"{axis.name} = {axis.values[n]:.6g}"
@@ -167,7 +152,8 @@ class CouplingAnalysis(Analysis):
         )
         of = f" of wire {answer.wire}, {answer.hold} held" if answer.wire else ""
         return (
-            f"{size[..., 0].size} builds{of}\n|{answer.over} / {answer.under}| for {answer.input}:"
+            f"{result.choice.line}\n{size[..., 0].size} builds{of}\n"
+            f"|{answer.over} / {answer.under}| for {answer.input}:"
             f" largest {np.nanmax(size):.4g} at {at},"
             f" {answer.frequency[where[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
         )
@@ -181,8 +167,9 @@ class CouplingAnalysis(Analysis):
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw the coupling against the imperfections, or against frequency."""
         from suspension_cli.analyses.xcouple import picture
+        from suspension_cli.drawing.style import name_model
 
-        return {"": picture.draw(result.data, result.title)}
+        return {"": name_model(picture.draw(result.data, result.title), result.choice)}
 
 
 class MatrixAnalysis(Analysis):
@@ -204,23 +191,28 @@ class MatrixAnalysis(Analysis):
         """Refuse: the matrix is an option of `xcouple`."""
         raise NotImplementedError
 
-    def of(
-        self, run: Run, choice: Choice, known: tuple[str, ...], requested: CouplingRequest
-    ) -> Result:
+    def of(self, run: Run, known: tuple[str, ...], requested: CouplingRequest) -> Result:
         """Compute the matrix of one design."""
         import numpy as np
 
+        from suspension_cli.analyses import model_choice
         from suspension_cli.linear import response
-        from suspension_cli.models import auto
 
         setting = run.setting
         motions, observed = _all_motions(known, requested, setting)
-        if setting["fidelity"] == "auto" and setting["tolerance"] is not None:
-            decision = auto.decide(run.design, lambda _: motions, setting["tolerance"])
-        else:
-            decision = auto.estimate_error(run.design, choice, lambda _: motions)
+        decision = model_choice.choose(
+            run.source, setting["fidelity"], lambda _: motions, setting["tolerance"]
+        )
+        model = model_choice.stable_system(
+            run.source,
+            decision.choice,
+            setting["allow_unstable"],
+            run.log,
+            decision.model,
+            bends=True,
+        )
         found = response.solve(
-            decision.model, np.array(requested.frequency), motions.inputs, motions.outputs
+            model, np.array(requested.frequency), motions.inputs, motions.outputs
         )
         extra = {"observed": observed}
         return Result(self, run.source, decision.choice, found, extra, command=run.command)
@@ -242,7 +234,7 @@ class MatrixAnalysis(Analysis):
 
         answer: Response = result.data
         observed = result.extra.get("observed", answer.output[0].rpartition(".")[0])
-        lines = []
+        lines = [result.choice.line]
         for frequency, matrix in zip(answer.frequency, answer.value, strict=True):
             rows = [
                 (dof, *("0" if value == 0 else abs(value) for value in row))
@@ -269,8 +261,9 @@ class MatrixAnalysis(Analysis):
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw the table."""
         from suspension_cli.analyses.xcouple import matrix_picture
+        from suspension_cli.drawing.style import name_model
 
-        return {"": matrix_picture.draw(result.data, result.title)}
+        return {"": name_model(matrix_picture.draw(result.data, result.title), result.choice)}
 
 
 def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:
@@ -335,21 +328,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _changed(higher: str, error: float) -> str:
-    """Effect on the couplings of the physics in a more complete model, in words."""
-    from suspension_cli.analyses.xcouple.model_error import NEGLECTED
-
-    if math.isnan(error):
-        return (
-            f"the effect of {NEGLECTED[higher]} on these couplings is not known, as not all builds"
-            " at the ends of the axes have an equilibrium in both models"
-        )
-    return (
-        f"{NEGLECTED[higher]} change{'s' if higher == 'beam' else ''} these couplings by"
-        f" {float(f'{100 * error:.2g}'):g} % of the largest"
-    )
 
 
 def _warn_of_faint(run: Run, requested: CouplingRequest, answer: Coupling) -> None:

@@ -15,7 +15,7 @@ from suspension_cli.design import reader
 from suspension_cli.linear import batch_modes, eigenmodes, named_results, response, signals
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import mode_tracking, variants
-from tests.support.commandline import assert_refused, edited, run, strict_json, written
+from tests.support.commandline import MISSING, assert_refused, edited, run, strict_json, written
 from tests.support.golden import CONFIGS
 
 SINGLE = CONFIGS / "husman2000" / "table1-case2.toml"
@@ -176,6 +176,8 @@ def test_modes_are_followed_through_a_crossing(tmp_path):
         "stage.test.wires.t1=0.002:0.13:60",
         "--vary",
         "stage.test.wires.s=0.005,0.01",
+        "--fidelity",
+        "force",
     )
     t1 = np.linspace(0.002, 0.13, 60)
     for n, s in enumerate((0.005, 0.01)):
@@ -219,6 +221,8 @@ def test_a_near_miss_is_crossed_on_any_grid(tmp_path):
             tmp_path,
             "--vary",
             f"stage.test.wires.s=5e-5:0.05:{points}:log",
+            "--fidelity",
+            "force",
         )
         tilt, along = values(answer, "test pitch"), values(answer, "test longitudinal")
         assert tilt[0] < 0.3 and tilt[-1] > 40
@@ -583,26 +587,38 @@ def test_points_are_runs_of_their_own(level, tmp_path):
             )
 
 
-def test_what_bending_would_change_is_told(tmp_path):
-    options = (
-        "--vary",
-        "stage.test.wires.d=1e-3,2e-3",
-        "--result",
-        "test pitch",
-        "--json",
-        "--out",
-        tmp_path,
+def test_auto_takes_the_model_that_the_results_need(tmp_path):
+    """Bending shifts the pitch of a mirror by a quarter, its vertical mode hardly."""
+    options = ("--vary", "stage.test.wires.d=1e-3,2e-3", "--json", "--out", tmp_path)
+    pitch, vertical, loose, requested = (
+        strict_json(run("sweep", CONFIGS / "double.toml", *options, *words).stdout)
+        for words in (
+            ("--result", "test pitch"),
+            ("--result", "test vertical"),
+            ("--result", "test pitch", "--tolerance", "0.9"),
+            ("--result", "test pitch", "--fidelity", "force"),
+        )
     )
-    told = run("sweep", CONFIGS / "double.toml", *options).stderr
-    assert (
-        "warning: double: the force model neglects wire bending, which changes test pitch by 25 %;"
-        " rerun with --fidelity beam" in told
+    assert [one["fidelity"] for one in (pitch, vertical, loose)] == ["beam", "force", "force"]
+    assert 0 < pitch["estimated_error"] < 1e-3 and 0 < vertical["estimated_error"] < 1e-3
+    assert loose["estimated_error"] == requested["estimated_error"] > 0.1
+    exact, crude = values(pitch, "test pitch"), values(requested, "test pitch")
+    assert np.abs(crude / exact - 1).max() == pytest.approx(loose["estimated_error"], rel=0.01)
+
+
+def test_what_no_model_has_is_reported(tmp_path):
+    raw = edited(
+        tomllib.loads((CONFIGS / "double.toml").read_text()),
+        {("stage", n, "wires", "material"): MISSING for n in (0, 1)}
+        | {("stage", n, "wires", "radius"): MISSING for n in (0, 1)}
+        | {("stage", n, "wires", "k"): 1e4 for n in (0, 1)},
     )
-    assert (
-        "leaves out"
-        not in run("sweep", CONFIGS / "double.toml", *options, "--fidelity", "string").stderr
+    file = written(tmp_path, raw)
+    result = run("sweep", file, "--vary", "stage.test.wires.d=1e-3,2e-3", "--out", tmp_path / "a")
+    reason = "unknown: wire bending and wire mass, as wire upper.1 has no cross-section"
+    assert result.stdout.splitlines()[0].endswith(reason)
+    result = run(
+        "sweep", file, "--vary", "stage.test.wires.d=1e-3,2e-3", "--json", "--out", tmp_path / "b"
     )
-    assert (
-        "leaves out"
-        not in run("sweep", CONFIGS / "double.toml", *options, "--fidelity", "beam").stderr
-    )
+    answer = strict_json(result.stdout)
+    assert answer["estimated_error"] is None and answer["error_unknown"].endswith(reason)

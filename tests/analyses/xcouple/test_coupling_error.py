@@ -1,4 +1,5 @@
-"""What couplings on strings leave out is told: against the whole sweep on the top rung."""
+"""Errors of couplings in each model against whole sweeps in the most complete one, and the choice
+that follows from them."""
 
 from __future__ import annotations
 
@@ -10,14 +11,19 @@ import h5py
 import numpy as np
 import pytest
 
+from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.xcouple import model_error
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, Sweep
 from suspension_cli.design import reader
+from suspension_cli.design.reader import Source
 from suspension_cli.linear import signals
+from suspension_cli.models import registry
 from suspension_cli.studies.axes import Axis
 from tests.support import scenes
 from tests.support.commandline import run
 from tests.support.paths import CONFIGS
+
+GRID = "k=0.9:1.1:3,offset=-1e-3:1e-3:3"
 
 
 def job(text, body):
@@ -26,58 +32,67 @@ def job(text, body):
     question = CouplingRequest(
         0, 1, "loaded-length", signals.parse_input("support.z", known), *motions, (5.0, 50.0)
     )
-    return Sweep(text, (Axis("k", (0.8, 1.0, 1.2)), Axis("offset", (-1e-3, 0.0, 1e-3))), question)
+    k, offset = np.linspace(0.8, 1.2, 7), np.linspace(-1e-3, 1e-3, 5)
+    return Sweep(text, (Axis("k", tuple(k)), Axis("offset", tuple(offset))), question)
 
 
-def test_ends_of_the_axes_tell_what_the_whole_sweep_would():
-    text = (CONFIGS / "husman2000" / "figure6.toml").read_text()
-    asked = job(text, "test")
-    rung, error = model_error.estimate_coupling_error(asked)
-    assert rung == "violin"
+def choice_for(asked, wanted="auto", tolerance=1e-3):
+    source = Source(reader.parse(asked.text), asked.text, "")
+    change = model_error.coupling_change(asked)
+    return model_choice.for_builds(source, wanted, registry.SCENE_MODELS, change, tolerance)
+
+
+def test_corners_and_middles_give_the_error_of_the_whole_sweep():
+    asked = job((CONFIGS / "husman2000" / "figure6.toml").read_text(), "test")
     old, new = (
-        one.compute(0, one.count)["ratio"] for one in (asked, replace(asked, level="violin"))
+        replace(asked, level=level).compute(0, asked.count)["ratio"]
+        for level in ("string", "violin")
     )
-    assert error == pytest.approx(np.abs(old - new).max() / np.abs(new).max(), rel=0.3)
-    assert 1e-4 < error < 1e-1
+    choice = choice_for(asked, "string")
+    assert choice.error == pytest.approx(np.abs(old - new).max() / np.abs(new).max(), rel=0.3)
+    assert 1e-4 < choice.error < 1e-1
+    assert choice_for(asked, tolerance=1.5 * choice.error).level == "string"
+    assert choice_for(asked, tolerance=choice.error).level == "beam"
+    assert choice_for(asked, tolerance=1e-12).level == "violin"
 
 
 def test_wires_of_unknown_section():
     raw = scenes.chain(np.random.default_rng(3), 1)
-    rung, error = model_error.estimate_coupling_error(
-        job(reader.write_toml(scenes.plain(raw)), raw["stage"][0]["name"])
-    )
-    assert rung == ""
-    assert math.isnan(error)
+    text = reader.write_toml(scenes.plain(raw))
+    choice = choice_for(job(text, raw["stage"][0]["name"]))
+    assert choice.level == "string" and math.isnan(choice.error)
+    assert choice.error_unknown.startswith("unknown: wire bending and wire mass, as wire ")
+    assert choice.line.endswith("has no cross-section")
 
 
-def test_the_command_tells(tmp_path):
-    design = str(CONFIGS / "geo-silica-triple.toml")
-    done = run(
-        "xcouple",
-        design,
-        "--sweep",
-        "k=0.9:1.1:3,offset=-1e-3:1e-3:3",
-        "--json",
-        "--out",
-        str(tmp_path),
+def test_the_default_is_what_the_couplings_need(tmp_path):
+    """To the tolerance: relative to the largest coupling."""
+    design = CONFIGS / "geo-silica-triple.toml"
+    found = {
+        words: json.loads(
+            run("xcouple", design, "--sweep", GRID, "--json", "--out", tmp_path, *words).stdout
+        )
+        for words in (
+            (),
+            ("--tolerance", "1"),
+            ("--tolerance", "0.05"),
+            ("--fidelity", "string"),
+            ("--fidelity", "violin"),
+        )
+    }
+    default, loose, medium, strings, exact = found.values()
+    levels = [one["fidelity"] for one in (default, loose, medium)]
+    assert levels == ["violin", "string", "beam"]
+    assert default["estimated_error"] == 0.0 < medium["estimated_error"] < 0.05
+    assert 0.05 < loose["estimated_error"] == strings["estimated_error"] < 1.0
+    assert default["ratio_real"] == exact["ratio_real"]
+    assert loose["ratio_real"] == strings["ratio_real"]
+    old, new = (
+        np.array(one["ratio_real"]) + 1j * np.array(one["ratio_imag"]) for one in (loose, exact)
     )
-    assert "rerun with --fidelity violin" in done.stderr
-    found = json.loads(done.stdout)
-    assert found["fidelity"] == "string"
-    assert found["estimated_error"] > 0.01
-    done = run(
-        "xcouple",
-        design,
-        "--sweep",
-        "k=0.9:1.1:3,offset=-1e-3:1e-3:3",
-        "--json",
-        "--fidelity",
-        "violin",
-        "--out",
-        str(tmp_path),
+    assert np.abs(old - new).max() / np.abs(new).max() == pytest.approx(
+        loose["estimated_error"], rel=0.3
     )
-    assert "has them" not in done.stderr
-    assert json.loads(done.stdout)["fidelity"] == "violin"
 
 
 ROD = """
@@ -100,115 +115,58 @@ radius = 8e-3
 off."""
 
 
-def test_builds_that_hang_on_strings_alone_tell_nothing():
-    rung, error = model_error.estimate_coupling_error(job(ROD, "test"))
-    assert rung == "violin"
-    assert math.isnan(error)
-
-
-def test_no_coupling_on_either_is_no_error():
-    asked = job((CONFIGS / "husman2000" / "table1-case3.toml").read_text(), "test")
-    assert model_error.estimate_coupling_error(
-        replace(asked, axes=(Axis("mass", (0.9, 1.1)),))
-    ) == (
-        "violin",
-        0.0,
-    )
-
-
-def test_the_command_says_what_it_does_not_know(tmp_path):
+def test_builds_that_hang_on_strings_alone(tmp_path):
+    """No finite error of strings: `auto` takes what shows that they do not hang."""
+    choice = choice_for(job(ROD, "test"), "string")
+    assert math.isinf(choice.error)
     design = tmp_path / "rod.toml"
     design.write_text(ROD)
-    done = run(
-        "xcouple",
-        str(design),
-        "--sweep",
-        "k=0.9:1.1:3,offset=-1e-3:1e-3:3",
-        "--json",
-        "--out",
-        str(tmp_path),
-    )
-    assert (
-        "is not known, as not all builds at the ends of the axes have an equilibrium in both"
-        " models; rerun with --fidelity violin" in done.stderr
-    )
-    assert json.loads(done.stdout)["estimated_error"] is None
+    words = ("xcouple", design, "--sweep", GRID, "--json", "--out", tmp_path)
+    done = run(*words, "--fidelity", "string")
+    found = json.loads(done.stdout)
+    assert found["estimated_error"] is None
+    assert model_error.ONE_MODEL_ONLY in found["error_unknown"]
     with h5py.File(tmp_path / "rod-xcouple.h5") as results:
-        assert "in the string or the violin model" in results.attrs["fidelity_reason"]
+        assert model_error.ONE_MODEL_ONLY in results.attrs["fidelity_reason"]
+    assert registry.by_name(json.loads(run(*words).stdout)["fidelity"]).bends_wires
 
 
-def test_the_command_names_what_the_higher_rung_has(tmp_path):
-    """Without a density there is no mass of wires to leave out; a change of several hundred per
-    cent is written out."""
-    design = tmp_path / "rod.toml"
-    design.write_text(
+def test_no_coupling_in_any_model_is_no_error():
+    asked = job((CONFIGS / "husman2000" / "table1-case3.toml").read_text(), "test")
+    choice = choice_for(replace(asked, axes=(Axis("mass", (0.9, 1.1)),)))
+    assert (choice.level, choice.error) == ("string", 0.0)
+
+
+def test_the_tolerance_that_no_model_meets():
+    """Without a density there is no wire mass; the reason says that its effect is unknown."""
+    text = (
         ROD.replace("8e-3", "3e-3").replace('"c70steel"', '"mine"')
         + "[materials.mine]\nyoungs_modulus = 2e11\npoisson_ratio = 0.3\n"
     )
-    done = run(
-        "xcouple",
-        str(design),
-        "--sweep",
-        "k=0.9:1.1:3,offset=-1e-3:1e-3:3",
-        "--json",
-        "--out",
-        str(tmp_path),
-    )
-    warned = next(line for line in done.stderr.splitlines() if "rerun with" in line)
-    assert (
-        "wire bending changes these couplings by" in warned
-        and "mass" not in warned
-        and "e+" not in warned
-    )
-
-
-GRID = "k=0.9:1.1:3,offset=-1e-3:1e-3:3"
-
-
-def test_a_tolerance_decides(tmp_path):
-    """Without one the sweep is on strings; with one, on what keeps to it."""
-    design = CONFIGS / "geo-silica-triple.toml"
-    loose, close, asked = (
-        json.loads(
-            run("xcouple", design, "--sweep", GRID, "--json", "--out", tmp_path, *words).stdout
-        )
-        for words in (("--tolerance", "1"), ("--tolerance", "0.05"), ("--fidelity", "violin"))
-    )
-    assert (loose["fidelity"], close["fidelity"]) == ("string", "violin")
-    assert 0.05 < loose["estimated_error"] < 1.0 and close["estimated_error"] == 0.0
-    assert close["ratio_real"] == asked["ratio_real"] and close["ratio_imag"] == asked["ratio_imag"]
-    old, new = (
-        np.array(one["ratio_real"]) + 1j * np.array(one["ratio_imag"]) for one in (loose, close)
-    )
-    assert np.abs(old - new).max() / np.abs(new).max() == pytest.approx(
-        loose["estimated_error"], rel=0.3
-    )
+    choice = choice_for(job(text, "test"))
+    assert choice.level == "beam" and math.isnan(choice.error)
+    assert "unknown: wire mass, as wire test.1 is of mine, which has no density" in choice.line
 
 
 def test_a_requested_model_reports_its_error(tmp_path):
-    """As much as if `auto` had taken it, without a warning; less with wires that bend."""
+    """As much as if `auto` had taken it; less with wires that bend."""
     words = ("xcouple", CONFIGS / "double.toml", "--sweep", "k=0.9:1.1:3", "--json", "--no-plot")
     done = {
         level: run(*words, "--out", tmp_path, "--fidelity", level)
-        for level in ("auto", "string", "beam", "violin")
+        for level in ("string", "beam", "violin")
     }
     error = {level: json.loads(one.stdout)["estimated_error"] for level, one in done.items()}
-    assert error["string"] == error["auto"] > error["beam"] > 0.0
-    assert error["violin"] == 0.0
+    assert error["string"] > error["beam"] > error["violin"] == 0.0
     assert "warning" not in done["string"].stderr
 
 
-def test_the_matrix_tells_too(tmp_path):
+def test_the_matrix_too(tmp_path):
     design = CONFIGS / "imperfect.toml"
-    plain, close = (
+    found = [
         json.loads(run("xcouple", design, "--matrix", "--json", "--out", tmp_path, *words).stdout)
-        for words in ((), ("--tolerance", "1e-4"))
-    )
-    assert plain["fidelity"] == "string" and plain["estimated_error"] > 1e-4
-    assert close["fidelity"] == "violin" and close["estimated_error"] == 0.0
-    exact = json.loads(
-        run(
-            "xcouple", design, "--matrix", "--json", "--out", tmp_path, "--fidelity", "violin"
-        ).stdout
-    )
-    assert close["matrix_real"] == exact["matrix_real"]
+        for words in ((), ("--tolerance", "0.9"), ("--fidelity", "violin"))
+    ]
+    default, loose, exact = found
+    assert default["fidelity"] == "violin" and default["estimated_error"] == 0.0
+    assert loose["fidelity"] == "string" and loose["estimated_error"] > 1e-4
+    assert default["matrix_real"] == exact["matrix_real"]
