@@ -60,17 +60,20 @@ def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene
         wires.torsion,
     )
     numbers = [np.broadcast_to(value, shape) for value in numbers]
-    bend, twist = np.empty((*shape, 2, 3)), np.empty(shape)
+    found: list[tuple[list[int], Any, Any]] = []
     for group in group_identical(scene.fibres.wire, *numbers):
         first = group[0]
         fibre = fit_to_equilibrium(
             scene.fibres.wire[first], *(np.ravel(value[..., first]) for value in numbers)
         )
         strand = TautWire(fibre, np.ravel(numbers[2][..., first]), massive=False, lossy=False)
-        for plane, part in enumerate(("bend-1", "bend-2")):
-            stiffness = _slope_stiffness(strand.resting(part))
-            bend[..., group, plane, :] = stiffness.reshape(*scene.batch, 1, 3)
-        twist[..., group] = (strand.resting("twist")[1, 1] / 4).reshape(*scene.batch, 1)
+        planes = [_slope_stiffness(strand.resting(part)) for part in ("bend-1", "bend-2")]
+        found.append((group, np.stack(planes, axis=-2), strand.resting("twist")[1, 1] / 4))
+    kind = np.result_type(float, *(part for _, *parts in found for part in parts))
+    bend, twist = np.empty((*shape, 2, 3), dtype=kind), np.empty(shape, dtype=kind)
+    for group, slopes, turning in found:
+        bend[..., group, :, :] = slopes.reshape(*scene.batch, 1, 2, 3)
+        twist[..., group] = turning.reshape(*scene.batch, 1)
     scene = with_planes(scene)
     assert scene.flex is not None
     return replace(scene, flex=replace(scene.flex, bend=bend, twist=twist))

@@ -41,7 +41,7 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     """
     if scene.batch:
         return _solve_batch(scene, numbering)
-    scene = _clamped(scene)
+    scene = between_clamps(scene)
     found = equilibrium.solve(scene, numbering)
     tension, threshold = scene.wires.tension, 0.0  # the first time any change counts
     for _ in range(PASSES):
@@ -68,7 +68,7 @@ def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     return replace(scene, flex=replace(scene.flex, bend=bend, twist=found.flex[..., 6])), found
 
 
-def _clamped(scene: Scene) -> Scene:
+def between_clamps(scene: Scene) -> Scene:
     """Scene whose wires bend between their clamps; so do those of its nominal scene."""
     drawn = scene.drawn
     if drawn is not None:
@@ -89,7 +89,8 @@ def _to_clamps(scene: Scene) -> Scene:
     assert fibres is not None
     if not any(fibre.effective for fibre in fibres.wire):
         return scene
-    ends = np.zeros((*scene.batch, len(wires.label), 2))
+    kind = np.result_type(scene.kind, *(s.rigidity[0] for f in fibres.wire for s in f.sections))
+    ends = np.zeros((*scene.batch, len(wires.label), 2), dtype=kind)
     shape = (*scene.batch, len(wires.label))
     numbers = [np.broadcast_to(v, shape) for v in (wires.length, wires.stiffness, wires.tension)]
     for group in group_identical(fibres.wire, *numbers):
@@ -126,6 +127,6 @@ def _hinge_distances(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
         )
         strand = TautWire(whole, tension.ravel(), massive=False, lossy=False)
         stiffness = joined_sections.to_ends(strand.resting("bend-1"))  # of w_1, w'_1, w_2, w'_2
-        upper = np.abs(stiffness[1, 2] / stiffness[0, 2])
-        lower = np.abs(stiffness[3, 0] / stiffness[2, 0])
+        upper, lower = stiffness[1, 2] / stiffness[0, 2], stiffness[3, 0] / stiffness[2, 0]
+        upper, lower = (ratio * np.sign(ratio.real) for ratio in (upper, lower))
     return np.stack([upper, lower], axis=-1).reshape(*length.shape, 2)

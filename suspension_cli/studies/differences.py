@@ -77,11 +77,13 @@ def changes(
 ) -> tuple[Differentiable, Mapping[str, Linear | None]]:
     """The matrices of a design and their derivatives, exact where the model has them.
 
-    See `derived`; `level` is the name of a model that supports derivatives.
+    Static matrices are differentiated exactly in all models, those at frequencies `omega` only
+    where they do not depend on frequency. See `derived`; `level` is the name of a model that
+    supports derivatives.
     """
-    if not registry.by_name(level).exact_derivatives:
+    if omega and not registry.by_name(level).exact_derivatives:
         return derived(design, numbers, level, omega)
-    base = derivatives.prepared(design)
+    base = derivatives.prepared(design, level)
     return base, {item.name: derivatives.of(base, item.name) for item in numbers}
 
 

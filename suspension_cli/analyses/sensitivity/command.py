@@ -31,7 +31,12 @@ class SensitivityAnalysis(Analysis):
 
     name = "sensitivity"
     arguments = (options.DESIGN,)
-    parameters = (options.RESULTS, options.ALLOW_UNSTABLE, *options.WRITING)
+    parameters = (
+        options.RESULTS,
+        options.ALLOW_UNSTABLE,
+        options.ACCURACY,
+        *options.WRITING,
+    )
 
     def solve(self, run: Run) -> Result:
         """Differentiate every result with respect to every number."""
@@ -42,7 +47,10 @@ class SensitivityAnalysis(Analysis):
 
         setting, source = run.setting, run.source
         decision = model_choice.with_derivatives(
-            setting["fidelity"], source, model_choice.named_results(setting["result"])
+            setting["fidelity"],
+            source,
+            model_choice.named_results(setting["result"]),
+            setting["tolerance"],
         )
         choice = decision.choice
         model = model_choice.stable_system(
