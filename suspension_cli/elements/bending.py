@@ -28,6 +28,7 @@ it adds kappa phi^2 / 2 alone, with planes across its line in the nominal pose.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -36,8 +37,13 @@ from suspension_cli.elements import string
 from suspension_cli.elements.dynamic_wire import TautWire, fit_to_equilibrium, group_identical
 from suspension_cli.elements.geometric_stiffness import add_arms, sum_by
 from suspension_cli.rotations import cross, cross_matrix
+from suspension_cli.scene.composition import Fibre, Section
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Flex, Scene, Wires
+
+
+KNOWN = 512
+"""Wires whose stiffness is kept."""
 
 
 def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
@@ -62,13 +68,13 @@ def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene
     numbers = [np.broadcast_to(value, shape) for value in numbers]
     found: list[tuple[list[int], Any, Any]] = []
     for group in group_identical(scene.fibres.wire, *numbers):
-        first = group[0]
-        fibre = fit_to_equilibrium(
-            scene.fibres.wire[first], *(np.ravel(value[..., first]) for value in numbers)
+        fibre, own = scene.fibres.wire[group[0]], [value[..., group[0]] for value in numbers]
+        resistance = (
+            _resistance(fibre, *map(np.ravel, own))
+            if scene.batch
+            else _known_resistance(fibre.sections, *(value.item() for value in own))
         )
-        strand = TautWire(fibre, np.ravel(numbers[2][..., first]), massive=False, lossy=False)
-        planes = [_slope_stiffness(strand.resting(part)) for part in ("bend-1", "bend-2")]
-        found.append((group, np.stack(planes, axis=-2), strand.resting("twist")[1, 1] / 4))
+        found.append((group, *resistance))
     kind = np.result_type(float, *(part for _, *parts in found for part in parts))
     bend, twist = np.empty((*shape, 2, 3), dtype=kind), np.empty(shape, dtype=kind)
     for group, slopes, turning in found:
@@ -77,6 +83,24 @@ def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene
     scene = with_planes(scene)
     assert scene.flex is not None
     return replace(scene, flex=replace(scene.flex, bend=bend, twist=twist))
+
+
+def _resistance(
+    fibre: Fibre, length: Any, stiffness: Any, tension: Any, torsion: Any
+) -> tuple[Any, Any]:
+    """Stiffness of a wire against slopes (f, 2, 3) and twist (f,), for (f,) numbers."""
+    fibre = fit_to_equilibrium(fibre, length, stiffness, tension, torsion)
+    strand = TautWire(fibre, tension, massive=False, lossy=False)
+    planes = [_slope_stiffness(strand.resting(part)) for part in ("bend-1", "bend-2")]
+    return np.stack(planes, axis=-2), strand.resting("twist")[1, 1] / 4
+
+
+@lru_cache(maxsize=KNOWN)
+def _known_resistance(sections: tuple[Section, ...], *numbers: complex) -> tuple[Any, Any]:
+    """Resistance of one wire; most wires do not change from one design to the next."""
+    nowhere = np.zeros(3)
+    fibre = Fibre("", sections, nowhere, (nowhere, nowhere), (0.0, 0.0))
+    return _resistance(fibre, *(np.array([number]) for number in numbers))
 
 
 def with_planes(scene: Scene) -> Scene:

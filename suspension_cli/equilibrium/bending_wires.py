@@ -41,7 +41,7 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     """
     if scene.batch:
         return _solve_batch(scene, numbering)
-    scene = between_clamps(scene)
+    scene = _clamped(scene)
     found = equilibrium.solve(scene, numbering)
     tension, threshold = scene.wires.tension, 0.0  # the first time any change counts
     for _ in range(PASSES):
@@ -59,24 +59,24 @@ def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     """Find the equilibria of many builds by compiled loops, which keep the bending up to date."""
     drawn = scene.drawn
     if drawn is not None:
-        drawn = bending.with_planes(_to_clamps(replace(drawn, fibres=scene.fibres)))
+        drawn = bending.with_planes(to_clamps(replace(drawn, fibres=scene.fibres)))
         drawn = drawn if drawn.batch else bending.with_bending(drawn)
-    scene = replace(bending.with_planes(_to_clamps(scene)), drawn=drawn)
+    scene = replace(bending.with_planes(to_clamps(scene)), drawn=drawn)
     found = equilibrium.solve(scene, numbering)
     assert scene.flex is not None
     bend = found.flex[..., :6].reshape(*found.flex.shape[:-1], 2, 3)
     return replace(scene, flex=replace(scene.flex, bend=bend, twist=found.flex[..., 6])), found
 
 
-def between_clamps(scene: Scene) -> Scene:
+def _clamped(scene: Scene) -> Scene:
     """Scene whose wires bend between their clamps; so do those of its nominal scene."""
     drawn = scene.drawn
     if drawn is not None:
-        drawn = bending.with_bending(_to_clamps(replace(drawn, fibres=scene.fibres)))
-    return replace(bending.with_bending(_to_clamps(scene)), drawn=drawn)
+        drawn = bending.with_bending(to_clamps(replace(drawn, fibres=scene.fibres)))
+    return replace(bending.with_bending(to_clamps(scene)), drawn=drawn)
 
 
-def _to_clamps(scene: Scene) -> Scene:
+def to_clamps(scene: Scene) -> Scene:
     """Move the ends of wires to their clamps, where the design gives effective hinges instead.
 
     A wire whose far end is displaced sideways acts on its clamp with a shear force V and a moment

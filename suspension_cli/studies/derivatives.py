@@ -45,7 +45,7 @@ from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_po
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.parameters import STEP, stepped
 
-SETTLED = 1e-13
+SETTLED = 1e-11
 """Relative change of the derivative of a pose at which it is final, where wires bend."""
 PASSES = 12
 """Most steps of that derivative."""
@@ -232,7 +232,7 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
 def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
     """Step the equilibrium of wires that bend: the pose and their bending stiffness together."""
     scene = lossless(registry.BEAM.completed(scene, design))
-    scene, pose, free = bending_wires.between_clamps(scene), base.pose, slice(6, None)
+    scene, pose, free = bending_wires.to_clamps(scene), base.pose, slice(6, None)
     change = np.zeros(base.numbering.size)
     balanced = MOVED * float(base.scene.weight)
     stiffness = base.stiffness
