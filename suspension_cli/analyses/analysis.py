@@ -179,7 +179,9 @@ class Result(Report):
         head: dict[str, Any] = {"command": self.analysis.command_name, "design": self.name}
         if not self.analysis.has_model:
             return head | self.analysis.document(self)
-        error = {"estimated_error": as_number(self.estimated_error)}
+        error: dict[str, Any] = {"estimated_error": as_number(self.estimated_error)}
+        if self.choice.error_unknown:
+            error["error_unknown"] = self.choice.error_unknown
         return head | {"fidelity": self.model} | self.analysis.document(self) | error
 
     def figures(self, **setting: Any) -> dict[str, Figure]:

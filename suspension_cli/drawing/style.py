@@ -7,7 +7,7 @@ import os
 import warnings
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -17,6 +17,9 @@ from matplotlib.figure import Figure
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.files.atomic import replace_file
+
+if TYPE_CHECKING:
+    from suspension_cli.models.registry import Choice
 
 DPI = 180
 """Resolution of pictures, dots per inch."""
@@ -109,6 +112,25 @@ def write_text(
         color=colour,
         fontweight="bold" if bold else "normal",
     )
+
+
+def name_model(figure: Figure, choice: Choice) -> Figure:
+    """Write the model and what it neglects below a figure, and return it."""
+    across, up = figure.get_size_inches()
+    left_out = choice.neglected.partition(" (tolerance")[0]
+    text = f"{choice.level} model" + (f"; {left_out}" if left_out else "")
+    room = figure.subplotpars.bottom + 0.12 / up
+    figure.subplots_adjust(bottom=min(room, figure.subplotpars.top - 0.01))
+    figure.text(
+        1 - 0.05 / across,
+        0.03 / up,
+        single_line(text, int(across / 0.045)),
+        ha="right",
+        va="bottom",
+        color=NOTE,
+        fontsize=6,
+    )
+    return figure
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:

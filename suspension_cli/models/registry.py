@@ -57,6 +57,16 @@ class Choice:
         why, semicolon, rest = self.reason.partition("; ")
         return f"model: {self.level} ({why}){semicolon}{rest}"
 
+    @property
+    def neglected(self) -> str:
+        """The end of the reason: the neglected and the unknown physics; "" if there is none."""
+        return self.reason.partition("; ")[2]
+
+    @property
+    def error_unknown(self) -> str:
+        """Why there is no finite error; "" if there is one."""
+        return "" if math.isfinite(self.error) else self.neglected or "not estimated"
+
 
 def by_name(name: str) -> Model:
     """The model of a name, as ``--fidelity`` takes it (not ``auto``).

@@ -140,8 +140,10 @@ class SensitivityAnalysis(Analysis):
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw a coloured table."""
         from suspension_cli.analyses.sensitivity import picture
+        from suspension_cli.drawing import style
 
-        return {"": picture.draw(result.data, result.title, result.model)}
+        drawn = picture.draw(result.data, result.title)
+        return {"": style.name_model(drawn, result.choice)}
 
 
 def _cell(value: float, absolute: bool) -> float | str:
