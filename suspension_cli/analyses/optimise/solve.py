@@ -94,13 +94,20 @@ def solve(
     best = min((point for point in points if point is not None), key=lambda point: point.rank)
     if best.outside > FEASIBLE:
         raise InputError(_bound_faults(freed, freed.values(freed.numbers(best.fraction))))
-    made = _achieved(search, freed.numbers(best.fraction), level, tolerance)
-    if made.bends and not registry.by_name(search.values.level).bends_wires:
+    if level == registry.AUTO and _needs_bending(search, best, tolerance):
         search = _search(freed, goals, registry.BEAM.name)
         best = search.run(best.fraction) or best
     best, made, rounds = _correct(search, best, level, tolerance)
     drawn = _achieved(search, freed.start, level, tolerance)
     return summarise(search, best, drawn, made, _starts(points, before), rounds)
+
+
+def _needs_bending(search: Search, best: Point, tolerance: float) -> bool:
+    """Whether the result of a search on straight wires needs wires that bend."""
+    if registry.by_name(search.values.level).bends_wires:
+        return False
+    number = search.freed.numbers(best.fraction)
+    return _achieved(search, number, registry.AUTO, tolerance).bends
 
 
 def _search_model(freed: FreeDesign, level: str, tolerance: float) -> str:
