@@ -41,7 +41,6 @@ from suspension_cli.scene.composition import Fibre, Section
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Flex, Scene, Wires
 
-
 KNOWN = 512
 """Wires whose stiffness is kept."""
 

@@ -73,7 +73,9 @@ def compose(design: Design) -> Fibres:
             wires.append(
                 Fibre(
                     label=wire.label,
-                    sections=_sections(design, table, np.sqrt(wire.span @ wire.span).item(), losses),
+                    sections=_sections(
+                        design, table, np.sqrt(wire.span @ wire.span).item(), losses
+                    ),
                     plane=_plane(wire.direction),
                     clamp=_clamp(part.stage, number, table, wire),
                     temperature=(temperature.upper, temperature.lower)

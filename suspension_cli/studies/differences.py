@@ -1,8 +1,8 @@
 """Derivatives of a design's matrices with respect to its numbers, by differences.
 
-They serve models without exact derivatives (`derivatives`): in the beam model stiffness comes from
-complex functions and equilibria from iterations, so there is no complex step. Each number is moved
-by h and 2h either way, and each matrix A has
+They serve matrices that depend on frequency: in the beam model losses are complex functions, so a
+complex step (`derivatives`) differentiates the static matrices alone. Each number is moved by h and
+2h either way, and each matrix A has
 
     dA/dp = (8 (A(p + h) - A(p - h)) - (A(p + 2h) - A(p - 2h))) / 12h + O(h^4),
 

@@ -96,7 +96,8 @@ class FitAnalysis(Analysis):
         sources = [one.source for one in runs]
         wanted, tolerance = run.setting["fidelity"], run.setting["tolerance"]
         decisions, begin = common_model.choose(wanted, sources, given, tolerance), None
-        for refits in range(REFITS + 1):
+        refits = 0
+        while True:
             with attribute_faults_to(file), run.log.progress() as bar:
                 found = fit.solve(
                     [source.text for source in sources],
@@ -116,7 +117,7 @@ class FitAnalysis(Analysis):
                 run.log.warn(f"the fitted numbers need another model; rerun with {more.line}")
                 break
             run.log.say(f"fitted again from these numbers, which need the {more.level} model")
-            decisions, begin = needed, found.value
+            decisions, begin, refits = needed, found.value, refits + 1
         choice = common_model.worst(decisions)
         for source, decision in zip(sources, decisions, strict=True):
             model_choice.warn_of_neglected(source, decision, run.log, (registry.BEAM,))

@@ -208,9 +208,7 @@ def _check_starts(experiments: list[Experiment], shared: Any) -> None:
         raise InputError(list(bad))
 
 
-def starts(
-    problem: Problem, count: int, seed: int, begin: Array | None = None
-) -> Iterator[Array]:
+def starts(problem: Problem, count: int, seed: int, begin: Array | None = None) -> Iterator[Array]:
     """Yield starting values (p,): first `begin` (by default the given ones), then random ones.
 
     Numbers with a prior are drawn from it, others evenly between their bounds (evenly in the

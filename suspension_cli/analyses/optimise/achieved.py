@@ -148,7 +148,9 @@ def _response(design: Design, item: OfResponse, level: str, tolerance: float) ->
     outputs = [item.ratio.over] + ([] if item.ratio.under is None else [item.ratio.under])
     inputs, frequency = [item.ratio.input], np.array([item.ratio.frequency])
     imperfect = with_imperfections(design, item.perturbation)
-    choice, model = _choose_model(imperfect, lambda _: Transfer(inputs, outputs, frequency), level, tolerance)
+    choice, model = _choose_model(
+        imperfect, lambda _: Transfer(inputs, outputs, frequency), level, tolerance
+    )
     size = np.abs(response.solve(model, frequency, inputs, outputs).value[0, :, 0])
     found = float(size[0] if len(size) == 1 else size[0] / size[1] if size[0] else 0.0)
     return found, choice.model.bends_wires

@@ -1,7 +1,7 @@
 """Logarithms of quantities of a design and their exact derivatives by its free numbers.
 
-All are those of the string model, or of the beam model without its losses. Derivatives of frequencies:
-`sensitivity.solve.differentiate_omega_squared`; of responses: `response_derivatives`; of stresses
+All are those of the string model, or of the beam model without its losses. Derivatives of
+frequencies: `sensitivity.solve.differentiate_omega_squared`; of responses: `response_derivatives`; of stresses
 and heights: one complex step with the change of the equilibrium (`derivatives.moved`). The energy
 fraction s = v D v / v E v of a mode v in the top mass (D: its block of the mass matrix, E: all
 blocks) changes with the shape. For v_k M v_k = 1 and distinct lambda = omega^2,
@@ -176,9 +176,7 @@ class Evaluator:
                 for n, item in enumerate(self.requirements.quantities)
                 if getattr(item, "perturbation", ()) == imperfect
             ]
-            for found, here in variants.balanced(
-                text, values, self.level, allow_unstable=True
-            ):
+            for found, here in variants.balanced(text, values, self.level, allow_unstable=True):
                 good = found.status == builds.GOOD
                 result[np.ix_(here[good], some)] = self._of_batch(found, good, some)
         for n, row in enumerate(numbers):

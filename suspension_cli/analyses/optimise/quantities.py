@@ -244,9 +244,7 @@ def _of_goal(
     return [OfDepth(f"height down to {stage}", "m", stage)], []
 
 
-def _of_modes(
-    goal: Goal, key: str, found: Modes, families: Families, level: str
-) -> list[OfMode]:
+def _of_modes(goal: Goal, key: str, found: Modes, families: Families, level: str) -> list[OfMode]:
     share, unit = goal.kind == "coupling", "1" if goal.kind == "coupling" else "Hz"
     if goal.modes is not None:
         named = [

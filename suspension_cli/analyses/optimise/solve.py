@@ -1,9 +1,9 @@
 """Optimisation of the numbers of a design to meet goals.
 
 Starts are the design itself and the best of a Sobol sequence between the bounds, which is computed
-as one batch. The search (`constrained_search`) uses the beam model where the modes or the goals need
-wires that bend, else the string model, both with exact derivatives. Its result is written as TOML,
-read back, and every goal is checked by the ordinary analyses (`achieved`) with the models that
+as one batch. The search (`constrained_search`) uses the beam model where the modes at the start
+need wires that bend, else the string model, both with exact derivatives. Its result is written as
+TOML, read back, and every goal is checked by the ordinary analyses (`achieved`) with the models that
 these choose. If a result of the string model needs wires that bend, the search continues from there
 on the beam model. What is still neglected (losses, wire mass) is small: the difference of the
 logarithms is added to those of the search, which continues until the two agree. The limits are then
@@ -283,7 +283,12 @@ def _achieved(search: Search, number: Array, level: str, tolerance: float) -> Ac
         )
 
     return achieved.evaluate(
-        freed.toml(number), values.requirements.quantities, values.families, level, tolerance, follow
+        freed.toml(number),
+        values.requirements.quantities,
+        values.families,
+        level,
+        tolerance,
+        follow,
     )
 
 

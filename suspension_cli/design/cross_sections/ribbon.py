@@ -122,5 +122,6 @@ ODD_FIFTH = 31 * 1.0369277551433699 / 32
 
 
 def _one_less_tanh(x: Any) -> Any:
-    exp = cmath.exp if isinstance(x, complex) else math.exp
-    return 2 / (exp(2 * x) + 1) if x.real < 300 else 0.0
+    if x.real >= 300:
+        return 0.0
+    return 2 / ((cmath.exp(2 * x) if isinstance(x, complex) else math.exp(2 * x)) + 1)
