@@ -43,6 +43,8 @@ from suspension_cli.scene.scene import Flex, Scene, Wires
 
 KNOWN = 512
 """Wires whose stiffness is kept."""
+STEP = 1e-30
+"""Imaginary step of a number, whose square is far below rounding."""
 
 
 def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
@@ -71,7 +73,7 @@ def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene
         resistance = (
             _resistance(fibre, *map(np.ravel, own))
             if scene.batch
-            else _known_resistance(fibre.sections, *(value.item() for value in own))
+            else _resistance_of_one(fibre.sections, *(value.item() for value in own))
         )
         found.append((group, *resistance))
     kind = np.result_type(float, *(part for _, *parts in found for part in parts))
@@ -94,12 +96,45 @@ def _resistance(
     return np.stack(planes, axis=-2), strand.resting("twist")[1, 1] / 4
 
 
+def _resistance_of_one(sections: tuple[Section, ...], *numbers: complex) -> tuple[Any, Any]:
+    """Resistance of one wire; its first order for a complex step of its length or tension."""
+    real, step = [number.real for number in numbers], np.array([number.imag for number in numbers])
+    if len(sections) == 1:  # `numbers` give its length
+        sections = (replace(sections[0], length=sections[0].length.real),)
+    if any(np.imag(value) for section in sections for value in _constants(section)):
+        return _known_resistance(sections, *numbers)
+    found = _known_resistance(sections, *real)
+    if not step.any():
+        return found
+    slopes, turning = _rates(sections, *real)
+    return found[0] + 1j * np.tensordot(step, slopes, 1)[None], found[1] + 1j * (step @ turning)
+
+
+def _constants(section: Section) -> tuple[Any, ...]:
+    """Numbers of a section that its static stiffness depends on."""
+    return section.length, *section.rigidity, section.stretching, section.twisting
+
+
 @lru_cache(maxsize=KNOWN)
 def _known_resistance(sections: tuple[Section, ...], *numbers: complex) -> tuple[Any, Any]:
     """Resistance of one wire; most wires do not change from one design to the next."""
+    found = _resistance(_fibre(sections), *(np.array([number]) for number in numbers))
+    slopes, turning = (part if np.imag(part).any() else np.real(part) for part in found)
+    return slopes, turning  # a complex zero is equal to a real one as a key
+
+
+@lru_cache(maxsize=KNOWN)
+def _rates(sections: tuple[Section, ...], *numbers: float) -> tuple[Any, Any]:
+    """Derivatives (4, 2, 3) and (4,) of the resistance of one wire by its numbers."""
+    each = np.array(numbers)[:, None] + 1j * STEP * np.eye(len(numbers))
+    slopes, turning = _resistance(_fibre(sections), *each)
+    return slopes.imag / STEP, turning.imag / STEP
+
+
+def _fibre(sections: tuple[Section, ...]) -> Fibre:
+    """A fibre of these sections; nothing else matters to its static stiffness."""
     nowhere = np.zeros(3)
-    fibre = Fibre("", sections, nowhere, (nowhere, nowhere), (0.0, 0.0))
-    return _resistance(fibre, *(np.array([number]) for number in numbers))
+    return Fibre("", sections, nowhere, (nowhere, nowhere), (0.0, 0.0))
 
 
 def with_planes(scene: Scene) -> Scene:

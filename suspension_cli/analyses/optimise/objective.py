@@ -1,10 +1,10 @@
 """Logarithms of quantities of a design and their exact derivatives by its free numbers.
 
 All are those of the string model, or of the beam model without its losses. Derivatives of
-frequencies: `sensitivity.solve.differentiate_omega_squared`; of responses: `response_derivatives`; of stresses
-and heights: one complex step with the change of the equilibrium (`derivatives.moved`). The energy
-fraction s = v D v / v E v of a mode v in the top mass (D: its block of the mass matrix, E: all
-blocks) changes with the shape. For v_k M v_k = 1 and distinct lambda = omega^2,
+frequencies: `sensitivity.solve.differentiate_omega_squared`; of responses: `response_derivatives`;
+of stresses and heights: one complex step with the change of the equilibrium (`derivatives.moved`).
+The energy fraction s = v D v / v E v of a mode v in the top mass (D: its block of the mass matrix,
+E: all blocks) changes with the shape. For v_k M v_k = 1 and distinct lambda = omega^2,
 
     dv_k = sum over j != k of v_j (v_j dK v_k - lambda_k v_j dM v_k) / (lambda_k - lambda_j)
            - v_k (v_k dM v_k) / 2

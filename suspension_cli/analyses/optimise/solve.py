@@ -3,9 +3,9 @@
 Starts are the design itself and the best of a Sobol sequence between the bounds, which is computed
 as one batch. The search (`constrained_search`) uses the beam model where the modes at the start
 need wires that bend, else the string model, both with exact derivatives. Its result is written as
-TOML, read back, and every goal is checked by the ordinary analyses (`achieved`) with the models that
-these choose. If a result of the string model needs wires that bend, the search continues from there
-on the beam model. What is still neglected (losses, wire mass) is small: the difference of the
+TOML, read back, and every goal is checked by the ordinary analyses (`achieved`) with the models
+that these choose. If a result of the string model needs wires that bend, the search continues from
+there on the beam model. What is still neglected (losses, wire mass) is small: the difference of the
 logarithms is added to those of the search, which continues until the two agree. The limits are then
 met in the more complete model.
 """
