@@ -118,7 +118,7 @@ def _constants(section: Section) -> tuple[Any, ...]:
 @lru_cache(maxsize=KNOWN)
 def _known_resistance(sections: tuple[Section, ...], *numbers: complex) -> tuple[Any, Any]:
     """Resistance of one wire; most wires do not change from one design to the next."""
-    found = _resistance(_fibre(sections), *(np.array([number]) for number in numbers))
+    found = _resistance(bare_fibre(sections), *(np.array([number]) for number in numbers))
     slopes, turning = (part if np.imag(part).any() else np.real(part) for part in found)
     return slopes, turning  # a complex zero is equal to a real one as a key
 
@@ -127,11 +127,11 @@ def _known_resistance(sections: tuple[Section, ...], *numbers: complex) -> tuple
 def _rates(sections: tuple[Section, ...], *numbers: float) -> tuple[Any, Any]:
     """Derivatives (4, 2, 3) and (4,) of the resistance of one wire by its numbers."""
     each = np.array(numbers)[:, None] + 1j * STEP * np.eye(len(numbers))
-    slopes, turning = _resistance(_fibre(sections), *each)
+    slopes, turning = _resistance(bare_fibre(sections), *each)
     return slopes.imag / STEP, turning.imag / STEP
 
 
-def _fibre(sections: tuple[Section, ...]) -> Fibre:
+def bare_fibre(sections: tuple[Section, ...]) -> Fibre:
     """A fibre of these sections; nothing else matters to its static stiffness."""
     nowhere = np.zeros(3)
     return Fibre("", sections, nowhere, (nowhere, nowhere), (0.0, 0.0))

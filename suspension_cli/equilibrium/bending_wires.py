@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from suspension_cli.elements import bending, joined_sections, string
 from suspension_cli.elements.dynamic_wire import TautWire, fit_to_equilibrium, group_identical
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.scene.composition import Fibre
+from suspension_cli.scene.composition import Fibre, Section
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
@@ -96,7 +97,12 @@ def to_clamps(scene: Scene) -> Scene:
     for group in group_identical(fibres.wire, *numbers):
         fibre = fibres.wire[group[0]]
         if fibre.effective:
-            distance = _hinge_distances(fibre, *(v[..., group[0]] for v in numbers))
+            own = [v[..., group[0]] for v in numbers]
+            distance = (
+                _hinge_distances(fibre, *own)
+                if scene.batch
+                else _known_distances(fibre.sections, *(v.item() for v in own))
+            )
             ends[..., group, :] = distance[..., None, :]
     e, extra = wires.span / wires.length[..., None], ends.sum(-1)
     moved = replace(
@@ -107,6 +113,13 @@ def to_clamps(scene: Scene) -> Scene:
         length=wires.length + extra,
     )
     return replace(scene, wires=moved)
+
+
+@lru_cache(maxsize=bending.KNOWN)
+def _known_distances(sections: tuple[Section, ...], *numbers: complex) -> Any:
+    """Hinge distances (2,) of one wire; most do not change from one design to the next."""
+    found = _hinge_distances(bending.bare_fibre(sections), *map(np.asarray, numbers))
+    return found if np.imag(found).any() else np.real(found)
 
 
 def _hinge_distances(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
