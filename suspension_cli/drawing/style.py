@@ -121,15 +121,16 @@ def name_model(figure: Figure, choice: Choice) -> Figure:
     text = f"{choice.level} model" + (f"; {left_out}" if left_out else "")
     room = figure.subplotpars.bottom + 0.12 / up
     figure.subplots_adjust(bottom=min(room, figure.subplotpars.top - 0.01))
-    figure.text(
-        1 - 0.05 / across,
-        0.03 / up,
-        single_line(text, int(across / 0.045)),
-        ha="right",
-        va="bottom",
-        color=NOTE,
-        fontsize=6,
-    )
+    with house_style():
+        figure.text(
+            1 - 0.05 / across,
+            0.03 / up,
+            single_line(text, int(across / 0.045)),
+            ha="right",
+            va="bottom",
+            color=NOTE,
+            fontsize=6,
+        )
     return figure
 
 
