@@ -589,6 +589,7 @@ def sensitivity(
     *,
     result: Sequence[str] = (),
     model: str = "auto",
+    tolerance: float = 1e-3,
     allow_unstable: bool = False,
 ) -> Result:
     """Compute first derivatives with respect to every number of a design.
@@ -598,7 +599,7 @@ def sensitivity(
     design : Design
     result : sequence of str
         As of `sweep`.
-    model, allow_unstable
+    model, tolerance, allow_unstable
         As of `response`.
 
     Returns
@@ -619,7 +620,14 @@ def sensitivity(
     >>> found.derivative.shape[1]
     1
     """
-    return _run("sensitivity", design, model, result=tuple(result), allow_unstable=allow_unstable)
+    return _run(
+        "sensitivity",
+        design,
+        model,
+        result=tuple(result),
+        tolerance=tolerance,
+        allow_unstable=allow_unstable,
+    )
 
 
 def damp(
@@ -739,6 +747,7 @@ def fit(
     starts: int = 1,
     seed: int = 1,
     model: str = "auto",
+    tolerance: float = 1e-3,
 ) -> Result:
     """Infer numbers of designs from measured mode frequencies.
 
@@ -750,8 +759,8 @@ def fit(
         The design that was measured; None where `measured` names designs itself.
     starts, seed : int
         Number of searches, all but the first from random numbers; their seed.
-    model : str
-        As of `modes`.
+    model, tolerance
+        As of `modes`, for the measured modes; checked with the fitted numbers.
 
     Returns
     -------
@@ -773,7 +782,7 @@ def fit(
     """
     designs = () if design is None else (design,)
     files = {"files": (*designs, str(measured))}
-    return _run("fit", files, model, starts=starts, seed=seed)
+    return _run("fit", files, model, starts=starts, seed=seed, tolerance=tolerance)
 
 
 def optimise(
@@ -783,6 +792,7 @@ def optimise(
     starts: int = 6,
     seed: int = 1,
     model: str = "auto",
+    tolerance: float = 1e-3,
 ) -> Result:
     """Choose numbers of a design so that it meets goals.
 
@@ -793,8 +803,8 @@ def optimise(
         TOML file of goals, and of the free numbers with their bounds (docs/optimise.md).
     starts, seed : int
         Number of designs to search from; seed of all but the first.
-    model : str
-        Model on which the new design is checked.
+    model, tolerance
+        As of `modes`, for the search and for the check of the new design.
 
     Returns
     -------
@@ -814,7 +824,7 @@ def optimise(
     >>> found.met  # doctest: +SKIP
     """
     files = {"design": design, "goals": str(goals)}
-    return _run("optimise", files, model, starts=starts, seed=seed)
+    return _run("optimise", files, model, starts=starts, seed=seed, tolerance=tolerance)
 
 
 def tradeoff(design: Design, *, quantities: Sequence[str] = (), repeat: int = 7) -> Result:

@@ -14,6 +14,7 @@ from suspension_cli.design.measured import Measured
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
+from suspension_cli.models.registry import STRING
 from suspension_cli.studies import parameters
 from tools.tables import FAMILIES, PAPER, ROOT, matched
 from tools.youngs_modulus import table
@@ -54,7 +55,7 @@ def table1() -> str:
     """Infer the moments of inertia and the wire radius of Table I."""
     data = measured.read(FOLDER / "table1-theory.toml")
     texts = [(FOLDER / item.design).read_text() for item in data.experiment or ()]
-    found = fit.solve(texts, data)
+    found = fit.solve(texts, data, level=STRING.name)
     rows = [
         [name, with_uncertainty(value, sigma), f"{used:g}", f"{(used - value) / sigma:+.1f}"]
         for name, value, sigma, used in zip(
@@ -84,7 +85,7 @@ def table1() -> str:
             mode=[mode for mode in item.mode if mode.label == "test yaw"],
             parameter=[data.parameter[2]],
         )
-        alone = fit.solve([text], yaw)
+        alone = fit.solve([text], yaw, level=STRING.name)
         rows.append([str(n + 1), f"{alone.measured[0]:g}", f"{alone.value[0]:.4f}"])
     lines += table(["case", "rotation (Hz)", "IZ (kg m²)"], rows)
     lines += combinations(found)
@@ -94,7 +95,7 @@ def table1() -> str:
 def table2() -> str:
     """Infer all unknown parameters of Table II's triple pendulum."""
     data, text = measured.read(FOLDER / "table2.toml"), TRIPLE.read_text()
-    found = fit.solve([text], data, starts=STARTS)
+    found = fit.solve([text], data, level=STRING.name, starts=STARTS)
     used = {item.name: item.value for item in parameters.every(text)}
     rows = []
     for n, item in enumerate(data.parameter):

@@ -15,6 +15,7 @@ from suspension_cli.conventions import DOF_NAMES
 from suspension_cli.design import measured
 from suspension_cli.design.measured import Free, Measured
 from suspension_cli.files.atomic import write_bytes
+from suspension_cli.models.registry import STRING
 from tools.tables import DOF, PAPER, ROOT
 
 FILE = ROOT / "measured" / "husman2000" / "table1.toml"
@@ -42,7 +43,9 @@ DIRECTIONS = {
 def fitted(data: Measured) -> fit.Fit:
     """Fit the four designs to modes of `FILE`."""
     return fit.solve(
-        [(FILE.parent / item.design).read_text() for item in data.experiment or ()], data
+        [(FILE.parent / item.design).read_text() for item in data.experiment or ()],
+        data,
+        level=STRING.name,
     )
 
 

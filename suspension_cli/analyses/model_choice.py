@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.auto import Decision
     from suspension_cli.models.base import Model
-    from suspension_cli.models.quantity_of_interest import QuantityOfInterest
+    from suspension_cli.models.quantity_of_interest import QuantityOfInterest, Several
     from suspension_cli.models.registry import Choice
 
     Request = Callable[[LinearSystem], QuantityOfInterest]
@@ -221,8 +221,23 @@ def _demand_one_of(wanted: str, models: Sequence[Model]) -> None:
         raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
 
 
-def with_derivatives(wanted: str, source: Source, request: Request) -> Decision:
-    """Choose the model whose derivatives are exact, unless another that has derivatives is wanted.
+def with_derivatives(
+    wanted: str,
+    source: Source,
+    request: Callable[[LinearSystem], Several],
+    tolerance: float = TOLERANCE,
+) -> Decision:
+    """Choose the cheapest model with derivatives that is accurate enough, or the `wanted` one.
+
+    Parameters
+    ----------
+    wanted : str
+        ``"auto"`` or the name of a model.
+    source : Source
+    request : callable
+        The quantity of interest.
+    tolerance : float
+        Relative error that ``"auto"`` may leave.
 
     Raises
     ------
@@ -231,22 +246,32 @@ def with_derivatives(wanted: str, source: Source, request: Request) -> Decision:
     """
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.models import auto, registry
+    from suspension_cli.models.quantity_of_interest import Differentiated
 
     models = [model for model in registry.MODELS if model.supports_derivatives]
-    if wanted == registry.AUTO:
-        level = next(model.name for model in models if model.exact_derivatives)
-    elif wanted in [model.name for model in models]:
-        level = registry.choose(source.design, wanted).level
-    else:
-        remedy = f"take auto, {' or '.join(model.name for model in models)}"
+    names = [model.name for model in models]
+    if wanted not in (registry.AUTO, *names):
+        remedy = f"take auto, {' or '.join(names)}"
         fault = Fault("--fidelity", "has no derivatives", remedy, format_value(wanted))
         raise InputError([fault], source.file)
-    exact = registry.by_name(level).exact_derivatives
-    reason = "derivatives are exact" if exact else "derivatives by differences"
-    return auto.estimate_error(source.design, registry.Choice(level, reason), request)
+    if wanted != registry.AUTO:
+        return auto.estimate_error(source.design, registry.choose(source.design, wanted), request)
+
+    def differentiated(system: LinearSystem) -> Differentiated:
+        several = request(system)
+        return Differentiated(several.scalars, several.modes)
+
+    decision = auto.decide(source.design, differentiated, tolerance, names[-1])
+    if decision.choice.model.supports_derivatives:
+        return decision
+    # what cheaper models cannot neglect, the first with derivatives includes
+    reason = "the cheapest model with derivatives"
+    return auto.estimate_error(source.design, registry.Choice(names[0], reason), request)
 
 
-def named_results(texts: list[str] | tuple[str, ...]) -> Request:
+def named_results(
+    texts: list[str] | tuple[str, ...],
+) -> Callable[[LinearSystem], Several]:
     """Return the results of these names as quantity of interest; all modes if there are none."""
     from suspension_cli.linear import eigenmodes, named_results, signals
     from suspension_cli.models.quantity_of_interest import Several

@@ -28,6 +28,7 @@ it adds kappa phi^2 / 2 alone, with planes across its line in the nominal pose.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -36,8 +37,14 @@ from suspension_cli.elements import string
 from suspension_cli.elements.dynamic_wire import TautWire, fit_to_equilibrium, group_identical
 from suspension_cli.elements.geometric_stiffness import add_arms, sum_by
 from suspension_cli.rotations import cross, cross_matrix
+from suspension_cli.scene.composition import Fibre, Section
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Flex, Scene, Wires
+
+KNOWN = 512
+"""Wires whose stiffness is kept."""
+STEP = 1e-30
+"""Imaginary step of a number, whose square is far below rounding."""
 
 
 def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
@@ -60,20 +67,74 @@ def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene
         wires.torsion,
     )
     numbers = [np.broadcast_to(value, shape) for value in numbers]
-    bend, twist = np.empty((*shape, 2, 3)), np.empty(shape)
+    found: list[tuple[list[int], Any, Any]] = []
     for group in group_identical(scene.fibres.wire, *numbers):
-        first = group[0]
-        fibre = fit_to_equilibrium(
-            scene.fibres.wire[first], *(np.ravel(value[..., first]) for value in numbers)
+        fibre, own = scene.fibres.wire[group[0]], [value[..., group[0]] for value in numbers]
+        resistance = (
+            _resistance(fibre, *map(np.ravel, own))
+            if scene.batch
+            else _resistance_of_one(fibre.sections, *(value.item() for value in own))
         )
-        strand = TautWire(fibre, np.ravel(numbers[2][..., first]), massive=False, lossy=False)
-        for plane, part in enumerate(("bend-1", "bend-2")):
-            stiffness = _slope_stiffness(strand.resting(part))
-            bend[..., group, plane, :] = stiffness.reshape(*scene.batch, 1, 3)
-        twist[..., group] = (strand.resting("twist")[1, 1] / 4).reshape(*scene.batch, 1)
+        found.append((group, *resistance))
+    kind = np.result_type(float, *(part for _, *parts in found for part in parts))
+    bend, twist = np.empty((*shape, 2, 3), dtype=kind), np.empty(shape, dtype=kind)
+    for group, slopes, turning in found:
+        bend[..., group, :, :] = slopes.reshape(*scene.batch, 1, 2, 3)
+        twist[..., group] = turning.reshape(*scene.batch, 1)
     scene = with_planes(scene)
     assert scene.flex is not None
     return replace(scene, flex=replace(scene.flex, bend=bend, twist=twist))
+
+
+def _resistance(
+    fibre: Fibre, length: Any, stiffness: Any, tension: Any, torsion: Any
+) -> tuple[Any, Any]:
+    """Stiffness of a wire against slopes (f, 2, 3) and twist (f,), for (f,) numbers."""
+    fibre = fit_to_equilibrium(fibre, length, stiffness, tension, torsion)
+    strand = TautWire(fibre, tension, massive=False, lossy=False)
+    planes = [_slope_stiffness(strand.resting(part)) for part in ("bend-1", "bend-2")]
+    return np.stack(planes, axis=-2), strand.resting("twist")[1, 1] / 4
+
+
+def _resistance_of_one(sections: tuple[Section, ...], *numbers: complex) -> tuple[Any, Any]:
+    """Resistance of one wire; its first order for a complex step of its length or tension."""
+    real, step = [number.real for number in numbers], np.array([number.imag for number in numbers])
+    if len(sections) == 1:  # `numbers` give its length
+        sections = (replace(sections[0], length=sections[0].length.real),)
+    if any(np.imag(value) for section in sections for value in _constants(section)):
+        return _known_resistance(sections, *numbers)
+    found = _known_resistance(sections, *real)
+    if not step.any():
+        return found
+    slopes, turning = _rates(sections, *real)
+    return found[0] + 1j * np.tensordot(step, slopes, 1)[None], found[1] + 1j * (step @ turning)
+
+
+def _constants(section: Section) -> tuple[Any, ...]:
+    """Numbers of a section that its static stiffness depends on."""
+    return section.length, *section.rigidity, section.stretching, section.twisting
+
+
+@lru_cache(maxsize=KNOWN)
+def _known_resistance(sections: tuple[Section, ...], *numbers: complex) -> tuple[Any, Any]:
+    """Resistance of one wire; most wires do not change from one design to the next."""
+    found = _resistance(bare_fibre(sections), *(np.array([number]) for number in numbers))
+    slopes, turning = (part if np.imag(part).any() else np.real(part) for part in found)
+    return slopes, turning  # a complex zero is equal to a real one as a key
+
+
+@lru_cache(maxsize=KNOWN)
+def _rates(sections: tuple[Section, ...], *numbers: float) -> tuple[Any, Any]:
+    """Derivatives (4, 2, 3) and (4,) of the resistance of one wire by its numbers."""
+    each = np.array(numbers)[:, None] + 1j * STEP * np.eye(len(numbers))
+    slopes, turning = _resistance(bare_fibre(sections), *each)
+    return slopes.imag / STEP, turning.imag / STEP
+
+
+def bare_fibre(sections: tuple[Section, ...]) -> Fibre:
+    """A fibre of these sections; nothing else matters to its static stiffness."""
+    nowhere = np.zeros(3)
+    return Fibre("", sections, nowhere, (nowhere, nowhere), (0.0, 0.0))
 
 
 def with_planes(scene: Scene) -> Scene:

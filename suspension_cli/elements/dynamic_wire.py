@@ -66,8 +66,11 @@ class TautWire:
         return {part: self.resting(part)[..., 0] for part in PARTS}
 
     def resting(self, part: str) -> Any:
-        """Static stiffness (c, c, f) of one part, without loss, for f tensions and lengths."""
-        return self._at_rest.stiffness(part).real
+        """Static stiffness (c, c, f) of one part, without loss, for f tensions and lengths.
+
+        Complex for a complex step of the tension or of the fibre's numbers.
+        """
+        return self._at_rest.stiffness(part)
 
     @cached_property
     def _at_rest(self) -> WireAtFrequencies:
@@ -354,7 +357,7 @@ def fit_to_equilibrium(fibre: Fibre, length: Any, k: Any, tension: Any, torsion:
             section.length * stretch / (section.twisting + tension * section.polar_area)
             for section in fibre.sections
         )
-        factor = np.where(torsion > 0, torsion * torsional_compliance, 1.0)
+        factor = np.where(np.real(torsion) > 0, torsion * torsional_compliance, 1.0)
     sections = tuple(
         replace(
             section,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from suspension_cli.elements import bending, joined_sections, string
 from suspension_cli.elements.dynamic_wire import TautWire, fit_to_equilibrium, group_identical
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.scene.composition import Fibre
+from suspension_cli.scene.composition import Fibre, Section
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
@@ -59,9 +60,9 @@ def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     """Find the equilibria of many builds by compiled loops, which keep the bending up to date."""
     drawn = scene.drawn
     if drawn is not None:
-        drawn = bending.with_planes(_to_clamps(replace(drawn, fibres=scene.fibres)))
+        drawn = bending.with_planes(to_clamps(replace(drawn, fibres=scene.fibres)))
         drawn = drawn if drawn.batch else bending.with_bending(drawn)
-    scene = replace(bending.with_planes(_to_clamps(scene)), drawn=drawn)
+    scene = replace(bending.with_planes(to_clamps(scene)), drawn=drawn)
     found = equilibrium.solve(scene, numbering)
     assert scene.flex is not None
     bend = found.flex[..., :6].reshape(*found.flex.shape[:-1], 2, 3)
@@ -72,11 +73,11 @@ def _clamped(scene: Scene) -> Scene:
     """Scene whose wires bend between their clamps; so do those of its nominal scene."""
     drawn = scene.drawn
     if drawn is not None:
-        drawn = bending.with_bending(_to_clamps(replace(drawn, fibres=scene.fibres)))
-    return replace(bending.with_bending(_to_clamps(scene)), drawn=drawn)
+        drawn = bending.with_bending(to_clamps(replace(drawn, fibres=scene.fibres)))
+    return replace(bending.with_bending(to_clamps(scene)), drawn=drawn)
 
 
-def _to_clamps(scene: Scene) -> Scene:
+def to_clamps(scene: Scene) -> Scene:
     """Move the ends of wires to their clamps, where the design gives effective hinges instead.
 
     A wire whose far end is displaced sideways acts on its clamp with a shear force V and a moment
@@ -89,13 +90,19 @@ def _to_clamps(scene: Scene) -> Scene:
     assert fibres is not None
     if not any(fibre.effective for fibre in fibres.wire):
         return scene
-    ends = np.zeros((*scene.batch, len(wires.label), 2))
+    kind = np.result_type(scene.kind, *(s.rigidity[0] for f in fibres.wire for s in f.sections))
+    ends = np.zeros((*scene.batch, len(wires.label), 2), dtype=kind)
     shape = (*scene.batch, len(wires.label))
     numbers = [np.broadcast_to(v, shape) for v in (wires.length, wires.stiffness, wires.tension)]
     for group in group_identical(fibres.wire, *numbers):
         fibre = fibres.wire[group[0]]
         if fibre.effective:
-            distance = _hinge_distances(fibre, *(v[..., group[0]] for v in numbers))
+            own = [v[..., group[0]] for v in numbers]
+            distance = (
+                _hinge_distances(fibre, *own)
+                if scene.batch
+                else _known_distances(fibre.sections, *(v.item() for v in own))
+            )
             ends[..., group, :] = distance[..., None, :]
     e, extra = wires.span / wires.length[..., None], ends.sum(-1)
     moved = replace(
@@ -106,6 +113,13 @@ def _to_clamps(scene: Scene) -> Scene:
         length=wires.length + extra,
     )
     return replace(scene, wires=moved)
+
+
+@lru_cache(maxsize=bending.KNOWN)
+def _known_distances(sections: tuple[Section, ...], *numbers: complex) -> Any:
+    """Hinge distances (2,) of one wire; most do not change from one design to the next."""
+    found = _hinge_distances(bending.bare_fibre(sections), *map(np.asarray, numbers))
+    return found if np.imag(found).any() else np.real(found)
 
 
 def _hinge_distances(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
@@ -126,6 +140,6 @@ def _hinge_distances(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
         )
         strand = TautWire(whole, tension.ravel(), massive=False, lossy=False)
         stiffness = joined_sections.to_ends(strand.resting("bend-1"))  # of w_1, w'_1, w_2, w'_2
-        upper = np.abs(stiffness[1, 2] / stiffness[0, 2])
-        lower = np.abs(stiffness[3, 0] / stiffness[2, 0])
+        upper, lower = stiffness[1, 2] / stiffness[0, 2], stiffness[3, 0] / stiffness[2, 0]
+        upper, lower = (ratio * np.sign(ratio.real) for ratio in (upper, lower))
     return np.stack([upper, lower], axis=-1).reshape(*length.shape, 2)

@@ -46,7 +46,7 @@ class Model(ABC):
     supports_derivatives : bool
         Whether the derivatives of its matrices with respect to a design's numbers are available.
     exact_derivatives : bool
-        Whether these are exact (one complex step), not differences.
+        Whether these are exact (one complex step) at any frequency; static ones always are.
     """
 
     name: ClassVar[str]

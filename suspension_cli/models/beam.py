@@ -264,7 +264,7 @@ class Beam(string_model.SceneModel):
 
     def completed(self, scene: Scene, design: Design) -> Scene:
         """The scene with the sections, clamps, losses and gas of its wires."""
-        return with_fibres(scene, design)[0]
+        return replace(scene, fibres=fibres_of.compose(design))
 
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False

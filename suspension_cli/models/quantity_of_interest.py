@@ -218,6 +218,16 @@ class Several:
         return max(each)
 
 
+@dataclass(frozen=True)
+class Differentiated(Several):
+    """Several scalar results and their derivatives, which bending may change more than them.
+
+    It is therefore included wherever its estimate is not small, as for the modes themselves.
+    """
+
+    computed: ClassVar[tuple[str, ...]] = (MASS,)
+
+
 def _resized(item: Ratio, without: LinearSystem, refined: LinearSystem) -> float:
     """Relative change of the magnitude of a response, or of the ratio of two."""
     outputs = [item.over] if item.under is None else [item.over, item.under]

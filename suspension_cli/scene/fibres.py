@@ -74,7 +74,7 @@ def compose(design: Design) -> Fibres:
                 Fibre(
                     label=wire.label,
                     sections=_sections(
-                        design, table, float(np.sqrt(wire.span @ wire.span)), losses
+                        design, table, np.sqrt(wire.span @ wire.span).item(), losses
                     ),
                     plane=_plane(wire.direction),
                     clamp=_clamp(part.stage, number, table, wire),
@@ -171,7 +171,7 @@ def _plane(direction: Array) -> Array:
     for axis in np.eye(3):
         across = axis - (axis @ direction) * direction
         size = np.sqrt(across @ across)
-        if size > 1e-3:
+        if np.real(size) > 1e-3:
             return across / size
     raise AssertionError("no direction is along both x and y")
 

@@ -223,7 +223,8 @@ class Scene:
             self.gravity,
             *(
                 value
-                for part in self.parts.values()
+                for part in (*self.parts.values(), self.flex)
+                if part is not None
                 for value in vars(part).values()
                 if isinstance(value, np.ndarray) and value.dtype == complex
             ),

@@ -1,4 +1,4 @@
-"""Exact derivatives of a design's matrices with respect to its numbers, in the string model.
+"""Exact derivatives of a design's static matrices with respect to its numbers.
 
 They include the change of the equilibrium. All matrices are closed forms of the scene. A number p
 enters the scene, and through it the gradient g and the Hessian K of the energy in a pose q. In
@@ -9,6 +9,12 @@ theorem), and
 
 one complex step (see `parameters`) through the code that computes K itself; M, C and the losses
 likewise. Newton's iterations are not differentiated.
+
+In the beam model K also depends on the bending stiffness S of the wires, which follows from their
+tensions and lengths in equilibrium. The change of the pose then changes S, and S the pose: a few
+more steps with both, each smaller by the ratio of the forces of bending to the weight, settle them.
+The losses of wires that bend are functions of frequency and not of these matrices
+(`studies.differences` has them).
 """
 
 from __future__ import annotations
@@ -23,18 +29,26 @@ import numpy as np
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.derive import gives_natural_lengths, solves_pose
 from suspension_cli.design.schema import Design
+from suspension_cli.elements import bending, string
+from suspension_cli.equilibrium import bending_wires
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
 from suspension_cli.models import string as string_model
+from suspension_cli.models.loss_terms import lossless
 from suspension_cli.models.surroundings import surrounded, with_frame
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.parameters import STEP, stepped
 
+SETTLED = 1e-11
+"""Relative change of the derivative of a pose at which it is final, where wires bend."""
+PASSES = 12
+"""Most steps of that derivative."""
 MOVED = 1e-7
 """Residual force (relative to the weight, per relative change of a number) above which that number
 cannot change alone."""
@@ -92,6 +106,10 @@ class Differentiable:
         The complete model, without symmetry-adapted coordinates.
     linear : Linear
         Its matrices.
+    bends : bool
+        Whether wires bend; `scene` then has their bending stiffness in equilibrium.
+    turned : bool
+        Whether the equilibrium is not the nominal pose.
     """
 
     design: Design
@@ -101,19 +119,32 @@ class Differentiable:
     stiffness: Array
     model: LinearSystem
     linear: Linear
+    bends: bool = False
+    turned: bool = False
 
 
-def prepared(design: Design) -> Differentiable:
-    """Find the equilibrium of a design, and the matrices there.
+def prepared(design: Design, level: str = registry.STRING.name) -> Differentiable:
+    """Find the equilibrium of a design, and the static matrices there.
+
+    Parameters
+    ----------
+    design : Design
+    level : str
+        Name of a model that supports derivatives.
 
     Raises
     ------
     InputError
         If there is none, or a wire is slack in it.
     """
-    scene = expand(design)
+    physics = registry.scene_model(level)
+    scene = physics.completed(expand(design), design)
     numbering = layout(scene)
-    found = equilibrium.solve(scene, numbering)
+    if physics.bends_wires:
+        scene, found = bending_wires.solve_bending(scene, numbering)
+        scene = lossless(scene)
+    else:
+        found = equilibrium.solve(scene, numbering)
     found.demand(scene)
     model = surrounded(string_model.linear_model(scene, found, split=False), design)
     return Differentiable(
@@ -124,6 +155,8 @@ def prepared(design: Design) -> Differentiable:
         found.stiffness,
         model,
         _linear(design, scene, numbering, found.pose, found.stiffness),
+        physics.bends_wires,
+        found.iterations > 0,
     )
 
 
@@ -182,6 +215,8 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
     scene = expand(design)
     if _unbalanced(base, scene, design):
         return None
+    if base.bends:
+        return _moved_bending(base, design, scene)
     gradient, stiffness = gradient_and_stiffness(scene, base.numbering, base.pose)
     pose = base.pose
     if _searched(base):
@@ -191,6 +226,28 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
         if change.any():
             pose = displace(base.numbering, pose, 1j * STEP * change)
             stiffness = gradient_and_stiffness(scene, base.numbering, pose)[1]
+    return Moved(design, scene, pose, stiffness)
+
+
+def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
+    """Step the equilibrium of wires that bend: the pose and their bending stiffness together."""
+    scene = lossless(registry.BEAM.completed(scene, design))
+    scene, pose, free = bending_wires.to_clamps(scene), base.pose, slice(6, None)
+    change = np.zeros(base.numbering.size)
+    balanced = MOVED * float(base.scene.weight)
+    stiffness = base.stiffness
+    for _ in range(PASSES):
+        now = string.state(scene, pose)
+        scene = bending.with_bending(scene, now.tension, now.length)
+        gradient, stiffness = gradient_and_stiffness(scene, base.numbering, pose)
+        rest = gradient[free].imag / STEP
+        if not (base.turned or _searched(base) or np.abs(rest).max() > balanced):
+            break
+        step = -_solved(base.stiffness[free, free], rest)
+        if np.abs(step).max() <= SETTLED * np.abs(change).max():
+            break
+        change[free] += step
+        pose = displace(base.numbering, base.pose, 1j * STEP * change)
     return Moved(design, scene, pose, stiffness)
 
 
@@ -223,7 +280,7 @@ def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     """True if a suspension that balances in its nominal pose no longer does after the step."""
     if gives_natural_lengths(design):
         return False
-    drawn = scene.drawn or scene
+    drawn = scene.drawn or scene  # straight wires: the loads of blades are those without bending
     gradient = gradient_and_stiffness(drawn, base.numbering, nominal_pose(drawn))[0]
     # the loads of blades may differ from those in the nominal pose
     bodies = slice(6, 6 + 6 * len(drawn.bodies.name))

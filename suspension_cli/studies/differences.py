@@ -1,8 +1,8 @@
 """Derivatives of a design's matrices with respect to its numbers, by differences.
 
-They serve models without exact derivatives (`derivatives`): in the beam model stiffness comes from
-complex functions and equilibria from iterations, so there is no complex step. Each number is moved
-by h and 2h either way, and each matrix A has
+They serve matrices that depend on frequency: in the beam model losses are complex functions, so a
+complex step (`derivatives`) differentiates the static matrices alone. Each number is moved by h and
+2h either way, and each matrix A has
 
     dA/dp = (8 (A(p + h) - A(p - h)) - (A(p + 2h) - A(p - 2h))) / 12h + O(h^4),
 
@@ -77,11 +77,13 @@ def changes(
 ) -> tuple[Differentiable, Mapping[str, Linear | None]]:
     """The matrices of a design and their derivatives, exact where the model has them.
 
-    See `derived`; `level` is the name of a model that supports derivatives.
+    Static matrices are differentiated exactly in all models, those at frequencies `omega` only
+    where they do not depend on frequency. See `derived`; `level` is the name of a model that
+    supports derivatives.
     """
-    if not registry.by_name(level).exact_derivatives:
+    if omega and not registry.by_name(level).exact_derivatives:
         return derived(design, numbers, level, omega)
-    base = derivatives.prepared(design)
+    base = derivatives.prepared(design, level)
     return base, {item.name: derivatives.of(base, item.name) for item in numbers}
 
 

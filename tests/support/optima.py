@@ -46,7 +46,7 @@ def solved(file, goal, free, equal=(), **how):
 def values_of(file, wanted):
     """Quantities of a freed design."""
     freed = FreeDesign.of(file.read_text(), wanted)
-    return searching._values(freed, wanted)
+    return searching._values(freed, wanted, "string")
 
 
 EVERY = Goals(

@@ -20,11 +20,16 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.fit.solve import Fit
     from suspension_cli.design.measured import Measured
+    from suspension_cli.design.reader import Source
     from suspension_cli.errors import InputError
+    from suspension_cli.models.auto import Decision
     from suspension_cli.models.registry import Choice
 
 SAME = 1e-3
 """Relative difference of chi^2 below which two searches ended at the same place."""
+
+REFITS = 2
+"""Most fits from the fitted numbers, on a more complete model that these need."""
 
 LARGEST = 6
 """Numbers of a combination that are printed."""
@@ -58,6 +63,7 @@ class FitAnalysis(Analysis):
             show_default=True,
             help="Of the random numbers.",
         ),
+        options.ACCURACY,
         *options.WRITING,
     )
 
@@ -77,24 +83,44 @@ class FitAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Fit all designs together."""
+        from suspension_cli.analyses import model_choice
+        from suspension_cli.analyses.fit import common_model
         from suspension_cli.analyses.fit import solve as fit
         from suspension_cli.errors import attribute_faults_to
+        from suspension_cli.models import registry
 
         given: Measured = run.inputs["measured"]
         runs: list[Run] = run.inputs["runs"]
         file, joint = run.inputs["file"], given.experiment is not None
-        choice = _choice(run, runs, given)
         designs = [one.source.file for one in runs]
-        with attribute_faults_to(file), run.log.progress() as bar:
-            found = fit.solve(
-                [one.source.text for one in runs],
-                given,
-                designs,
-                level=choice.level,
-                starts=run.setting["starts"],
-                seed=run.setting["seed"],
-                tell=bar,
-            )
+        sources = [one.source for one in runs]
+        wanted, tolerance = run.setting["fidelity"], run.setting["tolerance"]
+        decisions, begin = common_model.choose(wanted, sources, given, tolerance), None
+        refits = 0
+        while True:
+            with attribute_faults_to(file), run.log.progress() as bar:
+                found = fit.solve(
+                    [source.text for source in sources],
+                    given,
+                    designs,
+                    level=decisions[0].choice.level,
+                    starts=run.setting["starts"],
+                    seed=run.setting["seed"],
+                    begin=begin,
+                    tell=bar,
+                )
+            decisions, needed = _checked(wanted, sources, given, tolerance, found, decisions)
+            if needed is None:
+                break
+            more = common_model.worst(needed)
+            if refits == REFITS:
+                run.log.warn(f"the fitted numbers need another model; rerun with {more.line}")
+                break
+            run.log.say(f"fitted again from these numbers, which need the {more.level} model")
+            decisions, begin, refits = needed, found.value, refits + 1
+        choice = common_model.worst(decisions)
+        for source, decision in zip(sources, decisions, strict=True):
+            model_choice.warn_of_neglected(source, decision, run.log, (registry.BEAM,))
         stem = Path(file).stem if joint else found.experiment[0]
         data = dataclasses.replace(
             found,
@@ -137,7 +163,8 @@ class FitAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return what was learned, how modes lie, and what the data cannot tell apart."""
         found: Fit = result.data
-        lines = [*misfit(found), ""] if found.misfit else []
+        lines = [result.choice.line, ""]
+        lines += [*misfit(found), ""] if found.misfit else []
         return "\n".join([*lines, _numbers(found), "", _residuals(found), "", *_known(found)])
 
     def fill(self, file: h5py.File, result: Result) -> None:
@@ -155,8 +182,10 @@ class FitAnalysis(Analysis):
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw modes before and after, and what was learned."""
         from suspension_cli.analyses.fit import picture
+        from suspension_cli.drawing import style
 
-        return {"": picture.draw(result.data, result.data.title)}
+        drawn = picture.draw(result.data, result.data.title)
+        return {"": style.name_model(drawn, result.choice)}
 
     def path(self, result: Result, folder: Path) -> Path:
         """Return the path of the results file, named after the design or the measurements."""
@@ -243,20 +272,36 @@ def _of_measured(
     return InputError(moved, file) if moved else error
 
 
-def _choice(run: Run, runs: list[Run], given: Measured) -> Choice:
-    """Choose the model of all designs, with its largest error."""
-    from suspension_cli.analyses import model_choice
-    from suspension_cli.models import registry
+def _checked(
+    wanted: str,
+    sources: Sequence[Source],
+    measured: Measured,
+    tolerance: float,
+    found: Fit,
+    before: list[Decision],
+) -> tuple[list[Decision], list[Decision] | None]:
+    """Estimate the error of the model of a fit with the fitted numbers.
 
-    choices = []
-    for one, measured in zip(runs, given.modes, strict=True):
-        with one.faults():
-            decision = model_choice.with_derivatives(
-                run.setting["fidelity"], one.source, _asker({mode.label for mode in measured})
-            )
-        choices.append(decision.choice)
-        model_choice.warn_of_neglected(one.source, decision, run.log, (registry.BEAM,))
-    return max(choices, key=lambda choice: -1.0 if math.isnan(choice.error) else choice.error)
+    Returns the decisions for this model, and those for a more complete one if it is needed.
+    """
+    from suspension_cli.analyses.fit import common_model
+    from suspension_cli.design import reader
+    from suspension_cli.errors import InputError
+    from suspension_cli.models.registry import MODELS
+
+    fitted = [
+        reader.Source(reader.parse(text), text, source.file)
+        for text, source in zip(found.design, sources, strict=True)
+    ]
+    try:
+        needed = common_model.choose(wanted, fitted, measured, tolerance)
+        model, other = before[0].choice.model, needed[0].choice.model
+        if other is model:
+            return needed, None
+        kept = common_model.keep([decision.choice for decision in before], fitted, measured)
+        return kept, needed if MODELS.index(other) > MODELS.index(model) else None
+    except InputError:  # a simpler model has no equilibrium with these numbers
+        return before, None
 
 
 def _warn(found: Fit, choice: Choice, log: Log) -> None:
@@ -278,28 +323,6 @@ def _warn(found: Fit, choice: Choice, log: Log) -> None:
                 f"{name} as fitted is unstable on {choice.level}: {states.label[0]} grows at"
                 f" {states.growth_rate[0]:.4g} 1/s"
             )
-
-
-def _asker(labels: set[str | None]) -> Any:
-    """Ask for the modes of these labels; all if some have none."""
-    from suspension_cli.linear import eigenmodes, named_results
-    from suspension_cli.models.quantity_of_interest import Several
-
-    def asked(model: Any) -> Several:
-        found = eigenmodes.solve(dataclasses.replace(model, terms=()))
-        every = tuple(
-            named_results.Mode(name, n) for n, name in enumerate(named_results.labels(found))
-        )
-        return Several(
-            (
-                every
-                if None in labels
-                else tuple(mode for mode in every if mode.text in labels) or every
-            ),
-            found,
-        )
-
-    return asked
 
 
 def _learned(found: Fit) -> list[dict[str, Any]]:

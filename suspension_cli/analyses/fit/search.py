@@ -1,8 +1,7 @@
 """Nonlinear least squares for numbers that several measured designs share.
 
-Bounded trust regions (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1 (1999)), with derivatives
-that are exact in the string model and accurate to nine digits or so in the beam model. Numbers
-with positive lower bounds are searched on a logarithmic scale.
+Bounded trust regions (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1 (1999)), with exact
+derivatives. Numbers with positive lower bounds are searched on a logarithmic scale.
 """
 
 from __future__ import annotations
@@ -209,13 +208,13 @@ def _check_starts(experiments: list[Experiment], shared: Any) -> None:
         raise InputError(list(bad))
 
 
-def starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
-    """Yield starting values (p,): first the given ones, then random ones.
+def starts(problem: Problem, count: int, seed: int, begin: Array | None = None) -> Iterator[Array]:
+    """Yield starting values (p,): first `begin` (by default the given ones), then random ones.
 
     Numbers with a prior are drawn from it, others evenly between their bounds (evenly in the
     logarithm where bounds are positive); numbers without either keep their starting value.
     """
-    yield problem.start
+    yield problem.start if begin is None else begin
     random = np.random.default_rng(seed)
     known = np.isfinite(problem.prior_sigma)
     bounded = np.isfinite(problem.low) & np.isfinite(problem.high)

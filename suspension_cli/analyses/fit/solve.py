@@ -155,6 +155,7 @@ def solve(
     level: str = registry.STRING.name,
     starts: int = 1,
     seed: int = 1,
+    begin: Array | None = None,
     tell: Progress | None = None,
 ) -> Fit:
     """Fit numbers of designs to measured modes.
@@ -171,6 +172,9 @@ def solve(
     starts, seed : int
         Number of searches, all but the first from random numbers, and the seed of these; the best
         fit is returned.
+    begin : (p,) array, optional
+        Where the first search begins instead of at the starting values, to whose modes labels
+        refer.
     tell : callable, optional
         Called with (done, all, rate per second) after each search.
 
@@ -182,7 +186,7 @@ def solve(
     files = files or [""] * len(texts)
     problem = search.build_problem(texts, measured, files, level)
     ends, started = [], time.monotonic()
-    for start in search.starts(problem, starts, seed):
+    for start in search.starts(problem, starts, seed, begin):
         ends.append(search.least_squares(problem, start))
         if tell is not None:
             tell(len(ends), starts, len(ends) / (time.monotonic() - started))

@@ -54,6 +54,8 @@ class Achieved:
         Numbers of the modes of each family, in ascending order of frequency.
     choice : Choice
         The model that solved the modes.
+    bends : bool
+        Whether wires bend in the model of any quantity.
     """
 
     value: Array
@@ -61,6 +63,7 @@ class Achieved:
     modes: Modes
     ranked: list[Any]
     choice: Choice
+    bends: bool
 
 
 def evaluate(
@@ -68,6 +71,7 @@ def evaluate(
     quantities: tuple[Quantity, ...],
     families: Families,
     level: str,
+    tolerance: float,
     follow: Callable[[Modes, Array], Any],
 ) -> Achieved:
     """Compute quantities of a design.
@@ -81,12 +85,15 @@ def evaluate(
         Mode families of the starting design.
     level : str
         Name of a model, or ``auto``.
+    tolerance : float
+        Relative error that ``auto`` may leave.
     follow : callable
         Maps modes and their mass matrix to the number of the mode that each mode of the starting
         design has become, -1 where this is unknown.
     """
     design = reader.parse(text)
-    choice, model = _choose_model(design, lambda _: Frequencies(), level)
+    choice, model = _choose_model(design, lambda _: Frequencies(), level, tolerance)
+    bends = choice.model.bends_wires
     found = eigenmodes.solve(model)
     if choice.model.has_wire_mass:  # wire mass lowers all frequencies
         found = wire_modes.solve(model, float(np.nanmax(found.frequency)))
@@ -108,12 +115,13 @@ def evaluate(
                 else (found.top_share if item.share else found.frequency)[place[n]]
             )
         elif isinstance(item, OfResponse):
-            value[n] = _response(design, item, level)
+            value[n], bent = _response(design, item, level, tolerance)
+            bends = bends or bent
         elif isinstance(item, OfPart):
             value[n] = _stress(design, item.part)
         else:
             value[n] = _depth(design, item)
-    return Achieved(value, place, found, ranked, choice)
+    return Achieved(value, place, found, ranked, choice, bends)
 
 
 def _ranked(places: Any, rank: int) -> int:
@@ -122,24 +130,30 @@ def _ranked(places: Any, rank: int) -> int:
 
 
 def _choose_model(
-    design: Design, make: Callable[[LinearSystem], QuantityOfInterest], level: str
+    design: Design,
+    make: Callable[[LinearSystem], QuantityOfInterest],
+    level: str,
+    tolerance: float,
 ) -> tuple[Choice, LinearSystem]:
     """Choose the requested model, or the one that `auto` finds, and build its system."""
     if level == registry.AUTO:
-        decision = auto.decide(design, make)
+        decision = auto.decide(design, make, tolerance)
         return decision.choice, decision.model
     choice = registry.choose(design, level)
     return choice, choice.model.system(design)
 
 
-def _response(design: Design, item: OfResponse, level: str) -> float:
-    """Magnitude of a response, SI."""
+def _response(design: Design, item: OfResponse, level: str, tolerance: float) -> tuple[float, bool]:
+    """Magnitude of a response, SI, and whether wires bend in its model."""
     outputs = [item.ratio.over] + ([] if item.ratio.under is None else [item.ratio.under])
     inputs, frequency = [item.ratio.input], np.array([item.ratio.frequency])
     imperfect = with_imperfections(design, item.perturbation)
-    _, model = _choose_model(imperfect, lambda _: Transfer(inputs, outputs, frequency), level)
+    choice, model = _choose_model(
+        imperfect, lambda _: Transfer(inputs, outputs, frequency), level, tolerance
+    )
     size = np.abs(response.solve(model, frequency, inputs, outputs).value[0, :, 0])
-    return float(size[0] if len(size) == 1 else size[0] / size[1] if size[0] else 0.0)
+    found = float(size[0] if len(size) == 1 else size[0] / size[1] if size[0] else 0.0)
+    return found, choice.model.bends_wires
 
 
 def _stress(design: Design, part: Part) -> float:

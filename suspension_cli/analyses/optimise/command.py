@@ -55,6 +55,7 @@ class OptimiseAnalysis(Analysis):
             show_default=True,
             help="Of the other starts.",
         ),
+        options.ACCURACY,
         *options.WRITING,
     )
 
@@ -85,7 +86,7 @@ class OptimiseAnalysis(Analysis):
         """Search for a design, and check it by the ordinary analyses."""
         from suspension_cli.analyses.optimise import solve as optimise
         from suspension_cli.errors import InputError
-        from suspension_cli.models.registry import STRING, Choice
+        from suspension_cli.models.registry import Choice
 
         setting, file = run.setting, run.inputs["file"]
         with run.log.progress() as bar:
@@ -96,6 +97,7 @@ class OptimiseAnalysis(Analysis):
                     level=setting["fidelity"],
                     starts=setting["starts"],
                     seed=setting["seed"],
+                    tolerance=setting["tolerance"],
                     report=bar,
                 )
             except InputError as error:
@@ -106,7 +108,7 @@ class OptimiseAnalysis(Analysis):
             " for it"
         )
         _warn(found, run.log)
-        choice = Choice(STRING.name, "derivatives are exact")
+        choice = Choice(found.fidelity, found.reason, found.error)
         data = replace(found, goals=run.inputs["text"])
         return Result(self, run.source, choice, data, {"goals_file": file}, command=run.command)
 
@@ -147,7 +149,7 @@ class OptimiseAnalysis(Analysis):
         )
         rows = zip(numbers.name, numbers.before, numbers.after, remarks, strict=True)
         columns = {"number": "", "before": "#.6g", "after": "#.6g", "": ""}
-        lines = [tables.render(columns, rows), ""]
+        lines = [result.choice.line, "", tables.render(columns, rows), ""]
         names = [goal.name or goal.kind for goal in _goals(found).goal]
         for name in dict.fromkeys(names):
             lines += _goal(found, [n for n, other in enumerate(names, 1) if other == name], name)
@@ -176,8 +178,10 @@ class OptimiseAnalysis(Analysis):
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw modes and limits before and after."""
         from suspension_cli.analyses.optimise import picture
+        from suspension_cli.drawing import style
 
-        return {"": picture.draw(result.data, result.title)}
+        drawn = picture.draw(result.data, result.title)
+        return {"": style.name_model(drawn, result.choice)}
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write the design found as NAME-optimised.toml."""

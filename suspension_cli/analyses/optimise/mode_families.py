@@ -18,7 +18,6 @@ from suspension_cli.conventions import DOF_NAMES, DOFS, PARITY_X, PARITY_Y
 from suspension_cli.linear import batch_modes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap, pair_by_shape
-from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, mode_tracking, variants
 
@@ -100,6 +99,7 @@ def follow_modes(
     nominal: Array,
     found: Modes,
     mass: Any,
+    level: str,
 ) -> Any:
     """Follow the modes of a design to another one, along the straight line between the two.
 
@@ -115,6 +115,8 @@ def follow_modes(
         Modes at the end.
     mass : (N, N) array
         Mass matrix at the end.
+    level : str
+        Name of a model that supports builds.
 
     Returns
     -------
@@ -126,7 +128,7 @@ def follow_modes(
     squared = np.full((PATH_STEPS + 1, len(nominal)), np.nan)
     shape = np.zeros((PATH_STEPS + 1, *nominal.shape))
     good = np.zeros(PATH_STEPS + 1, dtype=bool)
-    for batch, here in variants.balanced(text, path, registry.STRING.name, allow_unstable=True):
+    for batch, here in variants.balanced(text, path, level, allow_unstable=True):
         if batch.model.size - 6 != nominal.shape[1]:
             continue
         solved = batch_modes.solve(batch.model)

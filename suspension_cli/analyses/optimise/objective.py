@@ -1,10 +1,10 @@
 """Logarithms of quantities of a design and their exact derivatives by its free numbers.
 
-All are those of the string model. Derivatives of frequencies:
-`sensitivity.solve.differentiate_omega_squared`; of responses: `response_derivatives`; of stresses
-and heights: one complex step with the change of the equilibrium (`derivatives.moved`). The energy
-fraction s = v D v / v E v of a mode v in the top mass (D: its block of the mass matrix, E: all
-blocks) changes with the shape. For v_k M v_k = 1 and distinct lambda = omega^2,
+All are those of the string model, or of the beam model without its losses. Derivatives of
+frequencies: `sensitivity.solve.differentiate_omega_squared`; of responses: `response_derivatives`;
+of stresses and heights: one complex step with the change of the equilibrium (`derivatives.moved`).
+The energy fraction s = v D v / v E v of a mode v in the top mass (D: its block of the mass matrix,
+E: all blocks) changes with the shape. For v_k M v_k = 1 and distinct lambda = omega^2,
 
     dv_k = sum over j != k of v_j (v_j dK v_k - lambda_k v_j dM v_k) / (lambda_k - lambda_j)
            - v_k (v_k dM v_k) / 2
@@ -16,7 +16,7 @@ contribute to D and E.
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -78,17 +78,20 @@ class Evaluator:
     freed : Freed
     requirements : Requirements
     families : Families
+    level : str
+        Name of a model that supports derivatives.
     """
 
     freed: FreeDesign
     requirements: Requirements
     families: Families
+    level: str = registry.STRING.name
 
     @cached_property
     def nominal(self) -> Array:
         """Shapes (m, N - 6) of the modes of the starting design, as in `batch_modes.Spectrum`."""
         return batch_modes.solve_one(
-            registry.STRING.system(self.freed.design(self.freed.start))
+            static_system(self.freed.design(self.freed.start), self.level)
         ).shape[0]
 
     @cached_property
@@ -105,7 +108,7 @@ class Evaluator:
         Raises `InputError` if the design is invalid.
         """
         design = self.freed.design(number)
-        own = _Built.of(design, self.freed)
+        own = _Built.of(design, self.freed, self.level)
         imperfect: dict[tuple[Perturbation, ...], _Built] = {(): own}
         found = eigenmodes.solve(own.model)
         places = self.places(found, own.base.linear.mass, number)
@@ -124,7 +127,7 @@ class Evaluator:
             elif isinstance(item, OfResponse):
                 if item.perturbation not in imperfect:
                     imperfect[item.perturbation] = _Built.of(
-                        with_imperfections(design, item.perturbation), self.freed
+                        with_imperfections(design, item.perturbation), self.freed, self.level
                     )
                 log[n], slope[n] = imperfect[item.perturbation].response(item)
             else:
@@ -144,7 +147,9 @@ class Evaluator:
     def _follow(self, found: Modes, mass: Array, number: Array) -> Any:
         """Numbers (m,) of the modes that those of the starting design become."""
         start, end = self.freed.values(self.freed.start), self.freed.values(number)
-        place = mode_families.follow_modes(self.freed.text, start, end, self.nominal, found, mass)
+        place = mode_families.follow_modes(
+            self.freed.text, start, end, self.nominal, found, mass, self.level
+        )
         if (place < 0).any():
             raise InputError(
                 [Fault("goal", "modes cannot be followed to this design", "name them by dof")]
@@ -171,9 +176,7 @@ class Evaluator:
                 for n, item in enumerate(self.requirements.quantities)
                 if getattr(item, "perturbation", ()) == imperfect
             ]
-            for found, here in variants.balanced(
-                text, values, registry.STRING.name, allow_unstable=True
-            ):
+            for found, here in variants.balanced(text, values, self.level, allow_unstable=True):
                 good = found.status == builds.GOOD
                 result[np.ix_(here[good], some)] = self._of_batch(found, good, some)
         for n, row in enumerate(numbers):
@@ -220,6 +223,11 @@ class Evaluator:
         return row
 
 
+def static_system(design: Design, level: str) -> LinearSystem:
+    """Return the linear system of a model without its terms that depend on frequency."""
+    return replace(registry.by_name(level).system(design), terms=())
+
+
 @dataclass(frozen=True)
 class _Built:
     """A design, its system, and their derivatives by each free number."""
@@ -230,8 +238,8 @@ class _Built:
     changes: list[Linear]
 
     @staticmethod
-    def of(design: Design, freed: FreeDesign) -> _Built:
-        base, moves = derivatives.prepared(design), []
+    def of(design: Design, freed: FreeDesign, level: str) -> _Built:
+        base, moves = derivatives.prepared(design, level), []
         for rates in freed.directions():
             now = derivatives.moved(base, rates)
             if now is None:
@@ -248,7 +256,7 @@ class _Built:
             moves.append(now)
         return _Built(
             base,
-            registry.STRING.system(design),
+            static_system(design, level),
             moves,
             [derivatives.linear(base, now) for now in moves],
         )

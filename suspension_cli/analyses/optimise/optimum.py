@@ -49,7 +49,7 @@ class Quantities:
     before, after : arrays
         Values by the ordinary analyses; NaN for an unstable mode.
     searched : array
-        Values in the search, by the string model.
+        Values in the search, on the model `searched_on`.
     mode : int array
         Number of the mode of the optimised design that each refers to, from 0; -1 for others.
     weight : array
@@ -178,7 +178,7 @@ class Optimum:
     stationarity : float
         Norm of the objective's gradient that the multipliers do not balance, relative to its norm.
     rounds : int
-        Number of corrections of the search for a more complete model.
+        Number of corrections of the search for what its model neglects.
     fidelity, reason : str
         Model that the modes were checked with, and why.
     error : float

@@ -134,7 +134,12 @@ class Requirements:
 
 
 def interpret(
-    goals: Goals, design: Design, found: Modes, families: Families, known: tuple[str, ...]
+    goals: Goals,
+    design: Design,
+    found: Modes,
+    families: Families,
+    known: tuple[str, ...],
+    level: str,
 ) -> Requirements:
     """Interpret goals as requirements on a design.
 
@@ -148,6 +153,8 @@ def interpret(
     families : Families
     known : tuple of str
         Names of the bodies, see `signals.bodies_with_signals`.
+    level : str
+        Name of the model of the modes.
 
     Raises
     ------
@@ -162,7 +169,7 @@ def interpret(
     faults: list[Fault] = []
     for n, goal in enumerate(goals.goal):
         try:
-            some, missing = _of_goal(goal, f"goal.{n + 1}", design, found, families, known)
+            some, missing = _of_goal(goal, f"goal.{n + 1}", design, found, families, known, level)
         except InputError as error:
             faults += error.faults
             continue
@@ -198,11 +205,17 @@ def interpret(
 
 
 def _of_goal(
-    goal: Goal, key: str, design: Design, found: Modes, families: Families, known: tuple[str, ...]
+    goal: Goal,
+    key: str,
+    design: Design,
+    found: Modes,
+    families: Families,
+    known: tuple[str, ...],
+    level: str,
 ) -> tuple[list[Quantity], list[tuple[str, str]]]:
     """Quantities of one goal, and those whose value is unknown."""
     if goal.kind in ("band", "separation", "coupling"):
-        chosen = _of_modes(goal, key, found, families)
+        chosen = _of_modes(goal, key, found, families, level)
         if goal.kind == "separation" and len(chosen) < 2:
             raise InputError([Fault(key, "there are no two modes to separate", "name more modes")])
         return list(chosen), []
@@ -231,7 +244,7 @@ def _of_goal(
     return [OfDepth(f"height down to {stage}", "m", stage)], []
 
 
-def _of_modes(goal: Goal, key: str, found: Modes, families: Families) -> list[OfMode]:
+def _of_modes(goal: Goal, key: str, found: Modes, families: Families, level: str) -> list[OfMode]:
     share, unit = goal.kind == "coupling", "1" if goal.kind == "coupling" else "Hz"
     if goal.modes is not None:
         named = [
@@ -245,7 +258,7 @@ def _of_modes(goal: Goal, key: str, found: Modes, families: Families) -> list[Of
                     Fault(
                         f"{key}.modes",
                         "names no mode",
-                        "list labels with pendsus modes --fidelity string",
+                        f"list labels with pendsus modes --fidelity {level}",
                         format_value(goal.modes),
                     )
                 ]

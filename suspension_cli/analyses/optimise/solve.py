@@ -1,10 +1,12 @@
 """Optimisation of the numbers of a design to meet goals.
 
 Starts are the design itself and the best of a Sobol sequence between the bounds, which is computed
-as one batch. The search (`constrained_search`) uses the string model, whose derivatives are exact.
-Its result is written as TOML, read back, and every goal is checked by the ordinary analyses
-(`achieved`) with the models that these choose. Where such a model differs, the difference of the
-logarithms is added to those of the search, which continues until the two agree: the limits are then
+as one batch. The search (`constrained_search`) uses the beam model where the modes at the start
+need wires that bend, else the string model, both with exact derivatives. Its result is written as
+TOML, read back, and every goal is checked by the ordinary analyses (`achieved`) with the models
+that these choose. If a result of the string model needs wires that bend, the search continues from
+there on the beam model. What is still neglected (losses, wire mass) is small: the difference of the
+logarithms is added to those of the search, which continues until the two agree. The limits are then
 met in the more complete model.
 """
 
@@ -25,7 +27,7 @@ from suspension_cli.analyses.optimise.constrained_search import (
 )
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
 from suspension_cli.analyses.optimise.mode_families import Families
-from suspension_cli.analyses.optimise.objective import Evaluator, with_imperfections
+from suspension_cli.analyses.optimise.objective import Evaluator, static_system, with_imperfections
 from suspension_cli.analyses.optimise.optimum import Optimum, Starts
 from suspension_cli.analyses.optimise.outcome import EQUAL, summarise
 from suspension_cli.analyses.optimise.quantities import Limit, interpret
@@ -36,7 +38,8 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import eigenmodes, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.symmetry import is_mirror_symmetric
-from suspension_cli.models import registry
+from suspension_cli.models import auto, registry
+from suspension_cli.models.quantity_of_interest import Frequencies
 from suspension_cli.scene.arrays import Array
 
 STARTS, SEED = 6, 1
@@ -55,9 +58,10 @@ def solve(
     text: str,
     goals: Goals,
     *,
-    level: str = "auto",
+    level: str = registry.AUTO,
     starts: int = STARTS,
     seed: int = SEED,
+    tolerance: float = auto.TOLERANCE,
     report: Any = None,
 ) -> Optimum:
     """Optimise the free numbers of a design to meet goals.
@@ -68,9 +72,11 @@ def solve(
         The design as TOML.
     goals : Goals
     level : str
-        Model that the result is checked with, or ``auto``.
+        Model of search and check, or ``auto``.
     starts, seed : int
         Number of starts, and seed of those besides the design itself.
+    tolerance : float
+        Relative error that ``auto`` may leave.
     report : callable, optional
         Called with (done, all, rate per second) after each start.
 
@@ -81,21 +87,48 @@ def solve(
         dependent numbers lie within their bounds.
     """
     freed = FreeDesign.of(text, goals)
-    values = _values(freed, goals)
-    search = Search(values, goals, np.zeros(len(values.requirements.quantities)))
+    search = _search(freed, goals, _search_model(freed, level, tolerance))
     if search.value(search.begin) is None:
-        _check_start(values)
+        _check_start(search.values)
     points, before = _search_all(search, starts, seed, report)
     best = min((point for point in points if point is not None), key=lambda point: point.rank)
     if best.outside > FEASIBLE:
         raise InputError(_bound_faults(freed, freed.values(freed.numbers(best.fraction))))
-    best, made, rounds = _correct(search, best, level)
-    return summarise(
-        search, best, _achieved(search, freed.start, level), made, _starts(points, before), rounds
-    )
+    if level == registry.AUTO and _needs_bending(search, best, tolerance):
+        search = _search(freed, goals, registry.BEAM.name)
+        best = search.run(best.fraction) or best
+    best, made, rounds = _correct(search, best, level, tolerance)
+    drawn = _achieved(search, freed.start, level, tolerance)
+    return summarise(search, best, drawn, made, _starts(points, before), rounds)
 
 
-def _values(freed: FreeDesign, goals: Goals) -> Evaluator:
+def _needs_bending(search: Search, best: Point, tolerance: float) -> bool:
+    """Whether the result of a search on straight wires needs wires that bend."""
+    if registry.by_name(search.values.level).bends_wires:
+        return False
+    number = search.freed.numbers(best.fraction)
+    return _achieved(search, number, registry.AUTO, tolerance).bends
+
+
+def _search_model(freed: FreeDesign, level: str, tolerance: float) -> str:
+    """Name of the model to search on: that with wires that bend if the modes at the start need it.
+
+    `level` is the requested model, or ``auto``.
+    """
+    choice = registry.Choice(level, "as requested")
+    if level == registry.AUTO:
+        decide, design = auto.decide, freed.design(freed.start)
+        choice = decide(design, lambda _: Frequencies(), tolerance, registry.BEAM.name).choice
+    return (registry.BEAM if choice.model.bends_wires else registry.STRING).name
+
+
+def _search(freed: FreeDesign, goals: Goals, level: str) -> Search:
+    """Set up the search on a model."""
+    values = _values(freed, goals, level)
+    return Search(values, goals, np.zeros(len(values.requirements.quantities)))
+
+
+def _values(freed: FreeDesign, goals: Goals, level: str) -> Evaluator:
     """Quantities and requirements of the starting design."""
     design = freed.design(freed.start)
     for n, goal in enumerate(goals.goal, 1):
@@ -111,11 +144,12 @@ def _values(freed: FreeDesign, goals: Goals) -> Evaluator:
                     for fault in faults
                 ]
             )
-    model = registry.STRING.system(design)
+    model = static_system(design, level)
     found = eigenmodes.solve(model)
     families = Families.of(is_mirror_symmetric(expand_nominal(design)), found.energy)
-    requirements = interpret(goals, design, found, families, signals.bodies_with_signals(model))
-    return Evaluator(freed, requirements, families)
+    known = signals.bodies_with_signals(model)
+    requirements = interpret(goals, design, found, families, known, level)
+    return Evaluator(freed, requirements, families, level)
 
 
 def _check_start(values: Evaluator) -> None:
@@ -190,7 +224,9 @@ def _choose_starts(search: Search, count: int, seed: int) -> list[Array]:
     return [fractions[n] for n in order[:count] if np.isfinite(worst[n])]
 
 
-def _correct(search: Search, best: Point, level: str) -> tuple[Point, Achieved, int]:
+def _correct(
+    search: Search, best: Point, level: str, tolerance: float
+) -> tuple[Point, Achieved, int]:
     """Correct the search until it agrees with the ordinary analyses.
 
     Returns the best design, its quantities and the number of corrections. Without agreement, the
@@ -198,7 +234,7 @@ def _correct(search: Search, best: Point, level: str) -> tuple[Point, Achieved, 
     """
     rounds, checked = 0, []
     while True:
-        made = _achieved(search, search.freed.numbers(best.fraction), level)
+        made = _achieved(search, search.freed.numbers(best.fraction), level, tolerance)
         checked.append((best, made, search.offset))
         with np.errstate(invalid="ignore", divide="ignore"):
             offset = np.log(made.value) - (best.log - search.offset)
@@ -231,17 +267,28 @@ def _violation(search: Search, made: Achieved) -> float:
     return worst if worst > EQUAL else 0.0
 
 
-def _achieved(search: Search, number: Array, level: str) -> Achieved:
+def _achieved(search: Search, number: Array, level: str, tolerance: float) -> Achieved:
     """Quantities of a design by the ordinary analyses."""
     freed, values = search.freed, search.values
 
     def follow(found: Modes, mass: Array) -> Any:
         return mode_families.follow_modes(
-            freed.text, freed.values(freed.start), freed.values(number), values.nominal, found, mass
+            freed.text,
+            freed.values(freed.start),
+            freed.values(number),
+            values.nominal,
+            found,
+            mass,
+            values.level,
         )
 
     return achieved.evaluate(
-        freed.toml(number), values.requirements.quantities, values.families, level, follow
+        freed.toml(number),
+        values.requirements.quantities,
+        values.families,
+        level,
+        tolerance,
+        follow,
     )
 
 

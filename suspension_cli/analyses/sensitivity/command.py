@@ -31,7 +31,12 @@ class SensitivityAnalysis(Analysis):
 
     name = "sensitivity"
     arguments = (options.DESIGN,)
-    parameters = (options.RESULTS, options.ALLOW_UNSTABLE, *options.WRITING)
+    parameters = (
+        options.RESULTS,
+        options.ALLOW_UNSTABLE,
+        options.ACCURACY,
+        *options.WRITING,
+    )
 
     def solve(self, run: Run) -> Result:
         """Differentiate every result with respect to every number."""
@@ -42,7 +47,10 @@ class SensitivityAnalysis(Analysis):
 
         setting, source = run.setting, run.source
         decision = model_choice.with_derivatives(
-            setting["fidelity"], source, model_choice.named_results(setting["result"])
+            setting["fidelity"],
+            source,
+            model_choice.named_results(setting["result"]),
+            setting["tolerance"],
         )
         choice = decision.choice
         model = model_choice.stable_system(
@@ -132,8 +140,10 @@ class SensitivityAnalysis(Analysis):
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw a coloured table."""
         from suspension_cli.analyses.sensitivity import picture
+        from suspension_cli.drawing import style
 
-        return {"": picture.draw(result.data, result.title, result.model)}
+        drawn = picture.draw(result.data, result.title)
+        return {"": style.name_model(drawn, result.choice)}
 
 
 def _cell(value: float, absolute: bool) -> float | str:

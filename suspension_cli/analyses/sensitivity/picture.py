@@ -19,15 +19,13 @@ CELL = 0.235, 0.17
 """Width and height of a cell, inches."""
 
 
-def draw(found: Sensitivity, title: str, level: str) -> Figure:
+def draw(found: Sensitivity, title: str) -> Figure:
     """Draw the figure of `pendsus sensitivity`.
 
     Parameters
     ----------
     found : Sensitivity
     title : str
-    level : str
-        Name of the model that the results come from.
     """
     with house_style():
         change = np.nan_to_num(found.one_percent)
@@ -83,7 +81,7 @@ def draw(found: Sensitivity, title: str, level: str) -> Figure:
         figure.text(
             0.01,
             0.008,
-            f"{level} model; SI units; empty: less than {LEAST:g} %",
+            f"SI units; empty: less than {LEAST:g} %",
             fontsize=6,
             color=NOTE,
         )

@@ -157,7 +157,8 @@ def test_the_command(tmp_path):
     )
     design = reader.read(fitted).design
     assert design.materials["steel302"].youngs_modulus == answer["parameters"][0]["value"]
-    again = eigenmodes.solve(registry.STRING.system(design))
+    assert answer["fidelity"] == "beam" and 0 < answer["estimated_error"] < 1e-3
+    again = eigenmodes.solve(registry.BEAM.system(design))
     for mode in answer["modes"]:
         assert mode["after_hz"] == pytest.approx(
             again.frequency[again.label.index(mode["label"])], rel=1e-12
@@ -308,7 +309,7 @@ def test_a_fit_that_ends_at_an_unstable_design_says_so(tmp_path):
     )
     assert (
         result.exit_code == 0
-        and "warning: double as fitted is unstable on string: upper pitch grows at "
+        and "warning: double as fitted is unstable on beam: upper pitch grows at "
         in result.stderr
     )
 

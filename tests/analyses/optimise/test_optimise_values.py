@@ -176,6 +176,7 @@ def test_shapes_are_followed_to_a_design_itself(every):
         batch_modes.solve_one(model).shape[0],
         found,
         model.basis @ model.mass @ model.basis.T,
+        "string",
     )
     np.testing.assert_allclose(found.frequency[place], found.frequency, rtol=1e-9)
 

@@ -501,7 +501,7 @@ def test_all_text_lies_within_the_picture(results):
     """Also of few results, and where nothing moves anything."""
     from suspension_cli.analyses.sensitivity import picture
 
-    figure = picture.draw(solved((CONFIGS / "quadruple.toml").read_text(), *results), "", "string")
+    figure = picture.draw(solved((CONFIGS / "quadruple.toml").read_text(), *results), "")
     for axes in figure.axes:
         box = axes.get_tightbbox()
         assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1

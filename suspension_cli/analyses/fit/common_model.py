@@ -1,0 +1,96 @@
+"""One model for all designs of a fit, by its error in their measured modes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+from suspension_cli.analyses import model_choice
+from suspension_cli.design.measured import Measured
+from suspension_cli.design.reader import Source
+from suspension_cli.errors import attribute_faults_to
+from suspension_cli.linear import eigenmodes, named_results
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import auto, registry
+from suspension_cli.models.auto import Decision
+from suspension_cli.models.quantity_of_interest import Several
+from suspension_cli.models.registry import Choice
+
+
+def choose(
+    wanted: str, sources: Sequence[Source], measured: Measured, tolerance: float
+) -> list[Decision]:
+    """Choose the cheapest model that is accurate enough for every design of a fit.
+
+    Where the model that one design needs is not valid for another, it is not taken.
+
+    Parameters
+    ----------
+    wanted : str
+        ``"auto"`` or the name of a model.
+    sources : sequence of Source
+        The designs.
+    measured : Measured
+    tolerance : float
+        Relative error of measured modes that ``"auto"`` may leave.
+
+    Returns
+    -------
+    list of Decision
+        For each design, all with the same model.
+    """
+    requests = _requests(measured)
+    found: list[Decision] = []
+    for source, request in zip(sources, requests, strict=True):
+        with attribute_faults_to(source.file):
+            found.append(model_choice.with_derivatives(wanted, source, request, tolerance))
+    models = sorted({one.choice.model for one in found}, key=registry.MODELS.index)
+    common, reason = models[-1], "as another design of this fit needs it"
+    for source in sources:
+        why = common.unsuitable(source.design)
+        if why:
+            name = source.design.design.name
+            common, reason = models[0], f"{models[-1].name} is not valid for {name}: {why}"
+    return [
+        decision
+        if decision.choice.model is common
+        else auto.estimate_error(source.design, Choice(common.name, reason), request)
+        for source, decision, request in zip(sources, found, requests, strict=True)
+    ]
+
+
+def keep(
+    choices: Sequence[Choice], sources: Sequence[Source], measured: Measured
+) -> list[Decision]:
+    """Estimate the errors of models that were chosen before, for other values of the numbers."""
+    return [
+        auto.estimate_error(
+            source.design, Choice(choice.level, choice.reason.partition("; ")[0]), request
+        )
+        for source, choice, request in zip(sources, choices, _requests(measured), strict=True)
+    ]
+
+
+def worst(decisions: Sequence[Decision]) -> Choice:
+    """Return the choice with the largest error."""
+    choices = [decision.choice for decision in decisions]
+    return max(choices, key=lambda choice: -1.0 if math.isnan(choice.error) else choice.error)
+
+
+def _requests(measured: Measured) -> list[Callable[[LinearSystem], Several]]:
+    return [_request({mode.label for mode in modes}) for modes in measured.modes]
+
+
+def _request(labels: set[str | None]) -> Callable[[LinearSystem], Several]:
+    """Request the modes of these labels; all if some have none."""
+
+    def request(system: LinearSystem) -> Several:
+        found = eigenmodes.solve(dataclasses.replace(system, terms=()))
+        every = tuple(
+            named_results.Mode(name, n) for n, name in enumerate(named_results.labels(found))
+        )
+        some = tuple(mode for mode in every if mode.text in labels)
+        return Several(every if None in labels or not some else some, found)
+
+    return request
