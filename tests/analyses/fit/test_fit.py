@@ -309,8 +309,7 @@ def test_a_fit_that_ends_at_an_unstable_design_says_so(tmp_path):
     )
     assert (
         result.exit_code == 0
-        and "warning: double as fitted is unstable on beam: upper pitch grows at "
-        in result.stderr
+        and "warning: double as fitted is unstable on beam: upper pitch grows at " in result.stderr
     )
 
 
