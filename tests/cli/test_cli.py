@@ -29,8 +29,9 @@ from tests.support.commandline import (
     written,
 )
 from tests.support.designs import RAW, TEXTS
+from tests.support.golden import ROOT
 
-HEAVY = ("numpy", "scipy", "h5py", "matplotlib", "msgspec")
+HEAVY = ("numpy", "scipy", "h5py", "matplotlib", "msgspec", "numba", "rich")
 UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
 """Hangs the single pendulum from below its centre of mass, free to topple over."""
 
@@ -69,6 +70,30 @@ for args in {asked!r}:
     assert len(lines) == len(asked), result.stderr
     for line, args in zip(lines, asked, strict=True):
         assert line == f"{args} []"
+
+
+SINGLE = (
+    ("modes", "double.toml"),
+    ("response", "double.toml", "--input", "support.x", "--output", "test.x", "--frequency", "1"),
+    ("thermal", "geo-silica-triple.toml", "--output", "test.x"),
+    ("sensitivity", "double.toml"),
+)
+
+
+def test_single_designs_need_no_compiled_loops(tmp_path):
+    """Their import takes half a second."""
+    asked = [
+        [name, str(ROOT / "configs" / file), *words, "--no-plot", "-q", "--out", str(tmp_path)]
+        for name, file, *words in SINGLE
+    ]
+    code = f"""
+import sys
+from suspension_cli.cli.main import main
+for args in {asked!r}:
+    main(args, standalone_mode=False)
+sys.exit("numba" in sys.modules)
+"""
+    assert python(code).returncode == 0
 
 
 def test_version():
