@@ -51,8 +51,9 @@ CAP = 0.3
 NEUTRAL = 1e-13
 """Stiffness, relative to that of the same coordinate with all others fixed, below which a motion is
 neutral within rounding, not unstable."""
-CLEAR = 1e-6
-"""Pivot, relative to its diagonal element, that tells a stable pose one step before the last."""
+CLEAR = 1e-5
+"""Pivot, relative to its diagonal element, that tells a stable pose a step of at most 1e-6 before
+the last; smaller ones are checked in the pose itself."""
 PARTS_OF_POSE = inner_axes(Pose)
 """Arrays of a pose, and their axes beyond the batch."""
 PARTS_OF_RESULT = ("residual", "rounding", "tension", "stiffness")
