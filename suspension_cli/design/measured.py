@@ -1,4 +1,4 @@
-"""Files of measured modes, and of the numbers to fit to them, for `pendsus fit`."""
+"""Files of measurements: modes, transfer functions, and the numbers to fit to them."""
 
 from __future__ import annotations
 
@@ -42,6 +42,112 @@ class Mode(Table, frozen=True):
         ]
         | None
     ) = None
+
+
+Column = Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=1)]
+"""Heading of a column of a text file, or its number from 1; name of a dataset or of a channel."""
+
+Factor = Annotated[float, Meta(ge=-1e20, le=1e20)]
+
+
+class TransferFunction(Table, frozen=True):
+    """A measured transfer function in a file of data, output over input.
+
+    The complex value stands in two columns, `real` and `imaginary` or `magnitude` and `phase`, or
+    in one dataset of complex numbers, `value`. In DTT XML, `input` and `output` are found by
+    `input_channel` and `output_channel`.
+    """
+
+    file: Annotated[
+        str,
+        Meta(
+            min_length=1, description="CSV or text, HDF5, or DTT XML; from the folder of this file"
+        ),
+    ]
+    input: Annotated[
+        str, Meta(description="what was driven: a signal of the design, or an [[actuator]]")
+    ]
+    output: Annotated[
+        str, Meta(description="what was observed: a signal of the design, or a [[sensor]]")
+    ]
+    name: Annotated[str, Meta(description="default: the stem of the file")] | None = None
+    frequency: Column | None = None
+    real: Column | None = None
+    imaginary: Column | None = None
+    magnitude: Column | None = None
+    phase: Column | None = None
+    value: Column | None = None
+    coherence: Column | None = None
+    uncertainty: (
+        Annotated[
+            Column | Annotated[float, Meta(gt=0, le=10)],
+            Meta(
+                description=(
+                    "column of the standard deviation of real and imaginary part, in the unit of"
+                    " the value; or a number, relative to the value"
+                )
+            ),
+        ]
+        | None
+    ) = None
+    input_channel: str | None = None
+    output_channel: str | None = None
+    magnitude_unit: Literal["1", "dB"] = "1"
+    phase_unit: Literal["deg", "rad"] = "deg"
+    frequency_unit: Literal["Hz", "rad/s"] = "Hz"
+    averages: (
+        Annotated[
+            float, Meta(ge=1, le=1e9, description="averages; with the coherence, the uncertainty")
+        ]
+        | None
+    ) = None
+    gain: Annotated[
+        Factor, Meta(description="factor from the file's numbers to SI units: 1e-6 for um/N")
+    ] = 1.0
+    band: (
+        Annotated[
+            list[Frequency],
+            Meta(min_length=2, max_length=2, description="use frequencies from, to, Hz"),
+        ]
+        | None
+    ) = None
+
+
+class Transducer(Table, frozen=True):
+    """A sensor or an actuator: how its channel relates to signals of the design.
+
+    A sensor reads ``gain exp(-2 pi i f delay) (signal + sum of mix[other] other)``; an actuator
+    that is driven by 1 exerts as much of its force, and of the forces of `mix`. Gains and entries
+    of `mix` with an uncertainty are fitted, with that prior; `mix` covers misalignment (a sensor of
+    upper.x that is turned by 0.01 rad reads 0.01 upper.y too) and cross-talk.
+    """
+
+    name: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_:-]*$", max_length=60)]
+    signal: Annotated[str, Meta(description="upper.x (sensor), upper.force_x (actuator)")]
+    gain: Annotated[Factor, Meta(description="reading over signal, in SI units")] = 1.0
+    gain_uncertainty: (
+        Annotated[
+            float,
+            Meta(gt=0, le=10, description="relative standard deviation; the gain is then fitted"),
+        ]
+        | None
+    ) = None
+    sign_known: Annotated[
+        bool, Meta(description="false: fit tries the other sign of the gain, too")
+    ] = True
+    delay: Annotated[float, Meta(ge=-10, le=10, description="s")] = 0.0
+    delay_uncertainty: (
+        Annotated[float, Meta(gt=0, le=10, description="s; the delay is then fitted")] | None
+    ) = None
+    mix: Annotated[
+        dict[str, Factor], Meta(description="other signals that the channel contains, and how much")
+    ] = msgspec.field(default_factory=dict)
+    mix_uncertainty: Annotated[
+        dict[str, Annotated[float, Meta(gt=0, le=1e20)]],
+        Meta(
+            description="standard deviations of entries of mix, which are then fitted from 0 or mix"
+        ),
+    ] = msgspec.field(default_factory=dict)
 
 
 class Experiment(Table, frozen=True):
@@ -95,10 +201,13 @@ class Free(Table, frozen=True):
 
 
 class Measured(Table, frozen=True):
-    """A file of measured modes: of one design, or of several experiments."""
+    """A file of measurements: of one design, or of modes in several experiments."""
 
-    parameter: Annotated[list[Free], Meta(min_length=1)]
+    parameter: list[Free] = msgspec.field(default_factory=list)
     mode: Annotated[list[Mode], Meta(min_length=1)] | None = None
+    transfer_function: list[TransferFunction] = msgspec.field(default_factory=list)
+    sensor: list[Transducer] = msgspec.field(default_factory=list)
+    actuator: list[Transducer] = msgspec.field(default_factory=list)
     experiment: Annotated[list[Experiment], Meta(min_length=1)] | None = None
     title: str = ""
     reference: str = ""
@@ -128,7 +237,7 @@ class Measured(Table, frozen=True):
 
 
 def read(file: str | Path, text: str | None = None) -> Measured:
-    """Read and check a file of measured modes, or its text if that was read before.
+    """Read and check a file of measurements, or its text if that was read before.
 
     Raises
     ------
@@ -156,18 +265,20 @@ def read(file: str | Path, text: str | None = None) -> Measured:
 
 
 def _check_experiments(measured: Measured) -> list[Fault]:
-    if measured.mode is None and measured.experiment is None:
+    of_one_design = [name for name in ("mode", "transfer_function") if getattr(measured, name)]
+    if not of_one_design and measured.experiment is None:
         return [
             Fault(
                 "mode",
                 "missing",
-                "give [[mode]] for one design, or [[experiment]] with modes for several",
+                "give [[mode]] or [[transfer_function]] for one design, or [[experiment]] with"
+                " modes for several",
             )
         ]
-    if measured.mode is not None and measured.experiment is not None:
+    if of_one_design and measured.experiment is not None:
         return [
             Fault(
-                "mode",
+                of_one_design[0],
                 "conflicts with [[experiment]]",
                 "write [[experiment.mode]] under each experiment",
             )
