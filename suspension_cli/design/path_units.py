@@ -1,0 +1,83 @@
+"""Units of the numbers of a design, from the types of the file's tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+from msgspec import inspect
+
+from suspension_cli.design.schema import Design
+
+DISPLAYED = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "Pa": ("GPa", 1e-9)}
+"""Unit in which people read numbers of an SI unit, and the factor to it."""
+
+
+@cache
+def unit_of(path: str) -> str:
+    """Return the SI unit of the number at a dotted path; "" where the file states none.
+
+    Parameters
+    ----------
+    path : str
+        As ``--set`` takes it; lists by name or number.
+
+    Examples
+    --------
+    >>> unit_of("stage.test.wires.d"), unit_of("materials.steel302.density")
+    ('m', 'kg/m^3')
+    >>> unit_of("stage.test.body.inertia.2"), unit_of("design.name")
+    ('kg m^2', '')
+    """
+    nodes = [_design()]
+    for key in path.split("."):
+        nodes = [below for node in nodes for below in _children(node, key)]
+    return next((unit for node in nodes for unit in _units(node)), "")
+
+
+def format_with_unit(path: str, value: float, digits: int = 4) -> str:
+    """Write a number of a design with the unit in which people read it.
+
+    Examples
+    --------
+    >>> format_with_unit("stage.test.wires.d", 0.0015)
+    '1.5 mm'
+    """
+    unit = unit_of(path)
+    name, factor = DISPLAYED.get(unit, (unit, 1.0))
+    return f"{value * factor:.{digits}g}" + (f" {name}" if name not in ("", "1") else "")
+
+
+@cache
+def _design() -> Any:
+    return inspect.type_info(Design)
+
+
+def _children(node: Any, key: str) -> Iterator[Any]:
+    """Types of the value under a key of a table, or of a member of a list."""
+    if isinstance(node, inspect.Metadata):
+        yield from _children(node.type, key)
+    elif isinstance(node, inspect.UnionType):
+        for one in node.types:
+            yield from _children(one, key)
+    elif isinstance(node, inspect.StructType):
+        yield from (field.type for field in node.fields if field.encode_name == key)
+    elif isinstance(node, inspect.DictType):
+        yield node.value_type
+    elif isinstance(node, inspect.ListType):
+        yield node.item_type
+    elif isinstance(node, inspect.TupleType):
+        yield from node.item_types[:1]
+
+
+def _units(node: Any) -> Iterator[str]:
+    """Units of a number: its own, or that of the members of a list or union."""
+    if isinstance(node, inspect.Metadata):
+        unit = (node.extra or {}).get("unit", "")
+        if unit:
+            yield unit
+        yield from _units(node.type)
+    elif isinstance(node, inspect.UnionType):
+        for one in node.types:
+            yield from _units(one)

@@ -1,0 +1,39 @@
+"""Units of numbers of a design come from the types of its tables."""
+
+import pytest
+
+import suspension_cli as sus
+from suspension_cli.design.path_units import format_with_unit, unit_of
+from suspension_cli.studies import parameters
+
+
+@pytest.mark.parametrize(
+    ("path", "unit"),
+    {
+        "stage.test.wires.d": "m",
+        "stage.test.wire.2.upper.3": "m",
+        "stage.test.wires.sections.2.radius.1": "m",
+        "stage.upper.blades.uncoupled_frequency": "Hz",
+        "stage.upper.spring.1.stiffness.3": "",
+        "stage.test.body.inertia.1.2": "kg m^2",
+        "materials.steel302.youngs_modulus": "Pa",
+        "constants.gravity": "m/s^2",
+        "stage.test.wires.nonsense": "",
+    }.items(),
+)
+def test_unit_of_a_path(path, unit):
+    assert unit_of(path) == unit
+
+
+def test_every_length_of_the_shipped_designs_has_its_unit():
+    known = {"d", "d_upper", "l", "s", "t1", "t2", "radius", "length", "thickness"}
+    for name in sus.examples():
+        for item in parameters.every(sus.example(name).text):
+            if item.name.rsplit(".", 1)[-1] in known:
+                assert unit_of(item.name) == "m", item.name
+
+
+def test_numbers_are_written_as_people_read_them():
+    assert format_with_unit("stage.test.wires.d", -0.0021) == "-2.1 mm"
+    assert format_with_unit("materials.a.youngs_modulus", 1.7e11) == "170 GPa"
+    assert format_with_unit("stage.test.body.mass", 5.6) == "5.6 kg"
