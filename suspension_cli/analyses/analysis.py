@@ -284,7 +284,7 @@ class Analysis(ABC):
         raise NotImplementedError
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
-        """Draw the pictures: the end of each file name (before .png), and the figure."""
+        """Draw the pictures: the end of each file name (before its ending), and the figure."""
         return {}
 
     def swept_names(self) -> tuple[str, ...]:

@@ -133,6 +133,22 @@ PLOT = option(
     help="Draw the PNG or not.  [default: --plot, with --json --no-plot]",
     group=FILES,
 )
+FORMAT = option(
+    "--format",
+    "picture_format",
+    type=click.Choice(["png", "pdf", "svg"]),
+    default="png",
+    show_default=True,
+    help="Format of pictures.",
+    group=FILES,
+)
+CSV = option(
+    "--csv",
+    "as_csv",
+    is_flag=True,
+    help="Write the numbers as CSV, too: a row per frequency, mode or point.",
+    group=FILES,
+)
 QUIET = option("-q", "--quiet", is_flag=True, help="Print only warnings on stderr.", group=FILES)
 VERBOSE = option("-v", "--verbose", is_flag=True, help="Print details on stderr.", group=FILES)
 FIDELITY = option(
@@ -220,7 +236,7 @@ SWEEP = (
     option("--resume", is_flag=True, help="Continue an interrupted run.", group=BATCH),
 )
 """Options of the computation of a sweep."""
-WRITING = (OVERRIDES, OUT, FIDELITY, AS_JSON, PLOT, QUIET, VERBOSE)
+WRITING = (OVERRIDES, OUT, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
 """Options of every analysis that writes a results file and a picture."""
 INFO = (
     option(

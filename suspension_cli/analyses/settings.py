@@ -8,19 +8,29 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Analysis
     from suspension_cli.design.reader import Source
 
 
 def prepared(
-    ctx: click.Context, file: str, overrides: tuple[str, ...], extra: tuple[str, ...] = ()
+    ctx: click.Context,
+    file: str | Source,
+    overrides: tuple[str, ...],
+    extra: tuple[str, ...] = (),
 ) -> tuple[Source, dict[str, Any]]:
-    """Read a design, and the command's settings with defaults from its `[analysis]` table."""
+    """Read a design, unless it was, and settings with defaults from its `[analysis]` table."""
     from suspension_cli.design.reader import read
 
-    source = read(file, overrides)
+    source = read(file, overrides) if isinstance(file, str) else file
     check_tables(source.design.analysis, source.file)
     table = source.design.analysis.get(str(ctx.command.name), {})
     return source, with_analysis_table(ctx, table, source.file, extra)
+
+
+def defaults(analysis: Analysis, given: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of an analysis that another one runs: its defaults and those `given`."""
+    command = click.Command(analysis.name, params=list(analysis.parameters))
+    return command.make_context(analysis.name, []).params | given
 
 
 def with_analysis_table(
@@ -43,7 +53,7 @@ def with_analysis_table(
         _long_name(p): p
         for p in ctx.command.params
         if isinstance(p, click.Option)
-        and p.name not in ("overrides", "out", "as_json", "quiet", "verbose", "help")
+        and p.name not in ("overrides", "out", "as_json", "as_csv", "quiet", "verbose", "help")
     }
     result, faults = dict(ctx.params), []
     for key, value in table.items():

@@ -14,7 +14,7 @@ OTHERS = {
     "draw": "Draw a design to scale, from the side and from the front.",
     "new": "Start a design from a template or an example.",
     "schema": "Print the JSON Schema of the design file.",
-    "plot": "Redraw the picture of a results file.",
+    "plot": "Redraw the pictures of results files, alone or together.",
 }
 """Commands that are no analyses, and one line of help for each."""
 COMMANDS = (*ANALYSES, *OTHERS)

@@ -12,9 +12,15 @@ from suspension_cli.cli.runner import Command
 @click.command(
     "draw",
     cls=Command,
-    params=[options.DESIGNS, options.OVERRIDES, options.OUT, options.QUIET],
+    params=[options.DESIGNS, options.OVERRIDES, options.OUT, options.FORMAT, options.QUIET],
 )
-def command(designs: tuple[str, ...], overrides: tuple[str, ...], out: str, quiet: bool) -> None:
+def command(
+    designs: tuple[str, ...],
+    overrides: tuple[str, ...],
+    out: str,
+    picture_format: str,
+    quiet: bool,
+) -> None:
     """Draw each DESIGN to scale, from the side and from the front: DIR/NAME-draw.png.
 
     Example: pendsus draw my.toml
@@ -29,7 +35,7 @@ def command(designs: tuple[str, ...], overrides: tuple[str, ...], out: str, quie
     for source in [read(file, overrides) for file in designs]:
         with attribute_faults_to(source.file):
             scene = expand_nominal(source.design)
-        path = settings.folder(out) / f"{source.design.design.name}-draw.png"
+        path = settings.folder(out) / f"{source.design.design.name}-draw.{picture_format}"
         with writing_to(path):
             save(draw.draw(source.design, scene), path)
         if not quiet:

@@ -3,37 +3,156 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import click
 
-from suspension_cli.analyses import options, settings
+from suspension_cli.analyses import options, registry, settings
 from suspension_cli.cli import terminal
 from suspension_cli.cli.runner import Command
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.design.reader import Source
+
 FILES = options.argument("files", nargs=-1, required=True, metavar="FILE.h5...")
+TOGETHER = options.option(
+    "--together",
+    is_flag=True,
+    help="Draw modes, responses or thermal noises of all files in one picture, as compare does.",
+)
+X_LIMITS = options.option(
+    "--x", "x_limits", metavar="LOW:HIGH", help="Limits of the horizontal axes, in their unit."
+)
+Y_LIMITS = options.option(
+    "--y",
+    "y_limits",
+    metavar="LOW:HIGH",
+    help="Limits of the uppermost vertical axis, in its unit.",
+)
 
 
-@click.command("plot", cls=Command, params=[FILES, options.BESIDE, options.QUIET])
-def command(files: tuple[str, ...], out: str | None, quiet: bool) -> None:
-    """Redraw the picture of each results FILE, from the file alone.
+@click.command(
+    "plot",
+    cls=Command,
+    params=[
+        FILES,
+        TOGETHER,
+        X_LIMITS,
+        Y_LIMITS,
+        options.FORMAT,
+        options.CSV,
+        options.BESIDE,
+        options.QUIET,
+    ],
+)
+def command(
+    files: tuple[str, ...],
+    together: bool,
+    x_limits: str | None,
+    y_limits: str | None,
+    picture_format: str,
+    as_csv: bool,
+    out: str | None,
+    quiet: bool,
+) -> None:
+    """Redraw the pictures of each results FILE, from the file alone.
 
-    Example: pendsus plot results/my-modes.h5
+    Example: pendsus plot results/my-response.h5 --x 0.5:5 --format pdf
     """
     from pathlib import Path
 
-    from suspension_cli.analyses import registry
-    from suspension_cli.drawing.style import to_png
+    from suspension_cli.analyses import csv_files
+    from suspension_cli.drawing.style import encode
     from suspension_cli.files.atomic import write_bytes
     from suspension_cli.files.hdf5 import open_results
 
-    for file in files:
-        with _attributing_errors_to(file), open_results(file) as results:
-            picture = to_png(registry.loaded(results, file).plot())
-        path = (settings.folder(out) if out else Path(file).parent) / f"{Path(file).stem}.png"
-        write_bytes(path, picture, key="--out" if out else "")
-        if not quiet:
-            terminal.tell(f"wrote {path}")
+    limits = _limits("--x", x_limits), _limits("--y", y_limits)
+    folder = settings.folder(out) if out else None
+    if together:
+        found = _compared(files)
+        paths = [found.analysis.path(found, folder or Path(files[0]).parent)]
+        results = [found]
+    else:
+        results = []
+        for file in files:
+            with _attributing_errors_to(file), open_results(file) as stored:
+                results.append(registry.loaded(stored, file))
+        paths = [(folder or Path(file).parent) / Path(file).name for file in files]
+    for result, path in zip(results, paths, strict=True):
+        with _attributing_errors_to(result.source.file):
+            figures = result.figures() if together else {"": result.plot()}
+            for figure in figures.values():
+                _set_limits(figure, *limits)
+            pictures = {end: encode(figure, picture_format) for end, figure in figures.items()}
+        written = []
+        for end, picture in pictures.items():
+            written.append(path.with_name(f"{path.stem}{end}.{picture_format}"))
+            write_bytes(written[-1], picture, key="--out" if out else "")
+        if as_csv:
+            written += csv_files.write(result, path)
+        for one in written:
+            if not quiet:
+                terminal.tell(f"wrote {one}")
+
+
+def _compared(files: tuple[str, ...]) -> Result:
+    """Compare stored results."""
+    from pathlib import Path
+
+    from suspension_cli.analyses.analysis import Log, Run
+
+    analysis = registry.get("compare")
+
+    def ask(source: Source, _overrides: tuple[str, ...] = ()) -> Run:
+        return Run(source, settings.defaults(analysis, {}), Log(), Path(), "pendsus plot")
+
+    return analysis.solve(analysis.read(ask, {"items": files})[0])
+
+
+def _limits(option: str, text: str | None) -> tuple[float, float] | None:
+    """Parse ``LOW:HIGH``."""
+    from suspension_cli.errors import Fault, InputError, format_value
+
+    if text is None:
+        return None
+    try:
+        low, high = map(float, text.split(":"))
+    except ValueError:
+        low, high = 1.0, 0.0
+    if not -math.inf < low < high < math.inf:
+        problem, remedy = "is not LOW:HIGH, two ascending numbers", "write for example 0.1:10"
+        raise InputError([Fault(option, problem, remedy, format_value(text))])
+    return low, high
+
+
+def _set_limits(
+    figure: Figure, x: tuple[float, float] | None, y: tuple[float, float] | None
+) -> None:
+    """Set the limits of the axes of a figure.
+
+    Raises
+    ------
+    InputError
+        If the figure has no axes with numbers, or a logarithmic axis is to begin at 0.
+    """
+    from suspension_cli.errors import Fault, InputError, format_value
+
+    axes = [one for one in figure.axes if one.axison and one.get_xlabel() + one.get_ylabel()]
+    if not axes and (x or y):
+        raise InputError([Fault("--x" if x else "--y", "this picture has no axes", "leave it out")])
+    for option, given, those in (("--x", x, axes), ("--y", y, axes[:1])):
+        for one in those if given else ():
+            axis = one.xaxis if option == "--x" else one.yaxis
+            if given and given[0] <= 0 and axis.get_scale() == "log":
+                problem = "is outside this logarithmic axis"
+                fault = Fault(option, problem, "begin above 0", format_value(given[0]))
+                raise InputError([fault])
+            (one.set_xlim if option == "--x" else one.set_ylim)(*(given or ()))
 
 
 @contextlib.contextmanager

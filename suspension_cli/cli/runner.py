@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from suspension_cli.analyses import settings
 from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.cli import terminal
+
+if TYPE_CHECKING:
+    from suspension_cli.design.reader import Source
 
 
 class Command(click.Command):
@@ -46,7 +49,7 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     voice = terminal.Voice(quiet=given["quiet"], verbose=given["verbose"])
     files = {param.name: given[param.name] for param in analysis.arguments}
 
-    def ask(file: str, overrides: tuple[str, ...] = ()) -> Run:
+    def ask(file: str | Source, overrides: tuple[str, ...] = ()) -> Run:
         source, setting = settings.prepared(
             ctx, file, (*overrides, *given["overrides"]), analysis.swept_names()
         )
@@ -58,12 +61,13 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         with one.faults():
             results.append(analysis.solve(one))
     for number, (one, result) in enumerate(zip(runs, results, strict=True)):
-        path = write(result, settings.folder(given["out"]), voice)
+        path = write(result, settings.folder(given["out"]), voice, given.get("as_csv", False))
         if one.setting.get("plot") or (
             one.setting.get("plot", False) is None and not given["as_json"]
         ):
             for end, figure in result.figures(**one.setting).items():
-                draw(figure, path.with_name(f"{path.stem}{end}.png"), voice)
+                form = one.setting.get("picture_format", "png")
+                draw(figure, path.with_name(f"{path.stem}{end}.{form}"), voice)
         if not given["as_json"]:
             terminal.put(("\n" if number else "") + str(result))
     if given["as_json"]:
@@ -72,7 +76,7 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     ctx.exit(max(result.analysis.exit_code(result) for result in results))
 
 
-def write(result: Result, folder: Path, voice: terminal.Voice) -> Path:
+def write(result: Result, folder: Path, voice: terminal.Voice, as_csv: bool) -> Path:
     """Write the files of a result; return the path of the results file."""
     from suspension_cli.files.existing import replacing
 
@@ -80,7 +84,12 @@ def write(result: Result, folder: Path, voice: terminal.Voice) -> Path:
     if result.file is None:
         with replacing(path, result.source.text, voice.say):
             result.analysis.save(path, result)
-    for other in result.analysis.others(result, path):
+    others = result.analysis.others(result, path)
+    if as_csv:
+        from suspension_cli.analyses import csv_files
+
+        others += csv_files.write(result, path)
+    for other in others:
         voice.say(f"wrote {other}")
     return path
 

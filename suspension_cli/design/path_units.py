@@ -12,6 +12,8 @@ from suspension_cli.design.schema import Design
 
 DISPLAYED = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "Pa": ("GPa", 1e-9)}
 """Unit in which people read numbers of an SI unit, and the factor to it."""
+LOW_PRESSURE = 1e6
+"""Pa, below which a pressure is no modulus or strength."""
 
 
 @cache
@@ -45,7 +47,8 @@ def format_with_unit(path: str, value: float, digits: int = 4) -> str:
     '1.5 mm'
     """
     unit = unit_of(path)
-    name, factor = DISPLAYED.get(unit, (unit, 1.0))
+    low = unit == "Pa" and abs(value) < LOW_PRESSURE
+    name, factor = DISPLAYED.get("" if low else unit, (unit, 1.0))
     return f"{value * factor:.{digits}g}" + (f" {name}" if name not in ("", "1") else "")
 
 
@@ -72,7 +75,7 @@ def _children(node: Any, key: str) -> Iterator[Any]:
 
 
 def _units(node: Any) -> Iterator[str]:
-    """Units of a number: its own, or that of the members of a list or union."""
+    """Units of a value: its own, or that of the members of a list or union."""
     if isinstance(node, inspect.Metadata):
         unit = (node.extra or {}).get("unit", "")
         if unit:
@@ -81,3 +84,5 @@ def _units(node: Any) -> Iterator[str]:
     elif isinstance(node, inspect.UnionType):
         for one in node.types:
             yield from _units(one)
+    elif isinstance(node, (inspect.ListType, inspect.TupleType)):
+        yield from (unit for one in _children(node, "1") for unit in _units(one))

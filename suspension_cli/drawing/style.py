@@ -135,26 +135,37 @@ def name_model(figure: Figure, choice: Choice) -> Figure:
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure as PNG, whole or not at all, in place of any file of this name.
+    """Write a figure, whole or not at all, in place of any file of this name.
+
+    The ending says what it is: .png, .pdf or .svg.
 
     Raises
     ------
     OSError
         If it cannot be written; nothing is left behind then.
     """
-    replace_file(Path(path), to_png(figure))
+    replace_file(Path(path), encode(figure, Path(path).suffix.removeprefix(".")))
 
 
-def to_png(figure: Figure) -> bytes:
-    """Encode a figure as PNG."""
+METADATA = {
+    "png": {"Software": "pendsus"},
+    "pdf": {"Creator": "pendsus", "Producer": "pendsus", "CreationDate": None},
+    "svg": {"Creator": "pendsus", "Date": None},
+}
+"""What pictures say of their origin; no date, so that equal pictures are equal files."""
+
+
+def encode(figure: Figure, form: str = "png") -> bytes:
+    """Encode a figure as PNG, PDF or SVG."""
     stream = io.BytesIO()
-    with house_style(), warnings.catch_warnings():
+    settings: Any = {"svg.hashsalt": "pendsus", "pdf.fonttype": 42}
+    with house_style(), matplotlib.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         figure.savefig(
             stream,
-            format="png",
+            format=form,
             dpi=min(DPI, MAX_PIXELS / max(figure.get_size_inches())),
-            metadata={"Software": "pendsus"},
+            metadata=METADATA[form],
         )
     return stream.getvalue()
 

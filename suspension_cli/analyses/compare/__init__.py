@@ -1,0 +1,1 @@
+"""Compare designs, results and measurements."""

@@ -1,0 +1,258 @@
+"""`pendsus compare`: differences between designs, results and measurements."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.analyses import options, tables
+from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
+from suspension_cli.analyses.options import argument, option
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.compare.solve import Comparison, Overlay
+
+MIXED = 0.9
+"""Overlap of two shapes below which the table says that the shape differs."""
+MANY = 20
+"""Changes of a design that are printed."""
+
+
+class CompareAnalysis(Analysis):
+    """Compare designs, results and measurements: modes, responses, noises.
+
+    Each ITEM is a design (.toml), a results file (.h5) of modes, response or thermal, or a
+    measurement (.toml with [[transfer_function]] or [[mode]], .csv, DTT .xml, HDF5). Modes are
+    paired by shape; responses and noises are overlaid, with their ratio to the first design or
+    result. Lists what differs between the designs. Writes DIR/NAME-and-NAME-compare.h5 and .png.
+
+    Example: pendsus compare my.toml new.toml --input support.x --output test.x
+    """
+
+    name = "compare"
+    has_model = False
+    arguments = (argument("items", nargs=-1, required=True, metavar="ITEM ITEM..."),)
+    parameters = (
+        option(
+            "--input",
+            "inputs",
+            multiple=True,
+            metavar="SIGNAL",
+            help="Compare responses to this input (repeatable).",
+        ),
+        option(
+            "--output",
+            "outputs",
+            multiple=True,
+            metavar="SIGNAL",
+            help="Compare responses of this output (repeatable).",
+        ),
+        option(
+            "--noise",
+            "noises",
+            multiple=True,
+            metavar="SIGNAL",
+            help="Compare the thermal noise of this motion (repeatable).",
+        ),
+        option(
+            "--frequency",
+            default="0.1:100:2000",
+            show_default=True,
+            metavar="GRID",
+            help="Frequencies of responses and noises of designs, Hz.",
+        ),
+        options.ACCURACY,
+        *options.WRITING,
+    )
+
+    def read(self, ask: Callable[..., Run], files: dict[str, Any]) -> Sequence[Run]:
+        """Read all items for one run, whose options come from the first design."""
+        from suspension_cli.analyses.compare import items
+
+        found = items.read(ask, files["items"])
+        first = next(item for item in found if item.source is not None)
+        run = first.run or ask(first.source)
+        return [dataclasses.replace(run, inputs={"items": found})]
+
+    def solve(self, run: Run) -> Result:
+        """Analyse the designs and compare all items."""
+        from suspension_cli.analyses.compare import items as reading
+        from suspension_cli.analyses.compare import solve as compare
+        from suspension_cli.models.registry import Choice
+
+        signals = run.setting["inputs"], run.setting["outputs"]
+        items = [reading.resolve_signals(item, *signals) for item in run.inputs["items"]]
+        found = compare.solve(items, run)
+        models = sorted({model for model in found.model if model})
+        choice = Choice(", ".join(models), "as the designs need it")
+        return Result(self, run.source, choice, found, command=run.command)
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return changes of the designs, paired modes, and curves with their ratios."""
+        found: Comparison = result.data
+        kinds = zip(found.name, found.kind, found.model, strict=True)
+        document: dict[str, Any] = {
+            "designs": list(found.name),
+            "items": [{"name": n, "kind": k, "fidelity": m or None} for n, k, m in kinds],
+            "changes": {
+                name: [dataclasses.asdict(change) for change in changes]
+                for name, changes in zip(found.name, found.change, strict=True)
+                if changes
+            },
+        }
+        if found.modes is not None:
+            modes = found.modes
+            document["modes"] = [
+                {
+                    "label": label,
+                    "frequency_hz": plain(modes.frequency[n]),
+                    "q": plain(modes.q[n]),
+                    "overlap": plain(modes.overlap[n]),
+                }
+                for n, label in enumerate(modes.label)
+            ]
+        return document | {
+            "responses": [_overlay(found, one) for one in found.overlay if one.kind == "response"],
+            "noises": [_overlay(found, one) for one in found.overlay if one.kind == "noise"],
+        }
+
+    def text(self, result: Result) -> str:
+        """Return what differs between the designs, the paired modes and the ratios."""
+        found: Comparison = result.data
+        kinds = zip(found.name, found.kind, found.model, strict=True)
+        lines = [
+            "; ".join(f"{n}: {k}" + (f", {m} model" if m else "") for n, k, m in kinds),
+            *_changes(found),
+        ]
+        if found.modes is not None:
+            lines += ["", _heading(found), _table(found)]
+        for overlay in found.overlay:
+            lines += ["", f"{overlay.name} ({overlay.unit})", *_ratios(found, overlay)]
+        return "\n".join(lines)
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the group `compare`."""
+        from suspension_cli.analyses.compare import file as stored
+
+        stored.fill(file.create_group("compare"), result.data)
+
+    def load(self, file: h5py.File) -> Comparison:
+        """Read the group `compare`."""
+        from suspension_cli.analyses.compare import file as stored
+
+        return stored.load(file["compare"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw the changes of modes, and every response and noise with its ratio."""
+        from suspension_cli.analyses.compare import picture
+
+        found: Comparison = result.data
+        figures = {}
+        if found.modes is not None:
+            figures[""] = picture.draw_modes(found, found.modes)
+        for overlay in found.overlay:
+            stem = "-" + re.sub(r"[^A-Za-z0-9.]+", "-", overlay.name).strip("-")
+            figures[stem if figures else ""] = picture.draw_overlay(found, overlay)
+        return figures
+
+    def path(self, result: Result, folder: Path) -> Path:
+        """Return the path of the results file, named after the first two items."""
+        names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name) for name in result.data.name]
+        more = f"-and-{len(names) - 2}-more" if len(names) > 2 else ""
+        return folder / f"{names[0]}-and-{names[1]}{more}-{self.stem}.h5"
+
+
+def _overlay(found: Comparison, overlay: Overlay) -> dict[str, Any]:
+    response = overlay.kind == "response"
+    curves = []
+    for curve in overlay.curves:
+        one: dict[str, Any] = {"name": found.name[curve.item]}
+        one["frequency_hz"] = plain(curve.frequency)
+        if response:
+            one |= {"real": plain(curve.value.real), "imag": plain(curve.value.imag)}
+        else:
+            one["displacement_asd"] = plain(curve.value.real)
+        ratio = {"frequency_hz": plain(curve.ratio_frequency), "real": plain(curve.ratio.real)}
+        one["ratio"] = ratio | ({"imag": plain(curve.ratio.imag)} if response else {})
+        curves.append(one)
+    head = {"output": overlay.output} | ({"input": overlay.input} if response else {})
+    reference = found.name[overlay.curves[0].item]
+    return head | {"unit": overlay.unit, "reference": reference, "curves": curves}
+
+
+def _changes(found: Comparison) -> list[str]:
+    designs = [n for n, kind in enumerate(found.kind) if kind != "measurement"]
+    lines = []
+    for n in designs[1:]:
+        changes = found.change[n]
+        lines += ["", f"from {found.name[designs[0]]} to {found.name[n]}"]
+        if not changes:
+            lines[-1] += ": the same suspension"
+            continue
+        rows = [(c.words, c.before, c.after) for c in changes[:MANY]]
+        lines.append(tables.render({"number": "", "before": "", "after": ""}, rows))
+        if len(changes) > MANY:
+            lines.append(f"  and {len(changes) - MANY} more, which --json lists")
+    return lines
+
+
+def _heading(found: Comparison) -> str:
+    assert found.modes is not None
+    poor = np.nansum(found.modes.overlap < MIXED)
+    if poor <= len(found.modes.label) / 2:
+        return "modes, paired by shape"
+    return "modes, paired by shape as far as possible: most shapes differ"
+
+
+def _table(found: Comparison) -> str:
+    assert found.modes is not None
+    modes, rows = found.modes, []
+    shown = [n for n in range(len(found.name)) if np.isfinite(modes.frequency[:, n]).any()]
+    first = shown[0]
+    few = (modes.overlap < MIXED).sum() <= len(modes.label) / 2
+    for m, label in enumerate(modes.label):
+        row: list[Any] = []
+        for n in shown:
+            row.append(modes.frequency[m, n])
+            if n != first:
+                row.append(100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1))
+        poor = [found.name[n] for n in shown if modes.overlap[m, n] < MIXED]
+        note = f"; another shape in {', '.join(poor)}" if poor and few else ""
+        rows.append((*row, label + note))
+    columns: dict[str, str] = {}
+    for n in shown:
+        columns[f"{found.name[n]}\nHz"] = "#.5g"
+        if n != first:
+            columns[f"{found.name[n]}\nchange %"] = "+.3g"
+    return tables.render(columns | {"mode": ""}, rows)
+
+
+def _ratios(found: Comparison, overlay: Overlay) -> list[str]:
+    reference = found.name[overlay.curves[0].item]
+    lines = []
+    for curve in overlay.curves[1:]:
+        size = np.abs(curve.ratio)
+        known = np.isfinite(size) & (size > 0)
+        head = f"  {found.name[curve.item]} / {reference}: "
+        if not known.any():
+            lines.append(head + "no frequency in common")
+            continue
+        f, size = curve.ratio_frequency[known], size[known]
+        worst = int(np.argmax(np.abs(np.log(size))))
+        lines.append(
+            f"{head}{np.median(size):.4g} in the median, {size[0]:.4g} at {f[0]:.4g} Hz,"
+            f" {size[-1]:.4g} at {f[-1]:.4g} Hz, farthest from 1: {size[worst]:.4g} at"
+            f" {f[worst]:.5g} Hz"
+        )
+    return lines or [f"  {reference} alone"]
+
+
+ANALYSIS = CompareAnalysis()

@@ -1,0 +1,97 @@
+"""Differences between two designs, number by number, with units that a builder uses."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from suspension_cli.design.path_units import format_with_unit
+
+OTHER_TABLES = ("design", "analysis")
+"""Tables that do not describe a suspension."""
+MISSING = "not given"
+
+
+@dataclass(frozen=True)
+class Change:
+    """One key that differs.
+
+    Attributes
+    ----------
+    path : str
+        Dotted path, as ``--set`` takes it.
+    before, after : str
+        Values with units: ``"1.5 mm"``; ``"not given"`` where the key is missing.
+    """
+
+    path: str
+    before: str
+    after: str
+
+    @property
+    def words(self) -> str:
+        """The path without what every path has: ``test wires d``."""
+        return " ".join(part for part in self.path.split(".") if part != "stage").replace("_", " ")
+
+
+def find_changes(before: str, after: str) -> list[Change]:
+    """List the keys in which two designs differ, in the order of the first, then of the second.
+
+    A stage that only one has is one change.
+
+    Parameters
+    ----------
+    before, after : str
+        Designs as TOML.
+
+    Examples
+    --------
+    >>> find_changes("constants.gravity = 9.81", "constants.gravity = 9.8")
+    [Change(path='constants.gravity', before='9.81 m/s^2', after='9.8 m/s^2')]
+    """
+    documents = [tomllib.loads(text) for text in (before, after)]
+    names = [{stage["name"] for stage in one.get("stage", ())} for one in documents]
+    first, second = (_with_whole_stages(one, names[0] & names[1]) for one in documents)
+    return [
+        Change(path, _format(path, first.get(path)), _format(path, second.get(path)))
+        for path in dict.fromkeys((*first, *second))
+        if first.get(path) != second.get(path)
+    ]
+
+
+def _with_whole_stages(document: dict[str, Any], common: set[str]) -> dict[str, Any]:
+    """Values by dotted path; of a stage that the other design lacks, its name alone."""
+    alone = [s["name"] for s in document.get("stage", ()) if s["name"] not in common]
+    shared = [s for s in document.get("stage", ()) if s["name"] in common]
+    values = dict(_values(document | {"stage": shared}))
+    return values | {f"stage.{name}": "a stage" for name in alone}
+
+
+def _values(document: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """List dotted paths and values; members of lists of tables by their name or number."""
+    for key, value in document.items():
+        if path or key not in OTHER_TABLES:
+            yield from _below(f"{path}.{key}" if path else key, value)
+
+
+def _below(path: str, value: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        yield from _values(value, path)
+    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        for n, item in enumerate(value, 1):
+            name = item.get("name", n) if isinstance(item, dict) else n
+            yield from _below(f"{path}.{name}", item)
+    else:
+        yield path, value
+
+
+def _format(path: str, value: Any) -> str:
+    if value is None:
+        return MISSING
+    if isinstance(value, list):
+        return ", ".join(_format(path, item) for item in value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return str(value).lower() if isinstance(value, bool) else str(value)
+    return format_with_unit(path, value, digits=10)

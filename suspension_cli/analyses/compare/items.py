@@ -1,0 +1,179 @@
+"""What is compared: designs, results files and measurements, told apart by their contents."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from suspension_cli.errors import Fault, InputError, format_value
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Result, Run
+    from suspension_cli.design.measured import Mode
+    from suspension_cli.design.reader import Source
+    from suspension_cli.measurements.transfer_function import MeasuredResponse
+
+COMPARED = ("modes", "response", "thermal")
+"""Results whose contents are compared."""
+RESULT, MEASUREMENT = (".h5", ".hdf5"), (".csv", ".txt", ".dat", ".xml", ".h5", ".hdf5")
+"""Endings of results files, and of files of measured data."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One of the things that are compared.
+
+    Attributes
+    ----------
+    name : str
+        Heading of its column: the name of the design, or the stem of the file.
+    source : Source or None
+        The design, also that of a result.
+    run : Run or None
+        For a design that is yet to be analysed.
+    result : Result or None
+        A stored result.
+    modes : sequence of Mode
+        Measured modes.
+    responses : sequence of MeasuredResponse
+        Measured transfer functions.
+    """
+
+    name: str
+    source: Source | None = None
+    run: Run | None = None
+    result: Result | None = None
+    modes: Sequence[Mode] = ()
+    responses: Sequence[MeasuredResponse] = field(default_factory=tuple)
+
+    @property
+    def kind(self) -> str:
+        """``"design"``, ``"result"`` or ``"measurement"``."""
+        return "design" if self.run else "result" if self.result else "measurement"
+
+
+def read(ask: Callable[..., Run], given: Sequence[Any]) -> list[Item]:
+    """Read everything that is compared, and give it names of its own.
+
+    Parameters
+    ----------
+    ask : callable
+        Reads one design, as `Analysis.read` has it.
+    given : sequence
+        Paths of files; `Result` and designs of the Python API, too.
+
+    Raises
+    ------
+    InputError
+        If fewer than two are given, none has a design, or a file is none of these.
+    """
+    if len(given) < 2:
+        problem = "at least two things are needed to compare"
+        remedy = "name designs (.toml), results (.h5) or measurements (.toml, .csv, .xml, .h5)"
+        raise InputError([Fault("", problem, remedy)])
+    items = [_read(ask, one) for one in given]
+    if all(item.source is None for item in items):
+        problem = "only measurements are given"
+        raise InputError([Fault("", problem, "name a design or a result beside them")])
+    return _with_own_names(items, given)
+
+
+def _read(ask: Callable[..., Run], given: Any) -> Item:
+    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.design import measured, reader
+
+    if isinstance(given, Result):
+        return _of_result(given)
+    if isinstance(given, reader.Source):
+        run = ask(given)
+        return Item(run.name, run.source, run)
+    path = Path(given)
+    ending = path.suffix.lower()
+    if ending in RESULT and path.is_file():
+        found = _result(path)
+        if found is not None:
+            return _of_result(found)
+    if ending in MEASUREMENT:
+        from suspension_cli.measurements.read import read_bare
+
+        return Item(path.stem, responses=read_bare(path))
+    raw = reader.read_toml(path)
+    if "stage" not in raw and {"mode", "transfer_function"} & set(raw):
+        from suspension_cli.measurements.read import read_all
+
+        tables = measured.read(path)
+        return Item(path.stem, modes=tables.mode or (), responses=read_all(tables, path))
+    run = ask(str(given))
+    return Item(run.name, run.source, run)
+
+
+def _result(path: Path) -> Result | None:
+    """Read a results file of pendsus; None if it is HDF5 from elsewhere."""
+    import h5py
+
+    from suspension_cli.analyses import registry
+    from suspension_cli.files.hdf5 import open_results
+
+    try:
+        with h5py.File(path, "r") as file:
+            ours = file.attrs.get("format") == "pendsus"
+    except OSError:
+        ours = True  # whose fault `open_results` reports
+    if not ours:
+        return None
+    with open_results(path) as file:
+        return registry.loaded(file, str(path))
+
+
+def _of_result(result: Result) -> Item:
+    if result.analysis.name not in COMPARED:
+        problem = f"holds results of {result.analysis.command_name}, which are not compared"
+        names = ", ".join(COMPARED)
+        fault = Fault("", problem, f"name results of {names}, or the designs themselves")
+        raise InputError([fault], result.source.file)
+    return Item(result.name, result.source, result=result)
+
+
+def _with_own_names(items: list[Item], given: Sequence[Any]) -> list[Item]:
+    """Name things of equal name after their files, then by numbers."""
+    import dataclasses
+
+    def name(n: int, item: Item) -> str:
+        if [other.name for other in items].count(item.name) == 1:
+            return item.name
+        path = given[n] if isinstance(given[n], (str, Path)) else item.source and item.source.file
+        return Path(path).stem if path else item.name
+
+    names = [name(n, item) for n, item in enumerate(items)]
+    numbered = [
+        f"{one} ({names[: n + 1].count(one)})" if names.count(one) > 1 else one
+        for n, one in enumerate(names)
+    ]
+    return [dataclasses.replace(item, name=one) for item, one in zip(items, numbered, strict=True)]
+
+
+def resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
+    """Say what bare data measure, by the signals of the command.
+
+    Raises
+    ------
+    InputError
+        If a file does not say what it measured, and the command does not either.
+    """
+    import dataclasses
+
+    if all(one.input and one.output for one in item.responses):
+        return item
+    if len(inputs) != 1 or len(outputs) != 1:
+        problem = "does not say which signals were measured"
+        remedy = "add --input and --output, one each, or describe it in a TOML file"
+        raise InputError(
+            [Fault("", problem, remedy, format_value(item.name))], item.responses[0].file
+        )
+    named = [
+        dataclasses.replace(one, input=one.input or inputs[0], output=one.output or outputs[0])
+        for one in item.responses
+    ]
+    return dataclasses.replace(item, responses=named)

@@ -1,0 +1,428 @@
+"""Comparison of modes, responses and noises.
+
+Modes of two designs are paired one to one by the overlap of their shapes in the motion of bodies
+of the same name, u^T L_a L_b^T v with M = L L^T the mass matrix of each design: 1 for equal
+shapes of equal bodies. Violin modes are paired by their labels.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses import registry, settings
+from suspension_cli.analyses.analysis import Log, Result, Run
+from suspension_cli.analyses.compare.design_changes import Change, find_changes
+from suspension_cli.analyses.compare.items import Item
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.grids import parse_grid
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.mode_pairing import pair_by_overlap
+
+LEAST_OVERLAP = 0.1
+"""Overlap of two shapes below which modes are not taken for the same."""
+
+
+@dataclass(frozen=True)
+class PairedModes:
+    """Modes of several designs and measurements, the same mode in one row.
+
+    Attributes
+    ----------
+    label : tuple of str
+        Of each row (m), from the first item that has the mode.
+    frequency, q : (m, items) arrays
+        Hz, and quality factors; NaN where an item has no such mode (or it is unstable).
+    overlap : (m, items) array
+        Of the shape with that of the first design; NaN where there is none.
+    """
+
+    label: tuple[str, ...]
+    frequency: Any
+    q: Any
+    overlap: Any
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One response or noise, and its ratio to the reference.
+
+    Attributes
+    ----------
+    item : int
+        Number of the item, from 0.
+    frequency : (f,) array
+        Hz.
+    value : (f,) complex array
+        Response; amplitude spectral density of a noise.
+    uncertainty : (f,) array
+        Of measured real and imaginary parts; NaN where unknown.
+    ratio_frequency, ratio : (r,) arrays
+        Value over that of the reference; empty for the reference.
+    """
+
+    item: int
+    frequency: Any
+    value: Any
+    uncertainty: Any
+    ratio_frequency: Any = dataclasses.field(default_factory=lambda: np.zeros(0))
+    ratio: Any = dataclasses.field(default_factory=lambda: np.zeros(0, dtype=complex))
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """Curves of one quantity; the first is the reference.
+
+    Attributes
+    ----------
+    kind : {"response", "noise"}
+    output, input : str
+        Signals; a noise has no input.
+    unit : str
+    curves : tuple of Curve
+    """
+
+    kind: str
+    output: str
+    input: str
+    unit: str
+    curves: tuple[Curve, ...]
+
+    @property
+    def name(self) -> str:
+        """Name for tables and pictures: ``test.x / support.x``."""
+        return f"{self.output} / {self.input}" if self.input else f"noise of {self.output}"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Differences between designs, results and measurements.
+
+    Attributes
+    ----------
+    name, kind, model : tuple of str
+        Of each item: heading, "design", "result" or "measurement", and model ("" for
+        measurements).
+    change : tuple of tuple of Change
+        For each item, the keys in which its design differs from the first design.
+    modes : PairedModes or None
+    overlay : tuple of Overlay
+    """
+
+    name: tuple[str, ...]
+    kind: tuple[str, ...]
+    model: tuple[str, ...]
+    change: tuple[tuple[Change, ...], ...]
+    modes: PairedModes | None
+    overlay: tuple[Overlay, ...]
+
+
+class _Silent(Log):
+    """Nothing but warnings, each once."""
+
+    def __init__(self, log: Log) -> None:
+        self.log, self.seen = log, set[str]()
+
+    def warn(self, text: str) -> None:
+        if text not in self.seen:
+            self.seen.add(text)
+            self.log.warn(text)
+
+
+def solve(items: Sequence[Item], run: Run) -> Comparison:
+    """Analyse the designs among the items, and compare all.
+
+    Modes are compared where designs or measured modes are given; responses and noises where a
+    result or a measurement has them or the setting asks for them. All designs are computed with one
+    model, the most complete that one of them needs.
+
+    Raises
+    ------
+    InputError
+        With the faults of a design or of a setting.
+    """
+    quiet = dataclasses.replace(run, log=_Silent(run.log))
+    texts = [item.source.text if item.source else None for item in items]
+    first = next(text for text in texts if text is not None)
+    models = [item.result.model if item.result else "" for item in items]
+    listed = _modes(items, quiet, models)
+    overlays = [*_responses(items, quiet, models), *_noises(items, quiet, models)]
+    return Comparison(
+        name=tuple(item.name for item in items),
+        kind=tuple(item.kind for item in items),
+        model=tuple(models),
+        change=tuple(
+            () if text is None or text is first else tuple(find_changes(first, text))
+            for text in texts
+        ),
+        modes=listed,
+        overlay=tuple(overlays),
+    )
+
+
+def _results(
+    name: str, items: Sequence[Item], run: Run, models: list[str], **given: Any
+) -> dict[int, Result]:
+    """Run an analysis for every design, all with the most complete model that one needs."""
+    from suspension_cli.models import registry as known
+
+    def one(item: Item, level: str) -> Result:
+        assert item.run is not None
+        own = dict(fidelity=level, tolerance=run.setting["tolerance"], as_json=True, **given)
+        setting = settings.defaults(analysis, own)
+        with item.run.faults():
+            return analysis.solve(dataclasses.replace(item.run, setting=setting, log=run.log))
+
+    analysis, wanted = registry.get(name), run.setting["fidelity"]
+    found = {n: one(item, wanted) for n, item in enumerate(items) if item.run is not None}
+    chosen = {result.choice.model for result in found.values()}
+    top = max(chosen, key=known.MODELS.index, default=None)
+    for n, result in found.items():
+        item = items[n]
+        assert item.source is not None
+        assert top is not None
+        if result.choice.model is not top and not top.unsuitable(item.source.design):
+            found[n] = one(item, top.name)
+        if not models[n] or known.MODELS.index(found[n].choice.model) > known.MODELS.index(
+            known.by_name(models[n])
+        ):
+            models[n] = found[n].model
+    return found
+
+
+def _modes(items: Sequence[Item], run: Run, models: list[str]) -> PairedModes | None:
+    stored = {
+        n: item.result
+        for n, item in enumerate(items)
+        if item.result is not None and item.result.analysis.name == "modes"
+    }
+    alone = not stored and not any(item.modes for item in items)
+    if alone and sum(item.run is not None for item in items) < 2:
+        return None
+    found = stored | _results("modes", items, run, models)
+    if not found:
+        return None
+    return pair_modes(
+        {n: (result.data, result.design) for n, result in sorted(found.items())}, items
+    )
+
+
+def pair_modes(found: dict[int, tuple[Modes, Any]], items: Sequence[Item]) -> PairedModes:
+    """Pair the modes of designs by shape, and measured ones by label or frequency.
+
+    Parameters
+    ----------
+    found : dict
+        For each item with a design: its modes and its design.
+    items : sequence of Item
+    """
+    (reference, (base, _)), *others = found.items()
+    shapes = {n: _Bodies(modes, design) for n, (modes, design) in found.items()}
+    rows: list[dict[int, tuple[int, float]]] = [{reference: (m, 1.0)} for m in range(len(base.q))]
+    for n, (modes, _) in others:
+        overlap = shapes[reference].overlap(shapes[n])
+        free = set(range(len(modes.q)))
+        for m, partner in enumerate(pair_by_overlap(overlap)):
+            if partner >= 0 and overlap[m, partner] > LEAST_OVERLAP:
+                rows[m][n] = (int(partner), float(overlap[m, partner]))
+                free.discard(int(partner))
+        for k in sorted(free):
+            label = modes.label[k]
+            same = [
+                row
+                for row in rows
+                if n not in row
+                and modes.order[k]
+                and reference in row
+                and base.label[row[reference][0]] == label
+            ]
+            if same:
+                same[0][n] = (k, np.nan)
+            else:
+                rows.append({n: (k, np.nan)})
+    labels, frequency, q, overlap = [], [], [], []
+    for row in rows:
+        n, (m, _) = next(iter(row.items()))
+        labels.append(found[n][0].label[m])
+        values = np.full((3, len(items)), np.nan)
+        for i, (k, shape) in row.items():
+            modes = found[i][0]
+            values[:, i] = modes.frequency[k], modes.q[k], shape
+        frequency.append(values[0])
+        q.append(values[1])
+        overlap.append(values[2])
+    table = PairedModes(tuple(labels), np.array(frequency), np.array(q), np.array(overlap))
+    for n, item in enumerate(items):
+        for mode in item.modes:
+            table.frequency[_measured_row(table, mode, n, reference, base), n] = mode.frequency
+    order = np.argsort([_first_finite(row) for row in table.frequency], kind="stable")
+    return PairedModes(
+        tuple(labels[i] for i in order),
+        table.frequency[order],
+        table.q[order],
+        table.overlap[order],
+    )
+
+
+def _first_finite(row: Any) -> float:
+    """First finite number of a row; -inf if there is none, as of an unstable mode."""
+    return float(next((value for value in row if np.isfinite(value)), -np.inf))
+
+
+def _measured_row(table: PairedModes, mode: Any, n: int, reference: int, base: Modes) -> int:
+    """Row of a measured mode: of its label, else the nearest in frequency that is free."""
+    free = np.isnan(table.frequency[:, n])
+    labelled = np.array([label == mode.label for label in table.label]) & free
+    if mode.dof and not mode.label:
+        names = {(body, dof) for body, dof in base.home}
+        wanted = {dof for _, dof in names} & set(mode.dof)
+        suited = np.array([any(dof in label for dof in wanted) for label in table.label]) & free
+        free = suited if suited.any() else free
+    allowed = labelled if labelled.any() else free
+    away = np.abs(table.frequency[:, reference] - mode.frequency)
+    return int(np.nanargmin(np.where(allowed & np.isfinite(away), away, np.inf)))
+
+
+class _Bodies:
+    """Shapes of modes in the motion of bodies, of unit norm where only bodies move."""
+
+    def __init__(self, modes: Modes, design: Any) -> None:
+        bodies = expand(design).bodies
+        self.names = modes.body
+        self.shape = np.zeros((len(modes.q), len(self.names), 6))
+        for b in range(len(self.names)):
+            part = modes.shape[:, 6 * b : 6 * b + 6]
+            root = np.linalg.cholesky(bodies.inertia[b])
+            self.shape[:, b, :3] = np.sqrt(bodies.mass[b]) * part[:, :3]
+            self.shape[:, b, 3:] = part[:, 3:] @ root
+
+    def overlap(self, other: _Bodies) -> Any:
+        """Overlaps (m, n) in bodies of the same name, or in order if none has the same name."""
+        common = [name for name in self.names if name in other.names]
+        if common:
+            mine = [self.names.index(name) for name in common]
+            theirs = [other.names.index(name) for name in common]
+        else:
+            mine = theirs = list(range(min(len(self.names), len(other.names))))
+        count = 6 * len(mine)
+        rows = self.shape[:, mine].reshape(-1, count)
+        columns = other.shape[:, theirs].reshape(-1, count)
+        return np.abs(rows @ columns.T)
+
+
+def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]:
+    """Responses that a result, a measurement or the setting has, one overlay for each pair."""
+    data: dict[tuple[str, str], dict[int, Curve]] = {}
+    units: dict[tuple[str, str], str] = {}
+    for n, item in enumerate(items):
+        for one in item.responses:
+            key = (one.output, one.input)
+            data.setdefault(key, {})[n] = Curve(n, one.frequency, one.value, one.uncertainty)
+            units.setdefault(key, one.unit)
+        if item.result is not None and item.result.analysis.name == "response":
+            found = item.result.data
+            for o, out in enumerate(found.output):
+                for i, into in enumerate(found.input):
+                    nothing = np.full(len(found.frequency), np.nan)
+                    curve = Curve(n, found.frequency, found.value[:, o, i], nothing)
+                    data.setdefault((out, into), {})[n] = curve
+                    units[out, into] = found.unit[o][i]
+    wanted_in, wanted_out = run.setting["inputs"], run.setting["outputs"]
+    if wanted_in or wanted_out:
+        first = next(item for item in items if item.source is not None)
+        assert first.source is not None
+        last = first.source.design.stage[-1].name
+        for out in wanted_out or (f"{last}.x",):
+            for into in wanted_in or ("support.x",):
+                data.setdefault((out, into), {})
+    overlays = []
+    for (out, into), curves in data.items():
+        grid = _grid(items, curves, run)
+        solved = _results(
+            "response", items, run, models, inputs=(into,), outputs=(out,), frequency=grid
+        )
+        for n, result in solved.items():
+            nothing = np.full(len(result.frequency), np.nan)
+            curves[n] = Curve(n, result.frequency, result.value[:, 0, 0], nothing)
+            units[out, into] = result.unit[0][0]
+        if curves:
+            unit = units.get((out, into), "")
+            overlays.append(Overlay("response", out, into, unit, _with_ratios(items, curves)))
+    return overlays
+
+
+def _noises(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]:
+    """Thermal noise that a result has or the setting asks for, one overlay for each output."""
+    data: dict[str, dict[int, Curve]] = {}
+    units: dict[str, str] = {}
+    for n, item in enumerate(items):
+        if item.result is not None and item.result.analysis.name == "thermal":
+            for noise in item.result.data:
+                nothing = np.full(len(noise.frequency), np.nan)
+                curve = Curve(n, noise.frequency, noise.amplitude.astype(complex), nothing)
+                data.setdefault(noise.output, {})[n] = curve
+                units[noise.output] = f"{noise.unit}/sqrt(Hz)"
+    for out in run.setting["noises"]:
+        data.setdefault(out, {})
+    overlays = []
+    for out, curves in data.items():
+        solved = _results(
+            "thermal", items, run, models, outputs=(out,), frequency=_grid(items, curves, run)
+        )
+        for n, result in solved.items():
+            noise = result.data[0]
+            nothing = np.full(len(noise.frequency), np.nan)
+            curves[n] = Curve(n, noise.frequency, noise.amplitude.astype(complex), nothing)
+            units[out] = f"{noise.unit}/sqrt(Hz)"
+        overlays.append(Overlay("noise", out, "", units[out], _with_ratios(items, curves)))
+    return overlays
+
+
+def _grid(items: Sequence[Item], curves: dict[int, Curve], run: Run) -> str:
+    """Frequencies at which designs are computed: those of all data, between which the picture
+    needs the grid of the command where the data are measured.
+    """
+    points = [curve.frequency for curve in curves.values()]
+    if all(items[n].kind == "measurement" for n in curves):
+        points.append(
+            np.array(parse_grid(run.setting["frequency"], "--frequency", "log", lowest=0.0))
+        )
+    return ",".join(repr(float(x)) for x in np.unique(np.concatenate(points)))
+
+
+def _with_ratios(items: Sequence[Item], curves: dict[int, Curve]) -> tuple[Curve, ...]:
+    """Order curves, first the reference: the first design or result that has the quantity."""
+    order = sorted(curves, key=lambda n: (items[n].kind == "measurement", n))
+    reference = curves[order[0]]
+    return (
+        reference,
+        *(dataclasses.replace(curves[n], **_ratio(curves[n], reference)) for n in order[1:]),
+    )
+
+
+def _ratio(curve: Curve, reference: Curve) -> dict[str, Any]:
+    """Ratio at the frequencies that both have; the reference is interpolated if these are few."""
+    common, mine, theirs = np.intersect1d(curve.frequency, reference.frequency, return_indices=True)
+    if 2 * len(common) >= min(len(curve.frequency), len(reference.frequency)):
+        frequency, value, below = common, curve.value[mine], reference.value[theirs]
+    else:
+        inside = (curve.frequency >= reference.frequency[0]) & (
+            curve.frequency <= reference.frequency[-1]
+        )
+        frequency, value = curve.frequency[inside], curve.value[inside]
+        below = _interpolate(frequency, reference)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return {"ratio_frequency": frequency, "ratio": value / below}
+
+
+def _interpolate(frequency: Any, curve: Curve) -> Any:
+    """Interpolate the logarithm of magnitude, and the phase, in the logarithm of frequency."""
+    with np.errstate(divide="ignore"):
+        x, at = np.log(curve.frequency), np.log(frequency)
+        size = np.interp(at, x, np.log(np.abs(curve.value)))
+    phase = np.interp(at, x, np.unwrap(np.angle(curve.value)))
+    return np.exp(size + 1j * phase)

@@ -1,0 +1,153 @@
+"""Results as CSV: one row per frequency, mode or point of a grid, one column per number.
+
+The columns follow from the results file: dimensions whose scale is numeric (frequency, mode, an
+axis of a sweep) make rows, those with names (output, input, coordinate) make columns.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from suspension_cli.analyses.analysis import Result
+from suspension_cli.files.atomic import write_bytes
+
+
+def write(result: Result, path: Path) -> list[Path]:
+    """Write the CSV files of a result, and return their paths.
+
+    Parameters
+    ----------
+    result : Result
+    path : Path
+        Of the results file: NAME.h5 gives NAME.csv; arrays with other rows get files of their own,
+        NAME-ROWS.csv.
+    """
+    if result.file is not None:
+        with h5py.File(result.file, "r") as file:
+            found = dict(_tables(file[result.analysis.name]))
+    else:
+        with h5py.File("memory", "w", driver="core", backing_store=False) as file:
+            result.analysis.fill(file, result)
+            found = dict(_tables(file[result.analysis.name]))
+    largest = max(found, key=lambda rows: len(found[rows]), default="")
+    paths = []
+    for rows, text in found.items():
+        stem = path.stem if rows == largest else f"{path.stem}-{rows}"
+        target = path.with_name(f"{stem}.csv")
+        write_bytes(target, text.encode())
+        paths.append(target)
+    return paths
+
+
+def _tables(group: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the rows of each table (for the name of its file) and its text."""
+    members = {name: item for name, item in group.items() if isinstance(item, h5py.Dataset)}
+    tables: dict[tuple[str, ...], list[str]] = {}
+    for name, data in members.items():
+        if data.is_scale or not data.ndim:
+            continue
+        labels = _labels(data, name)
+        rows = tuple(label for label in labels if _is_numeric(members.get(label)))
+        tables.setdefault(rows or labels[:1], []).append(name)
+    for rows, names in tables.items():
+        names.sort(key=lambda name: _is_numeric(members[name]))  # labels first
+        if any(_is_numeric(members[name]) for name in names):
+            stem = "-".join(part for part in (prefix, *rows) if part)
+            yield re.sub(r"[^A-Za-z0-9._-]+", "-", stem), _text(members, rows, names)
+    for name, item in group.items():
+        if isinstance(item, h5py.Group):
+            yield from _tables(item, "-".join(part for part in (prefix, name) if part))
+
+
+def _labels(data: Any, name: str) -> tuple[str, ...]:
+    """Names of the dimensions of a dataset; numbers of its own where it has no scales."""
+    if data.ndim == 1 and not data.dims[0].label:
+        return (f"{name}_number" if "ratio" in name else "row",)
+    return tuple(data.dims[n].label or f"{name}_{n}" for n in range(data.ndim))
+
+
+def _is_numeric(data: Any) -> bool:
+    return data is None or data.dtype.kind in "iufcb"
+
+
+def _text(members: dict[str, Any], rows: tuple[str, ...], names: list[str]) -> str:
+    """Make the table of some datasets that have the same rows."""
+    scales = {
+        label: _values(members[label]) if label in members else None
+        for name in names
+        for label in _labels(members[name], name)
+    }
+    heads, columns = [], []
+    for name in names:
+        data = members[name]
+        labels = _labels(data, name)
+        own = tuple(label for label in labels if label in rows)
+        others = [n for n, label in enumerate(labels) if label not in own]
+        order = [labels.index(label) for label in own] + others
+        values = _values(data).transpose(order)
+        wide = values.reshape(int(np.prod(values.shape[: len(own)])), -1)
+        for place, column in zip(
+            itertools.product(*(range(data.shape[n]) for n in others)), wide.T, strict=True
+        ):
+            which = [
+                str(scale[k]) if (scale := scales[labels[n]]) is not None else str(k + 1)
+                for n, k in zip(others, place, strict=True)
+            ]
+            unit = _unit(members, name, dict(zip([labels[n] for n in others], place, strict=True)))
+            label = name + (f" [{', '.join(which)}]" if which else "")
+            if np.iscomplexobj(column):
+                heads += [f"{label} real ({unit})", f"{label} imag ({unit})"]
+                columns += [column.real, column.imag]
+            else:
+                heads.append(f"{label} ({unit})" if unit and unit != "name" else label)
+                columns.append(column)
+    shape = next(
+        [members[name].shape[_labels(members[name], name).index(row)] for row in rows]
+        for name in names
+        if set(rows) <= set(_labels(members[name], name))
+    )
+    known = [row for row in rows if scales.get(row) is not None]
+    grid = np.indices(shape).reshape(len(shape), -1)
+    first = [np.asarray(scales[row])[grid[rows.index(row)]] for row in known]
+    units = [str(members[row].attrs.get("units", "")) for row in known]
+    titles = [
+        f"{row} ({unit})" if unit not in ("", "name") else row
+        for row, unit in zip(known, units, strict=True)
+    ]
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow([*titles, *heads])
+    writer.writerows(zip(*(_plain(column) for column in (*first, *columns)), strict=True))
+    return stream.getvalue()
+
+
+def _values(data: Any) -> Any:
+    return data.asstr()[...] if h5py.check_string_dtype(data.dtype) else data[...]
+
+
+def _unit(members: dict[str, Any], name: str, place: dict[str, int]) -> str:
+    """Unit of a column: of the dataset, or the one in the dataset that its unit refers to."""
+    given = str(members[name].attrs.get("units", ""))
+    found = re.search(r"see (\w+)", given)
+    if found is None or found[1] not in members:
+        return given
+    own = members[found[1]]
+    where = tuple(place.get(label, 0) for label in _labels(own, found[1]))
+    return str(_values(own)[where])
+
+
+def _plain(column: Any) -> list[Any]:
+    """Numbers with all their digits, "" for NaN."""
+    return [
+        "" if isinstance(value, float) and value != value else value
+        for value in np.asarray(column).tolist()
+    ]
