@@ -17,6 +17,7 @@ __all__ = [
     "Result",
     "__version__",
     "check",
+    "compare",
     "damp",
     "draw",
     "example",
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from suspension_cli.api import (
         Design,
         check,
+        compare,
         damp,
         draw,
         example,

@@ -740,6 +740,62 @@ def export(
     )
 
 
+def compare(
+    *items: Design | Result | PathLike,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    noises: Sequence[str] = (),
+    frequency: Grid = "0.1:100:2000",
+    model: str = "auto",
+    tolerance: float = 1e-3,
+) -> Result:
+    """Compare designs, results and measurements: modes, responses, noises.
+
+    Parameters
+    ----------
+    *items : Design, Result or path
+        Two or more; files as of ``pendsus compare``. At least one has a design.
+    inputs, outputs : sequences of str
+        Compare responses between these signals.
+    noises : sequence of str
+        Compare the thermal noise of these motions.
+    frequency : grid
+        Hz, of responses and noises where no result gives its own.
+    model, tolerance
+        As of `modes`, for the designs; all have the same model.
+
+    Returns
+    -------
+    Result
+        With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
+        `overlay`.
+
+    Raises
+    ------
+    InputError
+        If fewer than two things are given, or a file is at fault.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("double")
+    >>> lower = design.replace({"stage.test.wires.d": 0.0005})
+    >>> found = sus.compare(design, lower, model="string")
+    >>> [change.words for change in found.change[1]], found.modes.frequency.shape
+    (['test wires d'], (12, 2))
+    """
+    return _run(
+        "compare",
+        {"items": items},
+        model,
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+        noises=tuple(noises),
+        frequency=_grid(frequency),
+        tolerance=tolerance,
+    )
+
+
 def fit(
     measured: PathLike,
     design: Design | None = None,
@@ -960,8 +1016,8 @@ def _run(name: str, files: Design | dict[str, Any], model: str | None, **given: 
     if model is not None:
         given["fidelity"] = model
 
-    def ask(file: Design | PathLike, overrides: tuple[str, ...] = ()) -> Run:
-        design = file if isinstance(file, Design) else read(file, overrides)
+    def ask(file: Source | PathLike, overrides: tuple[str, ...] = ()) -> Run:
+        design = file if isinstance(file, Source) else read(file, overrides)
         setting = _setting(name, analysis.parameters, analysis.swept_names(), design, given)
         command = f"suspension_cli.{name}()"
         return Run(design, setting, Log(), Path(folder.name), command)
@@ -978,7 +1034,7 @@ def _setting(
     name: str,
     parameters: Sequence[click.Parameter],
     extra: tuple[str, ...],
-    design: Design,
+    design: Source,
     given: dict[str, Any],
 ) -> dict[str, Any]:
     context = click.Command(name, params=list(parameters)).make_context(name, [])  # all defaults

@@ -28,8 +28,8 @@ def write(result: Result, path: Path) -> list[Path]:
     ----------
     result : Result
     path : Path
-        Of the results file: NAME.h5 gives NAME.csv; arrays with other rows get files of their own,
-        NAME-ROWS.csv.
+        Of the results file: NAME.h5 gives NAME.csv with the main results; arrays with other rows
+        get files of their own, NAME-ROWS.csv.
     """
     if result.file is not None:
         with h5py.File(result.file, "r") as file:
@@ -38,10 +38,9 @@ def write(result: Result, path: Path) -> list[Path]:
         with h5py.File("memory", "w", driver="core", backing_store=False) as file:
             result.analysis.fill(file, result)
             found = dict(_tables(file[result.analysis.name]))
-    largest = max(found, key=lambda rows: len(found[rows]), default="")
     paths = []
-    for rows, text in found.items():
-        stem = path.stem if rows == largest else f"{path.stem}-{rows}"
+    for n, (rows, text) in enumerate(found.items()):
+        stem = f"{path.stem}-{rows}" if n else path.stem
         target = path.with_name(f"{stem}.csv")
         write_bytes(target, text.encode())
         paths.append(target)
@@ -53,13 +52,17 @@ def _tables(group: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
     members = {name: item for name, item in group.items() if isinstance(item, h5py.Dataset)}
     tables: dict[tuple[str, ...], list[str]] = {}
     for name, data in members.items():
-        if data.is_scale or not data.ndim:
+        if data.is_scale or not data.ndim or not data.size:
             continue
         labels = _labels(data, name)
         rows = tuple(label for label in labels if _is_numeric(members.get(label)))
         tables.setdefault(rows or labels[:1], []).append(name)
-    for rows, names in tables.items():
-        names.sort(key=lambda name: _is_numeric(members[name]))  # labels first
+
+    def rank(rows: tuple[str, ...]) -> tuple[bool, int, int]:
+        return not all(_is_numeric(members.get(row)) for row in rows), len(rows), -len(tables[rows])
+
+    for rows in sorted(tables, key=rank):  # the main results first: points of a sweep, not modes
+        names = sorted(tables[rows], key=lambda n: (_is_numeric(members[n]), n != "value", n))
         if any(_is_numeric(members[name]) for name in names):
             stem = "-".join(part for part in (prefix, *rows) if part)
             yield re.sub(r"[^A-Za-z0-9._-]+", "-", stem), _text(members, rows, names)

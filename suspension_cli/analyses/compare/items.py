@@ -11,7 +11,7 @@ from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result, Run
-    from suspension_cli.design.measured import Mode
+    from suspension_cli.design.measured import Measured, Mode
     from suspension_cli.design.reader import Source
     from suspension_cli.measurements.transfer_function import MeasuredResponse
 
@@ -101,12 +101,41 @@ def _read(ask: Callable[..., Run], given: Any) -> Item:
         return Item(path.stem, responses=read_bare(path))
     raw = reader.read_toml(path)
     if "stage" not in raw and {"mode", "transfer_function"} & set(raw):
-        from suspension_cli.measurements.read import read_all
-
         tables = measured.read(path)
-        return Item(path.stem, modes=tables.mode or (), responses=read_all(tables, path))
+        return Item(path.stem, modes=tables.mode or (), responses=_calibrated(tables, path))
     run = ask(str(given))
     return Item(run.name, run.source, run)
+
+
+def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
+    """Read transfer functions, and convert readings and drives to signals of the design."""
+    import dataclasses
+
+    from suspension_cli.measurements.prediction import channel_weights, find_transducer
+    from suspension_cli.measurements.read import read_all
+
+    found = []
+    for one in read_all(tables, path):
+        ends = {}
+        for name, among in ((one.output, tables.sensor), (one.input, tables.actuator)):
+            end = find_transducer(name, among)
+            if end.mix:
+                problem = "mixes signals of the design, so it is not one of them"
+                remedy = "compare it by pendsus response DESIGN --measured FILE"
+                raise InputError([Fault("", problem, remedy, format_value(name))], str(path))
+            ends[end.signal] = channel_weights(end, [end.signal], one.frequency)[:, 0]
+        (output, sensed), (into, driven) = ends.items()
+        factor = sensed * driven
+        found.append(
+            dataclasses.replace(
+                one,
+                input=into,
+                output=output,
+                value=one.value / factor,
+                uncertainty=one.uncertainty / abs(factor),
+            )
+        )
+    return found
 
 
 def _result(path: Path) -> Result | None:
@@ -164,16 +193,18 @@ def resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -
     """
     import dataclasses
 
-    if all(one.input and one.output for one in item.responses):
+    if all(_is_signal(one.input) and _is_signal(one.output) for one in item.responses):
         return item
-    if len(inputs) != 1 or len(outputs) != 1:
+    if len(inputs) != 1 or len(outputs) != 1 or len(item.responses) != 1:
         problem = "does not say which signals were measured"
         remedy = "add --input and --output, one each, or describe it in a TOML file"
         raise InputError(
             [Fault("", problem, remedy, format_value(item.name))], item.responses[0].file
         )
-    named = [
-        dataclasses.replace(one, input=one.input or inputs[0], output=one.output or outputs[0])
-        for one in item.responses
-    ]
-    return dataclasses.replace(item, responses=named)
+    named = dataclasses.replace(item.responses[0], input=inputs[0], output=outputs[0])
+    return dataclasses.replace(item, responses=[named])
+
+
+def _is_signal(name: str) -> bool:
+    """Whether a name is that of a signal and not of a channel (``H1:SUS-...``), or missing."""
+    return "." in name and ":" not in name

@@ -1,0 +1,187 @@
+"""`pendsus compare`: modes paired by shape, overlaid curves and their ratios, changed numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from suspension_cli.analyses.compare.design_changes import find_changes
+from tests.support.commandline import assert_refused, run, strict_json, written
+
+TRIPLE = sus.example("geo-silica-triple")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A design, a copy with a longer wire and another name, and results of the copy."""
+    folder = tmp_path_factory.mktemp("compare")
+    written(folder, TRIPLE.text, "a.toml")
+    longer = TRIPLE.replace({"stage.upper.wires.l": 0.4, "design.name": "longer"})
+    written(folder, longer.text, "b.toml")
+    grid = ("--frequency", "0.3:30:40")
+    for command in (("response", *grid), ("thermal", *grid), ("modes",)):
+        options = ("--fidelity", "beam", "-q", "--no-plot")
+        done = run(command[0], folder / "b.toml", *command[1:], *options, "--out", folder)
+        assert done.exit_code == 0, done.stderr
+    return folder
+
+
+def compared(folder, out, *items):
+    options = ("--fidelity", "beam", "--json", "--out", out)
+    done = run("compare", *(folder / i if "." in str(i) else i for i in items), *options)
+    assert done.exit_code == 0, done.stderr
+    return strict_json(done.stdout)
+
+
+def test_modes_of_two_designs_are_those_of_each(folder, tmp_path):
+    found = compared(folder, tmp_path, "a.toml", "b.toml")
+    assert found["designs"] == ["geo-silica-triple", "longer"]
+    rows = np.array([row["frequency_hz"] for row in found["modes"]])
+    for column, name in ((0, "a.toml"), (1, "b.toml")):
+        design = sus.read(folder / name)
+        own = sus.modes(design, model="beam").frequency
+        assert np.sort(rows[:, column]) == pytest.approx(np.sort(own), rel=1e-12)
+    assert min(row["overlap"][1] for row in found["modes"]) > 0.9
+    assert found["changes"]["longer"] == [
+        {"path": "stage.upper.wires.l", "before": "396 mm", "after": "400 mm"}
+    ]
+
+
+def test_modes_are_paired_by_shape_and_not_by_order():
+    # the spring on yaw carries this mode past several others
+    design = sus.example("husman2000/table1-case3")
+    stiff = design.replace({"stage.test.body.inertia.3": 0.005})
+    first, second = sus.modes(design, model="string"), sus.modes(stiff, model="string")
+    assert first.label.index("test yaw") != second.label.index("test yaw")
+    found = sus.compare(design, stiff, model="string").modes
+    for n, label in enumerate(found.label):
+        assert found.frequency[n, 0] == first.frequency[first.label.index(label)]
+        assert found.frequency[n, 1] == second.frequency[second.label.index(label)]
+
+
+def test_a_stage_that_only_one_has():
+    found = sus.compare(sus.example("double"), sus.template("triple"), model="string")
+    paths = [change.path for change in found.change[1]]
+    assert any(change.before == "not given" for change in found.change[1])
+    assert not any(path.startswith("stage.middle.") for path in paths)
+    count = np.isfinite(found.modes.frequency).sum(0)
+    assert count.tolist() == [12, 18]
+
+
+def test_stored_results_and_designs_on_one_grid(folder, tmp_path):
+    found = compared(folder, tmp_path, "a.toml", "longer-response.h5", "longer-thermal.h5")
+    (response,), (noise,) = found["responses"], found["noises"]
+    f = response["curves"][1]["frequency_hz"]
+    at = {
+        name: sus.response(sus.read(folder / name), frequency=f, model="beam").value[:, 0, 0]
+        for name in ("a.toml", "b.toml")
+    }
+    ratio = response["curves"][1]["ratio"]
+    assert ratio["frequency_hz"] == f
+    value = np.array(ratio["real"]) + 1j * np.array(ratio["imag"])
+    assert value == pytest.approx(at["b.toml"] / at["a.toml"], rel=1e-9)
+    low = {
+        name: sus.thermal(sus.read(folder / name), frequency=f, model="beam").data[0].amplitude
+        for name in ("a.toml", "b.toml")
+    }
+    assert noise["curves"][1]["ratio"]["real"] == pytest.approx(low["b.toml"] / low["a.toml"])
+
+
+def test_other_grids_are_interpolated_between_their_points():
+    design = sus.example("double")
+    fine = sus.response(design, frequency="20:50:400", model="string")
+    coarse = sus.response(design, frequency="19:49:300", model="string")
+    (overlay,) = sus.compare(fine, coarse).overlay
+    ratio = overlay.curves[1].ratio
+    # f^-4: between two points of the grid the logarithm is straight
+    assert ratio == pytest.approx(np.ones(len(ratio)), abs=2e-3)
+    assert overlay.curves[1].ratio_frequency[0] >= 20.0
+
+
+def test_measured_data_beside_designs(folder, tmp_path):
+    f = np.array([0.4, 1.0, 2.0])
+    model = sus.response(
+        sus.read(folder / "a.toml"),
+        inputs=["upper.force_x"],
+        outputs=["upper.x"],
+        frequency=f,
+        model="beam",
+    ).value[:, 0, 0]
+    text = "f,re,im\n" + "".join(
+        f"{x!r},{2 * y.real!r},{2 * y.imag!r}\n"
+        for x, y in zip(f.tolist(), model.tolist(), strict=True)
+    )
+    (folder / "drive.csv").write_text(text)
+    signals = ("--input", "upper.force_x", "--output", "upper.x")
+    found = compared(folder, tmp_path, "a.toml", "drive.csv", *signals)
+    (overlay,) = found["responses"]
+    assert overlay["reference"] == "geo-silica-triple"
+    assert overlay["curves"][1]["ratio"]["real"] == pytest.approx([2, 2, 2], rel=1e-9)
+    table = (
+        '[[transfer_function]]\nfile = "drive.csv"\ninput = "upper.force_x"\noutput = "shadow"\n'
+    )
+    table += '[[sensor]]\nname = "shadow"\nsignal = "upper.x"\ngain = 2.0\n'
+    table += '[[mode]]\nfrequency = 1.85\nuncertainty = 0.01\nlabel = "test pitch"\n'
+    (folder / "measured.toml").write_text(table)
+    found = compared(folder, tmp_path, "a.toml", "measured.toml")
+    ratio = found["responses"][0]["curves"][1]["ratio"]
+    assert ratio["real"] == pytest.approx([1, 1, 1], rel=1e-9)
+    pitch = next(row for row in found["modes"] if row["label"] == "test pitch")
+    assert pitch["frequency_hz"][1] == 1.85
+
+
+def test_text_pictures_and_stored_comparison(folder, tmp_path):
+    items = [folder / "a.toml", folder / "b.toml", folder / "longer-response.h5"]
+    options = ("--fidelity", "beam", "--format", "svg", "--csv")
+    done = run("compare", *items, *options, "--out", tmp_path)
+    assert done.exit_code == 0, done.stderr
+    assert "upper wires l  396 mm  400 mm" in done.stdout
+    assert "test.x / support.x (m/m)" in done.stdout
+    stem = "geo-silica-triple-and-b-and-1-more-compare"
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {f"{stem}.h5", f"{stem}.svg", f"{stem}-test.x-support.x.svg"} <= names
+    assert any(name.endswith(".csv") for name in names)
+    again = sus.load(tmp_path / f"{stem}.h5")
+    assert str(again) == done.stdout.rstrip("\n")
+
+
+@pytest.mark.parametrize(
+    ("items", "words"),
+    [
+        (["a.toml"], "at least two"),
+        (["a.toml", "missing.toml"], "cannot be read"),
+        (["drive.csv", "drive.csv"], "only measurements are given"),
+        (["a.toml", "drive.csv"], "does not say which signals were measured"),
+    ],
+)
+def test_refused(items, words, folder, tmp_path):
+    (folder / "drive.csv").write_text("f,re,im\n1,2,3\n2,3,4\n")
+    done = run("compare", *(folder / item for item in items), "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_results_that_have_nothing_to_compare(folder, tmp_path):
+    design = folder / "a.toml"
+    done = run("export", design, "--format", "hdf5", "--fidelity", "string", "--out", tmp_path)
+    assert done.exit_code == 0, done.stderr
+    (stored,) = tmp_path.glob("*.h5")
+    done = run("compare", design, stored, "--out", tmp_path / "out")
+    assert_refused(done, stored, tmp_path / "out")
+
+
+def test_changes_have_units_that_builders_use():
+    before = TRIPLE.text
+    after = TRIPLE.replace(
+        {"stage.upper.body.mass": 6.0, "stage.upper.body.inertia": [0.08, 0.004, 0.08]}
+    ).text
+    assert [(c.words, c.before, c.after) for c in find_changes(before, after)] == [
+        ("upper body mass", "5.86 kg", "6 kg"),
+        (
+            "upper body inertia",
+            "0.08126 kg m^2, 0.00381 kg m^2, 0.08338 kg m^2",
+            "0.08 kg m^2, 0.004 kg m^2, 0.08 kg m^2",
+        ),
+    ]

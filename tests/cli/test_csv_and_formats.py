@@ -1,0 +1,112 @@
+"""Results as CSV, pictures as PDF and SVG, limits of axes, several results in one picture."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from tests.support.commandline import assert_refused, run, written
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    for name in ("double", "single"):
+        written(folder, sus.template(name).text, f"{name}.toml")
+    for name in ("double", "single"):
+        options = ("--fidelity", "string", "--frequency", "0.5:5:6", "--no-plot", "-q")
+        done = run("response", folder / f"{name}.toml", *options, "--csv", "--out", folder)
+        assert done.exit_code == 0, done.stderr
+    return folder
+
+
+def table(path):
+    with path.open(newline="") as stream:
+        head, *rows = csv.reader(stream)
+    return head, rows
+
+
+def test_responses_have_a_row_per_frequency(folder):
+    head, rows = table(folder / "double-response.csv")
+    assert head == [
+        "frequency (Hz)",
+        "value [test.x, support.x] real (m/m)",
+        "value [test.x, support.x] imag (m/m)",
+    ]
+    found = sus.load(folder / "double-response.h5")
+    numbers = np.array(rows, dtype=float)
+    assert (numbers[:, 0] == found.frequency).all()
+    assert (numbers[:, 1] + 1j * numbers[:, 2] == found.value[:, 0, 0]).all()
+
+
+def test_modes_and_points_of_a_sweep_have_rows(folder, tmp_path):
+    design = folder / "single.toml"
+    done = run("modes", design, "--fidelity", "string", "--csv", "--no-plot", "--out", tmp_path)
+    assert done.exit_code == 0, done.stderr
+    head, rows = table(tmp_path / "single-modes.csv")
+    assert head[:2] == ["mode (1)", "label"] and len(rows) == 6
+    place = head.index("frequency (Hz)")
+    assert float(rows[0][place]) == sus.modes(sus.read(design), model="string").frequency[0]
+    vary = ("--vary", "stage.test.wires.l=0.3,0.4,0.5", "--vary", "stage.test.wires.d=0,1e-3")
+    options = ("--fidelity", "string", "--workers", "1", "--no-plot", "--csv", "--out", tmp_path)
+    done = run("sweep", design, *vary, "--result", "test yaw", *options)
+    assert done.exit_code == 0, done.stderr
+    head, rows = table(tmp_path / "single-sweep.csv")
+    assert [row[:2] for row in rows] == [
+        [length, d] for length in ("0.3", "0.4", "0.5") for d in ("0.0", "0.001")
+    ]
+    found = sus.load(tmp_path / "single-sweep.h5").value[:, :, 0].ravel()
+    column = next(n for n, name in enumerate(head) if "test yaw" in name)
+    assert [float(row[column]) for row in rows] == found.tolist()
+
+
+@pytest.mark.parametrize(("form", "start"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
+def test_vector_pictures_are_the_same_bytes_again(folder, form, start, tmp_path):
+    pictures = []
+    for n in range(2):
+        out = tmp_path / str(n)
+        stored = folder / "double-response.h5"
+        done = run("plot", stored, "--format", form, "--x", "0.6:4", "--out", out)
+        assert done.exit_code == 0, done.stderr
+        pictures.append((out / f"double-response.{form}").read_bytes())
+    assert pictures[0].startswith(start)
+    assert pictures[0] == pictures[1]
+
+
+def test_several_results_in_one_picture(folder, tmp_path):
+    files = [folder / f"{name}-response.h5" for name in ("double", "single")]
+    done = run("plot", *files, "--together", "--out", tmp_path)
+    assert done.exit_code == 0, done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["double-and-single-compare.png"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--x", "4:0.6"), "two ascending numbers"),
+        (("--x", "low:4"), "two ascending numbers"),
+        (("--x", "0:4"), "logarithmic axis"),
+    ],
+)
+def test_limits_that_make_no_sense(options, words, folder, tmp_path):
+    done = run("plot", folder / "double-response.h5", *options, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert not list(tmp_path.rglob("*.png"))
+
+
+def test_one_result_alone_is_not_together(folder, tmp_path):
+    done = run("plot", folder / "double-response.h5", "--together", "--out", tmp_path)
+    assert done.exit_code == 2
+    assert "at least two" in done.stderr
+
+
+def test_a_drawing_has_no_axes(folder, tmp_path):
+    design = folder / "single.toml"
+    run("modes", design, "--fidelity", "string", "--no-plot", "-q", "--out", tmp_path)
+    stored = tmp_path / "single-modes.h5"
+    done = run("plot", stored, "--x", "1:2", "--out", tmp_path / "out")
+    assert_refused(done, stored, tmp_path / "out")
