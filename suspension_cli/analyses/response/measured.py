@@ -37,6 +37,8 @@ PROMINENCE = 2.0
 """Ratio of a measured peak to the minima beside it from which it counts as a resonance."""
 SIGNIFICANT = 5.0
 """Least height of a resonance above the minima beside it, standard deviations."""
+NOISY = 1 / 3
+"""Uncertainty relative to the value from which a point is no evidence of a deviation."""
 RESIDUE = 1e-4
 """Contribution of a mode relative to the largest, from which its pole can explain a peak."""
 SLIP = 1e3
@@ -102,6 +104,13 @@ class Comparison:
             return self.data.value / self.predicted
 
     @property
+    def clear(self) -> Any:
+        """Whether the uncertainty of each point is below `NOISY` of its value, (f,); or none is."""
+        with np.errstate(invalid="ignore"):
+            clear = ~(self.data.uncertainty > NOISY * np.abs(self.data.value))
+        return np.isfinite(self.ratio) & (clear | ~clear.any())
+
+    @property
     def median(self) -> float:
         """Median magnitude of the ratio; NaN where the model has no response."""
         size = np.abs(self.ratio)
@@ -109,10 +118,10 @@ class Comparison:
 
     @property
     def extreme(self) -> tuple[float, float]:
-        """Magnitude of the ratio that is farthest from 1 by its logarithm, and its frequency."""
+        """Magnitude of the clear ratio that is farthest from 1 (logarithm), and its frequency."""
         size = np.abs(self.ratio)
         with np.errstate(divide="ignore"):
-            far = np.where(np.isfinite(size), np.abs(np.log(size)), -1.0)
+            far = np.where(self.clear, np.abs(np.log(size)), -1.0)
         n = int(np.argmax(far))
         return float(size[n]), float(self.data.frequency[n])
 
