@@ -44,7 +44,7 @@ def read_all(measured: Measured, file: str | Path) -> list[MeasuredResponse]:
         except InputError as error:
             errors.append(error)
             continue
-        found.append(replace_labels(one, name, _unit(table, measured)))
+        found.append(replace_labels(one, name, unit_of_value(table, measured)))
     if errors:
         raise errors[0] if len(errors) == 1 else join_errors(errors)
     return found
@@ -143,7 +143,7 @@ def _read(table: TransferFunction, folder: Path, opened: dict[Path, Columns | Dt
             table.input,
             table.output,
             *_calibrated(points, table),
-            unit=_unit(table, Measured()),
+            unit=unit_of_value(table, Measured()),
             file=str(path),
         )
 
@@ -232,7 +232,7 @@ def relative_uncertainty(coherence: Any, averages: float) -> Any:
     return np.where(square < 1 - 1e-7, sigma, np.nan)
 
 
-def _unit(table: TransferFunction, measured: Measured) -> str:
+def unit_of_value(table: TransferFunction, measured: Measured) -> str:
     """Unit of the value; "" if a signal is unknown."""
     into = _unit_of(table.input, measured.actuator)
     out = _unit_of(table.output, measured.sensor)

@@ -26,7 +26,10 @@ def written(folder: Path, text: str, name: str = "data.csv") -> Path:
 
 
 def table(delimiter: str, *columns: np.ndarray) -> str:
-    return "".join(delimiter.join(f"{value:.17g}" for value in row) + "\n" for row in zip(*columns))
+    return "".join(
+        delimiter.join(f"{value:.17g}" for value in row) + "\n"
+        for row in zip(*columns, strict=True)
+    )
 
 
 def read(path: Path, **keys):
