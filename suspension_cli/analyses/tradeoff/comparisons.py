@@ -129,7 +129,17 @@ RESPONSES = (
         methods=(
             Method(STRING, "chain", *transfer_functions.prepared(transfer_functions.chained)),
             Method(STRING, "chain, kept", *transfer_functions.kept(transfer_functions.chained)),
-            Method(STRING, "dense", *transfer_functions.on_matrices(transfer_functions.dense)),
+            *(
+                Method(STRING, f"{name}{end}", *timed(prepare))
+                for name, prepare in (
+                    ("dense", transfer_functions.dense),
+                    ("LDLᵀ", transfer_functions.eliminated),
+                )
+                for end, timed in (
+                    ("", transfer_functions.prepared),
+                    (", kept", transfer_functions.kept),
+                )
+            ),
             Method(STRING, "modal sum", *transfer_functions.prepared(transfer_functions.modal)),
             Method(STRING, "modal sum, kept", *transfer_functions.kept(transfer_functions.modal)),
             Method(
