@@ -65,7 +65,7 @@ KEY = (
         "Thick horizontal bars: quartiles of the time. Hollow: not vectorised, so that a batch is a"
         " loop. Grey strip: errors below 10⁻¹² are rounding."
     ),
-    "*: with everything that does not depend on frequency computed beforehand.",
+    "*: the next response, on other frequencies: what does not depend on them is kept.",
 )
 
 

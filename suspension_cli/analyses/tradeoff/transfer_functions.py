@@ -224,7 +224,8 @@ def modal(model: LinearSystem, drive: Array, row: Array) -> Answer:
         shapes = vectors.T @ inverse
         seen = shapes @ block.row
         loss, damping = (
-            (shapes @ matrix * shapes).sum(-1) for matrix in (np.imag(block.stiffness), block.damping)
+            (shapes @ matrix * shapes).sum(-1)
+            for matrix in (np.imag(block.stiffness), block.damping)
         )
         k, c, m = seen * (block.push @ shapes.T)
         modes += zip(-k, -c, m, poles + 1j * loss if loss.any() else poles, damping, strict=True)
@@ -259,6 +260,17 @@ def zero_pole_gain(model: LinearSystem, drive: Array, row: Array) -> Answer:
     """Prepare the product of gain, zeros and poles."""
     found = export.compute_zero_pole_gain(_system(model, drive, row))
     return lambda omega: found.at(omega / (2 * np.pi))[:, 0, 0]
+
+
+METHODS: dict[str, Prepare] = {
+    "chain": chained,
+    "dense": dense,
+    "LDLᵀ": eliminated,
+    "modal sum": modal,
+    "state space": state_space,
+    "zpk": zero_pole_gain,
+}
+"""Methods by name; the first is that of `pendsus response`."""
 
 
 def _system(model: LinearSystem, drive: Array, row: Array) -> statespace.StateSpace:
