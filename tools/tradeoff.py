@@ -13,12 +13,14 @@ import time
 import numpy as np
 import scipy
 
-from suspension_cli.analyses.tradeoff import picture
+from suspension_cli.analyses.tradeoff import picture, summary
 from suspension_cli.analyses.tradeoff import solve as run
 from suspension_cli.analyses.tradeoff.result import (
+    COUNTS,
     KINDS,
     Entry,
     Panel,
+    ResponseTimes,
     Tradeoff,
     View,
     format_error,
@@ -42,6 +44,8 @@ CHARTS = {
 }
 """Designs that are shown in full, and their charts."""
 REPEAT = 7
+BUDGET = 0.2
+"""Processor time for the samples of a time, s; more than by default in `pendsus tradeoff`."""
 
 
 def main() -> None:
@@ -51,7 +55,7 @@ def main() -> None:
         design = read(file).design
         name = design.design.name
         print(name, file=sys.stderr)
-        found[name] = run.measure(design, repeat=REPEAT)
+        found[name] = run.measure(design, repeat=REPEAT, budget=BUDGET)
         if name in CHARTS:
             save(picture.draw(found[name], design.design.title or name), folder / CHARTS[name])
     text = document(found)
@@ -72,8 +76,8 @@ def document(found: dict[str, Tradeoff]) -> str:
         (
             f"Made by `make tradeoff` in one run with {threads or 'an unknown number of'}"
             f" thread{'s' if threads != 1 else ''} of linear algebra ({machine}). Times are the"
-            f" processor's, medians of {REPEAT} samples that all methods take in turns, relative to"
-            " the fastest for that design. Errors are relative, 0 if below the last digit of a"
+            f" processor's, medians of up to {REPEAT} samples that all methods take in turns, relative"
+            " to the fastest for that design. Errors are relative, 0 if below the last digit of a"
             " double. [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured, and what"
             " to use when."
         ),
@@ -105,6 +109,11 @@ def document(found: dict[str, Tradeoff]) -> str:
             "",
             f"![Error against time]({CHARTS[name]})",
             "",
+            "```text",
+            summary.text(found[name]),
+            "```",
+            "",
+            *(line for each in found[name].waits for line in responses(each)),
             *(line for panel in found[name].panels for line in full(panel)),
         ]
     return "\n".join(lines).rstrip() + "\n"
@@ -184,6 +193,31 @@ def full(panel: Panel) -> list[str]:
         )
     lines += [f"Left out: {', '.join(names)} ({reason})." for reason, names in reasons.items()]
     return [*lines, ""] if reasons else lines
+
+
+def responses(each: ResponseTimes) -> list[str]:
+    """Tabulate the times of a first response and the next ones."""
+    models = each.compares == "rungs"
+    heads = [f"{count:,} frequencies" for count in COUNTS] + ([] if models else ["error"])
+    lines = [
+        f"### First and next responses: {'models' if models else 'methods'}",
+        "",
+        (
+            f"The first {each.start} / the next on the same frequencies / the next on others"
+            f"{'' if models else '; largest error over 200 frequencies from 0.1 Hz to 1 kHz'}."
+        ),
+        "",
+        f"| | {' | '.join(heads)} |",
+        "|---|" + "---:|" * len(heads),
+    ]
+    for entry in each.entries:
+        cells = [
+            " / ".join("–" if np.isnan(t) else format_time(t) for t in entry.time[:, n, 1])
+            for n in range(len(COUNTS))
+        ]
+        cells += [] if models else [format_error(entry.error)]
+        lines.append(f"| {entry.rung if models else entry.method} | {' | '.join(cells)} |")
+    return [*lines, ""]
 
 
 def marked(entry: Entry, kind: str, fastest: float, best: bool) -> str:

@@ -189,7 +189,7 @@ def _waits(each: ResponseTimes) -> dict[str, Any]:
                 "rung": entry.rung,
                 "method": entry.method,
                 "error": as_number(entry.error),
-                "time_s": entry.time.tolist(),
+                "time_s": plain(entry.time),
             }
             for entry in each.entries
         ],

@@ -30,9 +30,9 @@ SHIPPED = {
 """Methods that the commands use."""
 QUESTIONS = {
     "modes": "mode frequencies",
-    "thermal": "thermal noise",
-    "coupling": "cross-coupling of a build",
-    "equilibrium": "equilibrium of a build",
+    "thermal": "thermal noise at 10 and 100 Hz",
+    "coupling": "cross-coupling at 50 Hz",
+    "equilibrium": "equilibrium of imperfect builds",
 }
 NAMES = {
     "Response up to 50 Hz": "response up to 50 Hz",
@@ -109,9 +109,9 @@ def _answers(found: Tradeoff, panel: Panel) -> list[Answer]:
             for view in panel.views
         ]
     question = QUESTIONS[panel.quantity]
-    kinds = [("once", "")]
+    kinds = {"once": ""}
     if panel.item != "frequency":
-        kinds.append(("batch", f", each of {panel.count}"))
+        kinds = {"once": f", one {panel.item}", "batch": f", per {panel.item} of {panel.count}"}
     return [
         _choose(
             panel.compares,
@@ -122,7 +122,7 @@ def _answers(found: Tradeoff, panel: Panel) -> list[Answer]:
             ],
             SHIPPED[panel.quantity],
         )
-        for kind, more in kinds
+        for kind, more in kinds.items()
     ]
 
 
@@ -173,7 +173,7 @@ def headline(found: Tradeoff) -> str:
     every = [answer for answer in answers(found) if answer.compares == "rungs"]
     uses: dict[str, list[str]] = {}
     for answer in every:
-        question = answer.question.split(",")[0]
+        question = answer.question.split(",")[0].split(" at ")[0]
         short = "" if answer.best.error <= MODEL_TOLERANCE else " (beyond the tolerance)"
         listed = uses.setdefault(answer.best.name + short, [])
         if question not in listed:
