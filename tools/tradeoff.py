@@ -44,6 +44,7 @@ CHARTS = {
 }
 """Designs that are shown in full, and their charts."""
 REPEAT = 7
+COMPARES = {"rungs": "models", "methods": "methods"}
 BUDGET = 0.2
 """Processor time for the samples of a time, s; more than by default in `pendsus tradeoff`."""
 
@@ -76,9 +77,9 @@ def document(found: dict[str, Tradeoff]) -> str:
         (
             f"Made by `make tradeoff` in one run with {threads or 'an unknown number of'}"
             f" thread{'s' if threads != 1 else ''} of linear algebra ({machine}). Times are the"
-            f" processor's, medians of up to {REPEAT} samples that all methods take in turns, relative"
-            " to the fastest for that design. Errors are relative, 0 if below the last digit of a"
-            " double. [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured, and what"
+            f" processor's, medians of up to {REPEAT} samples that all methods take in turns,"
+            " relative to the fastest for that design. Errors are relative, 0 if below the last digit"
+            " of a double. [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured, and what"
             " to use when."
         ),
         "",
@@ -88,7 +89,7 @@ def document(found: dict[str, Tradeoff]) -> str:
         "",
         (
             "Largest error · time for one evaluation / for one item of a batch. Bold: no other is"
-            " both faster (either way) and more accurate. A dash: it does not hold for this design,"
+            " both faster (either way) and more accurate. A dash: it is not valid for this design,"
             " or there is nothing to compare."
         ),
         "",
@@ -133,7 +134,7 @@ def overview(key: str, title: str, found: dict[str, Tradeoff]) -> list[str]:
             dict.fromkeys(entry.method for panel in panels.values() for entry in panel.entries)
         )
     lines = [
-        f"### {title}: {compares}",
+        f"### {title}: {COMPARES[compares]}",
         "",
         f"| design | {' | '.join(every)} |",
         "|---|" + "---|" * len(every),
@@ -160,7 +161,7 @@ def cell(panel: Panel, view: View, n: int) -> str:
 
 def full(panel: Panel) -> list[str]:
     """Tabulate one comparison of one design."""
-    lines = [f"### {panel.title}: {panel.compares}", ""]
+    lines = [f"### {panel.title}: {COMPARES[panel.compares]}", ""]
     if panel.entries:
         once, batch = (panel.fastest(kind) for kind in KINDS)
         lines += [
@@ -171,7 +172,7 @@ def full(panel: Panel) -> list[str]:
             "",
         ]
         lines.append(
-            f"| {panel.compares[:-1]} | one evaluation | in a batch |"
+            f"| {COMPARES[panel.compares][:-1]} | one evaluation | in a batch |"
             f" {' | '.join(panel.component)} |"
         )
         lines.append("|---|" + "---:|" * (2 + len(panel.component)))

@@ -234,7 +234,7 @@ def table(found: Tradeoff) -> str:
 def _table(panel: Panel) -> str:
     from suspension_cli.analyses.tradeoff.result import KINDS, format_error, format_time
 
-    lines = [f"{panel.title}: {panel.compares}"]
+    lines = [f"{panel.title}: {'models' if panel.compares == 'rungs' else 'methods'}"]
     if panel.entries:
         fastest = {kind: panel.fastest(kind) for kind in KINDS}
         fronts = {

@@ -51,7 +51,7 @@ def _fill_waits(home: h5py.Group, each: ResponseTimes) -> None:
     )
     for name in ("rung", "method"):
         add_dataset(home, name, _words(getattr(e, name) for e in entries), "name", scales[0])
-    add_dataset(home, "error", np.array([e.error for e in entries]), "1", scales[0])
+    add_dataset(home, "largest_error", np.array([e.error for e in entries]), "1", scales[0])
     add_dataset(home, "time", np.array([e.time for e in entries]), "s", *scales)
 
 
@@ -147,7 +147,7 @@ def _load_waits(home: Any) -> ResponseTimes:
     rows = zip(
         home["rung"].asstr()[:],
         home["method"].asstr()[:],
-        home["error"][:],
+        home["largest_error"][:],
         home["time"][:],
         strict=True,
     )

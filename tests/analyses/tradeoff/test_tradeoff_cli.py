@@ -208,7 +208,8 @@ def test_text(found):
     text = table(found)
     assert "median times of up to 2 samples" in text
     for panel in found.panels:
-        assert f"{panel.title}: {panel.compares}\n" in text
+        compared = "models" if panel.compares == "rungs" else "methods"
+        assert f"{panel.title}: {compared}\n" in text
     (line,) = [line for line in text.splitlines() if line.startswith("  closed-form, formulas")]
     assert " *" in line
     assert max(map(len, text.splitlines())) < 170
