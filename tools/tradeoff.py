@@ -78,9 +78,9 @@ def document(found: dict[str, Tradeoff]) -> str:
             f"Made by `make tradeoff` in one run with {threads or 'an unknown number of'}"
             f" thread{'s' if threads != 1 else ''} of linear algebra ({machine}). Times are the"
             f" processor's, medians of up to {REPEAT} samples that all methods take in turns,"
-            " relative to the fastest for that design. Errors are relative, 0 if below the last digit"
-            " of a double. [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured, and what"
-            " to use when."
+            " relative to the fastest for that design. Errors are relative, 0 if below the last"
+            " digit of a double. [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured,"
+            " and what to use when."
         ),
         "",
         "![Error against time, fused-silica triple](tradeoff.png)",
