@@ -899,12 +899,12 @@ def tradeoff(design: Design, *, quantities: Sequence[str] = (), repeat: int = 7)
     quantities : sequence of str
         ``"modes"``, ``"response"``, ``"thermal"``, ``"coupling"``, ``"equilibrium"``; default: all.
     repeat : int
-        Samples of every time.
+        Samples of every time; fewer of slow methods.
 
     Returns
     -------
     Result
-        With the attributes of `analyses.tradeoff.result.Tradeoff`: `panels`, ...
+        With the attributes of `analyses.tradeoff.result.Tradeoff`: `panels`, `waits`, ...
 
     Raises
     ------

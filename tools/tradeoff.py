@@ -13,12 +13,14 @@ import time
 import numpy as np
 import scipy
 
-from suspension_cli.analyses.tradeoff import picture
+from suspension_cli.analyses.tradeoff import picture, summary
 from suspension_cli.analyses.tradeoff import solve as run
 from suspension_cli.analyses.tradeoff.result import (
+    COUNTS,
     KINDS,
     Entry,
     Panel,
+    ResponseTimes,
     Tradeoff,
     View,
     format_error,
@@ -42,6 +44,9 @@ CHARTS = {
 }
 """Designs that are shown in full, and their charts."""
 REPEAT = 7
+COMPARES = {"rungs": "models", "methods": "methods"}
+BUDGET = 0.2
+"""Processor time for the samples of a time, s; more than by default in `pendsus tradeoff`."""
 
 
 def main() -> None:
@@ -51,7 +56,7 @@ def main() -> None:
         design = read(file).design
         name = design.design.name
         print(name, file=sys.stderr)
-        found[name] = run.measure(design, repeat=REPEAT)
+        found[name] = run.measure(design, repeat=REPEAT, budget=BUDGET)
         if name in CHARTS:
             save(picture.draw(found[name], design.design.title or name), folder / CHARTS[name])
     text = document(found)
@@ -72,10 +77,10 @@ def document(found: dict[str, Tradeoff]) -> str:
         (
             f"Made by `make tradeoff` in one run with {threads or 'an unknown number of'}"
             f" thread{'s' if threads != 1 else ''} of linear algebra ({machine}). Times are the"
-            f" processor's, medians of {REPEAT} samples that all methods take in turns, relative to"
-            " the fastest for that design. Errors are relative, 0 if below the last digit of a"
-            " double. [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured, and what"
-            " to use when."
+            f" processor's, medians of up to {REPEAT} samples that all methods take in turns,"
+            " relative to the fastest for that design. Errors are relative, 0 if below the last"
+            " digit of a double. [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured,"
+            " and what to use when."
         ),
         "",
         "![Error against time, fused-silica triple](tradeoff.png)",
@@ -84,7 +89,7 @@ def document(found: dict[str, Tradeoff]) -> str:
         "",
         (
             "Largest error · time for one evaluation / for one item of a batch. Bold: no other is"
-            " both faster (either way) and more accurate. A dash: it does not hold for this design,"
+            " both faster (either way) and more accurate. A dash: it is not valid for this design,"
             " or there is nothing to compare."
         ),
         "",
@@ -105,6 +110,11 @@ def document(found: dict[str, Tradeoff]) -> str:
             "",
             f"![Error against time]({CHARTS[name]})",
             "",
+            "```text",
+            summary.text(found[name]),
+            "```",
+            "",
+            *(line for each in found[name].waits for line in responses(each)),
             *(line for panel in found[name].panels for line in full(panel)),
         ]
     return "\n".join(lines).rstrip() + "\n"
@@ -124,7 +134,7 @@ def overview(key: str, title: str, found: dict[str, Tradeoff]) -> list[str]:
             dict.fromkeys(entry.method for panel in panels.values() for entry in panel.entries)
         )
     lines = [
-        f"### {title}: {compares}",
+        f"### {title}: {COMPARES[compares]}",
         "",
         f"| design | {' | '.join(every)} |",
         "|---|" + "---|" * len(every),
@@ -151,7 +161,7 @@ def cell(panel: Panel, view: View, n: int) -> str:
 
 def full(panel: Panel) -> list[str]:
     """Tabulate one comparison of one design."""
-    lines = [f"### {panel.title}: {panel.compares}", ""]
+    lines = [f"### {panel.title}: {COMPARES[panel.compares]}", ""]
     if panel.entries:
         once, batch = (panel.fastest(kind) for kind in KINDS)
         lines += [
@@ -162,7 +172,7 @@ def full(panel: Panel) -> list[str]:
             "",
         ]
         lines.append(
-            f"| {panel.compares[:-1]} | one evaluation | in a batch |"
+            f"| {COMPARES[panel.compares][:-1]} | one evaluation | in a batch |"
             f" {' | '.join(panel.component)} |"
         )
         lines.append("|---|" + "---:|" * (2 + len(panel.component)))
@@ -184,6 +194,31 @@ def full(panel: Panel) -> list[str]:
         )
     lines += [f"Left out: {', '.join(names)} ({reason})." for reason, names in reasons.items()]
     return [*lines, ""] if reasons else lines
+
+
+def responses(each: ResponseTimes) -> list[str]:
+    """Tabulate the times of a first response and the next ones."""
+    models = each.compares == "rungs"
+    heads = [f"{count:,} frequencies" for count in COUNTS] + ([] if models else ["error"])
+    lines = [
+        f"### First and next responses: {'models' if models else 'methods'}",
+        "",
+        (
+            f"The first {each.start} / the next on the same frequencies / the next on others"
+            f"{'' if models else '; largest error over 200 frequencies from 0.1 Hz to 1 kHz'}."
+        ),
+        "",
+        f"| | {' | '.join(heads)} |",
+        "|---|" + "---:|" * len(heads),
+    ]
+    for entry in each.entries:
+        cells = [
+            " / ".join("–" if np.isnan(t) else format_time(t) for t in entry.time[:, n, 1])
+            for n in range(len(COUNTS))
+        ]
+        cells += [] if models else [format_error(entry.error)]
+        lines.append(f"| {entry.rung if models else entry.method} | {' | '.join(cells)} |")
+    return [*lines, ""]
 
 
 def marked(entry: Entry, kind: str, fastest: float, best: bool) -> str:

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     import h5py
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.tradeoff.result import Entry, Panel, Tradeoff
+    from suspension_cli.analyses.tradeoff.result import Entry, Panel, ResponseTimes, Tradeoff
+    from suspension_cli.analyses.tradeoff.summary import Answer
     from suspension_cli.design.schema import Design
 
 NAMES = ("modes", "response", "thermal", "coupling", "equilibrium")
@@ -28,7 +29,8 @@ class TradeoffAnalysis(Analysis):
     """Measure speed and accuracy of every model and every method, for one design.
 
     Models are compared with the most complete one that is valid, methods with 50-digit arithmetic
-    on the same model. Times are processor times on one thread, measured in turns. Writes
+    on the same model. Times are processor times on one thread, measured in turns. Prints one line
+    per question: what is fastest and accurate enough; with -v all times and errors. Writes
     DIR/NAME-tradeoff.h5 and .png.
 
     Example: pendsus tradeoff my.toml --quantity modes
@@ -51,7 +53,7 @@ class TradeoffAnalysis(Analysis):
             default=REPEAT,
             show_default=True,
             metavar="N",
-            help="Samples of every time.",
+            help="Samples of every time (fewer of slow methods).",
         ),
         options.OVERRIDES,
         options.OUT,
@@ -82,21 +84,29 @@ class TradeoffAnalysis(Analysis):
                 lambda done, count: bar(done, count, done / max(time.monotonic() - began, 1e-9)),
             )
         warnings.warn_implausible(run.design, run.log)
+        for line in [*table(found).split("\n"), ""]:
+            run.log.detail(line)
         choice = Choice("all", "every valid model is compared")
         return Result(self, run.source, choice, found, command=run.command)
 
     def document(self, result: Result) -> dict[str, Any]:
-        """Return every comparison with its times, errors and fronts."""
+        """Return every comparison with its times, errors and fronts, and the answers."""
+        from suspension_cli.analyses.tradeoff import summary
+
         found: Tradeoff = result.data
         return {
             "repeat": found.repeat,
             "threads": found.threads,
             "comparisons": [_comparison(panel) for panel in found.panels],
+            "response_times": [_waits(each) for each in found.waits],
+            "answers": [_answer(answer) for answer in summary.answers(found)],
         }
 
     def text(self, result: Result) -> str:
-        """Return a table, one part per comparison."""
-        return table(result.data)
+        """Return the headline and one line per question."""
+        from suspension_cli.analyses.tradeoff import summary
+
+        return summary.text(result.data)
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Write the group `tradeoff`."""
@@ -165,6 +175,34 @@ def _comparison(panel: Panel) -> dict[str, Any]:
     }
 
 
+def _waits(each: ResponseTimes) -> dict[str, Any]:
+    from suspension_cli.analyses.analysis import as_number
+    from suspension_cli.analyses.tradeoff.result import COUNTS, OCCASIONS
+
+    return {
+        "compares": each.compares,
+        "time": each.start,
+        "occasions": list(OCCASIONS),
+        "frequencies": list(COUNTS),
+        "entries": [
+            {
+                "rung": entry.rung,
+                "method": entry.method,
+                "error": as_number(entry.error),
+                "time_s": plain(entry.time),
+            }
+            for entry in each.entries
+        ],
+    }
+
+
+def _answer(answer: Answer) -> dict[str, Any]:
+    found: dict[str, Any] = {"compares": answer.compares, "question": answer.question}
+    for key, one in (("best", answer.best), ("other", answer.other)):
+        found[key] = one and {"name": one.name, "time_s": one.time, "error": one.error}
+    return found
+
+
 def _entry(panel: Panel, entry: Entry) -> dict[str, Any]:
     return {
         "rung": entry.rung,
@@ -179,21 +217,24 @@ def _entry(panel: Panel, entry: Entry) -> dict[str, Any]:
 
 
 def table(found: Tradeoff) -> str:
-    """Return a table of times and errors, one part per comparison."""
+    """Return all times and errors, one part per comparison."""
+    from suspension_cli.analyses.tradeoff import summary
+
     threads = f" on {found.threads} thread" + "s" * (found.threads > 1) if found.threads else ""
     head = (
-        f"median times of {found.repeat} samples{threads},"
+        f"median times of up to {found.repeat} samples{threads},"
         " relative to the fastest, lower to upper quartile in brackets\n* no other is both faster"
         " and more accurate    o: no arrays, so a batch is done one by one    errors are relative;"
         " below 1e-12 they are rounding"
     )
-    return "\n\n".join([head, *map(_table, found.panels)])
+    waits = [summary.response_table(found)] if found.waits else []
+    return "\n\n".join([head, *map(_table, found.panels), *waits])
 
 
 def _table(panel: Panel) -> str:
     from suspension_cli.analyses.tradeoff.result import KINDS, format_error, format_time
 
-    lines = [f"{panel.title}: {panel.compares}"]
+    lines = [f"{panel.title}: {'models' if panel.compares == 'rungs' else 'methods'}"]
     if panel.entries:
         fastest = {kind: panel.fastest(kind) for kind in KINDS}
         fronts = {

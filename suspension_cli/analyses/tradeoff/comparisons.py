@@ -126,24 +126,13 @@ RESPONSES = (
         against=exact_string,
         reference=transfer_functions.digits_reference,
         error=relative(FREQUENCIES),
-        methods=(
-            Method(STRING, "chain", *transfer_functions.prepared(transfer_functions.chained)),
-            Method(STRING, "chain, kept", *transfer_functions.kept(transfer_functions.chained)),
-            Method(STRING, "dense", *transfer_functions.on_matrices(transfer_functions.dense)),
-            Method(STRING, "modal sum", *transfer_functions.prepared(transfer_functions.modal)),
-            Method(STRING, "modal sum, kept", *transfer_functions.kept(transfer_functions.modal)),
-            Method(
-                STRING, "state space", *transfer_functions.prepared(transfer_functions.state_space)
-            ),
-            Method(
-                STRING,
-                "state space, kept",
-                *transfer_functions.kept(transfer_functions.state_space),
-            ),
-            Method(STRING, "zpk", *transfer_functions.prepared(transfer_functions.zero_pole_gain)),
-            Method(
-                STRING, "zpk, kept", *transfer_functions.kept(transfer_functions.zero_pole_gain)
-            ),
+        methods=tuple(
+            Method(STRING, f"{name}{end}", *timed(prepare))
+            for name, prepare in transfer_functions.METHODS.items()
+            for end, timed in (
+                ("", transfer_functions.prepared),
+                (", kept", transfer_functions.kept),
+            )
         ),
         views=BANDS,
     ),

@@ -78,7 +78,7 @@ def body_shapes(subject: Subject, found: Modes) -> Array:
 
 def reference(subject: Subject) -> Reference:
     """Modes of the most complete valid model, without violin modes."""
-    found = (
+    found = subject.modes.get(subject.top) or (
         solve_with_wire_mass(subject)
         if registry.by_name(subject.top).has_wire_mass
         else solve_blocks(subject, subject.top)
@@ -122,14 +122,18 @@ def error(subject: Subject, found: Modes | dict[str, Array], wanted: Reference) 
 
 def solve_blocks(subject: Subject, level: str) -> Modes:
     """Modes of a model, built and solved block by block, as in `pendsus modes`."""
-    return eigenmodes.solve(registry.by_name(level).system(subject.design))
+    found = eigenmodes.solve(registry.by_name(level).system(subject.design))
+    subject.modes[level] = found
+    return found
 
 
 def solve_with_wire_mass(subject: Subject) -> Modes:
     """Modes with wire mass: counted, bisected, then solved for their shapes."""
     model = registry.VIOLIN.system(subject.design)
     highest = eigenmodes.solve(replace(model, terms=())).frequency[-1]
-    return wire_modes.solve(model, HIGHEST * float(highest))
+    found = wire_modes.solve(model, HIGHEST * float(highest))
+    subject.modes[registry.VIOLIN.name] = found
+    return found
 
 
 def formulas(subject: Subject, factor: Any = 1.0) -> dict[str, Array]:

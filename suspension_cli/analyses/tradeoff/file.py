@@ -9,10 +9,15 @@ import h5py
 import numpy as np
 
 from suspension_cli.analyses.tradeoff.result import (
+    COMPARED,
+    COUNTS,
+    OCCASIONS,
     QUARTILES,
     Entry,
     Omission,
     Panel,
+    ResponseTime,
+    ResponseTimes,
     Tradeoff,
     View,
 )
@@ -20,6 +25,8 @@ from suspension_cli.files.hdf5 import add_dataset, add_scale
 
 TEXTS = ("quantity", "compares", "title", "start", "item", "reference")
 """Attributes of a comparison that are text."""
+WAITS = "response-times-"
+"""Begins the names of the groups of the times of responses in a row."""
 
 
 def fill(group: h5py.Group, found: Tradeoff) -> None:
@@ -29,6 +36,23 @@ def fill(group: h5py.Group, found: Tradeoff) -> None:
     group.attrs["order"] = [panel.key for panel in found.panels]
     for panel in found.panels:
         _fill(group.create_group(panel.key), panel)
+    for each in found.waits:
+        _fill_waits(group.create_group(f"{WAITS}{each.compares}"), each)
+
+
+def _fill_waits(home: h5py.Group, each: ResponseTimes) -> None:
+    home.attrs["compares"], home.attrs["start"] = each.compares, each.start
+    entries = each.entries
+    scales = (
+        add_scale(home, "entry", _words(f"{e.rung}, {e.method}" for e in entries), "name"),
+        add_scale(home, "occasion", list(OCCASIONS), "name"),
+        add_scale(home, "count", np.array(COUNTS), "1"),
+        add_scale(home, "quartile", list(QUARTILES), "name"),
+    )
+    for name in ("rung", "method"):
+        add_dataset(home, name, _words(getattr(e, name) for e in entries), "name", scales[0])
+    add_dataset(home, "largest_error", np.array([e.error for e in entries]), "1", scales[0])
+    add_dataset(home, "time", np.array([e.time for e in entries]), "s", *scales)
 
 
 def _words(values: Iterable[str]) -> Any:
@@ -115,6 +139,25 @@ def load(group: Any) -> Tradeoff:
         tuple(_load(group[name]) for name in group.attrs["order"]),
         int(group.attrs["repeat"]),
         int(group.attrs["threads"]),
+        tuple(_load_waits(group[f"{WAITS}{key}"]) for key in COMPARED if f"{WAITS}{key}" in group),
+    )
+
+
+def _load_waits(home: Any) -> ResponseTimes:
+    rows = zip(
+        home["rung"].asstr()[:],
+        home["method"].asstr()[:],
+        home["largest_error"][:],
+        home["time"][:],
+        strict=True,
+    )
+    return ResponseTimes(
+        str(home.attrs["compares"]),
+        str(home.attrs["start"]),
+        tuple(
+            ResponseTime(str(rung), str(method), float(error), time)
+            for rung, method, error, time in rows
+        ),
     )
 
 

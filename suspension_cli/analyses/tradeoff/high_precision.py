@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.linear import frequency_dependent
+from suspension_cli.linear import frequency_dependent, rigid_motion_invariance
 from suspension_cli.linear.graded_eigenvalues import RIGID
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
@@ -62,24 +62,45 @@ def eliminate(matrix: list[list[Any]], right: list[list[Any]]) -> list[list[Any]
     return right
 
 
-def dynamic(stiffness: Any, mass: Any, damping: Any, omega: float) -> list[list[Any]]:
-    """Dynamic stiffness K + i omega C - omega^2 M (n, n), omega in rad/s, in 50 digits."""
+def dynamic(
+    stiffness: Any, mass: Any, damping: Any, omega: float, low: tuple[Any, Any]
+) -> list[list[Any]]:
+    """Dynamic stiffness K + i omega C - omega^2 M (n, n), omega in rad/s, in 50 digits.
+
+    `low` are the low parts of K and C, which rounding to doubles took from their elements.
+    """
     mp = context()
     w = mp.mpf(float(omega))
 
-    def element(k: complex, m: float, c: float) -> Any:
+    def element(k: complex, m: float, c: float, k_low: complex, c_low: float) -> Any:
         if not k and not m and not c:
             return mp.zero
         real, imag = (
-            mp.mpf(float(k.real)) - w * w * mp.mpf(float(m)),
-            mp.mpf(float(k.imag)) + w * mp.mpf(float(c)),
+            mp.mpf(float(k.real)) + mp.mpf(float(k_low.real)) - w * w * mp.mpf(float(m)),
+            mp.mpf(float(k.imag))
+            + mp.mpf(float(k_low.imag))
+            + w * (mp.mpf(float(c)) + mp.mpf(float(c_low))),
         )
         return mp.mpc(real, imag) if imag else real
 
     return [
-        [element(k, m, c) for k, m, c in zip(*rows, strict=True)]
-        for rows in zip(stiffness, mass, damping, strict=True)
+        [element(*values) for values in zip(*rows, strict=True)]
+        for rows in zip(stiffness, mass, damping, *low, strict=True)
     ]
+
+
+def _low_parts(model: LinearSystem, keep: Any) -> tuple[Any, Any]:
+    """Low parts (n, 6 + n) of the stiffness and the damping of some coordinates."""
+    full = model.stiffness if model.lossy is None else model.lossy
+    known = (None, None) if model.low is None else (np.real(model.low), np.imag(model.low))
+    columns = np.concatenate([np.arange(6), keep])
+    real, imag, damping = (
+        rigid_motion_invariance.low_parts(matrix, model, keep, low)[0][:, columns]
+        for matrix, low in zip(
+            (np.real(full), np.imag(full), model.damping), (*known, None), strict=True
+        )
+    )
+    return real + 1j * imag, damping
 
 
 def to_mp(matrix: Any) -> list[list[Any]]:
@@ -97,19 +118,19 @@ def to_mp(matrix: Any) -> list[list[Any]]:
 def response(model: LinearSystem, omega: Array, drive: Array, row: Array) -> Any:
     """Response (f,) of a linear form `row` (N,) to a motion `drive` (N,) of the support.
 
-    Solves the unchanged matrices of the model at omega (f,), rad/s.
+    Solves the matrices of the model at omega (f,), rad/s, with their low parts if constant.
     """
     mp = context()
     result = np.zeros(len(omega), dtype=complex)
     for block in frequency_dependent.build_blocks(model):
         if not row[block.keep].any() or not block.pulled(drive[:6, None]):
             continue
+        low = None if block.terms else _low_parts(model, block.keep)
         for n, w in enumerate(omega):
-            now = block.at(omega[n : n + 1])
             whole = (
-                to_mp(now.matrix[..., 0])
-                if block.terms
-                else dynamic(block.constant, block.mass, block.damping, w)
+                to_mp(block.at(omega[n : n + 1]).matrix[..., 0])
+                if low is None
+                else dynamic(block.constant, block.mass, block.damping, w, low)
             )
             right = [
                 [

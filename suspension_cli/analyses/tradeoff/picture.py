@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import cycle
 from typing import Any
 
@@ -55,7 +56,9 @@ HALVES = {
     ),
 }
 KEPT = ", kept"
-"""End of the names of methods that are prepared beforehand; a star in the chart."""
+"""End of the names of methods that are prepared beforehand."""
+NEXT = {"once": "first response", "batch": "next response"}
+"""In place of `NOTED` where there are such methods."""
 KEY = (
     (
         "Grey steps: Pareto front; no other point is both faster and more accurate. Thin vertical"
@@ -65,7 +68,10 @@ KEY = (
         "Thick horizontal bars: quartiles of the time. Hollow: not vectorised, so that a batch is a"
         " loop. Grey strip: errors below 10⁻¹² are rounding."
     ),
-    "*: with everything that does not depend on frequency computed beforehand.",
+    (
+        "Responses by methods: on the left the first, of 5 frequencies; on the right the next, of"
+        " 2000 others."
+    ),
 )
 
 
@@ -146,11 +152,9 @@ def _draw_row(figure: Figure, panel: Panel, heading: str, top: float) -> None:
         6.6,
         NOTE,
     )
-    worst = panel.worst(views[0])
-    least = np.array([entry.error[list(views[0].components)].min() for entry in panel.entries])
     for column, kind in enumerate(KINDS):
         axes = add_axes(figure, left + column * (CHART + GAP), top + ABOVE, CHART, HIGH)
-        _draw_chart(axes, panel, views[0], kind, worst, least)
+        _draw_chart(axes, _shown(panel, kind), views[0], kind)
         if column:
             axes.tick_params(labelleft=False)
         else:
@@ -158,8 +162,23 @@ def _draw_row(figure: Figure, panel: Panel, heading: str, top: float) -> None:
             axes.yaxis.set_label_coords(-0.2, 0.5)
 
 
-def _draw_chart(axes: Axes, panel: Panel, view: View, kind: str, worst: Any, least: Any) -> None:
+def _shown(panel: Panel, kind: str) -> Panel:
+    """Leave out methods with their preparation in batches, and those without it elsewhere."""
+    names = {entry.method for entry in panel.entries}
+
+    def other(name: str) -> str:
+        return name + KEPT if kind == "batch" else name.removesuffix(KEPT)
+
+    shown = (
+        e for e in panel.entries if other(e.method) == e.method or other(e.method) not in names
+    )
+    return replace(panel, entries=tuple(shown))
+
+
+def _draw_chart(axes: Axes, panel: Panel, view: View, kind: str) -> None:
     """Draw points, Pareto front and labels for one kind of time."""
+    worst = panel.worst(view)
+    least = np.array([entry.error[list(view.components)].min() for entry in panel.entries])
     times = np.array([getattr(entry, kind) for entry in panel.entries]) / panel.fastest(kind)
     floor = _floor(least, worst)
     high, low = np.where(worst < ROUNDING, floor, worst), np.where(least < ROUNDING, floor, least)
@@ -190,7 +209,8 @@ def _draw_chart(axes: Axes, panel: Panel, view: View, kind: str, worst: Any, lea
             markeredgewidth=0.9,
             zorder=4,
         )
-    note = f"{NOTED[kind]}: 1 = {format_time(panel.fastest(kind))}" + (
+    in_a_row = panel.quantity == "response" and panel.compares == "methods"
+    note = f"{(NEXT if in_a_row else NOTED)[kind]}: 1 = {format_time(panel.fastest(kind))}" + (
         f" per {panel.item}" if kind == "batch" else ""
     )
     corner = axes.text(
@@ -207,7 +227,7 @@ def _draw_chart(axes: Axes, panel: Panel, view: View, kind: str, worst: Any, lea
         for ends in [*(path[n : n + 2] for n in range(len(path) - 1)), *bars, *spans]
     ]
     points = list(zip(times[:, 1].tolist(), high.tolist(), strict=True))
-    texts = [entry.name(panel.compares).replace(KEPT, "*") for entry in panel.entries]
+    texts = [entry.name(panel.compares).removesuffix(KEPT) for entry in panel.entries]
     annotate(
         axes,
         points,

@@ -99,7 +99,7 @@ class Panel:
     component : tuple of str
         Names of the components of `Entry.error`: kinds of modes, frequencies, ...
     entries : tuple of Entry
-    left : tuple of Left
+    left : tuple of Omission
         Methods that do not apply.
     views : tuple of View
     """
@@ -134,6 +134,56 @@ class Panel:
         return front(np.array([entry.time(kind) for entry in self.entries]), self.worst(view))
 
 
+OCCASIONS = ("first", "same grid", "other grid")
+"""A first response, the next on the same frequencies, and the next on others."""
+COUNTS = (5, 200, 20_000)
+"""Numbers of frequencies of these responses."""
+
+
+@dataclass(frozen=True)
+class ResponseTime:
+    """Time that one method takes for a response.
+
+    Attributes
+    ----------
+    rung, method : str
+        Names of the model and of the method.
+    error : float
+        Largest relative error over 200 frequencies from 0.1 Hz to 1 kHz; NaN between models, which
+        differ by any amount near resonances.
+    time : (3, 3, 3) array
+        Seconds by `OCCASIONS`, `COUNTS` and quartile; NaN for next responses that were not measured
+        because the first took long.
+    """
+
+    rung: str
+    method: str
+    error: float
+    time: Array
+
+    def median(self, occasion: str, count: int) -> float:
+        """Median time, s."""
+        return float(self.time[OCCASIONS.index(occasion), COUNTS.index(count), 1])
+
+
+@dataclass(frozen=True)
+class ResponseTimes:
+    """Times of responses in a row, by every model or by every method for one model.
+
+    Attributes
+    ----------
+    compares : str
+        One of `COMPARED`.
+    start : str
+        Steps that the first time includes, in words.
+    entries : tuple of ResponseTime
+    """
+
+    compares: str
+    start: str
+    entries: tuple[ResponseTime, ...]
+
+
 @dataclass(frozen=True)
 class Tradeoff:
     """Times and errors of all models and methods for one design.
@@ -145,11 +195,14 @@ class Tradeoff:
         Samples per time.
     threads : int
         Threads of linear algebra; 0 if unknown.
+    waits : tuple of ResponseTimes
+        Of models and of methods; empty if responses are not compared.
     """
 
     panels: tuple[Panel, ...]
     repeat: int
     threads: int
+    waits: tuple[ResponseTimes, ...] = ()
 
 
 def front(time: Any, error: Any) -> list[int]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from suspension_cli.analyses.tradeoff import timing
+from suspension_cli.analyses.tradeoff import response_times, timing
 from suspension_cli.analyses.tradeoff.comparison import Comparison
 from suspension_cli.analyses.tradeoff.comparisons import COMPARISONS
 from suspension_cli.analyses.tradeoff.result import Entry, Omission, Panel, Tradeoff
@@ -19,6 +19,7 @@ def measure(
     quantities: Sequence[str] = (),
     repeat: int = 7,
     told: Callable[[int, int], None] = lambda *_: None,
+    budget: float = timing.BUDGET,
 ) -> Tradeoff:
     """Compare all models and methods for one design.
 
@@ -29,38 +30,43 @@ def measure(
     quantities : sequence of str
         Some of `comparisons.QUANTITIES`; empty for all.
     repeat : int
-        Samples per time.
+        Samples per time; fewer of slow methods.
     told : callable
         Called with the numbers of finished and of all comparisons.
+    budget : float
+        Processor time from which no further samples of a time are taken, s.
 
     Returns
     -------
     Tradeoff
     """
-    subject, panels = Subject(design), []
+    subject, panels, waits = Subject(design), [], []
     wanted = [item for item in COMPARISONS if not quantities or item.quantity in quantities]
     for number, item in enumerate(wanted):
         told(number, len(wanted))
-        panels.append(_panel(subject, item, repeat))
+        panels.append(_panel(subject, item, repeat, budget))
+        if item.quantity == "response":
+            waits.append(response_times.measure(subject, item.compares, repeat, budget))
     told(len(wanted), len(wanted))
-    return Tradeoff(tuple(panels), repeat, timing.threads())
+    return Tradeoff(tuple(panels), repeat, timing.threads(), tuple(waits))
 
 
-def _panel(subject: Subject, item: Comparison, repeat: int) -> Panel:
+def _panel(subject: Subject, item: Comparison, repeat: int, budget: float) -> Panel:
     all_unsuited = item.unsuited(subject)
     reasons = {
         method: all_unsuited or subject.unsuited[method.on(subject)] or method.unsuited(subject)
         for method in item.methods
     }
     methods = [method for method, reason in reasons.items() if not reason]
-    found = [method.once(subject) for method in methods]
+    first = [timing.call(lambda method=method: method.once(subject)) for method in methods]
+    found = [values for values, _ in first]
     truth = item.reference(subject) if methods else None
     errors = [item.error(subject, values, truth) for values in found]
     components = tuple(errors[0]) if errors else ()
     batches = [method for method in methods if method.batch is not None]
     works = [lambda method=method: method.once(subject) for method in methods]
     works += [method.batch(subject) for method in batches if method.batch is not None]
-    times = timing.quartiles(works, repeat)
+    times = timing.quartiles(works, repeat, [taken for _, taken in first], budget)
     once = dict(zip(methods, times[: len(methods)], strict=True))
     many = dict(zip(batches, times[len(methods) :] / item.count, strict=True))
     return Panel(

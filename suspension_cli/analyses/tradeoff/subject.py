@@ -13,6 +13,7 @@ import numpy as np
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
+from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
@@ -56,6 +57,11 @@ class Subject:
 
     @cached_property
     def _models(self) -> dict[str, LinearSystem]:
+        return {}
+
+    @cached_property
+    def modes(self) -> dict[str, Modes]:
+        """Modes by the name of the model, as far as computed."""
         return {}
 
     def model(self, level: str) -> LinearSystem:

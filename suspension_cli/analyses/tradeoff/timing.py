@@ -11,6 +11,7 @@ import gc
 import os
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +19,12 @@ from suspension_cli.scene.arrays import Array
 
 Work = Callable[[], object]
 
-LEAST = 2e-3
+LEAST = 1e-3
 """Shortest duration of a sample, s; it repeats fast functions."""
+BUDGET = 0.05
+"""Processor time from which no further samples of a function are taken, s."""
+LONG = 10
+"""Budgets from which the first call, which fills caches, counts as a sample."""
 MOST = 200
 """Most repetitions in a sample."""
 TRIES = 4
@@ -32,39 +37,54 @@ def threads() -> int:
     return max((int(value) for value in given if value.isdigit()), default=0)
 
 
-def quartiles(works: Sequence[Work], repeat: int) -> Array:
+def quartiles(
+    works: Sequence[Work], repeat: int, known: Sequence[float] = (), budget: float = BUDGET
+) -> Array:
     """Measure the lower quartile, median and upper quartile of the times of functions, (w, 3), s.
 
     Parameters
     ----------
     works : sequence of callables
     repeat : int
-        Samples per function.
+        Samples per function; slow functions have fewer, see `budget`.
+    known : sequence of float
+        Times of earlier calls of the first functions, s; a function that took `LONG` budgets is not
+        called again.
+    budget : float
+        Processor time from which no further samples of a function are taken, s.
     """
     if not works:
         return np.zeros((0, 3))
-    times = [_repetitions(work) for work in works]
-    samples = np.zeros((len(works), repeat))
+    samples: list[list[float]] = [[taken] if taken > LONG * budget else [] for taken in known]
+    samples += [[] for _ in works[len(samples) :]]
+    times = [1 if taken else _repetitions(work) for work, taken in zip(works, samples, strict=True)]
     # garbage collection would charge one function for the objects of another
     enabled = gc.isenabled()
     gc.collect()
     gc.disable()
     try:
-        for sample in range(repeat):
-            for n, (work, count) in enumerate(zip(works, times, strict=True)):
-                samples[n, sample] = _mean_time(work, count)
+        for _ in range(repeat):
+            for work, count, taken in zip(works, times, samples, strict=True):
+                if not taken or sum(taken) * count < budget:
+                    taken.append(_mean_time(work, count))
     finally:
         if enabled:
             gc.enable()
-    return np.quantile(samples, (0.25, 0.5, 0.75), axis=1).T
+    return np.array([np.quantile(taken, (0.25, 0.5, 0.75)) for taken in samples])
+
+
+def call(work: Callable[[], Any]) -> tuple[Any, float]:
+    """Return the result of a function, and its processor time, s."""
+    begin = time.process_time()
+    found = work()
+    return found, time.process_time() - begin
 
 
 def _repetitions(work: Work) -> int:
-    """Repetitions of a function per sample; calls it at least twice, which fills its caches."""
-    work()
-    taken = _mean_time(work, 1)
+    """Repetitions of a function per sample; calls it at least once, which fills its caches."""
+    _, taken = call(work)
     if taken < LEAST:  # a single time may be an outlier
-        taken = min(taken, *(_mean_time(work, 1) for _ in range(TRIES)))
+        taken = min(_mean_time(work, 1) for _ in range(TRIES))
     return int(np.clip(np.ceil(LEAST / max(taken, 1e-9)), 1, MOST))
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -9,7 +12,7 @@ import numpy as np
 from suspension_cli.analyses.export import solve as export
 from suspension_cli.analyses.tradeoff import high_precision
 from suspension_cli.analyses.tradeoff.subject import STRING, Answer, Prepare, Subject
-from suspension_cli.linear import eigenmodes, response, signals, small_matrices, statespace
+from suspension_cli.linear import response, signals, statespace
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array, Index
@@ -18,6 +21,10 @@ SWEEP = 2000
 """Frequencies per batch."""
 BAND = 2 * np.pi * np.geomspace(0.1, 1000.0, SWEEP)
 """Frequencies of a batch, rad/s."""
+GRIDS = 5
+"""Grids that are taken in turns, so that nothing is kept from the grid before."""
+CHUNK = 2048
+"""Frequencies of the plain methods that fit into the cache."""
 
 
 def reference(subject: Subject) -> Any:
@@ -37,34 +44,6 @@ def chain(model: LinearSystem, omega: Array, drive: Array, row: Array) -> Any:
     return response.transfer(model, omega, drive[None], [False], row[None])[0][:, 0, 0]
 
 
-def dense(model: LinearSystem, omega: Array, drive: Array, row: Array) -> Any:
-    """Response (f,) by one LAPACK solve per frequency and block.
-
-    Scaling makes pivots independent of units; that and the order from the top down preserve
-    digits of long chains.
-    """
-    full = model.stiffness if model.lossy is None else model.lossy
-    result = np.full(len(omega), row[:6] @ drive[:6], dtype=complex)
-    place = {name: n for n, name in enumerate(model.body)}
-    for touched in _touched(model, drive, row):
-        block = np.array(
-            sorted(touched, key=lambda n: place.get(model.coordinate[n].split(".", 1)[0], -1))
-        )
-        both = np.ix_(block, np.concatenate([np.arange(6), block]))
-        dynamic = full[both][..., None] - omega**2 * model.mass[both][..., None]
-        if model.damping[both].any():
-            dynamic = dynamic + 1j * omega * model.damping[both][..., None]
-        pushed = -np.einsum("csf,s->cf", dynamic[:, :6], drive[:6])
-        result += row[block] @ small_matrices.dense(dynamic[:, 6:], pushed[:, None])[:, 0]
-    return result
-
-
-def _touched(model: LinearSystem, drive: Array, row: Array) -> list[Index]:
-    """Blocks that the input drives and the output contains."""
-    pulled = model.pulled[:, drive[:6] != 0].any(1)
-    return [block for block in model.blocks if row[block].any() and pulled[block].any()]
-
-
 # Methods that separate preparation from evaluation: each returns the response as a function of
 # frequency, from a model and two linear forms.
 
@@ -74,51 +53,201 @@ def chained(model: LinearSystem, drive: Array, row: Array) -> Answer:
     return lambda omega: chain(model, omega, drive, row)
 
 
+@dataclass(frozen=True)
+class Condensed:
+    """Plain equations of a driven block without its massless coordinates.
+
+    Attributes
+    ----------
+    stiffness, mass, damping : (c, c) arrays
+        Scaled by powers of 2, such that they do not depend on units.
+    push : (3, c) array
+        Force of the support's motion: stiffness, damping and mass parts.
+    row : (c,) array
+        Output, a linear form of the scaled coordinates.
+    direct : float
+        Output while these do not move.
+    """
+
+    stiffness: Any
+    mass: Any
+    damping: Any
+    push: Any
+    row: Any
+    direct: Any
+
+    def right_side(self, omega: Array) -> Any:
+        """Force on the coordinates, (c, 1) or (c, f), at omega (f,) in rad/s."""
+        k, c, m = self.push[..., None]
+        result = m * omega**2 - k if m.any() else -k
+        return result - 1j * omega * c if c.any() else result
+
+
+def condense(model: LinearSystem, drive: Array, row: Array) -> list[Condensed]:
+    """Condense all blocks that the input drives and the output contains, in double precision.
+
+    Bodies are ordered from the top down, so that elimination from the last coordinate up loses no
+    digits in long chains.
+    """
+    full = model.stiffness if model.lossy is None else model.lossy
+    place = {name: n for n, name in enumerate(model.body)}
+    result = []
+    for touched in _touched(model, drive, row):
+        block = np.array(
+            sorted(touched, key=lambda n: place.get(model.coordinate[n].split(".", 1)[0], -1))
+        )
+        light = model.massless[block] & ~(model.damping[block] != 0).any(1)
+        kept, tips = block[~light], block[light]
+        columns = np.concatenate([np.arange(6), kept])
+        stiffness, form, direct = full[np.ix_(kept, columns)], row[kept], 0.0
+        if len(tips):
+            follow = -np.linalg.solve(full[np.ix_(tips, tips)], full[np.ix_(tips, columns)])
+            stiffness = stiffness + full[np.ix_(kept, tips)] @ follow
+            form, direct = (
+                form + row[tips] @ follow[:, 6:],
+                row[tips] @ follow[:, :6] @ drive[:6],
+            )
+        if not np.imag(stiffness).any():
+            stiffness, form, direct = np.real(stiffness), np.real(form), np.real(direct)
+        mass, damping = (matrix[np.ix_(kept, columns)] for matrix in (model.mass, model.damping))
+        scale = np.exp2(-np.rint(np.log2(np.abs(np.diag(stiffness[:, 6:]))) / 2))
+        k, c, m = (
+            scale[:, None] * matrix * np.concatenate([np.ones(6), scale])
+            for matrix in (stiffness, damping, mass)
+        )
+        push = np.stack([matrix[:, :6] @ drive[:6] for matrix in (k, c, m)])
+        result.append(Condensed(k[:, 6:], m[:, 6:], c[:, 6:], push, form * scale, direct))
+    return result
+
+
+def dense(model: LinearSystem, drive: Array, row: Array) -> Answer:
+    """Prepare one LAPACK solve per frequency and block, with pivoting."""
+    return _by_block(model, drive, row, _solve_dense)
+
+
+def eliminated(model: LinearSystem, drive: Array, row: Array) -> Answer:
+    """Prepare the decomposition L D L^T without pivoting, each step for all frequencies at once."""
+    return _by_block(model, drive, row, _eliminate)
+
+
+def _by_block(
+    model: LinearSystem, drive: Array, row: Array, solve: Callable[[Condensed, Array], Any]
+) -> Answer:
+    blocks, direct = condense(model, drive, row), row[:6] @ drive[:6]
+    direct += sum(block.direct for block in blocks)
+
+    def at(omega: Array) -> Any:
+        result = np.full(len(omega), direct, dtype=complex)
+        for start in range(0, len(omega), CHUNK):
+            span = slice(start, start + CHUNK)
+            for block in blocks:
+                result[span] += solve(block, omega[span])
+        return result
+
+    return at
+
+
+def _solve_dense(block: Condensed, omega: Array) -> Any:
+    square = omega[:, None, None] ** 2
+    dynamic = block.stiffness - square * block.mass
+    if block.damping.any():
+        dynamic = dynamic + 1j * omega[:, None, None] * block.damping
+    right = np.broadcast_to(block.right_side(omega).T[..., None], (*dynamic.shape[:2], 1))
+    return np.linalg.solve(dynamic, right)[..., 0] @ block.row
+
+
+def _eliminate(block: Condensed, omega: Array) -> Any:
+    square, size = omega**2, len(block.row)
+    left: dict[tuple[int, int], Any] = {}
+    for i, j in np.argwhere(np.tril(_coupled(block))).tolist():
+        left[i, j] = block.stiffness[i, j] - square * block.mass[i, j]
+        if block.damping[i, j]:
+            left[i, j] = left[i, j] + 1j * omega * block.damping[i, j]
+    right: list[Any] = list(block.right_side(omega))
+    driven = _coupled_rows(block.push)
+    rows: list[list[int]] = []
+    for last in range(size - 1, -1, -1):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            inverse = 1.0 / left[last, last]
+            left[last, last] = inverse
+            above = [n for n in range(last) if (last, n) in left]
+            for place, n in enumerate(above):
+                element = left[last, n]
+                ratio = element * inverse
+                for other in above[: place + 1]:
+                    change = ratio * (element if other == n else left[last, other])
+                    left[n, other] = left[n, other] - change if (n, other) in left else -change
+                if driven[last]:
+                    right[n] = right[n] - ratio * right[last]
+                    driven[n] = True
+            rows.append(above)
+    moved: list[Any] = []
+    result = np.zeros(1)
+    for n, above in enumerate(reversed(rows)):
+        value = right[n] if driven[n] else 0.0
+        for other in above:
+            value = value - left[n, other] * moved[other]
+        moved.append(value * left[n, n])
+        if block.row[n]:
+            result = result + block.row[n] * moved[n]
+    return result
+
+
+def _coupled(block: Condensed) -> Any:
+    """Whether elements of the dynamic stiffness are not 0 at every frequency, (c, c)."""
+    return (block.stiffness != 0) | (block.mass != 0) | (block.damping != 0)
+
+
+def _coupled_rows(push: Any) -> list[bool]:
+    """Whether the support pushes each coordinate."""
+    return (push != 0).any(0).tolist()
+
+
+def _touched(model: LinearSystem, drive: Array, row: Array) -> list[Index]:
+    """Blocks that the input drives and the output contains."""
+    pulled = model.pulled[:, drive[:6] != 0].any(1)
+    return [block for block in model.blocks if row[block].any() and pulled[block].any()]
+
+
 def modal(model: LinearSystem, drive: Array, row: Array) -> Answer:
     """Prepare the sum over modes, valid as far as losses do not couple modes.
 
     It is phi (phi . f) / (omega_m^2 + i phi K'' phi + i omega phi C phi - omega^2), over the modes
     of the driven blocks.
     """
-    parts = [_modes(model, block) for block in _touched(model, drive, row)]
-    poles = np.concatenate([np.zeros(0), *(values for values, _ in parts)])
-    shapes = np.concatenate([np.zeros((0, model.size)), *(found for _, found in parts)])
-    full = model.stiffness if model.lossy is None else model.lossy
-    seen, direct = shapes @ row, row[:6] @ drive[:6]
-    k, c, m = (
-        -(shapes @ (matrix[:, :6] @ drive[:6])) * seen
-        for matrix in (full, model.damping, model.mass)
-    )
-    loss, damping = (
-        (shapes @ matrix * shapes).sum(-1) for matrix in (np.imag(full), model.damping)
-    )
+    direct, modes = row[:6] @ drive[:6], []
+    for block in condense(model, drive, row):
+        direct += block.direct
+        inverse = np.linalg.inv(np.linalg.cholesky(block.mass))
+        dynamic = inverse @ np.real(block.stiffness) @ inverse.T
+        poles, vectors = np.linalg.eigh((dynamic + dynamic.T) / 2)
+        shapes = vectors.T @ inverse
+        seen = shapes @ block.row
+        loss, damping = (
+            (shapes @ matrix * shapes).sum(-1)
+            for matrix in (np.imag(block.stiffness), block.damping)
+        )
+        k, c, m = seen * (block.push @ shapes.T)
+        modes += zip(-k, -c, m, poles + 1j * loss if loss.any() else poles, damping, strict=True)
 
     def at(omega: Array) -> Any:
-        square = omega[:, None] ** 2
-        driven, stiff = (
-            k - square * m if m.any() else k,
-            (poles + 1j * loss if loss.any() else poles) - square,
-        )
-        if c.any():
-            driven = driven + 1j * omega[:, None] * c
-        if damping.any():
-            stiff = stiff + 1j * omega[:, None] * damping
-        return (driven / stiff).sum(-1) + direct
+        result = np.full(len(omega), direct, dtype=complex)
+        for start in range(0, len(omega), CHUNK):
+            span = slice(start, start + CHUNK)
+            square, total = omega[span] ** 2, 0.0
+            for k, c, m, pole, damping in modes:
+                stiff, driven = pole - square, k
+                if damping:
+                    stiff = stiff + 1j * omega[span] * damping
+                if m:
+                    driven = driven + square * m
+                if c:
+                    driven = driven + 1j * omega[span] * c
+                total = total + driven / stiff
+            result[span] += total
+        return result
 
     return at
-
-
-def _modes(model: LinearSystem, block: Index) -> tuple[Array, Array]:
-    """omega^2 (m,) and shapes (m, N) with unit modal mass of a block."""
-    kept, mass, stiffness, recover = eigenmodes.condense_block(model, block)
-    inverse = np.linalg.inv(np.linalg.cholesky(mass))
-    dynamic = inverse @ stiffness @ inverse.T
-    values, vectors = np.linalg.eigh((dynamic + dynamic.T) / 2)
-    own = vectors.T @ inverse
-    shapes = np.zeros((len(values), model.size))
-    shapes[:, kept] = own
-    shapes[:, block[model.massless[block]]] = own @ recover.T
-    return values, shapes
 
 
 def state_space(model: LinearSystem, drive: Array, row: Array) -> Answer:
@@ -131,6 +260,17 @@ def zero_pole_gain(model: LinearSystem, drive: Array, row: Array) -> Answer:
     """Prepare the product of gain, zeros and poles."""
     found = export.compute_zero_pole_gain(_system(model, drive, row))
     return lambda omega: found.at(omega / (2 * np.pi))[:, 0, 0]
+
+
+METHODS: dict[str, Prepare] = {
+    "chain": chained,
+    "dense": dense,
+    "LDLᵀ": eliminated,
+    "modal sum": modal,
+    "state space": state_space,
+    "zpk": zero_pole_gain,
+}
+"""Methods by name; the first is that of `pendsus response`."""
 
 
 def _system(model: LinearSystem, drive: Array, row: Array) -> statespace.StateSpace:
@@ -157,11 +297,20 @@ def prepared(prepare: Prepare) -> tuple[Any, Any]:
     return on_matrices(lambda model, omega, drive, row: prepare(model, drive, row)(omega))
 
 
+def other_grids(omega: Array) -> Callable[[], Array]:
+    """Return a function that gives another grid close to omega (f,) at each call."""
+    grids = cycle([omega * (1 + 1e-6 * n) for n in range(1, GRIDS + 1)])
+    return lambda: next(grids)
+
+
 def kept(prepare: Prepare) -> tuple[Any, Any]:
-    """Return a method that is prepared beforehand."""
-    return (lambda subject: subject.prepared(prepare)(subject.omega)), (
-        lambda subject: lambda: subject.prepared(prepare)(BAND)
-    )
+    """Return a method that is prepared beforehand; batches have another grid each time."""
+
+    def batch(subject: Subject) -> Callable[[], object]:
+        answer, grid = subject.prepared(prepare), other_grids(BAND)
+        return lambda: answer(grid())
+
+    return (lambda subject: subject.prepared(prepare)(subject.omega)), batch
 
 
 def _timed(model_of: Any, solve: Any) -> tuple[Any, Any]:

@@ -4,8 +4,9 @@ why."""
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from suspension_cli.analyses.tradeoff import imperfect_builds, timing
+from suspension_cli.analyses.tradeoff import imperfect_builds, response_times, timing
 from suspension_cli.analyses.tradeoff import solve as run
 from suspension_cli.analyses.tradeoff.comparisons import COMPARISONS, QUANTITIES
 from suspension_cli.analyses.tradeoff.result import GAIN, ROUNDING, format_error, format_time, front
@@ -73,8 +74,47 @@ def test_works_take_turns(monkeypatch):
 def test_quick_works_are_done_often():
     calls = []
     timing.quartiles([lambda: calls.append(1)], 2)
-    assert len(calls) == 2 + timing.TRIES + 2 * timing.MOST
+    assert len(calls) == 1 + timing.TRIES + 2 * timing.MOST
     assert timing.quartiles([], 2).shape == (0, 3)
+
+
+def test_slow_works_have_fewer_samples(monkeypatch):
+    """Called until the budget is spent; what took ten budgets before is not called again."""
+    clock = [0.0]
+    monkeypatch.setattr(timing.time, "process_time", lambda: clock[0])
+    calls = {0.3: 0, 0.05: 0, 2.0: 0}
+
+    def work(seconds):
+        calls[seconds] += 1
+        clock[0] += seconds
+
+    works = [lambda s=seconds: work(s) for seconds in calls]
+    found = timing.quartiles(works, 5, [0.4, 0.06, 2.1], budget=0.1)
+    assert calls == {0.3: 2, 0.05: 3, 2.0: 0}  # one call before those that are samples
+    np.testing.assert_allclose(found[:, 1], [0.3, 0.05, 2.1])
+
+
+def test_sessions_time_a_first_response_and_the_next_ones(monkeypatch):
+    """What is kept from the first response, and from one grid, is found again."""
+    clock, budget = [0.0], 0.1
+    monkeypatch.setattr(timing.time, "process_time", lambda: clock[0])
+
+    def begin(scale):
+        def start():
+            clock[0] += 5 * scale
+            grids = []
+
+            def answer(omega):
+                clock[0] += scale * (1 if not grids or (grids[-1] != omega).any() else 0.5)
+                grids.append(omega)
+
+            return answer
+
+        return lambda: start
+
+    quick, slow = response_times._times([begin(1e-3), begin(1.0)], 5, 3, budget)
+    np.testing.assert_allclose(quick[:, 1], [6e-3, 0.5e-3, 1e-3])
+    assert slow[0, 1] == pytest.approx(6.0) and np.isnan(slow[1:]).all()
 
 
 def test_what_does_not_hold_is_left_out_with_a_reason(monkeypatch):

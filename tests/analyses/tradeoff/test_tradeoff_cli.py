@@ -10,7 +10,7 @@ import pytest
 
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.tradeoff import file as files
-from suspension_cli.analyses.tradeoff import picture
+from suspension_cli.analyses.tradeoff import picture, summary, transfer_functions
 from suspension_cli.analyses.tradeoff.command import NAMES, table
 from suspension_cli.analyses.tradeoff.result import (
     COMPARED,
@@ -63,7 +63,15 @@ def found(out):
 
 
 def test_json(answer):
-    assert list(answer) == ["command", "design", "repeat", "threads", "comparisons"]
+    assert list(answer) == [
+        "command",
+        "design",
+        "repeat",
+        "threads",
+        "comparisons",
+        "response_times",
+        "answers",
+    ]
     assert (answer["command"], answer["design"], answer["repeat"]) == (
         "tradeoff",
         "husman2000-table1-case3",
@@ -181,7 +189,7 @@ def test_redraws_from_the_file_alone(tmp_path):
 def test_a_result_that_is_loaded_is_the_one_that_was_written(answer, found, out):
     with open_results(out / f"{STEM}.h5") as file:
         loaded = registry.loaded(file, "")
-    assert loaded.document() == answer and str(loaded) == table(found)
+    assert loaded.document() == answer and str(loaded) == summary.text(found)
 
 
 def test_numpy_reads_the_number_of_threads():
@@ -198,12 +206,56 @@ def test_numpy_reads_the_number_of_threads():
 
 def test_text(found):
     text = table(found)
-    assert "median times of 2 samples" in text
+    assert "median times of up to 2 samples" in text
     for panel in found.panels:
-        assert f"{panel.title}: {panel.compares}\n" in text
+        compared = "models" if panel.compares == "rungs" else "methods"
+        assert f"{panel.title}: {compared}\n" in text
     (line,) = [line for line in text.splitlines() if line.startswith("  closed-form, formulas")]
     assert " *" in line
     assert max(map(len, text.splitlines())) < 170
+
+
+def test_summary(found, answer):
+    """A headline and one line per question, each with the fastest that is accurate enough."""
+    head, *lines = summary.text(found).splitlines()
+    assert head.startswith("cheapest models within 0.1 %: ") and "thermal noise" in head
+    assert len([line for line in lines if line]) < 25 and max(map(len, lines)) < 130
+    every = answer["answers"]
+    assert len({(one["compares"], one["question"]) for one in every}) == len(every) == 17
+    for one in every:
+        panel = next(
+            item
+            for item in answer["comparisons"]
+            if item["compares"] == one["compares"]
+            and any(one["best"]["name"] in (e["rung"], e["method"]) for e in item["entries"])
+        )
+        assert panel and sum(one["question"] in line for line in lines) >= 1
+        limit = summary.MODEL_TOLERANCE if one["compares"] == "rungs" else 1e-9
+        assert one["best"]["error"] <= limit
+        if one["compares"] == "rungs" and one["other"]:
+            assert one["other"]["error"] > limit and one["other"]["time_s"] < one["best"]["time_s"]
+
+
+def test_response_times(found, answer):
+    models, methods = answer["response_times"]
+    assert (models["compares"], methods["compares"]) == COMPARED
+    assert methods["occasions"] == ["first", "same grid", "other grid"]
+    assert methods["frequencies"] == [5, 200, 20_000]
+    assert [entry["method"] for entry in methods["entries"]] == list(transfer_functions.METHODS)
+    assert all(entry["error"] < 1e-9 for entry in methods["entries"])
+    assert all(entry["error"] is None for entry in models["entries"])
+    for each, item in zip(found.waits, answer["response_times"], strict=True):
+        for entry, wanted in zip(each.entries, item["entries"], strict=True):
+            assert np.shape(entry.time) == (3, 3, 3) and entry.time.tolist() == wanted["time_s"]
+            assert entry.median("first", 200) == entry.time[0, 1, 1]
+
+
+def test_details_only_if_requested(tmp_path, monkeypatch):
+    hurry(monkeypatch)
+    options = ("tradeoff", CASE, "--quantity", "equilibrium", "--no-plot", "--out", tmp_path)
+    plain, verbose = run(*options), run(*options, "-v")
+    assert "median times" not in plain.stderr and "median times" in verbose.stderr
+    assert "no models to compare" in plain.stdout
 
 
 def test_quantity_limits_what_is_compared(tmp_path, monkeypatch):

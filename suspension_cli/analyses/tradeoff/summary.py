@@ -1,0 +1,270 @@
+"""Answers that follow from the measured times and errors: one line per question."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from suspension_cli.analyses import tables
+from suspension_cli.analyses.tradeoff.result import (
+    COUNTS,
+    Panel,
+    ResponseTime,
+    Tradeoff,
+    format_error,
+    format_time,
+)
+
+MODEL_TOLERANCE = 1e-3
+"""Largest error of a model that is accurate enough, as by default in all commands."""
+METHOD_TOLERANCE = 1e-9
+"""Largest error of a method that is accurate enough."""
+SHIPPED = {
+    "modes": "blocks",
+    "response": "chain",
+    "thermal": "dissipation",
+    "coupling": "rebuilt",
+    "equilibrium": "full",
+}
+"""Methods that the commands use."""
+QUESTIONS = {
+    "modes": "mode frequencies",
+    "thermal": "thermal noise at 10 and 100 Hz",
+    "coupling": "cross-coupling at 50 Hz",
+    "equilibrium": "equilibrium of imperfect builds",
+}
+NAMES = {
+    "Response up to 50 Hz": "response up to 50 Hz",
+    "Response at 100 Hz and 1 kHz": "response to 1 kHz",
+}
+TIMED = 200
+"""Frequencies of the responses of models."""
+WORTHWHILE = 1.2
+"""Ratio of times from which a faster model is named as an alternative."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """A model or method with its time (s) and largest error."""
+
+    name: str
+    time: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The fastest model or method that is accurate enough, and an alternative to it.
+
+    Attributes
+    ----------
+    compares : str
+        ``rungs`` (models) or ``methods``.
+    question : str
+    best : Option
+        Fastest of those within the tolerance; the most accurate one if none is.
+    other : Option or None
+        Models: the most accurate faster one, beyond the tolerance. Methods: the one that the
+        commands use, unless it is `best`.
+    """
+
+    compares: str
+    question: str
+    best: Option
+    other: Option | None
+
+
+def answers(found: Tradeoff) -> list[Answer]:
+    """Answer all questions that the comparisons allow."""
+    return [
+        answer
+        for compares in ("rungs", "methods")
+        for panel in found.panels
+        if panel.compares == compares and panel.entries
+        for answer in (
+            _response_methods(found) if panel.key == "response-methods" else _answers(found, panel)
+        )
+    ]
+
+
+def _answers(found: Tradeoff, panel: Panel) -> list[Answer]:
+    if panel.key == "response-rungs":
+        times = {
+            entry.rung: entry.median("first", TIMED)
+            for each in found.waits
+            if each.compares == "rungs"
+            for entry in each.entries
+        }
+        return [
+            _choose(
+                panel.compares,
+                f"{NAMES.get(view.title, view.title)}, {TIMED} frequencies",
+                [
+                    Option(entry.rung, times[entry.rung], float(error))
+                    for entry, error in zip(panel.entries, panel.worst(view), strict=True)
+                ],
+                "",
+            )
+            for view in panel.views
+        ]
+    question = QUESTIONS[panel.quantity]
+    kinds = {"once": ""}
+    if panel.item != "frequency":
+        kinds = {"once": f", one {panel.item}", "batch": f", per {panel.item} of {panel.count}"}
+    return [
+        _choose(
+            panel.compares,
+            question + more,
+            [
+                Option(entry.name(panel.compares), entry.time(kind), float(entry.error.max()))
+                for entry in panel.entries
+            ],
+            SHIPPED[panel.quantity],
+        )
+        for kind, more in kinds.items()
+    ]
+
+
+def _response_methods(found: Tradeoff) -> list[Answer]:
+    """Compare a first response of some frequencies, and the next one of few and of many."""
+    entries = [
+        entry for each in found.waits if each.compares == "methods" for entry in each.entries
+    ]
+    asked = (
+        ("first", TIMED, "first response"),
+        ("other grid", COUNTS[0], "next response"),
+        ("other grid", COUNTS[-1], "next response"),
+    )
+    return [
+        _choose(
+            "methods",
+            f"{question}, {count:,} frequencies",
+            [_option(entry, occasion, count) for entry in entries],
+            SHIPPED["response"],
+        )
+        for occasion, count, question in asked
+    ]
+
+
+def _option(entry: ResponseTime, occasion: str, count: int) -> Option:
+    return Option(entry.method, entry.median(occasion, count), entry.error)
+
+
+def _choose(compares: str, question: str, options: list[Option], shipped: str) -> Answer:
+    models = compares == "rungs"
+    tolerance = MODEL_TOLERANCE if models else METHOD_TOLERANCE
+    good = [option for option in options if option.error <= tolerance]
+    best = (
+        min(good, key=lambda option: option.time)
+        if good
+        else min(options, key=lambda option: option.error)
+    )
+    if models:
+        faster = [option for option in options if WORTHWHILE * option.time < best.time]
+        other = min(faster, key=lambda option: option.error, default=None)
+    else:
+        other = next((option for option in options if option.name == shipped), None)
+    return Answer(compares, question, best, None if other is best else other)
+
+
+def headline(found: Tradeoff) -> str:
+    """Name the models to use, in one line."""
+    every = [answer for answer in answers(found) if answer.compares == "rungs"]
+    uses: dict[str, list[str]] = {}
+    for answer in every:
+        question = answer.question.split(",")[0].split(" at ")[0]
+        short = "" if answer.best.error <= MODEL_TOLERANCE else " (beyond the tolerance)"
+        listed = uses.setdefault(answer.best.name + short, [])
+        if question not in listed:
+            listed.append(question)
+    if not uses:
+        return "no models to compare"
+    named = "; ".join(f"{name} for {', '.join(listed)}" for name, listed in uses.items())
+    return f"cheapest models within {100 * MODEL_TOLERANCE:g} %: {named}"
+
+
+def text(found: Tradeoff) -> str:
+    """Format the headline and a line per question."""
+    every = answers(found)
+    parts = [headline(found)]
+    for compares, heading, other in (
+        ("rungs", f"model within {100 * MODEL_TOLERANCE:g} %", "faster, but less accurate"),
+        ("methods", f"fastest method within {METHOD_TOLERANCE:.0e}", "pendsus uses"),
+    ):
+        rows = [
+            (
+                answer.question,
+                answer.best.name,
+                format_time(answer.best.time),
+                format_error(answer.best.error),
+                _other(answer),
+            )
+            for answer in every
+            if answer.compares == compares
+        ]
+        if rows:
+            columns = {heading: "", "use" if compares == "rungs" else "": ""}
+            parts.append(tables.render({**columns, "time": "", "error": "", other: ""}, rows))
+    parts.append(_left_out(found))
+    return "\n\n".join(part for part in parts if part)
+
+
+def _other(answer: Answer) -> str:
+    best, other = answer.best, answer.other
+    if other is None:
+        return "the same" if answer.compares == "methods" else "-"
+    if answer.compares == "rungs":
+        return (
+            f"{other.name}: {best.time / other.time:.2g} times faster, error {_size(other.error)}"
+        )
+    return f"{other.name}: {format_time(other.time)}, error {format_error(other.error)}"
+
+
+def _size(error: float) -> str:
+    """Format an error of a model: ``15 %``, ``3.1e-03``."""
+    return f"{100 * error:.{0 if error >= 0.1 else 1}f} %" if error >= 1e-2 else format_error(error)
+
+
+def _left_out(found: Tradeoff) -> str:
+    reasons: dict[str, list[str]] = {}
+    for panel in found.panels:
+        if not panel.entries:
+            for item in panel.left[:1]:
+                names = reasons.setdefault(item.reason, [])
+                kind = "models" if panel.compares == "rungs" else "methods"
+                names.append(f"{panel.title.lower()} ({kind})")
+    return "\n".join(f"left out: {', '.join(names)}: {reason}" for reason, names in reasons.items())
+
+
+def response_table(found: Tradeoff) -> str:
+    """Format the times of responses in a row, a part for models and one for methods."""
+    parts = []
+    for each in found.waits:
+        models = each.compares == "rungs"
+        rows = []
+        for entry in each.entries:
+            label = entry.rung if models else entry.method
+            times = [
+                " ".join(
+                    f"{'-' if np.isnan(value) else format_time(value):>8}"
+                    for value in entry.time[:, n, 1]
+                )
+                for n in range(len(COUNTS))
+            ]
+            error = "" if models or np.isnan(entry.error) else format_error(entry.error)
+            rows.append((label, *times, error))
+        columns = {"": "", **{f"{count:,} frequencies": "" for count in COUNTS}}
+        heading = "Response: " + ("models" if models else f"methods ({each.entries[0].rung})")
+        lines = [
+            f"{heading}: the first {each.start}, the next on the same grid, the next on another"
+        ]
+        lines.append(
+            tables.render({**columns, "" if models else "error, 0.1 Hz to 1 kHz": ""}, rows)
+            if not models
+            else tables.render(columns, [row[:-1] for row in rows])
+        )
+        if any(np.isnan(entry.time).any() for entry in each.entries):
+            lines.append("  -: not measured, as the first takes long")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts)
