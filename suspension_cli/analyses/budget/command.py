@@ -116,8 +116,7 @@ class BudgetAnalysis(Analysis):
         for one in found:
             if np.isinf(one.rms).any():
                 run.log.warn(f"{one.output}: its RMS is infinite, by a resonance without loss")
-        extra = {"ground": {dof: motion.name for dof, motion in motions.items()}}
-        return Result(self, run.source, choice, found, extra, command=run.command)
+        return Result(self, run.source, choice, found, command=run.command)
 
     def parse_names(
         self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
@@ -130,19 +129,19 @@ class BudgetAnalysis(Analysis):
         budgets: list[Budget] = result.data
         first, *others = [_document(one) for one in budgets]
         head = {"frequency_hz": budgets[0].frequency.tolist()}
-        return head | first | {"other_outputs": others} | result.extra
+        ground = {"ground": _sources(budgets[0])}
+        return head | first | {"other_outputs": others} | ground
 
     def text(self, result: Result) -> str:
         """Return a table per output: RMS and amplitude spectral densities by cause."""
         from suspension_cli.analyses.thermal.command import told
 
-        lines = [result.choice.line]
-        if result.extra:
-            lines.append(f"ground: {describe_ground(result.extra['ground'])}")
+        ground = describe_ground(_sources(result.data[0]))
+        lines = [result.choice.line, f"ground: {ground}"]
         for one in result.data:
             low, high = one.frequency[0], one.frequency[-1]
             shown = told(one.frequency)
-            lines += ["", f"{one.output}, {low:.4g} to {high:.4g} Hz"]
+            lines += ["", f"{one.output}, {low:.4g}" + f" to {high:.4g} Hz" * (high > low)]
             columns = {
                 "cause": "",
                 f"RMS\n{one.unit}": ".3e",
@@ -150,12 +149,12 @@ class BudgetAnalysis(Analysis):
             }
             columns |= {f"{one.frequency[n]:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for n in shown}
             rows: list[tuple[Any, ...]] = [
-                ("all", one.rms[0], one.rms_velocity[0], *one.amplitude[shown])
+                ("all", _rms(one.rms[0]), _rms(one.rms_velocity[0]), *one.amplitude[shown])
             ]
             order = sorted(range(len(one.cause)), key=lambda n: -one.density[n].max())
             for n in order:
                 if one.density[n].any():
-                    squares = (one.square[n, 0] ** 0.5, one.square_velocity[n, 0] ** 0.5)
+                    squares = [_rms(s[n, 0] ** 0.5) for s in (one.square, one.square_velocity)]
                     rows.append((one.cause[n], *squares, *one.density[n, shown] ** 0.5))
             lines.append(tables.render(columns, rows))
             none = [one.cause[n] for n in order if not one.density[n].any()]
@@ -183,6 +182,17 @@ class BudgetAnalysis(Analysis):
         from suspension_cli.drawing.style import name_model
 
         return {"": name_model(picture.draw(result.data, result.title), result.choice)}
+
+
+def _sources(one: Budget) -> dict[str, str]:
+    """Where the motion of the support is from, by coordinate."""
+    pairs = zip(one.cause, one.source, strict=True)
+    return {cause.partition(".")[2]: source for cause, source in pairs if source}
+
+
+def _rms(value: float) -> float | str:
+    """An RMS as it is printed."""
+    return "infinite" if value == math.inf else float(value)
 
 
 def _document(one: Budget) -> dict[str, Any]:

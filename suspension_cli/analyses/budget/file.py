@@ -20,6 +20,7 @@ def fill(group: h5py.Group, budgets: list[Budget]) -> None:
     frequency = add_scale(group, "frequency", first.frequency, "Hz")
     output = add_scale(group, "output", [one.output for one in budgets], "name")
     cause = add_scale(group, "cause", list(first.cause), "name")
+    add_dataset(group, "source", list(first.source), "name", cause)
     add_dataset(group, "unit", [f"{one.unit}/sqrt(Hz)" for one in budgets], "name", output)
     for name, values in {
         "amplitude": [one.amplitude for one in budgets],
@@ -64,6 +65,7 @@ def load(group: Any) -> list[Budget]:
             str(output),
             str(unit).split("/")[0],
             cause,
+            tuple(str(name) for name in group["source"].asstr()[:]),
             group["contribution"][:, n].T ** 2,
             group["mean_square"][:, n].T,
             group["mean_square_velocity"][:, n].T,

@@ -71,6 +71,12 @@ class Noises:
             *([THERMAL] if self.temperature is not None else []),
         )
 
+    @property
+    def source(self) -> tuple[str, ...]:
+        """Name of the model or file of each cause (c); "" for what the design gives."""
+        names = [motion.name for motion in self.motion.values()]
+        return (*names, *[""] * (len(self.cause) - len(names)))
+
     def density(self, frequency: Array) -> Array:
         """Compute power spectral densities (o, c, f), m^2/Hz or rad^2/Hz, at frequencies in Hz."""
         plant = self.plant

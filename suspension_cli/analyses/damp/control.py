@@ -221,7 +221,8 @@ def solve_responses(
         [np.array([signals.linear_form(s, model) for s in outputs]), plant.sensed]
     )
     drives = np.concatenate(
-        [np.array([signals.linear_form(s, model) for s in inputs]), plant.pushed]
+        [np.array([signals.linear_form(s, model) for s in inputs]).reshape(-1, model.size)]
+        + [plant.pushed]
     )
     acts = [*(s.acts for s in inputs), *([True] * count)]
     g, _ = response.transfer(model, 2 * np.pi * frequency, drives, acts, rows)
