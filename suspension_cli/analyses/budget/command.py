@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, as_number, plain
+from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number, plain
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 GROUND = "nhnm"
 """Ground of a noisy site: what is met there is met anywhere."""
+PETERSON = ("nlnm", "nhnm")
 HIGHEST = 10.0
 """Highest frequency of Peterson's models, Hz."""
 
@@ -97,13 +98,13 @@ class BudgetAnalysis(Analysis):
         from suspension_cli.linear import signals
 
         setting, folder = run.setting, Path(run.source.file).parent
-        motions, grid = _ground(setting, folder, run.log)
+        motions, grid, notes = _ground(setting, folder)
         stages = run.design.stage
         outputs = list(setting["outputs"]) or [
             f"{stages[-1].name}.{dof}" for dof in ("x", "pitch", "yaw")
         ]
         requirements = _requirements(setting["requirements"], outputs, folder, grid)
-        choice, model, warm = _model(run, float(grid[-1]), grid, outputs)
+        choice, model, warm = _model(run, grid, outputs, notes)
         known = signals.bodies_with_signals(model)
         parsed = [signals.parse_output(text, known) for text in outputs]
         plant, resonance = _closed(run, choice, model, float(grid[-1]))
@@ -111,6 +112,8 @@ class BudgetAnalysis(Analysis):
         noises = Noises(plant, parsed, motions, temperature)
         if not noises.cause:
             raise _error("--ground", "leaves no cause of motion", "give a ground, or a loss")
+        for note in notes:
+            run.log.warn(note)
         added = ":" in setting["frequency"]
         found = budget.solve(noises, grid, resonance, requirements, added=added)
         for one in found:
@@ -136,12 +139,16 @@ class BudgetAnalysis(Analysis):
         """Return a table per output: RMS and amplitude spectral densities by cause."""
         from suspension_cli.analyses.thermal.command import told
 
-        ground = describe_ground(_sources(result.data[0]))
+        first = result.data[0]
+        ground = describe_ground(_sources(first), float(first.frequency[-1]))
         lines = [result.choice.line, f"ground: {ground}"]
         for one in result.data:
             low, high = one.frequency[0], one.frequency[-1]
             shown = told(one.frequency)
-            lines += ["", f"{one.output}, {low:.4g}" + f" to {high:.4g} Hz" * (high > low)]
+            lines += [
+                "",
+                f"{one.output}, {low:.4g}" + (f" to {high:.4g}" if high > low else "") + " Hz",
+            ]
             columns = {
                 "cause": "",
                 f"RMS\n{one.unit}": ".3e",
@@ -239,24 +246,29 @@ def describe_requirement(found: Requirement) -> str:
     )
 
 
-def describe_ground(names: dict[str, str]) -> str:
-    """Describe the motion of the support in one line."""
+def describe_ground(names: dict[str, str], highest: float) -> str:
+    """Describe the motion of the support in one line, up to a frequency in Hz."""
     if not names:
         return "none"
     sources = dict.fromkeys(names.values())
     return "; ".join(
         f"{', '.join(dof for dof, name in names.items() if name == source)} {source}"
         for source in sources
+    ) + (
+        f" (above {HIGHEST:g} Hz with its acceleration at {HIGHEST:g} Hz)"
+        if highest > HIGHEST and any(name in source for name in PETERSON for source in sources)
+        else ""
     )
 
 
-def _ground(setting: dict[str, Any], folder: Path, log: Log) -> tuple[dict[str, Motion], Array]:
-    """Return the motions of the support, and the grid within the range of all of them."""
+def _ground(setting: dict[str, Any], folder: Path) -> tuple[dict[str, Motion], Array, list[str]]:
+    """Return the motions of the support, the grid within the range of all of them, and warnings."""
     import numpy as np
 
     from suspension_cli.analyses.budget import ground
     from suspension_cli.grids import parse_grid
 
+    notes: list[str] = []
     motions = ground.parse(setting["ground"], setting["isolation"], folder)
     frequency = parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0)
     grid = np.unique(np.array(frequency))
@@ -271,14 +283,10 @@ def _ground(setting: dict[str, Any], folder: Path, log: Log) -> tuple[dict[str, 
             raise _error("--frequency", problem, remedy, setting["frequency"])
         ends = [end for end in (low, high) if grid[0] < end < grid[-1]]
         grid = np.union1d(within, ends) if ":" in setting["frequency"] else within
-        log.warn(f"frequencies are cut to {grid[0]:.4g} to {grid[-1]:.4g} Hz, the range of {name}")
-    continued = any("nlnm" in m.name or "nhnm" in m.name for m in motions.values())
-    if continued and grid[-1] > HIGHEST:
-        log.say(
-            f"ground above {HIGHEST:g} Hz: Peterson's models end there; their acceleration at"
-            f" {HIGHEST:g} Hz is continued"
+        notes.append(
+            f"frequencies are cut to {grid[0]:.4g} to {grid[-1]:.4g} Hz, the range of {name}"
         )
-    return motions, grid
+    return motions, grid, notes
 
 
 def _requirements(
@@ -310,9 +318,9 @@ def _requirements(
 
 
 def _model(
-    run: Run, highest: float, grid: Array, outputs: Sequence[str]
+    run: Run, grid: Array, outputs: Sequence[str], notes: list[str]
 ) -> tuple[Choice, LinearSystem, bool]:
-    """Choose the model; whether it knows the thermal noise too."""
+    """Choose the model; whether it knows the thermal noise too. Warnings are added to `notes`."""
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.check import warnings
     from suspension_cli.analyses.check.lossless import find_lossless
@@ -325,7 +333,7 @@ def _model(
     source, setting, model = run.source, run.setting, None
     wanted, tolerance = setting["fidelity"], setting["tolerance"]
     try:
-        choice = auto.for_thermal_noise(source.design, wanted, highest, tolerance)
+        choice = auto.for_thermal_noise(source.design, wanted, float(grid[-1]), tolerance)
         warm = True
     except InputError as error:
         warm = False
@@ -344,13 +352,13 @@ def _model(
             if wanted != registry.AUTO
             else fault.problem
         )
-        run.log.warn(f"{run.name}: thermal noise is left out, as {why}")
+        notes.append(f"{run.name}: thermal noise is left out, as {why}")
     controlled = run.design.control is not None
     model = model_choice.stable_system(source, choice, controlled, run.log, model, bends=True)
     if warm:
         lossless = find_lossless(run.design, choice.level)
         for line in warnings.describe_lossless(lossless, choice.level):
-            run.log.warn(f"{run.name}: {line}")
+            notes.append(f"{run.name}: {line}")
     return choice, model, warm
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -179,7 +180,7 @@ def solve(
     return budgets
 
 
-def _is_singular(frequency: Array, density: Array, at: float) -> Array:
+def _is_singular(frequency: Array, density: Array, at: float) -> Any:
     """Whether densities (o, c, f) rise towards a frequency as at a pole without loss: (o, c)."""
     beside = np.searchsorted(frequency, at * (1 - 1e-6))
     near = density[..., np.searchsorted(frequency, at)]

@@ -220,10 +220,8 @@ def solve_responses(
     rows = np.concatenate(
         [np.array([signals.linear_form(s, model) for s in outputs]), plant.sensed]
     )
-    drives = np.concatenate(
-        [np.array([signals.linear_form(s, model) for s in inputs]).reshape(-1, model.size)]
-        + [plant.pushed]
-    )
+    given = np.array([signals.linear_form(s, model) for s in inputs]).reshape(-1, model.size)
+    drives = np.concatenate([given, plant.pushed])
     acts = [*(s.acts for s in inputs), *([True] * count)]
     g, _ = response.transfer(model, 2 * np.pi * frequency, drives, acts, rows)
     i, o = len(inputs), len(outputs)

@@ -79,7 +79,9 @@ def csv(folder, text, name="site.csv"):
 
 
 def test_tables_and_coordinates(tmp_path):
-    file = csv(tmp_path, "# site\nfrequency (Hz), x [m/sqrt(Hz)], pitch\n0.1,1e-6,1e-9\n10,1e-8,0\n")
+    file = csv(
+        tmp_path, "# site\nfrequency (Hz), x [m/sqrt(Hz)], pitch\n0.1,1e-6,1e-9\n10,1e-8,0\n"
+    )
     stop = csv(tmp_path, "1 0.1\n100 0.001\n", "stop.csv")
     found = ground.parse(["nhnm", file, "z=none", "yaw=aligo-isi"], [f"x={stop}"], tmp_path)
     assert [*found] == ["x", "y", "pitch", "yaw"]
