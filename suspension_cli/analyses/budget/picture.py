@@ -32,6 +32,8 @@ DECADES = 16
 """Largest number of decades in a panel."""
 SMALL = 6.5
 """Font size of labels, points."""
+MOST = 99.0
+"""Part of the mean square, per cent, from which one cause is named alone."""
 APART = 0.045
 """Smallest distance between two labels, fraction of the panel's height."""
 
@@ -56,8 +58,9 @@ def write_message(one: Budget) -> str:
     if np.isfinite(rms) and rms > 0:
         by = int(square.argmax())
         part = 100 * square[by] / square.sum()
-        text = f"{one.output} moves by {rms:.2g} {one.unit} RMS, {part:.0f} % of its square by"
-        text += f" {one.cause[by]}"
+        text = f"{one.output} moves by {rms:.2g} {one.unit} RMS, by {one.cause[by]}"
+        if part < MOST:
+            text += f" for {part:.0f} % of the square"
     elif np.isinf(rms):
         text = f"{one.output} has an infinite RMS, by a resonance without loss"
     else:
@@ -177,6 +180,7 @@ def _label(axes: Axes, labels: list[tuple[float, str, str]]) -> None:
                 va="top",
                 fontsize=SMALL,
                 color=colour,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8},
             )
         else:
             places.append([float(np.clip(at, 0.0, 1.0)), name, colour])
