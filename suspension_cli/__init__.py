@@ -16,6 +16,7 @@ __all__ = [
     "PendsusWarning",
     "Result",
     "__version__",
+    "budget",
     "check",
     "compare",
     "damp",
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
     from suspension_cli.api import (
         Design,
+        budget,
         check,
         compare,
         damp,

@@ -380,6 +380,69 @@ def thermal(
     )
 
 
+def budget(
+    design: Design,
+    *,
+    outputs: Sequence[str] = (),
+    ground: Sequence[str] = ("nhnm",),
+    isolation: Sequence[str] = (),
+    requirements: Sequence[str] = (),
+    frequency: Grid = "0.01:100:2000",
+    model: str = "auto",
+    tolerance: float = 1e-3,
+) -> Result:
+    """Compute the motion of the mirror by cause, with cumulative RMS.
+
+    Parameters
+    ----------
+    design : Design
+    outputs : sequence of str
+        Motions: ``"test.x"``. Default: x, pitch and yaw of the last stage.
+    ground : sequence of str
+        Motion of the support: ``"nlnm"``, ``"nhnm"``, ``"aligo-isi"``, a CSV file or ``"none"``;
+        ``"z=site.csv"`` for some coordinates. Later ones replace earlier ones.
+    isolation : sequence of str
+        CSV files of a platform's transmissibility, likewise.
+    requirements : sequence of str
+        CSV files of required spectra: ``"goal.csv"`` for the first output, ``"test.yaw=yaw.csv"``.
+    frequency : grid
+        Hz. Spectra at numbers are for these alone; a grid ``"start:stop:count"`` gets points around
+        resonances. RMS are accurate for both.
+    model, tolerance
+        As of `response`.
+
+    Returns
+    -------
+    Result
+        Its `data` is a list of `analyses.budget.solve.Budget`, one for each output, with
+        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz), `parts` by cause, `rms` and `rms_velocity`
+        (f,) from each frequency up, and `requirement`.
+
+    Raises
+    ------
+    InputError
+        If the closed loop is unstable, or a table has faults.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.budget(sus.example("double"), frequency=[1.0, 10.0], ground=["nlnm"])
+    >>> found.data[0].cause
+    ('ground.x', 'ground.y', 'ground.z', 'thermal')
+    """
+    return _run(
+        "budget",
+        design,
+        model,
+        outputs=tuple(outputs),
+        ground=tuple(ground),
+        isolation=tuple(isolation),
+        requirements=tuple(requirements),
+        frequency=_grid(frequency),
+        tolerance=tolerance,
+    )
+
+
 def xcouple(
     design: Design,
     *,

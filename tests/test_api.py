@@ -66,6 +66,10 @@ CASES = {
         lambda design: sus.thermal(design, frequency="1:100:3"),
         ("--frequency", "1:100:3"),
     ),
+    "budget": (
+        lambda design: sus.budget(design, ground=["nlnm"], frequency=np.array([1.0, 3.0])),
+        ("--ground", "nlnm", "--frequency", "1.0,3.0"),
+    ),
     "xcouple": (
         lambda design: sus.xcouple(design, sweep={"k": [0.9, 1.1]}, model="string"),
         ("--sweep", "k=0.9,1.1", "--fidelity", "string"),

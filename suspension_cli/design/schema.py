@@ -405,6 +405,14 @@ class Loop(Table, frozen=True):
             description="amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz), flat",
         ),
     ] = 0.0
+    actuator_noise: Annotated[
+        float,
+        Meta(
+            ge=0,
+            le=1e3,
+            description="amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat",
+        ),
+    ] = 0.0
 
 
 class Control(Table, frozen=True):

@@ -54,6 +54,14 @@ MAKES = {
     "modes": ["modes", "configs/husman2000/figure6.toml", "--max-frequency", "700"],
     "response": ["response", "configs/double.toml", "--frequency", "1,2"],
     "thermal": ["thermal", "configs/husman2000/figure6.toml", "--frequency", "1,2"],
+    "budget": [
+        "budget",
+        "configs/husman2000/figure6.toml",
+        "--requirement",
+        "goals/mirror-motion.csv",
+        "--frequency",
+        "1:5:2",
+    ],
     "xcouple": [
         "xcouple",
         "configs/husman2000/figure6.toml",

@@ -189,6 +189,8 @@ class ClosedLoopResponse:
     noise : (f, o, l) array
         Amplitude spectral density at each output from each sensor's noise, m/sqrt(Hz) or
         rad/sqrt(Hz).
+    actuator_noise : (f, o, l) array
+        Of the noise of each actuator, added to the force that the loop commands.
     loop_gain : (f, l) complex array
         H G of each loop broken at its actuator, the others closed; a closed-loop pole on the
         imaginary axis has 1 + H G = 0.
@@ -197,13 +199,14 @@ class ClosedLoopResponse:
     frequency: Array
     value: Any
     noise: Array
+    actuator_noise: Array
     loop_gain: Any
 
 
 def solve_responses(
     plant: Plant, frequency: Array, inputs: list[Signal], outputs: list[Signal]
 ) -> ClosedLoopResponse:
-    """Solve for closed-loop responses, sensor noise at the outputs and loop gains.
+    """Solve for closed-loop responses, noise of sensors and actuators at the outputs, loop gains.
 
     Parameters
     ----------
@@ -217,20 +220,22 @@ def solve_responses(
     rows = np.concatenate(
         [np.array([signals.linear_form(s, model) for s in outputs]), plant.sensed]
     )
-    drives = np.concatenate(
-        [np.array([signals.linear_form(s, model) for s in inputs]), plant.pushed]
-    )
+    given = np.array([signals.linear_form(s, model) for s in inputs]).reshape(-1, model.size)
+    drives = np.concatenate([given, plant.pushed])
     acts = [*(s.acts for s in inputs), *([True] * count)]
     g, _ = response.transfer(model, 2 * np.pi * frequency, drives, acts, rows)
     i, o = len(inputs), len(outputs)
-    h = _filters(plant, frequency)
+    h = evaluate_filters(plant, frequency)
     to_actuator = np.linalg.solve(
         np.eye(count) + h[:, :, None] * g[:, o:, i:], h[:, :, None] * np.eye(count)
     )
     value = g[:, :o, :i] - g[:, :o, i:] @ to_actuator @ g[:, o:, :i]
     densities = np.array([loop.sensor_noise for loop in plant.loops])
     noise = np.abs(g[:, :o, i:] @ to_actuator) * densities
-    return ClosedLoopResponse(frequency, value, noise, _loop_gains(h, g[:, o:, i:]))
+    # a force n at the actuators is u = n - H y: x = G_u (1 + H G_yu)^-1 n
+    pushed = g[:, :o, i:] - g[:, :o, i:] @ to_actuator @ g[:, o:, i:]
+    actuator_noise = np.abs(pushed) * np.array([loop.actuator_noise for loop in plant.loops])
+    return ClosedLoopResponse(frequency, value, noise, actuator_noise, _loop_gains(h, g[:, o:, i:]))
 
 
 def compute_loop_gains(plant: Plant, frequency: Array) -> Any:
@@ -252,16 +257,20 @@ def compute_loop_gains(plant: Plant, frequency: Array) -> Any:
                 finite=False,
             )
             known = np.isfinite(g).all((1, 2))
-            result[left[known]] = _loop_gains(_filters(plant, at[known]), g[known])
+            result[left[known]] = _loop_gains(evaluate_filters(plant, at[known]), g[known])
             left = left[~known]
             if not len(left):
                 break
     return result
 
 
-def _filters(plant: Plant, frequency: Array) -> Any:
-    """H (f, l) of all loops at frequencies in Hz."""
-    return np.stack([evaluate_filter(loop, frequency) for loop in plant.loops], axis=-1)
+def evaluate_filters(plant: Plant, frequency: Array) -> Any:
+    """Evaluate H (f, l) of all loops at frequencies in Hz."""
+    return (
+        np.array([evaluate_filter(loop, frequency) for loop in plant.loops])
+        .reshape(len(plant.loops), len(frequency))
+        .T
+    )
 
 
 def _loop_gains(h: Any, g: Any) -> Any:

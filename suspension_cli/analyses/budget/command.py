@@ -1,0 +1,395 @@
+"""`pendsus budget`: motion of the mirror by cause, from the ground on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from suspension_cli.analyses import options, tables
+from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number, plain
+from suspension_cli.analyses.options import option
+
+if TYPE_CHECKING:
+    import h5py
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.budget.ground import Motion
+    from suspension_cli.analyses.budget.solve import Budget, Requirement
+    from suspension_cli.analyses.budget.table import Table
+    from suspension_cli.analyses.damp.control import Plant
+    from suspension_cli.design.schema import Design
+    from suspension_cli.linear.system import LinearSystem
+    from suspension_cli.models.registry import Choice
+    from suspension_cli.scene.arrays import Array
+
+GROUND = "nhnm"
+"""Ground of a noisy site: what is met there is met anywhere."""
+PETERSON = ("nlnm", "nhnm")
+HIGHEST = 10.0
+"""Highest frequency of Peterson's models, Hz."""
+
+
+class BudgetAnalysis(Analysis):
+    """Compute the motion of the mirror by cause, with cumulative RMS.
+
+    The causes are the motions of the support, noise of sensors and actuators of the design's loops,
+    and thermal noise; all act with the loops closed. Points are added to the grid of frequencies
+    around resonances, which the RMS needs. Writes DIR/NAME-budget.h5 and .png.
+
+    Example: pendsus budget my.toml --ground nlnm --ground z=site.csv --requirement goal.csv
+    """
+
+    name = "budget"
+    arguments = (options.DESIGN,)
+    parameters = (
+        option(
+            "--output",
+            "outputs",
+            multiple=True,
+            metavar="SIGNAL",
+            help=(
+                "Output: test.x, test.pitch, test.x@0,0,0.001, ... (repeatable)."
+                "  [default: x, pitch and yaw of the last stage]"
+            ),
+        ),
+        option(
+            "--ground",
+            multiple=True,
+            default=(GROUND,),
+            show_default=True,
+            metavar="[COORDINATES=]SOURCE",
+            help=(
+                "Motion of the support: nlnm or nhnm (quiet and noisy ground), aligo-isi (a"
+                " platform), a CSV file, or none; x,y=SOURCE for some coordinates (repeatable)."
+            ),
+        ),
+        option(
+            "--isolation",
+            multiple=True,
+            metavar="[COORDINATES=]FILE",
+            help="CSV of a platform's transmissibility, which multiplies the ground (repeatable).",
+        ),
+        option(
+            "--requirement",
+            "requirements",
+            multiple=True,
+            metavar="[SIGNAL=]FILE",
+            help="CSV of the required spectrum of an output, the first by default (repeatable).",
+        ),
+        option(
+            "--frequency",
+            default="0.01:100:2000",
+            show_default=True,
+            metavar="GRID",
+            help="Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.",
+        ),
+        options.ACCURACY,
+        *options.WRITING,
+    )
+
+    def solve(self, run: Run) -> Result:
+        """Compute the budget of every output."""
+        import numpy as np
+
+        from suspension_cli.analyses.budget import solve as budget
+        from suspension_cli.analyses.budget.noise import Noises
+        from suspension_cli.linear import signals
+
+        setting, folder = run.setting, Path(run.source.file).parent
+        motions, grid, notes = _ground(setting, folder)
+        stages = run.design.stage
+        outputs = list(setting["outputs"]) or [
+            f"{stages[-1].name}.{dof}" for dof in ("x", "pitch", "yaw")
+        ]
+        requirements = _requirements(setting["requirements"], outputs, folder, grid)
+        choice, model, warm = _model(run, grid, outputs, notes)
+        known = signals.bodies_with_signals(model)
+        parsed = [signals.parse_output(text, known) for text in outputs]
+        plant, resonance = _closed(run, choice, model, float(grid[-1]))
+        temperature = run.design.constants.temperature if warm else None
+        noises = Noises(plant, parsed, motions, temperature)
+        if not noises.cause:
+            raise _error("--ground", "leaves no cause of motion", "give a ground, or a loss")
+        for note in notes:
+            run.log.warn(note)
+        added = ":" in setting["frequency"]
+        found = budget.solve(noises, grid, resonance, requirements, added=added)
+        for one in found:
+            if np.isinf(one.rms).any():
+                run.log.warn(f"{one.output}: its RMS is infinite, by a resonance without loss")
+        return Result(self, run.source, choice, found, command=run.command)
+
+    def parse_names(
+        self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
+    ) -> Iterator[Callable[[], object]]:
+        """Return nothing: `damp` parses the signals of the loops."""
+        return iter(())
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return the budget of the first output flat, and those of the others."""
+        budgets: list[Budget] = result.data
+        first, *others = [_document(one) for one in budgets]
+        head = {"frequency_hz": budgets[0].frequency.tolist()}
+        ground = {"ground": _sources(budgets[0])}
+        return head | first | {"other_outputs": others} | ground
+
+    def text(self, result: Result) -> str:
+        """Return a table per output: RMS and amplitude spectral densities by cause."""
+        from suspension_cli.analyses.thermal.command import told
+
+        first = result.data[0]
+        ground = describe_ground(_sources(first), float(first.frequency[-1]))
+        lines = [result.choice.line, f"ground: {ground}"]
+        for one in result.data:
+            low, high = one.frequency[0], one.frequency[-1]
+            shown = told(one.frequency)
+            lines += [
+                "",
+                f"{one.output}, {low:.4g}" + (f" to {high:.4g}" if high > low else "") + " Hz",
+            ]
+            columns = {
+                "cause": "",
+                f"RMS\n{one.unit}": ".3e",
+                f"RMS velocity\n{one.unit}/s": ".3e",
+            }
+            columns |= {f"{one.frequency[n]:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for n in shown}
+            rows: list[tuple[Any, ...]] = [
+                ("all", _rms(one.rms[0]), _rms(one.rms_velocity[0]), *one.amplitude[shown])
+            ]
+            order = sorted(range(len(one.cause)), key=lambda n: -one.density[n].max())
+            for n in order:
+                if one.density[n].any():
+                    squares = [_rms(s[n, 0] ** 0.5) for s in (one.square, one.square_velocity)]
+                    rows.append((one.cause[n], *squares, *one.density[n, shown] ** 0.5))
+            lines.append(tables.render(columns, rows))
+            none = [one.cause[n] for n in order if not one.density[n].any()]
+            if none:
+                lines.append(f"  no motion from {', '.join(none)}")
+            if one.requirement is not None:
+                lines.append(f"  {describe_requirement(one.requirement)}")
+        return "\n".join(lines)
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Write the group `budget`."""
+        from suspension_cli.analyses.budget import file as stored
+
+        stored.fill(file.create_group("budget"), result.data)
+
+    def load(self, file: h5py.File) -> list[Budget]:
+        """Read the group `budget`."""
+        from suspension_cli.analyses.budget import file as stored
+
+        return stored.load(file["budget"])
+
+    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+        """Draw a panel per output."""
+        from suspension_cli.analyses.budget import picture
+        from suspension_cli.drawing.style import name_model
+
+        return {"": name_model(picture.draw(result.data, result.title), result.choice)}
+
+
+def _sources(one: Budget) -> dict[str, str]:
+    """Where the motion of the support is from, by coordinate."""
+    pairs = zip(one.cause, one.source, strict=True)
+    return {cause.partition(".")[2]: source for cause, source in pairs if source}
+
+
+def _rms(value: float) -> float | str:
+    """An RMS as it is printed."""
+    return "infinite" if value == math.inf else float(value)
+
+
+def _document(one: Budget) -> dict[str, Any]:
+    """One output as JSON, but for its frequencies."""
+    pairs = [*zip(one.cause, one.square, one.square_velocity, strict=True)]
+    result: dict[str, Any] = {
+        "output": one.output,
+        "unit": f"{one.unit}/sqrt(Hz)",
+        "displacement_asd": one.amplitude.tolist(),
+        "contributions": {name: part.tolist() for name, part in one.parts.items()},
+        "rms": as_number(one.rms[0]),
+        "rms_velocity": as_number(one.rms_velocity[0]),
+        "rms_by_cause": {name: as_number(square[0] ** 0.5) for name, square, _ in pairs},
+        "rms_velocity_by_cause": {name: as_number(square[0] ** 0.5) for name, _, square in pairs},
+        "cumulative_rms": plain(one.rms),
+        "cumulative_rms_velocity": plain(one.rms_velocity),
+    }
+    if one.requirement is not None:
+        found = one.requirement
+        result["requirement"] = {
+            "file": found.name,
+            "met": found.met,
+            "margin": as_number(found.margin),
+            "at_hz": found.at,
+            "exceeded_hz": [list(span) for span in found.exceeded],
+        }
+    return result
+
+
+def describe_requirement(found: Requirement) -> str:
+    """Describe in one line whether a requirement is met, with the margin and where."""
+    name = Path(found.name).name
+    if found.met:
+        size = f"{found.margin:.3g}" if math.isfinite(found.margin) else "infinite"
+        return f"requirement {name}: met, smallest margin {size} at {found.at:.4g} Hz"
+    spans = [
+        f"{low:.4g} Hz" if low == high else f"{low:.4g} to {high:.4g} Hz"
+        for low, high in found.exceeded
+    ]
+    more = f" and {len(spans) - 3} more" if len(spans) > 3 else ""
+    return (
+        f"requirement {name}: NOT met, exceeded by a factor of {1 / found.margin:.3g} at"
+        f" {found.at:.4g} Hz; above it at {', '.join(spans[:3])}{more}"
+    )
+
+
+def describe_ground(names: dict[str, str], highest: float) -> str:
+    """Describe the motion of the support in one line, up to a frequency in Hz."""
+    if not names:
+        return "none"
+    sources = dict.fromkeys(names.values())
+    return "; ".join(
+        f"{', '.join(dof for dof, name in names.items() if name == source)} {source}"
+        for source in sources
+    ) + (
+        f" (above {HIGHEST:g} Hz with its acceleration at {HIGHEST:g} Hz)"
+        if highest > HIGHEST and any(name in source for name in PETERSON for source in sources)
+        else ""
+    )
+
+
+def _ground(setting: dict[str, Any], folder: Path) -> tuple[dict[str, Motion], Array, list[str]]:
+    """Return the motions of the support, the grid within the range of all of them, and warnings."""
+    import numpy as np
+
+    from suspension_cli.analyses.budget import ground
+    from suspension_cli.grids import parse_grid
+
+    notes: list[str] = []
+    motions = ground.parse(setting["ground"], setting["isolation"], folder)
+    frequency = parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0)
+    grid = np.unique(np.array(frequency))
+    low = max([motion.low for motion in motions.values()], default=0.0)
+    high = min([motion.high for motion in motions.values()], default=math.inf)
+    name = next((m.name for m in motions.values() if m.low > grid[0] or m.high < grid[-1]), "")
+    if name:
+        within = grid[(grid >= low) & (grid <= high)]
+        if not len(within):
+            problem = f"has no frequency from {low:g} to {high:g} Hz, where the ground is known"
+            remedy = "move it, or give a table of the ground there"
+            raise _error("--frequency", problem, remedy, setting["frequency"])
+        ends = [end for end in (low, high) if grid[0] < end < grid[-1]]
+        grid = np.union1d(within, ends) if ":" in setting["frequency"] else within
+        notes.append(
+            f"frequencies are cut to {grid[0]:.4g} to {grid[-1]:.4g} Hz, the range of {name}"
+        )
+    return motions, grid, notes
+
+
+def _requirements(
+    given: Sequence[str], outputs: Sequence[str], folder: Path, grid: Array
+) -> dict[int, Table]:
+    """Return the tables of required spectra by number of the output."""
+    from suspension_cli.analyses.budget import ground, solve, table
+    from suspension_cli.errors import Fault, InputError
+
+    result: dict[int, Table] = {}
+    for text in given:
+        name, equals, source = text.rpartition("=")
+        if equals and name.strip() not in outputs:
+            remedy = f"give one of {', '.join(outputs)}, or add --output {name.strip()}"
+            raise _error("--requirement", "names no output", remedy, text)
+        found = table.read(ground.find(source.strip(), folder, "--requirement"))
+        if len(found.column) != 1:
+            problem = f"has {len(found.column)} columns of values instead of one"
+            remedy = "write two columns, frequency and asd, and a file per output"
+            raise InputError([Fault("", problem, remedy)], found.file)
+        if not solve.overlaps(grid, found):
+            problem = (
+                f"is from {found.frequency[0]:g} to {found.frequency[-1]:g} Hz, outside"
+                f" {grid[0]:g} to {grid[-1]:g} Hz of the budget"
+            )
+            raise InputError([Fault("", problem, "move --frequency there")], found.file)
+        result[outputs.index(name.strip()) if equals else 0] = found
+    return result
+
+
+def _model(
+    run: Run, grid: Array, outputs: Sequence[str], notes: list[str]
+) -> tuple[Choice, LinearSystem, bool]:
+    """Choose the model; whether it knows the thermal noise too. Warnings are added to `notes`."""
+    from suspension_cli.analyses import model_choice
+    from suspension_cli.analyses.check import warnings
+    from suspension_cli.analyses.check.lossless import find_lossless
+    from suspension_cli.conventions import SUPPORT
+    from suspension_cli.errors import InputError
+    from suspension_cli.linear import signals
+    from suspension_cli.models import auto, registry
+    from suspension_cli.models.quantity_of_interest import Transfer
+
+    source, setting, model = run.source, run.setting, None
+    wanted, tolerance = setting["fidelity"], setting["tolerance"]
+    try:
+        choice = auto.for_thermal_noise(source.design, wanted, float(grid[-1]), tolerance)
+        warm = True
+    except InputError as error:
+        warm = False
+
+        def request(system: LinearSystem) -> Transfer:
+            known = signals.bodies_with_signals(system)
+            inputs = [signals.parse_input(f"{SUPPORT}.{dof}", known) for dof in "xz"]
+            observed = [signals.parse_output(text, known) for text in outputs]
+            return Transfer(inputs, observed, grid)
+
+        decision = model_choice.choose(source, wanted, request, tolerance)
+        choice, model = decision.choice, decision.model
+        fault = error.faults[0]
+        why = (
+            f"the {choice.level} model does not know where along a wire its loss acts"
+            if wanted != registry.AUTO
+            else fault.problem
+        )
+        notes.append(f"{run.name}: thermal noise is left out, as {why}")
+    controlled = run.design.control is not None
+    model = model_choice.stable_system(source, choice, controlled, run.log, model, bends=True)
+    if warm:
+        lossless = find_lossless(run.design, choice.level)
+        for line in warnings.describe_lossless(lossless, choice.level):
+            notes.append(f"{run.name}: {line}")
+    return choice, model, warm
+
+
+def _closed(run: Run, choice: Choice, model: LinearSystem, highest: float) -> tuple[Plant, Any]:
+    """Return the model with its loops, and its poles in rad/s.
+
+    Raises
+    ------
+    InputError
+        If the closed loop is unstable.
+    """
+    import numpy as np
+
+    from suspension_cli.analyses.budget import resonances
+    from suspension_cli.models import registry
+
+    heavy = choice.model.has_wire_mass
+    light = registry.BEAM.system(run.design) if heavy else model
+    found = resonances.find_poles(run.design, light)
+    resonances.demand_stable(found)
+    values = [found.value]
+    if heavy:
+        values.append(resonances.find_wire_modes(model, highest))
+    return resonances.build_plant(run.design, model), np.concatenate(values)
+
+
+def _error(key: str, problem: str, remedy: str, value: str | None = None) -> Exception:
+    from suspension_cli.errors import Fault, InputError, format_value
+
+    given = None if value is None else format_value(value)
+    return InputError([Fault(key, problem, remedy, given)])
+
+
+ANALYSIS = BudgetAnalysis()

@@ -1,0 +1,61 @@
+"""Poles of a suspension with its loops closed, around which spectra have narrow peaks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.damp import closed_loop_poles, control
+from suspension_cli.analyses.damp.control import Plant
+from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.conventions import DOFS
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.linear import poles, signals
+from suspension_cli.linear.constant_loss import with_constant_loss
+from suspension_cli.linear.poles import Poles
+from suspension_cli.linear.system import LinearSystem
+
+MOST = 2000
+"""Largest number of wire modes whose widths are computed."""
+
+
+def build_plant(design: Any, model: LinearSystem) -> Plant:
+    """Build the plant of a design's loops, of which there may be none."""
+    if design.control is not None:
+        return control.build_plant(design, model)
+    none = np.zeros((0, model.size))
+    return Plant(model, (), [], [], none, none)
+
+
+def find_poles(design: Any, model: LinearSystem) -> Poles:
+    """Find the closed-loop poles of a model without wire mass, as `damp` does."""
+    known = signals.bodies_with_signals(model)
+    every = [signals.parse_output(f"{body}.{dof}", known) for body in model.body for dof in DOFS]
+    plant = build_plant(design, model)
+    constant = build_plant(design, with_constant_loss(model))
+    return closed_loop_poles.refine(
+        poles.poles(control.build_closed_loop(constant, [], every)), plant
+    )
+
+
+def demand_stable(found: Poles) -> None:
+    """Raise `InputError` if a closed-loop pole grows: then no motion is stationary."""
+    if found.stable:
+        return
+    worst = int(found.growth_rate.argmax())
+    problem = (
+        f"makes the closed loop unstable: a pole at {found.frequency[worst]:.5g} Hz in"
+        f" {found.state[worst]} grows at {found.growth_rate[worst]:.4g} 1/s, and its motion has no"
+        " spectrum"
+    )
+    remedy = "lower the gain of the loops that drive it, or their phase lag there (pendsus damp)"
+    raise InputError([Fault("control", problem, remedy)])
+
+
+def find_wire_modes(model: LinearSystem, highest: float) -> Any:
+    """Poles (p,) in rad/s of modes up to a frequency in Hz, of a model with wire mass."""
+    if not 0 < wire_modes.count_modes(model, highest) <= MOST:
+        return np.zeros(0, dtype=complex)
+    found = wire_modes.solve(model, highest)
+    return -found.decay_rate + 1j * np.sqrt(np.maximum(found.omega_squared, 0.0))

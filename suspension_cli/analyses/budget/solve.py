@@ -1,0 +1,316 @@
+"""Motion of a suspension by cause: spectra, cumulative RMS, comparison with a requirement.
+
+The mean square of a motion x of power spectral density S(f) is the integral of S, that of its
+velocity the integral of (2 pi f)^2 S; cumulative from the highest frequency f_max down,
+
+    RMS(f)^2 = integral of S from f to f_max.
+
+Between the points of the grid spectra are power laws, straight lines in a log-log plot. Points are
+added around each resonance, and wherever the rule for an interval and its neighbour as one differs
+by more than `ACCURACY` of the integral above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.budget import table
+from suspension_cli.analyses.budget.noise import Noises
+from suspension_cli.analyses.budget.table import Table
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.scene.arrays import Array
+
+ACCURACY = 3e-5
+"""Estimated error of an interval, relative to the integral from its lower end up, that is left."""
+NARROWEST = 1e-13
+"""Relative width of an interval that is not halved any more: enough for a Q of about 1e11."""
+FRACTIONS = (0.5, 0.45, 0.56, 0.41)
+"""Where an interval is divided: not at a frequency at which the motion is infinite."""
+EQUAL = 1e-6
+"""Logarithm of a ratio below which two values are equal."""
+ROUNDS = 60
+"""Largest number of times that intervals are halved."""
+STEEP = 1e6
+"""Rise of a power spectral density, within a millionth of a frequency, at a pole without loss."""
+RANGE = 0.05
+"""Relative distance from a resonance up to which points are placed around it."""
+STEP = 1.0
+"""Of the points f + w sinh(u) around a resonance of half width w, in u."""
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A required amplitude spectral density, and what is left to it.
+
+    Attributes
+    ----------
+    name : str
+        Of the file.
+    frequency, density : (n,) arrays
+        Hz, unit/sqrt(Hz).
+    margin : float
+        Smallest ratio of the requirement to the motion where both are known.
+    at : float
+        Its frequency, Hz.
+    exceeded : list of (float, float)
+        Intervals in which the motion is above, Hz.
+    """
+
+    name: str
+    frequency: Array
+    density: Array
+    margin: float
+    at: float
+    exceeded: tuple[tuple[float, float], ...]
+
+    @property
+    def met(self) -> bool:
+        """Whether the motion is nowhere above it."""
+        return self.margin >= 1
+
+
+@dataclass(frozen=True)
+class Budget:
+    """One motion by cause.
+
+    Attributes
+    ----------
+    frequency : (f,) array
+        Hz, ascending.
+    output : str
+        The observed motion.
+    unit : str
+        Of the motion: m or rad.
+    cause : tuple of str
+        ``ground.x``, ``sensor.LOOP``, ``actuator.LOOP``, ``thermal``.
+    source : tuple of str
+        Name of the model or file of each cause; "" for what the design gives.
+    density : (c, f) array
+        One-sided power spectral density by cause, unit^2/Hz.
+    square, square_velocity : (c, f) arrays
+        Mean square from each frequency up, by cause: unit^2 and (unit/s)^2; infinite where a
+        resonance without loss is driven.
+    requirement : Requirement or None
+    """
+
+    frequency: Array
+    output: str
+    unit: str
+    cause: tuple[str, ...]
+    source: tuple[str, ...]
+    density: Array
+    square: Array
+    square_velocity: Array
+    requirement: Requirement | None = None
+
+    @property
+    def amplitude(self) -> Array:
+        """Amplitude spectral density (f,) of the sum, unit/sqrt(Hz)."""
+        return np.sqrt(self.density.sum(0))
+
+    @property
+    def parts(self) -> dict[str, Array]:
+        """Amplitude spectral density (f,) by cause, unit/sqrt(Hz)."""
+        return {name: np.sqrt(row) for name, row in zip(self.cause, self.density, strict=True)}
+
+    @property
+    def rms(self) -> Array:
+        """RMS (f,) of the motion from each frequency up."""
+        return np.sqrt(self.square.sum(0))
+
+    @property
+    def rms_velocity(self) -> Array:
+        """RMS (f,) of the velocity from each frequency up, unit/s."""
+        return np.sqrt(self.square_velocity.sum(0))
+
+
+def solve(
+    noises: Noises, grid: Array, resonance: Array, requirements: dict[int, Table], *, added: bool
+) -> list[Budget]:
+    """Compute the budget of every output.
+
+    Parameters
+    ----------
+    noises : Noises
+    grid : (f,) array
+        Hz, ascending.
+    resonance : (p,) complex array
+        Poles, rad/s; points are added around them.
+    requirements : dict
+        Tables of required amplitude spectral densities by number of the output.
+    added : bool
+        Whether the spectra list the added points too.
+    """
+    corners = [motion.corner for motion in noises.motion.values()]
+    corners += [table.frequency for table in requirements.values()]
+    seeds = np.concatenate([points_around(resonance), *corners])
+    seeds = seeds[(seeds > grid[0]) & (seeds < grid[-1])]
+    frequency, density, unresolved = refine(noises.density, np.union1d(grid, seeds))
+    square = integrate_down(frequency, density)
+    velocity = integrate_down(frequency, density * (2 * np.pi * frequency) ** 2)
+    if unresolved is not None:
+        for at in unresolved:
+            driven = _is_singular(frequency, density, at)
+            for whole in (square, velocity):
+                whole[driven[..., None] & (frequency <= at)] = np.inf
+    if len(grid) == 1:
+        square, velocity = np.full_like(square, np.nan), np.full_like(velocity, np.nan)
+    shown = slice(None) if added else np.isin(frequency, grid)
+    budgets = []
+    for n, signal in enumerate(noises.output):
+        total = np.sqrt(density[n].sum(0))
+        required = requirements.get(n)
+        budgets.append(
+            Budget(
+                frequency[shown],
+                signal.text,
+                signal.unit,
+                noises.cause,
+                noises.source,
+                density[n][:, shown],
+                square[n][:, shown],
+                velocity[n][:, shown],
+                None if required is None else compare(frequency, total, required),
+            )
+        )
+    return budgets
+
+
+def _is_singular(frequency: Array, density: Array, at: float) -> Any:
+    """Whether densities (o, c, f) rise towards a frequency as at a pole without loss: (o, c)."""
+    beside = np.searchsorted(frequency, at * (1 - 1e-6))
+    near = density[..., np.searchsorted(frequency, at)]
+    return near > STEEP * density[..., max(beside - 1, 0)]
+
+
+def points_around(resonance: Array) -> Array:
+    """Place frequencies (n,) in Hz around poles (p,) in rad/s, denser towards them."""
+    found: list[Array] = [np.zeros(0)]
+    for pole in resonance:
+        centre = abs(pole.imag) / (2 * np.pi)
+        width = max(abs(pole.real) / (2 * np.pi), NARROWEST * centre)
+        if not 0 < width < RANGE * centre:
+            continue
+        steps = int(np.arcsinh(RANGE * centre / width) / STEP) + 1
+        # half a step aside, so that a resonance without loss is no point
+        found.append(centre + width * np.sinh(STEP * (np.arange(-steps, steps) + 0.5)))
+    return np.concatenate(found)
+
+
+def refine(density: Callable[[Array], Array], grid: Array) -> tuple[Array, Array, Array | None]:
+    """Add points to a grid until the integrals over spectra are accurate.
+
+    Parameters
+    ----------
+    density : callable
+        Power spectral densities (o, c, f) at frequencies (f,), Hz.
+    grid : (f,) array
+        Ascending, Hz.
+
+    Returns
+    -------
+    frequency : (f,) array
+    density : (o, c, f) array
+    unresolved : (n,) array or None
+        Frequencies at which the integral does not converge.
+    """
+    value, narrow = density(grid), np.zeros(0, dtype=bool)
+    for _ in range(ROUNDS):
+        low, high = grid[:-1], grid[1:]
+        total = value.sum(1)
+        weighted = np.stack([total, total * (2 * np.pi * grid) ** 2])
+        area = _areas(low, high, weighted[..., :-1], weighted[..., 1:])
+        above = np.cumsum(area[..., ::-1], axis=-1)[..., ::-1]
+        # a pair of intervals as one has four times the error of both
+        pair = _areas(grid[:-2], grid[2:], weighted[..., :-2], weighted[..., 2:])
+        error = np.abs(pair - area[..., :-1] - area[..., 1:]) / 3
+        around = np.zeros_like(area)
+        if error.size:
+            around[..., :-1] = error
+            around[..., 1:] = np.maximum(around[..., 1:], error)
+        rough = (around > ACCURACY * above).any((0, 1))
+        narrow = rough & (high - low <= NARROWEST * high)
+        at = np.flatnonzero(rough & ~narrow)
+        if not len(at):
+            break
+        middle, new = _bisect(density, low[at], high[at])
+        value = np.insert(value, at + 1, new, axis=-1)
+        grid = np.insert(grid, at + 1, middle)
+    # beside a pole without loss even the narrowest intervals still matter
+    return grid, value, grid[:-1][narrow] if narrow.any() else None
+
+
+def _bisect(density: Callable[[Array], Array], low: Array, high: Array) -> tuple[Array, Array]:
+    """Points within intervals, with the densities there; beside poles without loss."""
+    for fraction in FRACTIONS:
+        middle = low + (high - low) * fraction
+        try:
+            return middle, density(middle)
+        except InputError:
+            continue
+    raise InputError(
+        [
+            Fault(
+                "--frequency",
+                "contains a resonance without loss, where the motion is infinite",
+                "give the design a loss_angle or damping",
+                f"{float(low[0])!r}",
+            )
+        ]
+    )
+
+
+def integrate_down(frequency: Array, value: Array) -> Array:
+    """Integrate (..., f) from the highest frequency down to each one; power laws are exact."""
+    area = _areas(frequency[:-1], frequency[1:], value[..., :-1], value[..., 1:])
+    result = np.zeros_like(value)
+    result[..., :-1] = np.cumsum(area[..., ::-1], axis=-1)[..., ::-1]
+    return result
+
+
+def _areas(low: Array, high: Array, first: Array, last: Array) -> Array:
+    """Integrals (..., n) over intervals, given the values at their ends.
+
+    Between the ends S is a power law: the integral of f S over ln f is the width in ln f times the
+    logarithmic mean of f S, (b - a) / ln(b / a). Next to a 0, S is a straight line.
+    """
+    a, b, width = low * first, high * last, np.log(high / low)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.log(b / a)
+        power = width * np.where(np.abs(ratio) > EQUAL, (b - a) / ratio, (a + b) / 2)
+    return np.where((first > 0) & (last > 0), power, (first + last) / 2 * (high - low))
+
+
+def compare(frequency: Array, total: Array, required: Table) -> Requirement | None:
+    """Compare an amplitude spectral density (f,) with a table; None if they do not overlap."""
+    [limit] = required.column.values()
+    both = (frequency >= required.frequency[0]) & (frequency <= required.frequency[-1])
+    if not both.any():
+        return None
+    where = frequency[both]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = table.interpolate(where, required.frequency, limit) / total[both]
+    ratio = np.where(np.isnan(ratio), np.inf, ratio)
+    least = int(ratio.argmin())
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ratio < 1, [False]]).astype(int)))
+    exceeded = tuple(
+        (float(where[start]), float(where[end - 1]))
+        for start, end in zip(edges[::2], edges[1::2], strict=True)
+    )
+    return Requirement(
+        required.file,
+        required.frequency,
+        limit,
+        float(ratio[least]),
+        float(where[least]),
+        exceeded,
+    )
+
+
+def overlaps(grid: Array, required: Table) -> bool:
+    """Whether a table has frequencies in common with the range of a grid."""
+    return bool(required.frequency[0] <= grid[-1] and required.frequency[-1] >= grid[0])

@@ -1,0 +1,203 @@
+"""`pendsus budget`: the JSON that scripts rely on, requirements, files, pictures and refusals."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from suspension_cli.analyses.budget import picture
+from tests.analyses.damp.test_control import loop
+from tests.support import plants
+from tests.support.commandline import assert_refused, run, strict_json, written
+
+RAW = plants.raw("triple") | {"materials": {"steel302": {"loss_angle": 2e-4}}}
+LOOPS = [
+    loop("upper.x", damper=20.0, sensor_noise=1e-10, actuator_noise=1e-8),
+    loop("upper.yaw", damper=0.5, sensor_noise=1e-9),
+]
+DAMPED = RAW | {"control": {"loop": LOOPS}}
+LIGHT = ("--fidelity", "beam", "--frequency", "0.1:10:60")
+
+
+@pytest.fixture
+def file(tmp_path):
+    return written(tmp_path, DAMPED, "triple.toml")
+
+
+def csv(folder, text, name="goal.csv"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def asked(file, tmp_path, *options):
+    result = run("budget", file, "--json", "--out", tmp_path / "out", *LIGHT, *options)
+    assert result.exit_code == 0, result.stderr
+    return strict_json(result.stdout)
+
+
+def test_the_document(file, tmp_path):
+    answer = asked(file, tmp_path, "--ground", "nlnm")
+    assert list(answer) == [
+        "command",
+        "design",
+        "fidelity",
+        "frequency_hz",
+        "output",
+        "unit",
+        "displacement_asd",
+        "contributions",
+        "rms",
+        "rms_velocity",
+        "rms_by_cause",
+        "rms_velocity_by_cause",
+        "cumulative_rms",
+        "cumulative_rms_velocity",
+        "other_outputs",
+        "ground",
+        "estimated_error",
+    ]
+    assert (answer["command"], answer["output"], answer["unit"]) == (
+        "budget",
+        "test.x",
+        "m/sqrt(Hz)",
+    )
+    assert [one["output"] for one in answer["other_outputs"]] == ["test.pitch", "test.yaw"]
+    assert answer["ground"] == dict.fromkeys("xyz", "nlnm")
+    causes = ["ground.x", "ground.y", "ground.z", "sensor.x", "sensor.yaw", "actuator.x", "thermal"]
+    assert [*answer["contributions"]] == causes
+    frequency = np.array(answer["frequency_hz"])
+    assert set(np.geomspace(0.1, 10, 60).round(12)) <= set(frequency.round(12))
+    assert len(frequency) > 60 and (np.diff(frequency) > 0).all()
+    parts = np.array([*answer["contributions"].values()])
+    np.testing.assert_allclose(np.sqrt((parts**2).sum(0)), answer["displacement_asd"], rtol=1e-12)
+    squares = np.array([*answer["rms_by_cause"].values()]) ** 2
+    assert np.sqrt(squares.sum()) == pytest.approx(answer["rms"], rel=1e-12)
+    assert answer["cumulative_rms"][0] == answer["rms"]
+    # a symmetric design: y, z and yaw do not reach x
+    for cause in ("ground.y", "ground.z", "sensor.yaw"):
+        assert answer["rms_by_cause"][cause] == 0.0
+    power = np.square(answer["displacement_asd"])
+    assert np.sqrt(np.trapezoid(power, frequency)) == pytest.approx(answer["rms"], rel=3e-3)
+
+
+def test_numbers_are_taken_as_they_are(file, tmp_path):
+    grid = asked(file, tmp_path)
+    answer = asked(file, tmp_path, "--frequency", "10,0.1,1")
+    assert answer["frequency_hz"] == [0.1, 1.0, 10.0]
+    assert answer["rms"] == pytest.approx(grid["rms"], rel=2e-3)
+    assert answer["displacement_asd"][0] == pytest.approx(grid["displacement_asd"][0], rel=1e-12)
+    assert asked(file, tmp_path, "--frequency", "1")["rms"] is None
+
+
+def test_an_imperfect_build_couples(tmp_path):
+    imperfect = DAMPED | {"perturbation": [{"wire": "test.1", "k_factor": 1.2}]}
+    answer = asked(written(tmp_path, imperfect, "triple.toml"), tmp_path, "--output", "test.x")
+    assert answer["rms_by_cause"]["ground.z"] > 0
+
+
+def test_requirements(file, tmp_path):
+    goal = csv(tmp_path, "# goal\n0.5 1e-3\n5 1e-3\n")
+    yaw = csv(tmp_path, "f,asd\n2,1e-12\n3,1e-12\n50,1e-30\n", "yaw.csv")
+    words = ("--ground", "nlnm", "--requirement", goal, "--requirement", f"test.yaw={yaw}")
+    answer = asked(file, tmp_path, *words)
+    met, not_met = answer["requirement"], answer["other_outputs"][1]["requirement"]
+    assert met["met"] and met["margin"] > 1 and met["exceeded_hz"] == []
+    frequency, total = np.array(answer["frequency_hz"]), np.array(answer["displacement_asd"])
+    inside = (frequency >= 0.5) & (frequency <= 5)
+    assert met["margin"] == pytest.approx(1e-3 / total[inside].max(), rel=1e-9)
+    assert met["at_hz"] == frequency[inside][total[inside].argmax()]
+    assert not not_met["met"] and not_met["margin"] < 1
+    assert not_met["exceeded_hz"] == [[2.0, 10.0]]
+    text = run("budget", file, *LIGHT, *words, "--no-plot", "--out", tmp_path / "out").stdout
+    assert "requirement goal.csv: met, smallest margin" in text
+    assert "requirement yaw.csv: NOT met, exceeded by a factor of" in text
+
+
+def test_files_and_pictures(file, tmp_path):
+    goal = csv(tmp_path, "1 1e-9\n2 1e-9\n")
+    out = tmp_path / "out"
+    assert run("budget", file, *LIGHT, "--requirement", goal, "--out", out).exit_code == 0
+    made = out / "triple-budget.png"
+    before = made.read_bytes()
+    assert run("plot", out / "triple-budget.h5").exit_code == 0
+    assert made.read_bytes() == before
+    with h5py.File(out / "triple-budget.h5") as results:
+        assert results["budget/contribution"].dims[2].label == "cause"
+    again = sus.load(out / "triple-budget.h5")
+    assert "requirement goal.csv: NOT met" in str(again)
+    again.to_xarray()
+
+
+def test_messages(file):
+    found = sus.budget(sus.read(file), model="beam", frequency="0.1:10:30", ground=["nhnm"])
+    assert picture.write_message(found.data[0]).startswith("test.x moves by ")
+    assert picture.write_message(found.data[2]).endswith("RMS, by sensor.yaw")
+
+
+def test_defaults_from_the_design(tmp_path):
+    csv(tmp_path, "0.2,1e-6\n5,1e-9\n", "site.csv")
+    table = {"ground": ["nlnm", "z=site.csv"], "output": "test.z", "frequency": "1,2"}
+    file = written(tmp_path, RAW | {"analysis": {"budget": table}}, "triple.toml")
+    result = run("budget", file, "--json", "--fidelity", "beam", "--out", tmp_path / "out")
+    answer = strict_json(result.stdout)
+    assert answer["ground"] == {"x": "nlnm", "y": "nlnm", "z": "site.csv"}
+    assert (answer["output"], answer["frequency_hz"]) == ("test.z", [1.0, 2.0])
+
+
+def test_the_grid_is_cut_to_the_table(file, tmp_path):
+    site = csv(tmp_path, "0.2,1e-6\n5,1e-9\n", "site.csv")
+    words = ("--out", tmp_path / "out", *LIGHT, "--no-plot", "--ground", site)
+    result = run("budget", file, *words)
+    assert f"frequencies are cut to 0.2 to 5 Hz, the range of {site}" in result.stderr
+    assert "test.x, 0.2 to 5 Hz" in result.stdout
+
+
+def test_a_model_without_losses_along_wires(tmp_path):
+    file = written(tmp_path, RAW, "triple.toml")
+    words = ("--frequency", "1,2", "--no-plot", "--fidelity", "string", "--out", tmp_path / "out")
+    result = run("budget", file, *words)
+    assert "thermal noise is left out, as the string model does not know where" in result.stderr
+    assert "thermal" not in result.stdout
+
+
+REFUSED = {
+    "unknown coordinate": (("--ground", "q=nlnm"), "--ground"),
+    "unknown source": (("--ground", "nlmn"), "--ground"),
+    "no output": (("--output", "tset.x"), "--output"),
+    "requirement of no output": (("--requirement", "test.z=goal.csv"), "--requirement"),
+    "requirement missing": (("--requirement", "none.csv"), "--requirement"),
+    "out of range": (("--ground", "SITE", "--frequency", "20:30:5"), "--frequency"),
+    "no cause": (
+        ("--ground", "none", "--fidelity", "string", "--set", "control.loop.x.sensor_noise=0"),
+        "--ground",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_refusals(kind, tmp_path):
+    raw = RAW | {"control": {"loop": [loop("upper.x", damper=20.0)]}}
+    file, site = written(tmp_path, raw, "triple.toml"), csv(tmp_path, "0.2,1e-6\n5,1e-9\n")
+    options, key = REFUSED[kind]
+    words = [str(site) if word == "SITE" else word for word in options]
+    out = tmp_path / "out"
+    (line,) = assert_refused(run("budget", file, *LIGHT[:2], *words, "--out", out), file, out)
+    assert line.startswith((f"{key} = ", f"{key}: "))
+
+
+def test_a_requirement_elsewhere(file, tmp_path):
+    goal = csv(tmp_path, "50 1e-9\n60 1e-9\n")
+    out = tmp_path / "out"
+    result = run("budget", file, *LIGHT, "--requirement", goal, "--out", out)
+    (line,) = assert_refused(result, goal, out)
+    assert line.startswith("is from 50 to 60 Hz, outside 0.1 to 10 Hz of the budget; ")
+
+
+def test_an_unstable_loop(tmp_path):
+    raw = RAW | {"control": {"loop": [loop("upper.x", damper=-20.0)]}}
+    file, out = written(tmp_path, raw, "triple.toml"), tmp_path / "out"
+    (line,) = assert_refused(run("budget", file, *LIGHT, "--out", out), file, out)
+    assert line.startswith("control: makes the closed loop unstable: a pole at ")

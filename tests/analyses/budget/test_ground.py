@@ -1,0 +1,143 @@
+"""Ground noise against published values, tables of the user, and what is wrong with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from suspension_cli.analyses.budget import ground, table
+from suspension_cli.errors import InputError
+
+LOW = {
+    0.10: -168.0,
+    0.17: -166.7,
+    0.40: -166.7,
+    0.80: -169.2,
+    1.24: -163.7,
+    2.40: -148.6,
+    4.30: -141.1,
+    5.00: -141.1,
+    6.00: -149.0,
+    10.0: -163.8,
+    12.0: -166.2,
+    15.6: -162.1,
+    21.9: -177.5,
+    31.6: -185.0,
+    45.0: -187.5,
+    70.0: -187.5,
+    101.0: -185.0,
+    154.0: -185.0,
+    328.0: -187.5,
+    600.0: -184.4,
+    1e4: -151.9,
+    1e5: -103.1,
+}
+HIGH = {
+    0.10: -91.5,
+    0.22: -97.4,
+    0.32: -110.5,
+    0.80: -120.0,
+    3.80: -98.0,
+    4.60: -96.5,
+    6.30: -101.0,
+    7.90: -113.5,
+    15.4: -120.0,
+    20.0: -138.5,
+    354.8: -126.0,
+    1e4: -80.1,
+    1e5: -48.5,
+}
+"""Peterson's models in dB at the corners of the curves, as published beside the coefficients."""
+
+
+@pytest.mark.parametrize(("model", "published"), [(ground.NLNM, LOW), (ground.NHNM, HIGH)])
+def test_models_at_their_corners(model, published):
+    """From either side: the curves have no steps but those of rounded coefficients."""
+    period, level = np.array([*published.items()]).T
+    for beside in (1 - 1e-9, 1 + 1e-9):
+        found = ground.compute_peterson(model, 1 / (period * beside))
+        np.testing.assert_allclose(found, level, atol=0.11)
+
+
+def test_displacement_of_the_ground():
+    """As the acceleration over the square of the frequency, which is flat above 10 Hz."""
+    motion = ground.parse(["nlnm"], [], Path())["x"]
+    assert motion.density(np.array([1 / 4.3]))[0] == pytest.approx(
+        10 ** (-141.1 / 20) / (2 * np.pi / 4.3) ** 2
+    )
+    ten, hundred = motion.density(np.array([10.0, 100.0]))
+    assert ten / hundred == pytest.approx(100.0, rel=1e-12)
+    assert ten == pytest.approx(10 ** (-168.0 / 20) / (20 * np.pi) ** 2, rel=1e-12)
+
+
+def csv(folder, text, name="site.csv"):
+    path = folder / name
+    path.write_text(text)
+    return str(path)
+
+
+def test_tables_and_coordinates(tmp_path):
+    file = csv(
+        tmp_path, "# site\nfrequency (Hz), x [m/sqrt(Hz)], pitch\n0.1,1e-6,1e-9\n10,1e-8,0\n"
+    )
+    stop = csv(tmp_path, "1 0.1\n100 0.001\n", "stop.csv")
+    found = ground.parse(["nhnm", file, "z=none", "yaw=aligo-isi"], [f"x={stop}"], tmp_path)
+    assert [*found] == ["x", "y", "pitch", "yaw"]
+    assert (found["x"].low, found["x"].high) == (1.0, 10.0)
+    # log-log: 1e-7 at 1 Hz, and 0.1 sqrt(0.1)... of it gets through
+    assert found["x"].density(np.array([1.0]))[0] == pytest.approx(1e-8)
+    assert found["y"].name == "nhnm"
+    assert found["yaw"].density(np.array([0.1, 1.0])) == pytest.approx([2e-8, 1e-11])
+    # next to a value of 0 there is no logarithm
+    assert found["pitch"].density(np.array([5.05]))[0] == pytest.approx(0.5e-9)
+    bare = ground.parse([csv(tmp_path, "1 2\n2 3\n")], [], tmp_path)
+    assert [*bare] == ["x", "y", "z"]
+
+
+def test_files_beside_the_design(tmp_path):
+    csv(tmp_path, "1 2\n2 3\n", "beside.csv")
+    assert [*ground.parse(["z=beside.csv"], [], tmp_path)] == ["z"]
+
+
+FAULTS = {
+    "text": ("1,2\n2,three\n", "line 2 = .three.: is not a number"),
+    "descending": ("2,1\n1,1\n", "line 2 = 1.0: frequency is not above the one before it"),
+    "twice": ("1,1\n1,1\n", "line 2 = 1.0: frequency is not above"),
+    "negative": ("f,x\n1,1\n2,-3e-9\n", "line 3 = -3e-09: has a negative value"),
+    "ragged": ("1,2\n2\n", "line 2: has 1 columns instead of 2"),
+    "infinite": ("1,2\n2,inf\n", "line 2: contains a number that is not finite"),
+    "zero": ("0,2\n2,1\n", "line 1 = 0.0: has no positive frequency"),
+    "empty": ("# nothing\n", "contains no numbers"),
+    "unnamed": ("1,2,3\n", "line 1: has 3 columns without names"),
+    "coordinate": ("f,x,pich\n1,2,3\n", 'line 1 = "pich": names no motion .*did you mean'),
+}
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_faults_of_tables(kind, tmp_path):
+    text, message = FAULTS[kind]
+    file = csv(tmp_path, text)
+    with pytest.raises(InputError, match=message) as caught:
+        ground.parse([file], [], tmp_path)
+    assert str(caught.value).startswith(f"{file}: ")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("nlmn", "is no file and no shipped model .*did you mean 'nlnm'"),
+        ("q=nlnm", "names no motion of the support"),
+        ("yaw=nlnm", "has no yaw: it gives x, y, z"),
+    ],
+)
+def test_faults_of_sources(given, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        ground.parse([given], [], tmp_path)
+
+
+def test_interpolation_of_a_power_law():
+    at = np.array([1.0, 10.0, 100.0])
+    found = table.interpolate(np.array([2.0, 50.0]), at, at**-3.0)
+    np.testing.assert_allclose(found, [2.0**-3, 50.0**-3], rtol=1e-12)
