@@ -171,7 +171,7 @@ def choose(design: Design, wanted: str = AUTO) -> Choice:
                 Fault(
                     "--fidelity",
                     f"is not valid for {design.design.name}: {why}",
-                    f"use {AUTO} or {_load('string').name}",
+                    f"use {AUTO} or {STRING.name}",
                     format_value(wanted),
                 )
             ]
@@ -199,5 +199,5 @@ def _approximation(model: Model, design: Design) -> str:
 
     return (
         f", with blades in series with the angled wires of {', '.join(stages)}, an approximation"
-        f" that --fidelity {_load('string').name} avoids"
+        f" that --fidelity {STRING.name} avoids"
     )

@@ -188,5 +188,10 @@ def with_keys(base: type[Table], mechanisms: Iterable[type[Mechanism]], table: s
         if key.table == table
     ]
     return defstruct(
-        f"_{table.title()}Loss", fields, bases=(base,), frozen=True, module=base.__module__
+        f"_{table.title()}Loss",
+        fields,
+        bases=(base,),
+        frozen=True,
+        kw_only=True,
+        module=base.__module__,
     )
