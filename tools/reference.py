@@ -19,13 +19,14 @@ import msgspec
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
 from suspension_cli.design import schema, wires
+from suspension_cli.design.losses import bulk
 from suspension_cli.design.units import NAMES
 
 ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
 BLOCK = re.compile(r"<!-- (keys|options): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
 TYPES = {
-    name: getattr(schema, name, None) or getattr(wires, name)
+    name: getattr(schema, name, None) or getattr(wires, name, None) or getattr(bulk, name)
     for name in schema.json_schema()["$defs"]
 }
 """Tables of the file format, by name."""

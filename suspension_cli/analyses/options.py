@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from suspension_cli.models.names import AUTO, LEVELS
+from suspension_cli.models.registry import AUTO, LEVELS
 
 TOLERANCE = 1e-3
 """Relative error that `auto` may leave, as `models.auto.TOLERANCE`."""

@@ -6,8 +6,11 @@ one. Values are for room temperature.
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 
+from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.schema import Design, Material, MaterialLoss
 
 PYGWINC = "pygwinc (LIGO Laboratory, parameters of Advanced LIGO)"
@@ -136,22 +139,12 @@ def resolve(design: Design, name: str) -> Material:
 
 
 def _loss(own: Material, base: Material) -> MaterialLoss:
-    """Merge the design's own losses with the built-in ones.
-
-    A surface depth is relative to the loss angle of the bulk, so the built-in one is dropped if the
-    design gives another bulk.
-    """
-    mine, built_in = own.loss or MaterialLoss(), base.loss or MaterialLoss()
-    angle = own.loss_angle if mine.angle is None else mine.angle
-    depth = mine.surface_depth
-    if angle is None and mine.table is None:
-        table, angle = built_in.table, built_in.angle
-        depth = built_in.surface_depth if depth is None else depth
-    else:
-        table = mine.table
-    return MaterialLoss(
-        angle=angle, table=table, surface_depth=depth, thermoelastic=mine.thermoelastic
-    )
+    """Merge the design's own losses with the built-in ones."""
+    built_in = msgspec.structs.replace(base, loss=base.loss or MaterialLoss())
+    values: dict[str, Any] = {}
+    for mechanism in MECHANISMS:
+        values |= mechanism.merge(own, built_in)
+    return MaterialLoss(**values)
 
 
 def constant_angle(design: Design, name: str) -> float:

@@ -12,13 +12,14 @@ import msgspec
 from msgspec import Meta, field
 
 from suspension_cli.design import imperfections
+from suspension_cli.design.losses.mechanism import with_keys
+from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.units import (
     NAMES,
     Acceleration,
     Conductivity,
     Density,
     Expansion,
-    Frequency,
     Hold,
     Inertia,
     Kelvin,
@@ -33,10 +34,8 @@ from suspension_cli.design.units import (
     MomentOrZero,
     Name,
     Poisson,
-    PositiveLossAngle,
     Pressure,
     Row3,
-    Separation,
     SpecificHeat,
     StageName,
     Stem,
@@ -69,65 +68,8 @@ class Constants(Table, frozen=True):
     ] = 290.0
 
 
-class LossTable(Table, frozen=True):
-    """Loss angle by frequency: interpolated linearly in the logarithms, constant outside."""
-
-    frequency: Annotated[
-        list[Frequency],
-        Meta(min_length=1, max_length=10000, description="ascending frequencies in Hz"),
-    ]
-    angle: Annotated[
-        list[PositiveLossAngle],
-        Meta(
-            min_length=1,
-            max_length=10000,
-            description="loss angle in rad at each of the frequencies",
-        ),
-    ]
-
-
-class MaterialLoss(Table, frozen=True):
+class MaterialLoss(with_keys(Table, MECHANISMS, "material")):
     """Losses of a material, for the models in which wires bend."""
-
-    angle: (
-        Annotated[LossAngle, Meta(description="constant loss angle of the bulk in rad")] | None
-    ) = None
-    table: (
-        Annotated[
-            LossTable,
-            Meta(
-                description=(
-                    "loss angle of the bulk by frequency, instead of a constant one: interpolated"
-                    " linearly in the logarithms"
-                )
-            ),
-        ]
-        | None
-    ) = None
-    surface_depth: (
-        Annotated[
-            Separation,
-            Meta(
-                description=(
-                    "dissipation depth of the surface in m; default 0, or that of the built-in"
-                    " material unless the design gives another loss of the bulk"
-                ),
-            ),
-        ]
-        | None
-    ) = None
-    thermoelastic: (
-        Annotated[
-            bool,
-            Meta(
-                description=(
-                    "false omits thermoelastic loss, which needs density, expansion, specific heat"
-                    " and conductivity (the slope of the modulus may be missing)"
-                )
-            ),
-        ]
-        | None
-    ) = None
 
 
 class Material(Table, frozen=True):

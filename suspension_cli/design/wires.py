@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
 from suspension_cli.design.cross_sections.ribbon import Ribbon
 from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.cross_sections.shape import CrossSection
+from suspension_cli.design.losses.mechanism import with_keys
+from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.units import (
     NAMES,
     Direction,
@@ -151,7 +153,13 @@ Temperature = Annotated[
 ]
 
 
-class WireSet(Table, frozen=True):
+if TYPE_CHECKING:
+    _WireLosses = Table
+else:
+    _WireLosses = with_keys(Table, MECHANISMS, "wire")
+
+
+class WireSet(_WireLosses, frozen=True):
     """Wires symmetric in x and y, in the paper's symbols: a set of 1, 2 or 4."""
 
     count: Annotated[Literal[1, 2, 4], Meta(description="number of wires")]
@@ -199,7 +207,7 @@ class WireSet(Table, frozen=True):
     temperature: Temperature | None = None
 
 
-class Wire(Table, frozen=True):
+class Wire(_WireLosses, frozen=True):
     """One wire, its ends in the frames of the two bodies, from their COMs or the support point."""
 
     upper: Annotated[

@@ -176,9 +176,11 @@ class WireAtFrequencies:
             halves = curvature.integrate_squared_curvature(waves, motion)
             for half, integral in enumerate(halves):
                 end = int(top + (0.25 + 0.5 * half) * section.length >= length / 2)
-                result[("bending-upper", "bending-lower")[end]] += (
-                    self._imaginary_rigidity(section, part, end, rigidity) * integral
-                )
+                rest = self._imaginary_rigidity(section, part, end, rigidity)
+                for cause, own in self._separate_causes(section, part, end).items():
+                    result[cause] = result.get(cause, 0.0) + own * integral
+                    rest = rest - own
+                result[("bending-upper", "bending-lower")[end]] += rest * integral
             if self._has_drag:
                 integral = curvature.integrate_squared_displacement(waves, motion)
                 result["gas"] = result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * integral
@@ -191,6 +193,13 @@ class WireAtFrequencies:
         if temperature[0] == temperature[1]:
             return np.imag(rigidity)
         return _elastic_rigidity(section, part) * self._loss_angle(section, part, temperature[end])
+
+    def _separate_causes(self, section: Section, part: str, end: int) -> dict[str, Any]:
+        """Parts of Im(EI) that are listed under their own causes."""
+        angles = loss.bending_causes(
+            section, _plane(part), np.real(self.omega), self.strand.fibre.temperature[end]
+        )
+        return {cause: _elastic_rigidity(section, part) * own for cause, own in angles.items()}
 
     def _rod_dissipation(self, part: str, motions: list[Any]) -> dict[str, Any]:
         name = "stretching" if part == "stretch" else "torsion"

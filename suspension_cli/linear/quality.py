@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.elements.dynamic_wire import PARTS, TautWire
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.composition import Fibre, Losses
+from suspension_cli.scene.composition import Fibre
 
 NOTHING = 1e-30
 """Ratio of dissipation to energy that rounding errors of a shape cause in parts at rest."""
@@ -99,7 +100,7 @@ def safe_ratio(total: Array, part: Array) -> Array:
 
 def _with_unit_loss(fibre: Fibre) -> Fibre:
     """Copy of a wire in which all deformations have the loss angle `UNIT`."""
-    losses = Losses(UNIT, None, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+    losses = (Bulk(UNIT),)
     return replace(
         fibre, sections=tuple(replace(section, losses=losses) for section in fibre.sections)
     )

@@ -1,6 +1,6 @@
 """Protocol of the models: the physics that one omits, where it is valid, its linear system.
 
-A model is one object, listed once in `registry.MODELS`. Code outside this folder asks its
+A model is one object, listed once in `registry.FILES`. Code outside this folder asks its
 properties, never its name.
 """
 

@@ -1,31 +1,74 @@
 """The models from the cheapest to the most complete, and which of them a design needs.
 
-Adding a model takes its file and an entry in `MODELS`.
+Adding a model takes its file and an entry in `FILES`. The models are imported when they are first
+needed: their names, for options and help, cost nothing.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.models.base import Model
-from suspension_cli.models.beam import BEAM
-from suspension_cli.models.closed_form import CLOSED_FORM
-from suspension_cli.models.force import FORCE
-from suspension_cli.models.names import AUTO as AUTO
-from suspension_cli.models.names import LEVELS as LEVELS
-from suspension_cli.models.string import STRING, SceneModel
-from suspension_cli.models.violin import VIOLIN
+if TYPE_CHECKING:
+    from suspension_cli.design.schema import Design
+    from suspension_cli.models.base import Model
+    from suspension_cli.models.beam import BEAM as BEAM
+    from suspension_cli.models.closed_form import CLOSED_FORM as CLOSED_FORM
+    from suspension_cli.models.force import FORCE as FORCE
+    from suspension_cli.models.string import STRING as STRING
+    from suspension_cli.models.string import SceneModel
+    from suspension_cli.models.violin import VIOLIN as VIOLIN
 
-MODELS: tuple[Model, ...] = (CLOSED_FORM, FORCE, STRING, BEAM, VIOLIN)
-"""From the cheapest to the most complete."""
-MOST_COMPLETE = MODELS[-1]
-SCENE_MODELS: tuple[SceneModel, ...] = tuple(
-    model for model in MODELS if isinstance(model, SceneModel)
-)
-"""Models of any geometry, with imperfect builds."""
+    MODELS: tuple[Model, ...]
+    MOST_COMPLETE: Model
+    SCENE_MODELS: tuple[SceneModel, ...]
+
+FILES = {
+    "closed-form": "closed_form",
+    "force": "force",
+    "string": "string",
+    "beam": "beam",
+    "violin": "violin",
+}
+"""File in this folder of each model, by name, from the cheapest to the most complete; its object
+has the name of the file in capitals."""
+AUTO = "auto"
+LEVELS = (AUTO, *FILES)
+"""Values of ``--fidelity``."""
+
+
+def __getattr__(name: str) -> Any:
+    """`MODELS`, `SCENE_MODELS` (of any geometry, with imperfect builds), `MOST_COMPLETE`, and each
+    model under the name of its object: `STRING`.
+    """
+    if name == "MODELS":
+        return _models()
+    if name == "MOST_COMPLETE":
+        return _models()[-1]
+    if name == "SCENE_MODELS":
+        return tuple(_scene_models().values())
+    if name.lower() in FILES.values() and name.isupper():
+        return _load(name.lower())
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _load(file: str) -> Model:
+    return getattr(import_module(f"suspension_cli.models.{file}"), file.upper())
+
+
+@cache
+def _models() -> tuple[Model, ...]:
+    return tuple(_load(file) for file in FILES.values())
+
+
+@cache
+def _scene_models() -> dict[str, SceneModel]:
+    from suspension_cli.models.string import SceneModel
+
+    return {model.name: model for model in _models() if isinstance(model, SceneModel)}
 
 
 @dataclass(frozen=True)
@@ -74,28 +117,25 @@ def by_name(name: str) -> Model:
     >>> by_name("beam").bends_wires
     True
     """
-    return _BY_NAME[name]
-
-
-_BY_NAME = {model.name: model for model in MODELS}
+    return _load(FILES[name])
 
 
 def scene_model(name: str) -> SceneModel:
     """The model of a name that supports imperfect builds; a KeyError if it does not."""
-    return _SCENE_MODELS[name]
-
-
-_SCENE_MODELS = {model.name: model for model in SCENE_MODELS}
+    return _scene_models()[name]
 
 
 def cheapest_with(physics: str) -> Model:
     """The cheapest general model that ``auto`` may take with some physics (of `Model.omits`)."""
-    return next(m for m in MODELS if m.supports_builds and m.automatic and physics not in m.omits)
+    return next(
+        m for m in _models() if m.supports_builds and m.automatic and physics not in m.omits
+    )
 
 
 def before(model: Model) -> Model:
     """The next cheaper model that ``auto`` may take."""
-    return next(m for m in reversed(MODELS[: MODELS.index(model)]) if m.automatic)
+    models = _models()
+    return next(m for m in reversed(models[: models.index(model)]) if m.automatic)
 
 
 def adds(refined: Model, simple: Model) -> str:
@@ -123,6 +163,9 @@ def choose(design: Design, wanted: str = AUTO) -> Choice:
     model = by_name(wanted)
     why = model.unsuitable(design)
     if why:
+        from suspension_cli.errors import Fault, InputError, format_value
+        from suspension_cli.models.string import STRING
+
         raise InputError(
             [
                 Fault(
@@ -139,7 +182,7 @@ def choose(design: Design, wanted: str = AUTO) -> Choice:
 def _simplest(design: Design) -> Choice:
     """The cheapest model that is valid for a design, of those that ``auto`` takes."""
     refused = ""
-    for model in MODELS:
+    for model in _models():
         if model.automatic:
             why = model.unsuitable(design)
             if not why:
@@ -152,6 +195,8 @@ def _approximation(model: Model, design: Design) -> str:
     stages = model.approximated_stages(design)
     if not stages:
         return ""
+    from suspension_cli.models.string import STRING
+
     return (
         f", with blades in series with the angled wires of {', '.join(stages)}, an approximation"
         f" that --fidelity {STRING.name} avoids"

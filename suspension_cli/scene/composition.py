@@ -5,42 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from suspension_cli.design.cross_sections.shape import CrossSection
+from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.scene.arrays import Array
-
-
-@dataclass(frozen=True)
-class Losses:
-    """Constants that determine the loss of a material; `elements.loss` has the formulas.
-
-    Attributes
-    ----------
-    angle : float
-        Constant loss angle of the bulk, rad.
-    table : two tuples of n numbers or None
-        Frequencies (Hz, ascending) and loss angles of the bulk (rad) instead of a constant one.
-    surface_depth : float
-        Dissipation depth d_s of the surface, m.
-    youngs_modulus, density : float
-        Pa, kg/m^3.
-    expansion : float
-        Linear thermal expansion, 1/K.
-    modulus_slope : float
-        (1/E) dE/dT, 1/K.
-    heat_capacity : float
-        Specific heat, J/(kg K); 0 for no thermoelastic loss.
-    conductivity : float
-        Thermal conductivity, W/(m K); 0 for no thermoelastic loss.
-    """
-
-    angle: float
-    table: tuple[tuple[float, ...], tuple[float, ...]] | None
-    surface_depth: float
-    youngs_modulus: float
-    density: float
-    expansion: float
-    modulus_slope: float
-    heat_capacity: float
-    conductivity: float
 
 
 @dataclass(frozen=True)
@@ -61,7 +27,7 @@ class Section:
     mass, polar : float
         Mass and polar moment of inertia per length, kg/m and kg m.
     shape : CrossSection
-    losses : Losses
+    losses : tuple of Mechanism
     torsion_factor : float
         Factor on G J + T I_p/A, for a wire whose torsional stiffness is given.
     """
@@ -73,7 +39,7 @@ class Section:
     mass: float
     polar: float
     shape: CrossSection
-    losses: Losses
+    losses: tuple[Mechanism, ...]
     torsion_factor: float = 1.0
 
     @property
@@ -127,7 +93,7 @@ class BladeLoss:
     label : str
     angle : float
         Constant loss angle where no material is known, rad.
-    losses : Losses or None
+    losses : tuple of Mechanism or None
         Of the blade's material, if known.
     thickness : float
         m; 0 if unknown, and then there is no thermoelastic loss.
@@ -137,7 +103,7 @@ class BladeLoss:
 
     label: str
     angle: float
-    losses: Losses | None
+    losses: tuple[Mechanism, ...] | None
     thickness: float
     temperature: float
 

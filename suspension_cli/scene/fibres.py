@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
 from suspension_cli.design.derive import blade_material
-from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.losses.bulk import Bulk
+from suspension_cli.design.losses.mechanism import Mechanism
+from suspension_cli.design.losses.registry import mechanisms_of
+from suspension_cli.design.schema import Design, Material, Stage
 from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.design.wires import Blade, BladeSet, Clamp, EndTemperatures, Wire, WireSet
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Losses, Section
+from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Section
 from suspension_cli.scene.expand import expand_stages, wire_signs
 from suspension_cli.scene.parts import WirePart
 
@@ -61,9 +62,14 @@ def compose(design: Design) -> Fibres:
     """
     ambient = design.constants.temperature
 
-    @cache
-    def losses(name: str) -> Losses:
-        return _losses(design, name)
+    found: dict[tuple[str, int], tuple[Mechanism, ...]] = {}
+
+    def losses(name: str, wire: WireSet | Wire | None) -> tuple[Mechanism, ...]:
+        """Losses of a material, of which equal wires share one object: tables may be long."""
+        key = (name, id(wire))
+        if key not in found:
+            found[key] = mechanisms_of(materials.resolve(design, name), wire)
+        return found[key]
 
     wires: list[Fibre] = []
     blades: list[BladeLoss] = []
@@ -87,7 +93,7 @@ def compose(design: Design) -> Fibres:
         tables = [part.stage.blades] * len(part.blades) if part.stage.blades else part.stage.blade
         for blade, table in zip(part.blades.values(), tables, strict=True):
             material = blade_material(table)
-            own = None if material is None else losses(material)
+            own = None if material is None else losses(material, None)
             blades.append(_blade(blade.label, table, own, blade.loss, ambient))
     gas = design.gas and Gas(
         design.gas.pressure,
@@ -98,15 +104,27 @@ def compose(design: Design) -> Fibres:
 
 
 def _sections(
-    design: Design, table: WireSet | Wire, length: float, losses: Callable[[str], Losses]
+    design: Design,
+    table: WireSet | Wire,
+    length: float,
+    losses: Callable[[str, WireSet | Wire], tuple[Mechanism, ...]],
 ) -> tuple[Section, ...]:
     """Sections of a wire of a loaded length (m); a given k scales their stiffness of stretching."""
-    pieces = [(piece, losses(piece.material or "")) for piece in stretches(table, length)]
-    compliance = sum(
-        piece.length / (own.youngs_modulus * piece.shape.area) for piece, own in pieces
-    )
+    pieces = [
+        (piece, materials.resolve(design, piece.material or ""))
+        for piece in stretches(table, length)
+    ]
+    compliance = sum(piece.length / (_modulus(own) * piece.shape.area) for piece, own in pieces)
     along = 1.0 if table.k is None else table.k * compliance
-    return tuple(_section(design, piece, own, along) for piece, own in pieces)
+    return tuple(
+        _section(piece, own, losses(piece.material or "", table), along) for piece, own in pieces
+    )
+
+
+def _modulus(material: Material) -> float:
+    """Young's modulus, Pa, which all materials of wires have (`explain_unsuitable`)."""
+    assert material.youngs_modulus is not None
+    return material.youngs_modulus
 
 
 def _wires(stage: Stage) -> list[WireSet | Wire]:
@@ -114,53 +132,26 @@ def _wires(stage: Stage) -> list[WireSet | Wire]:
     return [stage.wires] * stage.wires.count if stage.wires is not None else [*stage.wire]
 
 
-def _losses(design: Design, name: str) -> Losses:
-    """Look up the losses of a material.
-
-    Heat capacity and conductivity are 0 (no thermoelastic loss) unless all constants of
-    thermoelastic loss are known.
-    """
-    material = materials.resolve(design, name)
-    loss = material.loss
-    assert material.youngs_modulus is not None and loss is not None
-    thermal = (
-        material.density,
-        material.thermal_expansion,
-        material.specific_heat,
-        material.thermal_conductivity,
-    )
-    warm = loss.thermoelastic is not False and None not in thermal
-    table = None if loss.table is None else (tuple(loss.table.frequency), tuple(loss.table.angle))
-    return Losses(
-        angle=loss.angle or 0.0,
-        table=table,
-        surface_depth=loss.surface_depth or 0.0,
-        youngs_modulus=material.youngs_modulus,
-        density=material.density or 0.0,
-        expansion=material.thermal_expansion or 0.0,
-        modulus_slope=material.modulus_slope or 0.0,
-        heat_capacity=(material.specific_heat or 0.0) if warm else 0.0,
-        conductivity=(material.thermal_conductivity or 0.0) if warm else 0.0,
-    )
-
-
-def _section(design: Design, piece: Stretch, losses: Losses, along: float) -> Section:
+def _section(
+    piece: Stretch, material: Material, losses: tuple[Mechanism, ...], along: float
+) -> Section:
     """Compute the stiffnesses of one stretch of wire.
 
     That of stretching is multiplied by `along`, which fits it to a given k of the wire.
     """
-    poisson = materials.resolve(design, piece.material or "").poisson_ratio
-    shear = losses.youngs_modulus / (2 * (1 + (POISSON if poisson is None else poisson)))
+    poisson, modulus = material.poisson_ratio, _modulus(material)
+    density = material.density or 0.0
+    shear = modulus / (2 * (1 + (POISSON if poisson is None else poisson)))
     shape = piece.shape
     first, second = shape.moments
     mass, polar = shape.bulk
     return Section(
         length=piece.length,
-        rigidity=(losses.youngs_modulus * first, losses.youngs_modulus * second),
-        stretching=losses.youngs_modulus * shape.area * along,
+        rigidity=(modulus * first, modulus * second),
+        stretching=modulus * shape.area * along,
         twisting=shear * shape.torsion,
-        mass=losses.density * mass,
-        polar=losses.density * polar,
+        mass=density * mass,
+        polar=density * polar,
         shape=shape,
         losses=losses,
     )
@@ -195,10 +186,15 @@ def _clamp(stage: Stage, number: int, table: WireSet | Wire, wire: WirePart) -> 
 
 
 def _blade(
-    label: str, table: BladeSet | Blade, losses: Losses | None, angle: float, ambient: float
+    label: str,
+    table: BladeSet | Blade,
+    losses: tuple[Mechanism, ...] | None,
+    angle: float,
+    ambient: float,
 ) -> BladeLoss:
     """Look up the loss of a blade; its own loss angle replaces that of its material's bulk."""
     if losses is not None and table.loss_angle is not None:
-        losses = replace(losses, angle=table.loss_angle, table=None, surface_depth=0.0)
+        others = tuple(own for own in losses if not isinstance(own, Bulk))
+        losses = (Bulk(table.loss_angle), *others)
     thickness = table.thickness if table.geometry is None else table.geometry.thickness
     return BladeLoss(label, angle, losses, thickness or 0.0, table.temperature or ambient)

@@ -14,14 +14,12 @@ import pytest
 from suspension_cli.design.cross_sections.relaxation import relaxation
 from suspension_cli.design.cross_sections.ribbon import Ribbon
 from suspension_cli.design.cross_sections.round import Round
+from suspension_cli.design.losses.thermoelastic import Thermoelastic
 from suspension_cli.elements import loss
-from suspension_cli.scene.composition import BladeLoss, Losses, Section
+from suspension_cli.scene.composition import BladeLoss, Section
 from tests.support.commandline import run, strict_json, written
 
-STEEL = Losses(
-    angle=0.0,
-    table=None,
-    surface_depth=0.0,
+STEEL = Thermoelastic(
     youngs_modulus=2.1e11,
     density=7800.0,
     expansion=1.2e-5,
@@ -60,7 +58,7 @@ def of_heat(phase: float, *, is_round: bool) -> float:
 
 def section(depth: float, *, is_round: bool) -> Section:
     shape = Round(depth / 2, depth / 2) if is_round else Ribbon(thickness=depth, width=3 * depth)
-    return Section(1.0, (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, shape, STEEL)
+    return Section(1.0, (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, shape, (STEEL,))
 
 
 @pytest.mark.parametrize("phase", PHASES)
@@ -82,7 +80,7 @@ def test_a_ribbon_in_its_stiff_plane_and_a_blade():
         section(2e-4, is_round=False), 1, omega, 0.0, WARMTH
     ) == pytest.approx(expected, rel=1e-12)
     assert loss.blade_angle(
-        BladeLoss("upper.blade1", 0.0, STEEL, 6e-4, WARMTH), omega
+        BladeLoss("upper.blade1", 0.0, (STEEL,), 6e-4, WARMTH), omega
     ) == pytest.approx(expected, rel=1e-12)
 
 

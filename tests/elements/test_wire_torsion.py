@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from suspension_cli.design.cross_sections.round import Round
+from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.elements.dynamic_wire import Fibre, TautWire
-from suspension_cli.scene.composition import Losses, Section
+from suspension_cli.scene.composition import Section
 from tests.support.commandline import modes_json, written
 
-STUFF = Losses(1e-4, None, 0.0, 7e10, 2200.0, 0.0, 0.0, 0.0, 0.0)
+STUFF = (Bulk(1e-4),)
 ROUND = {"radius": 2e-4}
 RIBBON = {"section": {"width": 1.2e-3, "thickness": 1e-4}}
 LENGTH, MASS, YAW = 0.6, 9.0, 0.05

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
 from suspension_cli.design.derive import blade_loss, blade_material
+from suspension_cli.design.losses.mechanism import Mechanism
+from suspension_cli.design.losses.registry import mechanisms_of
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 from suspension_cli.models import registry
@@ -27,13 +29,13 @@ class Lossless:
         (``bench.3``) or blade where others of its stage have loss.
     material : tuple of str
         Its materials without bulk loss; empty where the design names none.
-    thermoelastic : bool
-        Whether it has thermoelastic loss where it bends.
+    bending : tuple of str
+        Names of its losses that act where it bends alone; empty where nothing dissipates.
     """
 
     part: str
     material: tuple[str, ...] = ()
-    thermoelastic: bool = False
+    bending: tuple[str, ...] = ()
 
 
 def find_lossless(design: Design, level: str) -> list[Lossless]:
@@ -96,11 +98,14 @@ def _check_wire(design: Design, wire: WireSet | Wire, level: str) -> Lossless | 
     if not registry.by_name(level).bends_wires:
         lossy = any(materials.constant_angle(design, name) for name in names)
         return None if lossy else Lossless("", names)
-    lacking = tuple(name for name in names if not _has_bulk_loss(design, name))
+    losses = {name: _losses(design, name, wire) for name in names}
+    lacking = tuple(name for name in names if not _bulk(losses[name]))
     if not lacking:
         return None
-    thermoelastic = any(_has_thermoelastic_loss(design, name) for name in names)
-    return Lossless("", lacking, thermoelastic or len(lacking) < len(names))
+    bending = dict.fromkeys(own for name in names for own in _in_bending(losses[name]))
+    if len(lacking) < len(names):
+        bending = bending or {"other sections'": None}
+    return Lossless("", lacking, tuple(bending))
 
 
 def _check_blade(design: Design, blade: BladeSet | Blade, level: str) -> Lossless | None:
@@ -109,11 +114,11 @@ def _check_blade(design: Design, blade: BladeSet | Blade, level: str) -> Lossles
     given = () if name is None else (name,)
     if not registry.by_name(level).bends_wires:
         return None if blade_loss(design, blade) else Lossless("", given)
-    if blade.loss_angle or (blade.loss_angle is None and name and _has_bulk_loss(design, name)):
+    losses = () if name is None else _losses(design, name, None)
+    if blade.loss_angle or (blade.loss_angle is None and _bulk(losses)):
         return None
     thick = blade.thickness is not None or blade.geometry is not None
-    thermoelastic = name is not None and thick and _has_thermoelastic_loss(design, name)
-    return Lossless("", given, thermoelastic)
+    return Lossless("", given, _in_bending(losses) if thick else ())
 
 
 def _is_lossless(spring: Spring) -> bool:
@@ -126,23 +131,15 @@ def _nonzero(matrix: list[float | list[float]] | None) -> bool:
     return any(any(row) if isinstance(row, list) else bool(row) for row in matrix or ())
 
 
-def _has_bulk_loss(design: Design, name: str) -> bool:
-    """Whether a material has a bulk loss angle."""
-    loss = materials.resolve(design, name).loss
-    return loss is not None and bool(loss.table is not None or loss.angle)
+def _bulk(losses: tuple[Mechanism, ...]) -> bool:
+    """Whether a loss acts in every deformation."""
+    return any(own.uniform for own in losses)
 
 
-def _has_thermoelastic_loss(design: Design, name: str) -> bool:
-    """Whether a material has thermoelastic loss: its thermal constants, and not switched off."""
-    material = materials.resolve(design, name)
-    needed = (
-        material.density,
-        material.thermal_expansion,
-        material.specific_heat,
-        material.thermal_conductivity,
-    )
-    return (
-        None not in needed
-        and material.thermal_expansion != 0
-        and not (material.loss is not None and material.loss.thermoelastic is False)
-    )
+def _in_bending(losses: tuple[Mechanism, ...]) -> tuple[str, ...]:
+    """Names of the losses that act in bending alone."""
+    return tuple(own.name for own in losses if not own.uniform and own.acts_unstrained)
+
+
+def _losses(design: Design, name: str, wire: WireSet | Wire | None) -> tuple[Mechanism, ...]:
+    return mechanisms_of(materials.resolve(design, name), wire)

@@ -73,13 +73,13 @@ def describe_slack(near: NearLimit) -> str:
 def describe_lossless(found: list[Lossless], level: str) -> list[str]:
     """Describe parts without loss in the model `level`.
 
-    One line for parts without any loss, one for parts with thermoelastic loss alone.
+    One line for parts without any loss, one for parts that only lose energy where they bend.
     """
     from suspension_cli.models import registry
 
     lines = []
-    nothing = [one for one in found if not one.thermoelastic]
-    thermoelastic = [one for one in found if one.thermoelastic]
+    nothing = [one for one in found if not one.bending]
+    partial = [one for one in found if one.bending]
     if nothing:
         own = (
             ""
@@ -90,10 +90,11 @@ def describe_lossless(found: list[Lossless], level: str) -> list[str]:
             f"no loss{own}: {_parts(nothing)}; they add no thermal noise and do not limit Q;"
             f" {_remedy(nothing)}"
         )
-    if thermoelastic:
+    if partial:
+        names = " and ".join(dict.fromkeys(name for one in partial for name in one.bending))
         lines.append(
-            f"no bulk loss, only thermoelastic loss where they bend: {_parts(thermoelastic)};"
-            f" thermal noise is too low and Q too high; {_remedy(thermoelastic)}"
+            f"no bulk loss, only {names} loss where they bend: {_parts(partial)};"
+            f" thermal noise is too low and Q too high; {_remedy(partial)}"
         )
     return lines
 

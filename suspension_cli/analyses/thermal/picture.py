@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from suspension_cli.analyses.thermal.solve import Thermal
+from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.drawing.style import (
     DPI,
     INK,
@@ -47,7 +48,7 @@ KINDS: dict[str, tuple[str, Any]] = {
     "gas": ("gas", (0, (1, 3))),
     "damping": ("dampers", (0, (6, 1.5, 2, 1.5))),
     "support": ("support", (0, (2, 2))),
-}
+} | {own.cause: (own.cause, (0, (1, 1, 5, 1))) for own in MECHANISMS if own.cause}
 """Label and line style of each kind of source."""
 
 

@@ -120,7 +120,7 @@ def test_springs_supports_and_single_wires():
     )
     raw |= {"support": {"stiffness": {"z": 1e6}}}
     found = find_lossless(convert(raw), "beam")
-    assert [(one.part, one.material, one.thermoelastic) for one in found] == [
+    assert [(one.part, one.material, bool(one.bending)) for one in found] == [
         ("support", (), False),
         ("bench.3", ("dull",), False),
         ("bench.springs", (), False),
@@ -158,7 +158,7 @@ def test_named_is_what_dissipates_nothing(kind):
     whatever moves."""
     design = convert(tomllib.loads((CONFIGS / f"{kind}.toml").read_text()))
     lossy = sources(design)
-    named = {one.part: one.thermoelastic for one in find_lossless(design, "beam")}
+    named = {one.part: bool(one.bending) for one in find_lossless(design, "beam")}
     for stage in design.stage:
         parts = {
             "wires": ("bending-upper", "bending-lower", "stretching", "torsion"),

@@ -1,0 +1,142 @@
+"""Loss of the bulk of a material, and of its surface.
+
+The loss angle of the bulk is a constant, or a table: linear in log f and log angle, constant beyond
+its ends. The surface adds d_s mu S/V times that angle (see `cross_sections.shape`). A complex
+frequency counts by its real part in a table.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Self
+
+from msgspec import Meta
+
+from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
+from suspension_cli.design.units import (
+    Frequency,
+    LossAngle,
+    PositiveLossAngle,
+    Separation,
+    Table,
+)
+
+
+class LossTable(Table, frozen=True):
+    """Loss angle by frequency: interpolated linearly in the logarithms, constant outside."""
+
+    frequency: Annotated[
+        list[Frequency],
+        Meta(min_length=1, max_length=10000, description="ascending frequencies in Hz"),
+    ]
+    angle: Annotated[
+        list[PositiveLossAngle],
+        Meta(
+            min_length=1,
+            max_length=10000,
+            description="loss angle in rad at each of the frequencies",
+        ),
+    ]
+
+
+@dataclass(frozen=True)
+class Bulk(Mechanism):
+    """Loss of bulk and surface.
+
+    Attributes
+    ----------
+    angle : float
+        Constant loss angle of the bulk, rad.
+    table : two tuples of n numbers or None
+        Frequencies (Hz, ascending) and loss angles of the bulk (rad) instead of a constant one.
+    surface_depth : float
+        Dissipation depth d_s of the surface, m.
+    """
+
+    name: ClassVar[str] = "bulk"
+    uniform: ClassVar[bool] = True
+    keys: ClassVar[tuple[Key, ...]] = (
+        Key(
+            "angle",
+            Annotated[LossAngle, Meta(description="constant loss angle of the bulk in rad")],
+        ),
+        Key(
+            "table",
+            Annotated[
+                LossTable,
+                Meta(
+                    description=(
+                        "loss angle of the bulk by frequency, instead of a constant one:"
+                        " interpolated linearly in the logarithms"
+                    )
+                ),
+            ],
+        ),
+        Key(
+            "surface_depth",
+            Annotated[
+                Separation,
+                Meta(
+                    description=(
+                        "dissipation depth of the surface in m; default 0, or that of the built-in"
+                        " material unless the design gives another loss of the bulk"
+                    ),
+                ),
+            ],
+        ),
+    )
+
+    angle: float
+    table: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    surface_depth: float = 0.0
+
+    @classmethod
+    def merge(cls, own: MaterialConstants, built_in: MaterialConstants) -> dict[str, Any]:
+        """Merge the design's bulk with the built-in one, and so its surface.
+
+        A surface depth is relative to the loss angle of the bulk, so the built-in one is dropped if
+        the design gives another bulk.
+        """
+        angle = getattr(own.loss, "angle", None)
+        angle = own.loss_angle if angle is None else angle
+        table = getattr(own.loss, "table", None)
+        depth = getattr(own.loss, "surface_depth", None)
+        if angle is None and table is None and built_in.loss is not None:
+            table, angle = built_in.loss.table, built_in.loss.angle
+            depth = built_in.loss.surface_depth if depth is None else depth
+        return {"angle": angle, "table": table, "surface_depth": depth}
+
+    @classmethod
+    def of(cls, material: MaterialConstants, wire: Table | None) -> Self | None:
+        """Read the constants; None for a material without bulk loss."""
+        del wire
+        loss = material.loss
+        if loss.table is not None:
+            table = (tuple(loss.table.frequency), tuple(loss.table.angle))
+            return cls(loss.angle or 0.0, table, loss.surface_depth or 0.0)
+        return cls(loss.angle, None, loss.surface_depth or 0.0) if loss.angle else None
+
+    def bending(self, shape: Shape, plane: int, omega: Any, temperature: Any) -> Any:
+        """Loss angle of bending in one plane, rad."""
+        del temperature
+        return self._at(omega, shape.bending_ratio(plane))
+
+    def stretching(self, shape: Shape, omega: Any) -> Any:
+        """Loss angle of stretching, rad."""
+        return self._at(omega, shape.stretching_ratio)
+
+    def twisting(self, shape: Shape, omega: Any) -> Any:
+        """Loss angle of twisting, rad."""
+        return self._at(omega, shape.twisting_ratio)
+
+    def _at(self, omega: Any, ratio: float) -> Any:
+        """Loss angle of bulk and surface for mu S/V = `ratio` in 1/m."""
+        import numpy as np
+
+        surface = 1 + self.surface_depth * ratio
+        if self.table is None:
+            return (self.angle + 0.0 * np.asarray(omega)) * surface
+        frequency, angle = self.table
+        inside = np.clip(np.real(omega) / (2 * math.pi), frequency[0], frequency[-1])
+        return np.exp(np.interp(np.log(inside), np.log(frequency), np.log(angle))) * surface

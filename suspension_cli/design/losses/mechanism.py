@@ -1,0 +1,197 @@
+"""Interface of a mechanism of loss, and the tables of the design file that give its constants."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Protocol, Self
+
+from msgspec import defstruct
+
+from suspension_cli.design.units import Table
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of the design file.
+
+    Attributes
+    ----------
+    name : str
+    kind : type
+        With its unit, bounds and help text.
+    table : {"material", "wire"}
+        ``[materials.NAME.loss]``, or the tables of wires.
+    """
+
+    name: str
+    kind: Any
+    table: Literal["material", "wire"] = "material"
+
+
+class MaterialConstants(Protocol):
+    """Constants of a material, None where unknown, with its losses in `loss`."""
+
+    @property
+    def youngs_modulus(self) -> float | None:
+        """Pa."""
+        ...
+
+    @property
+    def density(self) -> float | None:
+        """kg/m^3."""
+        ...
+
+    @property
+    def thermal_expansion(self) -> float | None:
+        """1/K."""
+        ...
+
+    @property
+    def modulus_slope(self) -> float | None:
+        """(1/E) dE/dT, 1/K."""
+        ...
+
+    @property
+    def specific_heat(self) -> float | None:
+        """J/(kg K)."""
+        ...
+
+    @property
+    def thermal_conductivity(self) -> float | None:
+        """W/(m K)."""
+        ...
+
+    @property
+    def loss(self) -> Any:
+        """Table with the keys of all mechanisms, or None."""
+        ...
+
+    @property
+    def loss_angle(self) -> float | None:
+        """Short for `loss.angle`, rad."""
+        ...
+
+
+class Shape(Protocol):
+    """Properties of a cross-section, of a wire or a blade, that losses depend on."""
+
+    @property
+    def depth(self) -> tuple[float, float]:
+        """Size across in the two planes of bending, m."""
+        ...
+
+    @property
+    def stretching_ratio(self) -> float:
+        """mu S/V of stretching, 1/m."""
+        ...
+
+    @property
+    def twisting_ratio(self) -> float:
+        """mu S/V of twisting, 1/m."""
+        ...
+
+    def bending_ratio(self, plane: int) -> float:
+        """mu S/V of bending, 1/m."""
+        ...
+
+    def relaxation(self, phase: Any) -> Any:
+        """Thermoelastic loss angle of bending over its strength."""
+        ...
+
+
+class Mechanism:
+    """A mechanism of loss, with the constants of one material: a frozen dataclass.
+
+    Loss angles are in rad; `omega` is in rad/s, not negative, of any shape, or complex (of a damped
+    mode). All angles are finite at zero frequency. Angles of different mechanisms add.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    keys : tuple of Key
+    uniform : bool
+        Whether it acts in every deformation; otherwise in bending alone.
+    cause : str
+        The cause under which `pendsus thermal` lists its dissipation in the bending of wires:
+        ``clamps`` for ``test.clamps``; "" to count it to the bending of either end.
+    """
+
+    name: ClassVar[str]
+    keys: ClassVar[tuple[Key, ...]] = ()
+    uniform: ClassVar[bool] = False
+    cause: ClassVar[str] = ""
+
+    @classmethod
+    def merge(cls, own: MaterialConstants, built_in: MaterialConstants) -> dict[str, Any]:
+        """Merge the values that a design gives the keys of a material with built-in ones."""
+        result = {}
+        for key in cls.keys:
+            if key.table == "material":
+                given = getattr(own.loss, key.name, None)
+                result[key.name] = given if given is not None else getattr(built_in.loss, key.name)
+        return result
+
+    @classmethod
+    def of(cls, material: MaterialConstants, wire: Table | None) -> Self | None:
+        """Read the constants.
+
+        Parameters
+        ----------
+        material : MaterialConstants
+            With the values that `merge` makes.
+        wire : Table or None
+            Table of the wire; None for a blade.
+
+        Returns
+        -------
+        Mechanism or None
+            None if this mechanism does not act.
+        """
+        raise NotImplementedError
+
+    def bending(self, shape: Shape, plane: int, omega: Any, temperature: Any) -> Any:
+        """Loss angle of bending in one plane; with a `coefficient` a, divided by a^2."""
+        raise NotImplementedError
+
+    def stretching(self, shape: Shape, omega: Any) -> Any:
+        """Loss angle of stretching; 0 unless `uniform`."""
+        del shape
+        return 0.0 * omega
+
+    def twisting(self, shape: Shape, omega: Any) -> Any:
+        """Loss angle of twisting; 0 unless `uniform`."""
+        del shape
+        return 0.0 * omega
+
+    def coefficient(self, area: float) -> tuple[float, float] | None:
+        """(p, q) of a bending angle proportional to a^2, a = p - q T in a wire of tension T (N).
+
+        At most one mechanism of a material has it.
+        """
+        del area
+        return None
+
+    @property
+    def acts_unstrained(self) -> bool:
+        """Whether it has a loss without static strain."""
+        return True
+
+
+def with_keys(base: type[Table], mechanisms: Iterable[type[Mechanism]], table: str) -> Any:
+    """Derive a table of the design file from `base`, with the keys of all mechanisms."""
+    fields: list[Any] = [
+        (key.name, key.kind | None, None)
+        for mechanism in mechanisms
+        for key in mechanism.keys
+        if key.table == table
+    ]
+    return defstruct(
+        f"_{table.title()}Loss",
+        fields,
+        bases=(base,),
+        frozen=True,
+        kw_only=True,
+        module=base.__module__,
+    )

@@ -1,0 +1,101 @@
+"""Thermoelastic loss of bending.
+
+The loss angle is Delta Im g (`cross_sections.relaxation`), Delta = E T a^2/(rho C). The coefficient
+a is the slope of strain against temperature at constant stress s. With the strain s/E(T) + alpha T
+it is a = alpha - s E'/E^2 = alpha - u beta, u = s/E the static strain and beta = E'/E: in a
+material that stiffens with temperature the loss vanishes at one tension (Cagnoli and Willems, Phys.
+Rev. B 65, 174111 (2002)). Stretching and twisting drive no heat across a wire. In a complex
+frequency the angle is continued analytically.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Self
+
+from msgspec import Meta
+
+from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
+from suspension_cli.design.units import Table
+
+
+@dataclass(frozen=True)
+class Thermoelastic(Mechanism):
+    """Thermoelastic loss of bending.
+
+    Attributes
+    ----------
+    youngs_modulus, density : float
+        Pa, kg/m^3.
+    expansion : float
+        Linear thermal expansion alpha, 1/K.
+    modulus_slope : float
+        beta = (1/E) dE/dT, 1/K.
+    heat_capacity : float
+        Specific heat, J/(kg K).
+    conductivity : float
+        Thermal conductivity, W/(m K).
+    """
+
+    name: ClassVar[str] = "thermoelastic"
+    keys: ClassVar[tuple[Key, ...]] = (
+        Key(
+            "thermoelastic",
+            Annotated[
+                bool,
+                Meta(
+                    description=(
+                        "false omits thermoelastic loss, which needs density, expansion, specific"
+                        " heat and conductivity (the slope of the modulus may be missing)"
+                    )
+                ),
+            ],
+        ),
+    )
+
+    youngs_modulus: float
+    density: float
+    expansion: float
+    modulus_slope: float
+    heat_capacity: float
+    conductivity: float
+
+    @classmethod
+    def of(cls, material: MaterialConstants, wire: Table | None) -> Self | None:
+        """Read the constants; None where one is unknown, or with ``thermoelastic = false``."""
+        del wire
+        youngs_modulus, density = material.youngs_modulus, material.density
+        expansion = material.thermal_expansion
+        capacity, conductivity = material.specific_heat, material.thermal_conductivity
+        if (
+            material.loss.thermoelastic is False
+            or youngs_modulus is None
+            or density is None
+            or expansion is None
+            or capacity is None
+            or conductivity is None
+        ):
+            return None
+        slope = material.modulus_slope or 0.0
+        return cls(youngs_modulus, density, expansion, slope, capacity, conductivity)
+
+    def bending(self, shape: Shape, plane: int, omega: Any, temperature: Any) -> Any:
+        """Loss angle over a^2, K^2; 0 for a blade of unknown thickness."""
+        import numpy as np
+
+        depth = shape.depth[plane]
+        if depth <= 0:
+            return 0.0 * (np.asarray(omega) + temperature)
+        capacity = self.density * self.heat_capacity
+        strength = self.youngs_modulus * temperature / capacity
+        phase = np.asarray(omega) * (capacity * (depth / 2) ** 2 / self.conductivity)
+        return strength * shape.relaxation(phase)
+
+    def coefficient(self, area: float) -> tuple[float, float]:
+        """a without tension, 1/K, and its decrease per tension, 1/(K N)."""
+        return self.expansion, self.modulus_slope / (self.youngs_modulus * area)
+
+    @property
+    def acts_unstrained(self) -> bool:
+        """Whether the material expands."""
+        return self.expansion != 0

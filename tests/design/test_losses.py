@@ -1,0 +1,51 @@
+"""Mechanisms of loss: their keys in the tables of the design file, and which act."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from suspension_cli.design import materials
+from suspension_cli.design.losses.bulk import Bulk
+from suspension_cli.design.losses.mechanism import Key, Mechanism, with_keys
+from suspension_cli.design.losses.registry import MECHANISMS, mechanisms_of
+from suspension_cli.design.schema import MaterialLoss
+from suspension_cli.design.units import LossAngle, Table
+
+
+class Rubbing(Mechanism):
+    """One with a key in the tables of wires."""
+
+    keys = (Key("rubbing", Annotated[LossAngle, Meta(description="of its clamps")], "wire"),)
+
+
+def test_keys_go_to_their_tables():
+    """Beside keys that a table requires; and not to other tables."""
+    every = (*MECHANISMS, Rubbing)
+
+    class Wire(with_keys(Table, every, "wire")):
+        length: float
+
+    assert msgspec.convert({"length": 1.0, "rubbing": 1e-3}, Wire).rubbing == 1e-3
+    assert msgspec.convert({"length": 1.0}, Wire).rubbing is None
+    own = {key.name for kind in MECHANISMS for key in kind.keys if key.table == "material"}
+    assert set(MaterialLoss.__struct_fields__) == own
+    assert not hasattr(with_keys(Table, every, "material")(), "rubbing")
+
+
+def test_a_material_has_the_mechanisms_whose_constants_are_known():
+    found = {
+        name: [own.name for own in mechanisms_of(of_built_in(name), None)]
+        for name in ("steel302", "maraging", "fused-silica")
+    }
+    assert found["steel302"] == ["thermoelastic"]
+    assert found["fused-silica"] == ["bulk", "thermoelastic"]
+    bulk = mechanisms_of(of_built_in("fused-silica"), None)[0]
+    assert bulk == Bulk(4.1e-10, surface_depth=1.5e-2)
+
+
+def of_built_in(name: str) -> materials.Material:
+    made = materials.BUILT_IN[name]
+    return msgspec.structs.replace(made, loss=made.loss or MaterialLoss())
