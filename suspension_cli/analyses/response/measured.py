@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import find_peaks
 
+from suspension_cli.analyses.modes import damped
 from suspension_cli.design import measured as tables
 from suspension_cli.design.measured import Measured, TransferFunction
 from suspension_cli.errors import Fault, InputError, format_value
@@ -246,7 +247,8 @@ def compare(model: LinearSystem, items: Sequence[Item], found: Response) -> tupl
         Of all signals, on a grid.
     """
     known = bodies_with_signals(model)
-    modes = eigenmodes.solve(replace(model, terms=()))
+    plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
+    modes = damped.solve(plain, eigenmodes.solve(plain))
     result = []
     for item in items:
         names = signals_of(item.tables)
@@ -295,8 +297,8 @@ def resonances(data: MeasuredResponse) -> Array:
     """Find resonances in a measured transfer function, Hz.
 
     Each is a local maximum that exceeds the minima beside it by `PROMINENCE` and, where
-    uncertainties are known, by `SIGNIFICANT` of them. Its frequency is that of the pole p of (a + b
-    s)/(s - p), fitted to the five points around it by linear least squares.
+    uncertainties are known, by `SIGNIFICANT` of them. Its frequency is the modulus of the pole p of (a +
+    b s)/(s - p), fitted to the five points around it by linear least squares.
     """
     size = np.abs(data.value)
     if len(size) < 3 or not (size > 0).all():
@@ -318,7 +320,7 @@ def _refined(data: MeasuredResponse, top: int) -> float:
     s = 1j * (f - centre) / centre  # a + b s + p h = s h
     matrix = np.stack([np.ones_like(s), s, h / scale], axis=1)
     fitted = np.linalg.lstsq(matrix, s * h / scale, rcond=None)[0]
-    at = centre * (1 + fitted[2].imag)
+    at = centre * np.hypot(1 + fitted[2].imag, fitted[2].real)
     between = data.frequency[top - 1] < at < data.frequency[top + 1]
     return float(at if between else centre)
 
