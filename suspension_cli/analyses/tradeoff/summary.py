@@ -181,17 +181,24 @@ def headline(found: Tradeoff) -> str:
     if not uses:
         return "no models to compare"
     named = "; ".join(f"{name} for {', '.join(listed)}" for name, listed in uses.items())
-    return f"cheapest models within {100 * MODEL_TOLERANCE:g} %: {named}"
+    return f"cheapest models {_within(found)}: {named}"
+
+
+def _within(found: Tradeoff) -> str:
+    """Tolerance and reference of models: ``within 0.1 % of violin``."""
+    top = next(
+        panel.entries[-1].rung
+        for panel in found.panels
+        if panel.compares == "rungs" and panel.entries
+    )
+    return f"within {100 * MODEL_TOLERANCE:g} % of {top}"
 
 
 def text(found: Tradeoff) -> str:
     """Format the headline and a line per question."""
     every = answers(found)
     parts = [headline(found)]
-    for compares, heading, other in (
-        ("rungs", f"model within {100 * MODEL_TOLERANCE:g} %", "faster, but less accurate"),
-        ("methods", f"fastest method within {METHOD_TOLERANCE:.0e}", "pendsus uses"),
-    ):
+    for compares, other in (("rungs", "faster, but less accurate"), ("methods", "pendsus uses")):
         rows = [
             (
                 answer.question,
@@ -204,7 +211,13 @@ def text(found: Tradeoff) -> str:
             if answer.compares == compares
         ]
         if rows:
-            columns = {heading: "", "use" if compares == "rungs" else "": ""}
+            models = compares == "rungs"
+            heading = (
+                f"model {_within(found)}"
+                if models
+                else f"fastest method within {METHOD_TOLERANCE:.0e}"
+            )
+            columns = {heading: "", "use" if models else "": ""}
             parts.append(tables.render({**columns, "time": "", "error": "", other: ""}, rows))
     parts.append(_left_out(found))
     return "\n\n".join(part for part in parts if part)
@@ -227,13 +240,12 @@ def _size(error: float) -> str:
 
 
 def _left_out(found: Tradeoff) -> str:
-    reasons: dict[str, list[str]] = {}
+    """Quantities without a comparison, a line per reason."""
+    reasons: dict[str, dict[str, None]] = {}
     for panel in found.panels:
         if not panel.entries:
-            for item in panel.left[:1]:
-                names = reasons.setdefault(item.reason, [])
-                kind = "models" if panel.compares == "rungs" else "methods"
-                names.append(f"{panel.title.lower()} ({kind})")
+            name = QUESTIONS.get(panel.quantity, panel.quantity)
+            reasons.setdefault(panel.left[0].reason, {})[name] = None
     return "\n".join(f"left out: {', '.join(names)}: {reason}" for reason, names in reasons.items())
 
 

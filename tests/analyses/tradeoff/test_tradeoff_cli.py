@@ -218,7 +218,7 @@ def test_text(found):
 def test_summary(found, answer):
     """A headline and one line per question, each with the fastest that is accurate enough."""
     head, *lines = summary.text(found).splitlines()
-    assert head.startswith("cheapest models within 0.1 %: ") and "thermal noise" in head
+    assert head.startswith("cheapest models within 0.1 % of violin: ") and "thermal noise" in head
     assert len([line for line in lines if line]) < 25 and max(map(len, lines)) < 130
     every = answer["answers"]
     assert len({(one["compares"], one["question"]) for one in every}) == len(every) == 17
@@ -234,6 +234,19 @@ def test_summary(found, answer):
         assert one["best"]["error"] <= limit
         if one["compares"] == "rungs" and one["other"]:
             assert one["other"]["error"] > limit and one["other"]["time_s"] < one["best"]["time_s"]
+
+
+def test_summary_of_what_was_left_out():
+    left = (Omission("violin", "dissipation", "nothing dissipates"),)
+    panels = tuple(
+        Panel("thermal", compares, "Thermal noise", "", "frequency", 5, "", (), (), left, ())
+        for compares in COMPARED
+    )
+    assert summary.text(Tradeoff(panels, 2, 1)).splitlines() == [
+        "no models to compare",
+        "",
+        "left out: thermal noise at 10 and 100 Hz: nothing dissipates",
+    ]
 
 
 def test_response_times(found, answer):
