@@ -129,6 +129,12 @@ def test_files_and_pictures(file, tmp_path):
     again = sus.load(out / "triple-budget.h5")
     assert "requirement goal.csv: NOT met" in str(again)
     again.to_xarray()
+    goal.write_text("1 0\n2 0\n")
+    text = run("budget", file, *LIGHT, "--requirement", goal, "--out", out, "--no-plot").stdout
+    assert "NOT met, exceeded by a factor of inf at 1 Hz" in text
+    goal.write_text("1 1\n2 1\n")
+    run("budget", file, *LIGHT, "--requirement", goal, "--out", out)
+    assert sus.load(out / "triple-budget.h5").data[0].requirement.exceeded == ()
 
 
 def test_messages(file):
