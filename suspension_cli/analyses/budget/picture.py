@@ -69,8 +69,8 @@ def write_message(one: Budget) -> str:
     if found is None:
         return text
     if found.met:
-        margin = f" by {found.margin:.2g}" if np.isfinite(found.margin) else ""
-        return f"{text}; the requirement is met{margin} (at {found.at:.3g} Hz)"
+        margin = f", least margin {found.margin:.3g}" if np.isfinite(found.margin) else ""
+        return f"{text}; the requirement is met{margin} at {found.at:.3g} Hz"
     return f"{text}; the requirement is exceeded {found.excess:.2g} times at {found.at:.3g} Hz"
 
 
