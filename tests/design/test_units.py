@@ -16,6 +16,7 @@ DEPENDS = {
     "Spring.preload",
     "Loop.damper",
     "Loop.gain",
+    "Loop.actuator_noise",
     "Loop.sensor_noise",
     "Loop.zeros",
     "Loop.poles",

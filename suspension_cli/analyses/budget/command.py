@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number, plain
 from suspension_cli.analyses.options import option
+from suspension_cli.errors import escape_unprintable
 
 if TYPE_CHECKING:
     import h5py
@@ -231,7 +232,7 @@ def _document(one: Budget) -> dict[str, Any]:
 
 def describe_requirement(found: Requirement) -> str:
     """Describe in one line whether a requirement is met, with the margin and where."""
-    name = Path(found.name).name
+    name = escape_unprintable(Path(found.name).name)
     if found.met:
         size = f"{found.margin:.3g}" if math.isfinite(found.margin) else "infinite"
         return f"requirement {name}: met, smallest margin {size} at {found.at:.4g} Hz"
@@ -241,7 +242,7 @@ def describe_requirement(found: Requirement) -> str:
     ]
     more = f" and {len(spans) - 3} more" if len(spans) > 3 else ""
     return (
-        f"requirement {name}: NOT met, exceeded by a factor of {1 / found.margin:.3g} at"
+        f"requirement {name}: NOT met, exceeded by a factor of {found.excess:.3g} at"
         f" {found.at:.4g} Hz; above it at {', '.join(spans[:3])}{more}"
     )
 
@@ -252,7 +253,8 @@ def describe_ground(names: dict[str, str], highest: float) -> str:
         return "none"
     sources = dict.fromkeys(names.values())
     return "; ".join(
-        f"{', '.join(dof for dof, name in names.items() if name == source)} {source}"
+        f"{', '.join(dof for dof, name in names.items() if name == source)}"
+        f" {escape_unprintable(source)}"
         for source in sources
     ) + (
         f" (above {HIGHEST:g} Hz with its acceleration at {HIGHEST:g} Hz)"

@@ -262,11 +262,11 @@ def _read(
         if name not in DOFS:
             remedy = suggest(name, list(DOFS)) + "; name columns x, y, z, roll, pitch, yaw"
             raise InputError(
-                [Fault("line 1", "names no motion of the support", remedy, format_value(name))],
+                [Fault("", "names no motion of the support", remedy, format_value(name))],
                 found.file,
             )
     lacking = [dof for dof in wanted if dof not in names]
     if lacking:
         problem = f"has no column {lacking[0]}"
-        raise InputError([Fault("", problem, "add it, or leave it out", None)], found.file)
+        raise InputError([Fault("", problem, "add it, or leave it out")], found.file)
     return found.frequency, found.column

@@ -69,9 +69,9 @@ def write_message(one: Budget) -> str:
     if found is None:
         return text
     if found.met:
-        margin = f" by {found.margin:.2g}" if np.isfinite(found.margin) else ""
-        return f"{text}; the requirement is met{margin} (at {found.at:.3g} Hz)"
-    return f"{text}; the requirement is exceeded {1 / found.margin:.2g} times at {found.at:.3g} Hz"
+        margin = f", least margin {found.margin:.3g}" if np.isfinite(found.margin) else ""
+        return f"{text}; the requirement is met{margin} at {found.at:.3g} Hz"
+    return f"{text}; the requirement is exceeded {found.excess:.2g} times at {found.at:.3g} Hz"
 
 
 def _colours(budgets: list[Budget]) -> dict[str, tuple[str, Any]]:
@@ -123,7 +123,7 @@ def _panel(axes: Axes, one: Budget, colours: dict[str, tuple[str, Any]]) -> None
             linestyle="--",
         )
         inside = one.requirement.frequency <= one.frequency[-1]
-        name = shorten(Path(one.requirement.name).stem, 16)
+        name = shorten(single_line(Path(one.requirement.name).stem), 16)
         labels.append((one.requirement.density[inside][-1], name, "#cc0000"))
     axes.set_xlim(one.frequency[0], one.frequency[-1] * (1 + 1e-9 + (len(one.frequency) == 1)))
     axes.set_xlabel("frequency (Hz)")

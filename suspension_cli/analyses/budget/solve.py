@@ -32,6 +32,8 @@ FRACTIONS = (0.5, 0.45, 0.56, 0.41)
 """Where an interval is divided: not at a frequency at which the motion is infinite."""
 EQUAL = 1e-6
 """Logarithm of a ratio below which two values are equal."""
+DISTINCT = 1e-12
+"""Relative distance below which two frequencies are one."""
 ROUNDS = 60
 """Largest number of times that intervals are halved."""
 STEEP = 1e6
@@ -71,6 +73,11 @@ class Requirement:
     def met(self) -> bool:
         """Whether the motion is nowhere above it."""
         return self.margin >= 1
+
+    @property
+    def excess(self) -> float:
+        """Largest ratio of the motion to the requirement."""
+        return 1 / self.margin if self.margin else np.inf
 
 
 @dataclass(frozen=True)
@@ -145,11 +152,11 @@ def solve(
     added : bool
         Whether the spectra list the added points too.
     """
+    decades = 10.0 ** np.arange(np.ceil(np.log10(grid[0])), np.log10(grid[-1]))
     corners = [motion.corner for motion in noises.motion.values()]
-    corners += [table.frequency for table in requirements.values()]
-    seeds = np.concatenate([points_around(resonance), *corners])
-    seeds = seeds[(seeds > grid[0]) & (seeds < grid[-1])]
-    frequency, density, unresolved = refine(noises.density, np.union1d(grid, seeds))
+    corners += [required.frequency for required in requirements.values()]
+    seeds = [points_around(resonance), decades, *corners]
+    frequency, density, unresolved = refine(noises.density, _join(grid, np.concatenate(seeds)))
     square = integrate_down(frequency, density)
     velocity = integrate_down(frequency, density * (2 * np.pi * frequency) ** 2)
     if unresolved is not None:
@@ -178,6 +185,15 @@ def solve(
             )
         )
     return budgets
+
+
+def _join(grid: Array, more: Array) -> Array:
+    """Join a grid and further points within it, but for those next to others."""
+    points = np.unique(more[(more > grid[0]) & (more < grid[-1])])
+    points = points[np.diff(points, prepend=-np.inf) > DISTINCT * points]
+    after = np.searchsorted(grid, points)
+    nearest = np.minimum(points - grid[after - 1], grid[after] - points)
+    return np.union1d(grid, points[nearest > DISTINCT * points])
 
 
 def _is_singular(frequency: Array, density: Array, at: float) -> Any:

@@ -1,14 +1,17 @@
-"""Tables of numbers in text files: columns under one line of names."""
+"""Tables of spectra in text files: frequency, and a column per motion."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.measurements import text
+from suspension_cli.measurements.columns import Columns, recognise
 from suspension_cli.scene.arrays import Array
 
 
@@ -31,46 +34,69 @@ class Table:
 
 
 def read(path: Path) -> Table:
-    """Read a table: frequency in Hz, then one or more columns; `#` begins a comment.
+    """Read a table: frequency in Hz, then one or more columns, with or without headings.
 
-    Commas, semicolons, tabs or spaces separate columns. A first line of names is optional where
-    there are two columns; what follows a name in brackets (a unit) is ignored.
+    Headings are optional where there are two columns; what follows one in brackets (a unit) is
+    ignored. The format of text is that of `measurements.text`.
 
     Raises
     ------
     InputError
-        With the number of the line at fault.
+        With the line at fault.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise _fault(path, "", f"cannot be read ({error.strerror})", "name a CSV file") from None
-    except UnicodeDecodeError:
-        raise _fault(path, "", "is not text", "save it as CSV (UTF-8)") from None
-    names: list[str] = []
-    rows: list[list[float]] = []
-    for number, line in enumerate(text.splitlines(), 1):
-        bare = line.partition("#")[0].strip()
-        if not bare:
-            continue
-        cells = [cell.strip() for cell in _split(bare)]
-        if not rows and not names and not _is_number(cells[0]):
-            names = [re.sub(r"[(\[].*", "", cell).strip().strip('"').lower() for cell in cells]
-            continue
-        rows.append(_parse_row(path, number, cells, names, rows))
-    if not rows:
-        raise _fault(path, "", "contains no numbers", "write lines of a frequency and values")
-    values = np.array(rows)
-    if not names:
-        if values.shape[1] > 2:
-            problem = f"has {values.shape[1]} columns without names"
-            raise _fault(path, "line 1", problem, "begin with a line such as frequency,x,y,z")
-        names = ["frequency", ""]
-    twice = next((name for n, name in enumerate(names) if name in names[:n]), None)
-    if twice is not None:
-        problem = f"names two columns {format_value(twice)}"
-        raise _fault(path, "line 1", problem, "give each a name of its own")
-    return Table(str(path), values[:, 0], dict(zip(names[1:], values[:, 1:].T, strict=True)))
+    with attribute_faults_to(str(path)):
+        columns = text.read(path)
+        width = len(columns.names)
+        if width < 2:
+            problem, remedy = "has one column", "write a frequency and a value per line"
+            raise InputError([Fault("", problem, remedy)])
+        if columns.headed:
+            names = [re.sub(r"[(\[].*", "", name).strip().lower() for name in columns.names]
+        elif width == 2:
+            names = ["frequency", ""]
+        else:
+            problem = f"has {width} columns without headings"
+            raise InputError([Fault("", problem, "begin with a line such as frequency,x,y,z")])
+        for n, name in enumerate(names):
+            if name in names[:n]:
+                remedy = "give each column a heading of its own"
+                raise InputError([Fault("", "has two columns of one name", remedy, name)])
+        known = recognise(columns.names) if columns.headed else {}
+        if "frequency_unit" in known:
+            raise InputError([Fault("", "has frequencies in rad/s", "give them in Hz")])
+        first = columns.names.index(known.get("frequency", columns.names[0]))
+        order = [first, *(n for n in range(width) if n != first)]
+        names = [names[n] for n in order]
+        values = [np.asarray(columns.read(n)) for n in order]
+        _check(np.array(values).T, columns)
+        return Table(str(path), values[0], dict(zip(names[1:], values[1:], strict=True)))
+
+
+def _check(rows: Any, columns: Columns) -> None:
+    """Raise `InputError` for the first line (of n) whose frequency or values are at fault."""
+    finite = np.isfinite(rows).all(1) & ~np.iscomplex(rows).any(1)
+    real = rows.real
+    frequency, ascending = real[:, 0], np.diff(real[:, 0], prepend=-np.inf) > 0
+    for good, problem, remedy, shown in (
+        (finite, "contains something that is no finite number", "remove the line", None),
+        (frequency > 0, "has no positive frequency", "give it in Hz", frequency),
+        (
+            ascending,
+            "frequency is not above that of the line before",
+            "sort the lines by frequency, each once",
+            frequency,
+        ),
+        (
+            (real[:, 1:] >= 0).all(1),
+            "has a negative value",
+            "give amplitude spectral densities, not dB: 10^(dB/20)",
+            real[:, 1:].min(1),
+        ),
+    ):
+        if not good.all():
+            n = int(np.argmin(good))
+            value = None if shown is None else format_value(float(shown[n]))
+            raise InputError([Fault(columns.place(n), problem, remedy, value)])
 
 
 def interpolate(frequency: Array, at: Array, value: Array) -> Array:
@@ -83,50 +109,3 @@ def interpolate(frequency: Array, at: Array, value: Array) -> Array:
     straight = np.interp(frequency, at, value)
     positive = np.interp(frequency, at, (value == 0).astype(float)) == 0
     return np.where(positive, log, straight)
-
-
-def _split(line: str) -> list[str]:
-    for separator in (",", ";", "\t"):
-        if separator in line:
-            return line.split(separator)
-    return line.split()
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _parse_row(
-    path: Path, number: int, cells: list[str], names: list[str], rows: list[list[float]]
-) -> list[float]:
-    """Parse a line of numbers, with its place among those before it."""
-    where = f"line {number}"
-    count = len(names) or (len(rows[0]) if rows else len(cells))
-    if len(cells) != count or count < 2:
-        problem = f"has {len(cells)} columns instead of {max(count, 2)}"
-        raise _fault(path, where, problem, "write a frequency and a value for each column")
-    for cell in cells:
-        if not _is_number(cell):
-            raise _fault(path, where, "is not a number", "write for example 1.5e-9", cell)
-    row = [float(cell) for cell in cells]
-    if not np.isfinite(row).all():
-        raise _fault(path, where, "contains a number that is not finite", "remove the line")
-    if row[0] <= 0:
-        raise _fault(path, where, "has no positive frequency", "give it in Hz", cells[0])
-    if rows and row[0] <= rows[-1][0]:
-        problem = f"frequency is not above the one before it ({rows[-1][0]:g})"
-        raise _fault(path, where, problem, "sort the lines by frequency, each once", cells[0])
-    if min(row[1:]) < 0:
-        problem = "has a negative value"
-        remedy = "give amplitude spectral densities, not dB (dB: 10^(dB/20))"
-        raise _fault(path, where, problem, remedy, next(c for c in cells[1:] if float(c) < 0))
-    return row
-
-
-def _fault(path: Path, key: str, problem: str, remedy: str, value: str | None = None) -> InputError:
-    given = None if value is None else format_value(float(value) if _is_number(value) else value)
-    return InputError([Fault(key, problem, remedy, given)], str(path))

@@ -97,21 +97,25 @@ def test_tables_and_coordinates(tmp_path):
 
 
 def test_files_beside_the_design(tmp_path):
-    csv(tmp_path, "1 2\n2 3\n", "beside.csv")
+    """Here with the frequency last."""
+    csv(tmp_path, "z,freq (Hz)\n2,1\n3,2\n", "beside.csv")
     assert [*ground.parse(["z=beside.csv"], [], tmp_path)] == ["z"]
 
 
 FAULTS = {
-    "text": ("1,2\n2,three\n", "line 2 = .three.: is not a number"),
-    "descending": ("2,1\n1,1\n", "line 2 = 1.0: frequency is not above the one before it"),
+    "text": ("1,2\n2,three\n", 'line 2: "three" is no number'),
+    "descending": ("2,1\n1,1\n", "line 2 = 1.0: frequency is not above that of the line before"),
     "twice": ("1,1\n1,1\n", "line 2 = 1.0: frequency is not above"),
     "negative": ("f,x\n1,1\n2,-3e-9\n", "line 3 = -3e-09: has a negative value"),
-    "ragged": ("1,2\n2\n", "line 2: has 1 columns instead of 2"),
-    "infinite": ("1,2\n2,inf\n", "line 2: contains a number that is not finite"),
+    "ragged": ("1,2\n2\n", "line 2: has 1 columns, but line 1 has 2"),
+    "infinite": ("1,2\n2,inf\n", "line 2: contains something that is no finite number"),
     "zero": ("0,2\n2,1\n", "line 1 = 0.0: has no positive frequency"),
-    "empty": ("# nothing\n", "contains no numbers"),
-    "unnamed": ("1,2,3\n", "line 1: has 3 columns without names"),
-    "coordinate": ("f,x,pich\n1,2,3\n", 'line 1 = "pich": names no motion .*did you mean'),
+    "empty": ("# nothing\n", "has no numbers"),
+    "one column": ("1\n2\n", "has one column"),
+    "unnamed": ("1,2,3\n", "has 3 columns without headings"),
+    "angular": ("omega [rad/s],x\n1,2\n", "has frequencies in rad/s; give them in Hz"),
+    "same name": ("f,x,x\n1,2,3\n", "has two columns of one name"),
+    "coordinate": ("f,x,pich\n1,2,3\n", '"pich": names no motion .*did you mean'),
 }
 
 
