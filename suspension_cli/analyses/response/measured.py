@@ -297,8 +297,8 @@ def resonances(data: MeasuredResponse) -> Array:
     """Find resonances in a measured transfer function, Hz.
 
     Each is a local maximum that exceeds the minima beside it by `PROMINENCE` and, where
-    uncertainties are known, by `SIGNIFICANT` of them. Its frequency is the modulus of the pole p of (a +
-    b s)/(s - p), fitted to the five points around it by linear least squares.
+    uncertainties are known, by `SIGNIFICANT` of them. Its frequency is the modulus of the pole p of
+    (a + b s)/(s - p), fitted to the five points around it by linear least squares.
     """
     size = np.abs(data.value)
     if len(size) < 3 or not (size > 0).all():
