@@ -11,13 +11,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from suspension_cli.scene.arrays import Array, Index, inner, inner_axes
+from suspension_cli.scene.arrays import inner, inner_axes
 from suspension_cli.scene.composition import Fibres
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,9 @@ class Bodies:
     """
 
     name: tuple[str, ...]
-    mass: Array = field(metadata=inner(1))
-    inertia: Array = field(metadata=inner(3))
-    position: Array = field(metadata=inner(2))
+    mass: Inexact[np.ndarray, "*batch body"] = field(metadata=inner(1))
+    inertia: Inexact[np.ndarray, "... body 3 3"] = field(metadata=inner(3))
+    position: Inexact[np.ndarray, "... 1+body 3"] = field(metadata=inner(2))
 
 
 @dataclass(frozen=True)
@@ -74,17 +76,17 @@ class Wires:
     """
 
     label: tuple[str, ...]
-    upper: Index
-    lower: Index
-    blade: Index
-    upper_point: Array = field(metadata=inner(2))
-    lower_point: Array = field(metadata=inner(2))
-    span: Array = field(metadata=inner(2))
-    length: Array = field(metadata=inner(1))
-    tension: Array = field(metadata=inner(1))
-    stiffness: Array = field(metadata=inner(1))
-    torsion: Array = field(metadata=inner(1))
-    loss: Array
+    upper: Int[np.ndarray, " wire"]
+    lower: Int[np.ndarray, " wire"]
+    blade: Int[np.ndarray, " wire"]
+    upper_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
+    lower_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
+    span: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
+    length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    stiffness: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    torsion: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    loss: Float[np.ndarray, " wire"]
 
 
 @dataclass(frozen=True)
@@ -111,13 +113,13 @@ class Blades:
     """
 
     label: tuple[str, ...]
-    body: Index
-    axes: NDArray[np.bool_]
-    tip: Array = field(metadata=inner(2))
-    stiffness: Array = field(metadata=inner(2))
-    load: Array = field(metadata=inner(2))
-    tip_mass: Array = field(metadata=inner(1))
-    loss: Array
+    body: Int[np.ndarray, " blade"]
+    axes: Bool[np.ndarray, "blade 3"]
+    tip: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
+    stiffness: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
+    load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
+    tip_mass: Inexact[np.ndarray, "... blade"] = field(metadata=inner(1))
+    loss: Float[np.ndarray, " blade"]
 
 
 @dataclass(frozen=True)
@@ -139,14 +141,14 @@ class Springs:
     """
 
     label: tuple[str, ...]
-    upper: Index
-    lower: Index
-    upper_point: Array = field(metadata=inner(2))
-    lower_point: Array = field(metadata=inner(2))
-    stiffness: Array = field(metadata=inner(3))
-    damping: Array = field(metadata=inner(3))
-    preload: Array = field(metadata=inner(2))
-    loss: Array
+    upper: Int[np.ndarray, " spring"]
+    lower: Int[np.ndarray, " spring"]
+    upper_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2))
+    lower_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2))
+    stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
+    damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
+    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2))
+    loss: Float[np.ndarray, " spring"]
 
 
 @dataclass(frozen=True)
@@ -164,10 +166,10 @@ class Flex:
         Torque per twist, N m/rad.
     """
 
-    upper: Array = field(metadata=inner(3))
-    lower: Array = field(metadata=inner(3))
-    bend: Array | None = field(metadata=inner(3))
-    twist: Array = field(metadata=inner(1))
+    upper: Inexact[np.ndarray, "... wire 2 3"] = field(metadata=inner(3))
+    lower: Inexact[np.ndarray, "... wire 2 3"] = field(metadata=inner(3))
+    bend: Inexact[np.ndarray, "... wire 2 3"] | None = field(metadata=inner(3))
+    twist: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
 
 
 @dataclass(frozen=True)
@@ -231,6 +233,6 @@ class Scene:
         )
 
     @property
-    def weight(self) -> Array:
+    def weight(self) -> Inexact[np.ndarray, "*batch"]:
         """Weight of everything that hangs, N, shape ``batch``."""
         return self.gravity * (self.bodies.mass.sum(-1) + self.blades.tip_mass.sum(-1))
