@@ -75,15 +75,15 @@ class Waves:
     ----------
     half : float
         h, m.
-    alpha2, beta2 : (f,) arrays
+    alpha2, beta2
         Squares of the evanescent and of the propagating wave number, 1/m^2; complex with loss.
-    tanh : (f,) array
+    tanh
         tanh(alpha h) / alpha, m.
-    sin : (f,) array
+    sin
         sin(beta h) / beta, m.
-    cos : (f,) array
+    cos
         cos(beta h).
-    even, odd : (f,) arrays
+    even, odd
         D (1/m) and N (m).
     """
 
@@ -123,9 +123,9 @@ class Waves:
 
 
 def waves(
-    rigidity: Inexact[np.ndarray, " frequency"] | float,
+    rigidity: Inexact[np.ndarray, " frequency"] | complex,
     tension: Inexact[np.ndarray, " frequency"] | float,
-    mass: Inexact[np.ndarray, " frequency"] | float,
+    mass: Inexact[np.ndarray, " frequency"] | complex,
     half: float,
     omega: Inexact[np.ndarray, " frequency"],
 ) -> Waves:
@@ -133,16 +133,16 @@ def waves(
 
     Parameters
     ----------
-    rigidity : (f,) array or float
+    rigidity
         EI in N m^2, above 0; complex, EI (1 + i phi), with loss.
     tension
         N, at least 0.
-    mass : (f,) array or float
+    mass
         Mass per length, kg/m; complex, mu - i b / omega, with a drag b per length; 0 for a wire
         without inertia.
     half : float
         Half the length, m.
-    omega : (f,) array
+    omega
         rad/s; complex to differentiate by a complex step.
     """
     tau, m = tension / rigidity, mass * omega**2 / rigidity
@@ -173,7 +173,7 @@ def _avoid_zero(
 
 
 def stiffness(
-    rigidity: Inexact[np.ndarray, " frequency"] | float, wave: Waves
+    rigidity: Inexact[np.ndarray, " frequency"] | complex, wave: Waves
 ) -> Inexact[np.ndarray, "6 frequency"]:
     """Dynamic stiffness in one plane, as the elements of q^T F q / 2 with q = (W_s, T_s, W_a, T_a).
 
@@ -182,7 +182,7 @@ def stiffness(
 
     Parameters
     ----------
-    rigidity : (f,) array or float
+    rigidity
         EI as given to `waves`, N m^2.
     wave : Waves
 

@@ -61,7 +61,7 @@ def with_bending(
     ----------
     scene : Scene
         With `fibres`.
-    tension, length : (..., w) arrays, optional
+    tension, length
         At which the stiffness is taken, N and m; nominal by default.
     """
     assert scene.fibres is not None
@@ -254,13 +254,13 @@ def add_derivatives(
     scene : Scene
     numbering : Layout
     pose : Pose
-    gradient : (..., N) array
+    gradient
         N and N m.
-    hessian : (..., N + 1, N + 1) array
+    hessian
         The last row takes what belongs to rigid directions of blades.
-    outer : (..., n + 1, 3, 3) array
+    outer
         Forces times arms (see `geometric_stiffness.add_arms`), N m.
-    on_tips : (..., b, 3) array
+    on_tips
         Gradient with respect to the blade tips, N.
     """
     wires, now, flex = scene.wires, string.state(scene, pose), wire_resistance(scene)

@@ -51,12 +51,12 @@ def integrate_squared_curvature(
     ----------
     wave : Waves
         At frequencies (f,).
-    ends : (4, r, f) complex array
+    ends
         W_s, T_s, W_a, T_a of r motions, in m and rad.
 
     Returns
     -------
-    upper, lower : (r, f) arrays
+    upper, lower
         1/m.
     """
     factors = _factors(wave, ends)

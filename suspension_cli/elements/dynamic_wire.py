@@ -38,7 +38,7 @@ class TautWire:
     Attributes
     ----------
     fibre : Fibre
-    tension : float or (f,) array
+    tension
         N. An array, with arrays as lengths of the fibre's sections, stands for the wire in many
         builds, one per frequency.
     massive : bool
@@ -64,7 +64,7 @@ class TautWire:
         return WireAtFrequencies(self, omega)
 
     @cached_property
-    def static(self) -> dict[str, Inexact[np.ndarray, "end end"]]:
+    def static(self) -> dict[str, Inexact[np.ndarray, "_ _"]]:
         """Static stiffness (c, c) of every part, without loss."""
         return {part: self.resting(part)[..., 0] for part in PARTS}
 
@@ -113,7 +113,7 @@ class WireAtFrequencies:
     Attributes
     ----------
     strand : TautWire
-    omega : (f,) array
+    omega
         rad/s.
     """
 
@@ -153,7 +153,7 @@ class WireAtFrequencies:
         Parameters
         ----------
         part : str
-        motion : (c, r, f) array
+        motion
             Of r motions, m and rad.
 
         Returns
@@ -196,14 +196,22 @@ class WireAtFrequencies:
             top += section.length
         return result
 
-    def _imaginary_rigidity(self, section: Section, part: str, end: int, rigidity: Any) -> Any:
+    def _imaginary_rigidity(
+        self,
+        section: Section,
+        part: str,
+        end: int,
+        rigidity: Inexact[np.ndarray, " frequency"] | complex,
+    ) -> Inexact[np.ndarray, " frequency"] | float:
         """Im(EI) at the temperature of one end, on which the thermoelastic loss depends."""
         temperature = self.strand.fibre.temperature
         if temperature[0] == temperature[1]:
             return np.imag(rigidity)
         return _elastic_rigidity(section, part) * self._loss_angle(section, part, temperature[end])
 
-    def _separate_causes(self, section: Section, part: str, end: int) -> dict[str, Any]:
+    def _separate_causes(
+        self, section: Section, part: str, end: int
+    ) -> dict[str, Inexact[np.ndarray, " frequency"]]:
         """Parts of Im(EI) that are listed under their own causes."""
         angles = loss.bending_causes(
             section, _plane(part), np.real(self.omega), self.strand.fibre.temperature[end]
@@ -299,7 +307,9 @@ class WireAtFrequencies:
             return rigidity
         return (rigidity + self.strand.tension * section.polar_area) * section.torsion_factor
 
-    def _loss_angle(self, section: Section, part: str, temperature: float) -> Any:
+    def _loss_angle(
+        self, section: Section, part: str, temperature: float
+    ) -> Inexact[np.ndarray, " frequency"]:
         omega = np.real(self.omega)
         if _is_bending(part):
             return loss.bending_angle(

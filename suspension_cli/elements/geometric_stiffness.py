@@ -42,10 +42,10 @@ def add_arms(
 
     Parameters
     ----------
-    outer : (..., n + 1, 3, 3) array
+    outer
         N m.
-    body : (k,) int array
-    force, arm : (..., k, 3) arrays
+    body
+    force, arm
         Gradient of the energy with respect to each point (minus the force on the body), N, and
         vector from the COM to the point, m.
     """

@@ -58,15 +58,15 @@ def join(
 
     Parameters
     ----------
-    parts : list of (2p, 2p, f) arrays
+    parts
         Stiffness of each section between its ends, from the top.
 
     Returns
     -------
-    whole : (2p, 2p, f) array
-    nodes : list of (p, 2p, f) arrays
+    whole
+    nodes
         Motion of each inner node per motion of the upper end and of the node below.
-    negative : (f,) int array
+    negative
         Number of negative eigenvalues of the stiffnesses S of the nodes (of real stiffnesses only).
     """
     whole, nodes = parts[0], []
@@ -107,12 +107,12 @@ def join_rods(
 
     Parameters
     ----------
-    parts : list of (2, 2, f) arrays
+    parts
         Stiffness of each section on the even and odd motion of its ends, diagonal.
 
     Returns
     -------
-    whole : (2, 2, f) array
+    whole
         Stiffness of all sections together on the even and odd motion of the ends.
     nodes, negative
         As for `join`.
@@ -168,9 +168,9 @@ def section_motions(
 
     Parameters
     ----------
-    nodes : list of (p, 2p, f) arrays
+    nodes
         From `join` or `join_rods`.
-    motion : (2p, r, f) array
+    motion
         Of the upper and the lower end of the whole.
     """
     p = len(motion) // 2

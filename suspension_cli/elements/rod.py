@@ -26,8 +26,8 @@ other."""
 
 
 def stiffness(
-    rigidity: Inexact[np.ndarray, " frequency"] | float,
-    mass: Inexact[np.ndarray, " frequency"] | float,
+    rigidity: Inexact[np.ndarray, " frequency"] | complex,
+    mass: Inexact[np.ndarray, " frequency"] | complex,
     half: float,
     omega: Inexact[np.ndarray, " frequency"],
 ) -> Inexact[np.ndarray, "2 frequency"]:
@@ -35,13 +35,13 @@ def stiffness(
 
     Parameters
     ----------
-    rigidity : (f,) array or float
+    rigidity
         S in N (stretching, string) or N m^2 (twisting); complex with loss.
-    mass : (f,) array or float
+    mass
         Inertia per length: kg/m, or kg m for twisting; 0 without inertia.
     half : float
         Half the length, m.
-    omega : (f,) array
+    omega
         rad/s.
 
     Returns
@@ -57,8 +57,8 @@ def stiffness(
 
 
 def integrate_squares(
-    rigidity: Inexact[np.ndarray, " frequency"] | float,
-    mass: Inexact[np.ndarray, " frequency"] | float,
+    rigidity: Inexact[np.ndarray, " frequency"] | complex,
+    mass: Inexact[np.ndarray, " frequency"] | complex,
     half: float,
     omega: Inexact[np.ndarray, " frequency"],
     ends: Inexact[np.ndarray, "2 motion frequency"],
@@ -72,12 +72,12 @@ def integrate_squares(
     ----------
     rigidity, mass, half, omega
         As for `stiffness`.
-    ends : (2, r, f) complex array
+    ends
         U_s and U_a of r motions, m or rad.
 
     Returns
     -------
-    strain, displacement : (r, f) arrays
+    strain, displacement
         u of stretching: m and m^3; of twisting: 1/m and m.
     """
     kappa2 = mass * omega**2 / rigidity + 0 * omega
@@ -104,8 +104,8 @@ def integrate_squares(
 
 
 def resonances_below(
-    rigidity: float, mass: float, half: float, omega: Float[np.ndarray, " frequency"]
-) -> Int[np.ndarray, " frequency"]:
+    rigidity: float, mass: float, half: float, omega: Float[np.ndarray, "*frequency"] | float
+) -> Int[np.ndarray, "*frequency"]:
     """Count resonances (f,) of the rod below each omega (rad/s) with clamped ends.
 
     They lie at kappa L = pi, 2 pi, ... . Arguments as for `stiffness`, without loss.

@@ -37,13 +37,13 @@ class State:
 
     Attributes
     ----------
-    reach : (..., s, 3) array
+    reach
         r, from the upper COM to the lower point, global axes, m.
-    arm : (..., s, 3) array
+    arm
         w, from the lower COM to the lower point, global axes, m.
-    strain : (..., s, 6) array
+    strain
         delta in m and phi in rad.
-    pull : (..., s, 6) array
+    pull
         Gradient of the energy with respect to the strain, N and N m.
     """
 

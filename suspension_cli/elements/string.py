@@ -27,15 +27,15 @@ class State:
 
     Attributes
     ----------
-    upper_arm, lower_arm : (..., w, 3) arrays
+    upper_arm, lower_arm
         From the COM of the upper and of the lower body to the ends, m.
-    direction : (..., w, 3) array
+    direction
         Unit vector from the upper to the lower end.
-    length : (..., w) array
+    length
         m.
-    elongation : (..., w) array
+    elongation
         From the nominal length, m.
-    tension : (..., w) array
+    tension
         N.
     """
 

@@ -138,9 +138,9 @@ def _hinge_distances(
     Parameters
     ----------
     fibre : Fibre
-    length : (...) array
+    length
         Between the hinges, m.
-    k, tension : (...) arrays
+    k, tension
         N/m and N.
     """
     upper = lower = np.zeros(length.size)

@@ -48,9 +48,9 @@ def gradient_and_stiffness(
 
     Returns
     -------
-    gradient : (..., N) array
+    gradient
         Of the potential energy, N and N m; 0 at an equilibrium, except for the support's six.
-    hessian : (..., N, N) array
+    hessian
         Tangent stiffness, exactly symmetric, N/m, N and N m.
     """
     size, bodies = numbering.size, len(scene.bodies.name) + 1

@@ -69,20 +69,20 @@ class Equilibrium:
     Attributes
     ----------
     pose : Pose
-    residual : (...) array
+    residual
         Largest unbalanced force on a body relative to the weight that it carries, or torque
         relative to that weight times the lever arm of the body.
-    rounding : (...) array
+    rounding
         Part of the residual that rounding of the tensions and lengths of wires may cause.
     iterations : int
         Newton steps taken; 0 if the nominal pose balances.
-    tension : (..., w) array
+    tension
         N.
-    stiffness : (..., N, N) array
+    stiffness
         Tangent stiffness in this pose, N/m, N and N m.
-    pivot : (...) array or None
+    pivot
         Least pivot of the stiffness in the last step, relative to its diagonal, if known.
-    flex : (..., w, 7) array or None
+    flex
         Of a batch of builds: stiffness of wires that bend, at these tensions: S_uu, S_ul, S_ll in
         both planes, and against twisting, N m/rad.
     """
@@ -466,13 +466,13 @@ def newton_step(
 
     Parameters
     ----------
-    gradient : (..., M) array
+    gradient
         N and N m.
-    hessian : (..., M, M) array
+    hessian
         N/m, N and N m.
-    scale : (..., M) array
+    scale
         From `residual_scale`; scales rows and columns.
-    free : (..., M, r) array
+    free
         From `free_rotations`.
     """
     root = np.sqrt(scale)

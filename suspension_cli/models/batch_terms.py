@@ -58,9 +58,9 @@ class WireBatchTerm:
     surrounded : Gas or None
     size : int
         Number of coordinates N of the scene.
-    place, sections, geometry : arrays
+    place, sections, geometry
         See `elements.compiled_wire.add_dynamic`.
-    basis : (N, N') array or None
+    basis
         The scene's coordinates in terms of the system's own, if these differ.
     """
 

@@ -130,7 +130,7 @@ def _alike(
 
 def wire_forms(
     scene: Scene, numbering: Layout, pose: Pose
-) -> dict[str, Inexact[np.ndarray, "*batch coordinate wire end"]]:
+) -> dict[str, Inexact[np.ndarray, "*batch coordinate wire _"]]:
     """Motion of the ends of every wire with the coordinates, (..., N, w, c) for each of `PARTS`.
 
     In the axes of the wire as it hangs: e from its upper to its lower end, n_1 its first principal

@@ -67,12 +67,12 @@ class Estimates:
     ----------
     stage : tuple of str
         Stages that hang on wires.
-    bending, mass : (m, s) arrays
+    bending, mass
         Of the mode's frequency. Infinite for a mode without restoring force on strings; NaN where
         the design lacks the wires' properties.
-    loss : (m, s) array
+    loss
         Imaginary part of the relative change of omega^2 that comes with bending.
-    violin : (s,) array
+    violin
         The lowest first violin mode of each stage's wires, Hz; infinite for wires without mass.
     """
 
@@ -222,9 +222,9 @@ class _EndMotion:
 
         Returns
         -------
-        parts : list of (m, w) arrays
+        parts
             Whose squares sum to v^T dK v.
-        lost : (m, w) array
+        lost
         """
         wires = self.wires
         chord = (self.move[1] - self.move[0]) / wires.length[:, None]

@@ -30,7 +30,7 @@ class Layout:
     ----------
     size : int
         Number N of coordinates, the support's six included.
-    blade : (b, 3) int array
+    blade
         Coordinate of each blade's tip along each axis; N (one past the end) where it is rigid.
     name : tuple of str
         ``support.x``, ..., ``test.yaw``, ``upper.blade1.z``.
@@ -62,12 +62,12 @@ class Pose:
 
     Attributes
     ----------
-    shift : (..., n + 1, 3) array
+    shift
         Displacement of each COM from its nominal position, m; row 0 is the support.
-    turn : (..., n + 1, 3, 3) array
+    turn
         Rotation matrices from body to global axes, minus the unit matrix: added to its ones, a
         rotation by 1e-9 rad would keep only seven digits.
-    deflection : (..., b, 3) array
+    deflection
         Of each blade's tip from its nominal position, along the axes of its body, m.
     """
 
@@ -123,7 +123,7 @@ def rigid_motion(
     ----------
     size : int
         Number N of coordinates; those after the bodies' are relative to a body, and stay 0.
-    position : (..., n + 1, 3) array
+    position
         COM of each body from the suspension point, m; row 0 is the support.
 
     Returns
@@ -154,10 +154,10 @@ def point_jacobian(
     ----------
     numbering : Layout
     pose : Pose
-    body : (k,) int array
-    arm : (..., k, 3) array
+    body
+    arm
         From the COM of the body to the point, global axes, m.
-    blade : (k,) int array, optional
+    blade
         The blade whose tip carries the point, or -1.
 
     Returns

@@ -30,11 +30,11 @@ class Bodies:
     ----------
     name : tuple of str
         Stage names, without the support.
-    mass : (..., n) array
+    mass
         kg.
-    inertia : (..., n, 3, 3) array
+    inertia
         About the COM, kg m^2.
-    position : (..., n + 1, 3) array
+    position
         Nominal COM from the suspension point, m; row 0 is the support.
     """
 
@@ -55,23 +55,23 @@ class Wires:
     ----------
     label : tuple of str
         ``test.1`` and so on.
-    upper, lower : (w,) int arrays
+    upper, lower
         The bodies joined.
-    blade : (w,) int array
+    blade
         Number of the blade whose tip carries the upper end, or -1.
-    upper_point, lower_point : (..., w, 3) arrays
+    upper_point, lower_point
         The ends, m.
-    span : (..., w, 3) array
+    span
         From upper to lower end in the nominal pose, m.
-    length : (..., w) array
+    length
         Norm of `span`.
-    tension : (..., w) array
+    tension
         At that length, N.
-    stiffness : (..., w) array
+    stiffness
         N/m.
-    torsion : (..., w) array
+    torsion
         Torsional stiffness that the design gives, N m/rad; 0 if it gives none.
-    loss : (w,) array
+    loss
         Loss angle of the stretching, and of a torsion that is given, rad.
     """
 
@@ -96,19 +96,19 @@ class Blades:
     Attributes
     ----------
     label : tuple of str
-    body : (b,) int array
+    body
         The body (or support) on which the blade is clamped.
-    axes : (b, 3) bool array
+    axes
         Along which axes the tip moves; the others are rigid.
-    tip : (..., b, 3) array
+    tip
         Nominal position of the tip, m.
-    stiffness : (..., b, 3) array
+    stiffness
         N/m (0 along rigid axes).
-    load : (..., b, 3) array
+    load
         Force of the blade on its tip in the nominal pose, N.
-    tip_mass : (..., b) array
+    tip_mass
         kg.
-    loss : (b,) array
+    loss
         Loss angle, rad.
     """
 
@@ -129,14 +129,14 @@ class Springs:
     Attributes
     ----------
     label : tuple of str
-    upper, lower : (s,) int arrays
-    upper_point, lower_point : (..., s, 3) arrays
+    upper, lower
+    upper_point, lower_point
         The point in the frame of each body, m.
-    stiffness, damping : (..., s, 6, 6) arrays
+    stiffness, damping
         N/m, N m/rad and mixed; N s/m and so on.
-    preload : (..., s, 6) array
+    preload
         Force (N) and torque (N m) on the lower body in the nominal pose.
-    loss : (s,) array
+    loss
         Loss angle, rad.
     """
 
@@ -157,12 +157,12 @@ class Flex:
 
     Attributes
     ----------
-    upper, lower : (..., w, 2, 3) arrays
+    upper, lower
         Unit vectors of each wire's principal planes, in the frames of the two bodies.
-    bend : (..., w, 2, 3) array or None
+    bend
         S_uu, S_ul, S_ll in each plane: moments at the ends per slope there, N m/rad; None for
         strings.
-    twist : (..., w) array
+    twist
         Torque per twist, N m/rad.
     """
 
