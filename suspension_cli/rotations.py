@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
-def cross_matrix(vector: Any) -> Any:
+
+def cross_matrix(vector: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Matrices [v] (..., 3, 3) of vectors v (..., 3), such that [v] w = v x w."""
     vector = np.asarray(vector)
     result = np.zeros((*vector.shape, 3), dtype=vector.dtype)
@@ -18,13 +21,17 @@ def cross_matrix(vector: Any) -> Any:
     return result
 
 
-def cross(a: Any, b: Any) -> Any:
+def cross(
+    a: Inexact[np.ndarray, "... 3"], b: Inexact[np.ndarray, "... 3"]
+) -> Inexact[np.ndarray, "... 3"]:
     """Vector products (..., 3); several times faster than `numpy.cross` for a few vectors."""
     a1, a2, a3, b1, b2, b3 = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
     return np.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
 
 
-def rotation_minus_identity(vector: Any) -> Any:
+def rotation_minus_identity(
+    vector: Inexact[np.ndarray, "*batch 3"],
+) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Rotation matrices minus the unit matrix, (..., 3, 3), of rotation vectors (..., 3) in rad.
 
     Without the unit matrix, small rotations keep all their digits. Rodrigues' formula,
@@ -37,6 +44,6 @@ def rotation_minus_identity(vector: Any) -> Any:
     return np.sinc(angle / np.pi) * v + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (v @ v)
 
 
-def rotation_matrix(vector: Any) -> Any:
+def rotation_matrix(vector: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in rad, exp([v])."""
     return np.eye(3) + rotation_minus_identity(vector)

@@ -34,11 +34,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.elements.functions import sinc
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact, Int
 
 EPS = 2.0**-53
 SERIES = 1.0
@@ -72,39 +75,39 @@ class Waves:
     ----------
     half : float
         h, m.
-    alpha2, beta2 : (f,) arrays
+    alpha2, beta2
         Squares of the evanescent and of the propagating wave number, 1/m^2; complex with loss.
-    tanh : (f,) array
+    tanh
         tanh(alpha h) / alpha, m.
-    sin : (f,) array
+    sin
         sin(beta h) / beta, m.
-    cos : (f,) array
+    cos
         cos(beta h).
-    even, odd : (f,) arrays
+    even, odd
         D (1/m) and N (m).
     """
 
     half: float
-    alpha2: Any
-    beta2: Any
-    tanh: Any
-    sin: Any
-    cos: Any
-    even: Any
-    odd: Any
+    alpha2: Inexact[np.ndarray, " frequency"]
+    beta2: Inexact[np.ndarray, " frequency"]
+    tanh: Inexact[np.ndarray, " frequency"]
+    sin: Inexact[np.ndarray, " frequency"]
+    cos: Inexact[np.ndarray, " frequency"]
+    even: Inexact[np.ndarray, " frequency"]
+    odd: Inexact[np.ndarray, " frequency"]
 
     @cached_property
-    def sum2(self) -> Any:
+    def sum2(self) -> Inexact[np.ndarray, " frequency"]:
         """alpha^2 + beta^2, 1/m^2."""
         return self.alpha2 + self.beta2
 
     @cached_property
-    def alpha(self) -> Any:
+    def alpha(self) -> Inexact[np.ndarray, " frequency"]:
         """Evanescent wave number, 1/m."""
         return np.sqrt(self.alpha2)
 
     @cached_property
-    def beta(self) -> Any:
+    def beta(self) -> Inexact[np.ndarray, " frequency"]:
         """Propagating wave number, 1/m."""
         return np.sqrt(self.beta2)
 
@@ -114,26 +117,32 @@ class Waves:
         return {}
 
     @cached_property
-    def slow(self) -> Any:
+    def slow(self) -> Bool[np.ndarray, " frequency"]:
         """Whether (f,) the wire is so stiff, or omega so low, that the closed form of N cancels."""
         return np.abs(self.sum2) * self.half**2 < SERIES
 
 
-def waves(rigidity: Any, tension: float, mass: Any, half: float, omega: Any) -> Waves:
+def waves(
+    rigidity: Inexact[np.ndarray, " frequency"] | complex,
+    tension: Inexact[np.ndarray, " frequency"] | float,
+    mass: Inexact[np.ndarray, " frequency"] | complex,
+    half: float,
+    omega: Inexact[np.ndarray, " frequency"],
+) -> Waves:
     """Compute the waves of a wire.
 
     Parameters
     ----------
-    rigidity : (f,) array or float
+    rigidity
         EI in N m^2, above 0; complex, EI (1 + i phi), with loss.
-    tension : float
+    tension
         N, at least 0.
-    mass : (f,) array or float
+    mass
         Mass per length, kg/m; complex, mu - i b / omega, with a drag b per length; 0 for a wire
         without inertia.
     half : float
         Half the length, m.
-    omega : (f,) array
+    omega
         rad/s; complex to differentiate by a complex step.
     """
     tau, m = tension / rigidity, mass * omega**2 / rigidity
@@ -154,12 +163,18 @@ def waves(rigidity: Any, tension: float, mass: Any, half: float, omega: Any) -> 
     return Waves(half, alpha2, beta2, tanh, sin, cos, even, _avoid_zero(sin, cos * tanh, odd))
 
 
-def _avoid_zero(a: Any, b: Any, total: Any) -> Any:
+def _avoid_zero(
+    a: Inexact[np.ndarray, " frequency"],
+    b: Inexact[np.ndarray, " frequency"],
+    total: Inexact[np.ndarray, " frequency"],
+) -> Inexact[np.ndarray, " frequency"]:
     """Half a rounding of a and b where their sum vanishes exactly, at a clamped resonance."""
     return np.where(total == 0, EPS * (np.abs(a) + np.abs(b)), total)
 
 
-def stiffness(rigidity: Any, wave: Waves) -> Any:
+def stiffness(
+    rigidity: Inexact[np.ndarray, " frequency"] | complex, wave: Waves
+) -> Inexact[np.ndarray, "6 frequency"]:
     """Dynamic stiffness in one plane, as the elements of q^T F q / 2 with q = (W_s, T_s, W_a, T_a).
 
     For displacements w and slopes w' of the upper (1) and the lower end (2),
@@ -167,7 +182,7 @@ def stiffness(rigidity: Any, wave: Waves) -> Any:
 
     Parameters
     ----------
-    rigidity : (f,) array or float
+    rigidity
         EI as given to `waves`, N m^2.
     wave : Waves
 
@@ -189,7 +204,9 @@ def stiffness(rigidity: Any, wave: Waves) -> Any:
     return np.stack([2 * rigidity * element + 0 * wave.sum2 for element in elements])
 
 
-def _series(p: Any, n: Any) -> Any:
+def _series(
+    p: Inexact[np.ndarray, " frequency"], n: Inexact[np.ndarray, " frequency"]
+) -> Inexact[np.ndarray, " frequency"]:
     """(f0(p) f1(n) - f0(n) f1(p)) / (p - n), f0(z) = cosh sqrt z, f1(z) = sinh(sqrt z) / sqrt z.
 
     The product of their power series is the sum over i, j of
@@ -211,7 +228,13 @@ def _series(p: Any, n: Any) -> Any:
     return total
 
 
-def resonances_below(rigidity: float, tension: float, mass: float, half: float, omega: Any) -> Any:
+def resonances_below(
+    rigidity: float,
+    tension: Inexact[np.ndarray, " frequency"] | float,
+    mass: float,
+    half: float,
+    omega: Float[np.ndarray, " frequency"],
+) -> Int[np.ndarray, " frequency"]:
     """Number (f,) of resonances of the wire with both ends clamped below each omega (rad/s).
 
     The even ones are the zeros of D, tan(beta h) = -(alpha / beta) tanh(alpha h), one in each

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,20 +41,27 @@ from suspension_cli.scene.composition import Fibre, Section
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Flex, Scene, Wires
 
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
 KNOWN = 512
 """Wires whose stiffness is kept."""
 STEP = 1e-30
 """Imaginary step of a number, whose square is far below rounding."""
 
 
-def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene:
+def with_bending(
+    scene: Scene,
+    tension: Inexact[np.ndarray, "*batch wire"] | None = None,
+    length: Inexact[np.ndarray, "*batch wire"] | None = None,
+) -> Scene:
     """Fill `flex` of a scene: its wires bend and twist.
 
     Parameters
     ----------
     scene : Scene
         With `fibres`.
-    tension, length : (..., w) arrays, optional
+    tension, length
         At which the stiffness is taken, N and m; nominal by default.
     """
     assert scene.fibres is not None
@@ -87,8 +94,12 @@ def with_bending(scene: Scene, tension: Any = None, length: Any = None) -> Scene
 
 
 def _resistance(
-    fibre: Fibre, length: Any, stiffness: Any, tension: Any, torsion: Any
-) -> tuple[Any, Any]:
+    fibre: Fibre,
+    length: Inexact[np.ndarray, " build"],
+    stiffness: Inexact[np.ndarray, " build"],
+    tension: Inexact[np.ndarray, " build"],
+    torsion: Inexact[np.ndarray, " build"],
+) -> tuple[Inexact[np.ndarray, "build 2 3"], Inexact[np.ndarray, " build"]]:
     """Stiffness of a wire against slopes (f, 2, 3) and twist (f,), for (f,) numbers."""
     fibre = fit_to_equilibrium(fibre, length, stiffness, tension, torsion)
     strand = TautWire(fibre, tension, massive=False, lossy=False)
@@ -96,7 +107,9 @@ def _resistance(
     return np.stack(planes, axis=-2), strand.resting("twist")[1, 1] / 4
 
 
-def _resistance_of_one(sections: tuple[Section, ...], *numbers: complex) -> tuple[Any, Any]:
+def _resistance_of_one(
+    sections: tuple[Section, ...], *numbers: complex
+) -> tuple[Inexact[np.ndarray, "1 2 3"], Inexact[np.ndarray, " 1"]]:
     """Resistance of one wire; its first order for a complex step of its length or tension."""
     real, step = [number.real for number in numbers], np.array([number.imag for number in numbers])
     if len(sections) == 1:  # `numbers` give its length
@@ -110,13 +123,15 @@ def _resistance_of_one(sections: tuple[Section, ...], *numbers: complex) -> tupl
     return found[0] + 1j * np.tensordot(step, slopes, 1)[None], found[1] + 1j * (step @ turning)
 
 
-def _constants(section: Section) -> tuple[Any, ...]:
+def _constants(section: Section) -> tuple[complex, ...]:
     """Numbers of a section that its static stiffness depends on."""
     return section.length, *section.rigidity, section.stretching, section.twisting
 
 
 @lru_cache(maxsize=KNOWN)
-def _known_resistance(sections: tuple[Section, ...], *numbers: complex) -> tuple[Any, Any]:
+def _known_resistance(
+    sections: tuple[Section, ...], *numbers: complex
+) -> tuple[Inexact[np.ndarray, "1 2 3"], Inexact[np.ndarray, " 1"]]:
     """Resistance of one wire; most wires do not change from one design to the next."""
     found = _resistance(bare_fibre(sections), *(np.array([number]) for number in numbers))
     slopes, turning = (part if np.imag(part).any() else np.real(part) for part in found)
@@ -124,11 +139,13 @@ def _known_resistance(sections: tuple[Section, ...], *numbers: complex) -> tuple
 
 
 @lru_cache(maxsize=KNOWN)
-def _rates(sections: tuple[Section, ...], *numbers: float) -> tuple[Any, Any]:
+def _rates(
+    sections: tuple[Section, ...], *numbers: float
+) -> tuple[Float[np.ndarray, "4 2 3"], Float[np.ndarray, " 4"]]:
     """Derivatives (4, 2, 3) and (4,) of the resistance of one wire by its numbers."""
     each = np.array(numbers)[:, None] + 1j * STEP * np.eye(len(numbers))
     slopes, turning = _resistance(bare_fibre(sections), *each)
-    return slopes.imag / STEP, turning.imag / STEP
+    return np.imag(slopes) / STEP, np.imag(turning) / STEP
 
 
 def bare_fibre(sections: tuple[Section, ...]) -> Fibre:
@@ -160,20 +177,24 @@ def wire_resistance(scene: Scene) -> Flex | None:
     return Flex(planes, planes, None, wires.torsion)
 
 
-def _slope_stiffness(stiffness: Any) -> Any:
+def _slope_stiffness(stiffness: Inexact[np.ndarray, "4 4 build"]) -> Inexact[np.ndarray, "build 3"]:
     """S_uu, S_ul, S_ll (f, 3), from T_s = (b - a) / 2 and T_a = (a + b) / 2."""
     even, odd, mixed = stiffness[1, 1], stiffness[3, 3], stiffness[1, 3]
     return np.stack([even + odd - 2 * mixed, odd - even, even + odd + 2 * mixed], axis=-1) / 4
 
 
-def _planes(plane: Any, clamp: Any) -> Any:
+def _planes(
+    plane: Inexact[np.ndarray, "*wire 3"], clamp: Inexact[np.ndarray, "*wire 3"]
+) -> Inexact[np.ndarray, "*wire 2 3"]:
     """Unit vectors (..., 2, 3) of both principal planes, across a clamp (..., 3)."""
     first = plane - (plane * clamp).sum(-1, keepdims=True) * clamp
     first = first / np.sqrt((first**2).sum(-1, keepdims=True))
     return np.stack([first, cross(clamp, first)], axis=-2)
 
 
-def _normals(scene: Scene, pose: Pose, flex: Flex) -> tuple[Any, Any]:
+def _normals(
+    scene: Scene, pose: Pose, flex: Flex
+) -> tuple[Inexact[np.ndarray, "*batch wire 2 3"], Inexact[np.ndarray, "*batch wire 2 3"]]:
     """Unit vectors (..., w, 2, 3) of the planes at the upper and lower end in global axes."""
     wires = scene.wires
     upper, lower = (
@@ -183,7 +204,15 @@ def _normals(scene: Scene, pose: Pose, flex: Flex) -> tuple[Any, Any]:
     return upper, lower
 
 
-def _slopes(direction: Any, upper: Any, lower: Any) -> tuple[Any, Any, Any]:
+def _slopes(
+    direction: Inexact[np.ndarray, "*batch wire 3"],
+    upper: Inexact[np.ndarray, "*batch wire 2 3"],
+    lower: Inexact[np.ndarray, "*batch wire 2 3"],
+) -> tuple[
+    Inexact[np.ndarray, "*batch wire 2"],
+    Inexact[np.ndarray, "*batch wire 2"],
+    Inexact[np.ndarray, "*batch wire"],
+]:
     """Slopes a and b (..., w, 2), and the sine of the twist (..., w)."""
     a, b = (-(direction[..., None, :] * n).sum(-1) for n in (upper, lower))
     twist = (
@@ -193,7 +222,7 @@ def _slopes(direction: Any, upper: Any, lower: Any) -> tuple[Any, Any, Any]:
     return a, b, twist
 
 
-def energy(scene: Scene, pose: Pose) -> Any:
+def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     """Energy (...) of bending and twisting of all wires, J."""
     flex = wire_resistance(scene)
     if flex is None:
@@ -210,10 +239,10 @@ def add_derivatives(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    gradient: Any,
-    hessian: Any,
-    outer: Any,
-    on_tips: Any,
+    gradient: Inexact[np.ndarray, "*batch coordinate"],
+    hessian: Inexact[np.ndarray, "*batch 1+coordinate 1+coordinate"],
+    outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
+    on_tips: Inexact[np.ndarray, "*batch blade 3"],
 ) -> None:
     """Add derivatives of the energy of bending and twisting, in place.
 
@@ -225,13 +254,13 @@ def add_derivatives(
     scene : Scene
     numbering : Layout
     pose : Pose
-    gradient : (..., N) array
+    gradient
         N and N m.
-    hessian : (..., N + 1, N + 1) array
+    hessian
         The last row takes what belongs to rigid directions of blades.
-    outer : (..., n + 1, 3, 3) array
+    outer
         Forces times arms (see `geometric_stiffness.add_arms`), N m.
-    on_tips : (..., b, 3) array
+    on_tips
         Gradient with respect to the blade tips, N.
     """
     wires, now, flex = scene.wires, string.state(scene, pose), wire_resistance(scene)
@@ -272,12 +301,12 @@ def add_derivatives(
 
 def _add_bending(
     wires: Wires,
-    bend: Any,
+    bend: Inexact[np.ndarray, "... wire 2 3"],
     now: string.State,
-    normals: tuple[Any, Any],
-    first: Any,
-    second: Any,
-    outer: Any,
+    normals: tuple[Inexact[np.ndarray, "*batch wire 2 3"], Inexact[np.ndarray, "*batch wire 2 3"]],
+    first: Inexact[np.ndarray, "*batch wire 9"],
+    second: Inexact[np.ndarray, "*batch wire 9 9"],
+    outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
 ) -> None:
     """Add gradient (..., w, 9) and Hessian (..., w, 9, 9) of bending, in place.
 
@@ -311,12 +340,14 @@ def _add_bending(
     second += np.swapaxes(flat_rows, -1, -2) @ moment_rows.reshape(*e.shape[:-1], 4, 9)
 
 
-def twist_jacobian(scene: Scene, pose: Pose, flex: Flex) -> Any:
+def twist_jacobian(scene: Scene, pose: Pose, flex: Flex) -> Inexact[np.ndarray, "*batch wire 6"]:
     """Derivative (..., w, 6) of each wire's twist in the rotations of its upper and lower body."""
     return _twist_forms(*_normals(scene, pose, flex))
 
 
-def _twist_forms(upper: Any, lower: Any) -> Any:
+def _twist_forms(
+    upper: Inexact[np.ndarray, "*batch wire 2 3"], lower: Inexact[np.ndarray, "*batch wire 2 3"]
+) -> Inexact[np.ndarray, "*batch wire 6"]:
     """d(phi) = t . (n_1' x m_2 - n_2' x m_1) / 2, t the rotation of the lower minus upper body."""
     row = (
         cross(lower[..., 0, :], upper[..., 1, :]) - cross(lower[..., 1, :], upper[..., 0, :])
@@ -325,7 +356,12 @@ def _twist_forms(upper: Any, lower: Any) -> Any:
 
 
 def _add_twisting(
-    wires: Wires, stiffness: Any, normals: tuple[Any, Any], first: Any, second: Any, outer: Any
+    wires: Wires,
+    stiffness: Inexact[np.ndarray, "... wire"],
+    normals: tuple[Inexact[np.ndarray, "*batch wire 2 3"], Inexact[np.ndarray, "*batch wire 2 3"]],
+    first: Inexact[np.ndarray, "*batch wire 9"],
+    second: Inexact[np.ndarray, "*batch wire 9 9"],
+    outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
 ) -> None:
     """Add gradient (..., w, 9) and Hessian (..., w, 9, 9) of twisting, in place."""
     upper, lower = normals
@@ -347,7 +383,9 @@ def _add_twisting(
         add_arms(outer, wires.upper, sign * torque[..., None] * n, m)
 
 
-def _jacobian(scene: Scene, pose: Pose, now: string.State) -> Any:
+def _jacobian(
+    scene: Scene, pose: Pose, now: string.State
+) -> Inexact[np.ndarray, "*batch wire 9 15"]:
     """Derivative (..., w, 9, 15) of the span and both rotations.
 
     With respect to displacement and rotation of the upper and the lower body, and the blade's tip.

@@ -8,23 +8,27 @@ from the nominal, loaded position the blade pulls its tip with load - k q, so it
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
 
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Inexact
 
-def tip_arms(scene: Scene, pose: Pose) -> Any:
+
+def tip_arms(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch blade 3"]:
     """Vector (..., b, 3) from the COM of each blade's body to its tip, global axes, m."""
     return pose.arms(scene.blades.body, scene.blades.tip + pose.deflection)
 
 
-def tip_gradient(scene: Scene, pose: Pose) -> Any:
+def tip_gradient(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch blade 3"]:
     """Gradient (..., b, 3) of the elastic energy with respect to the deflections, N."""
     return scene.blades.stiffness * pose.deflection - scene.blades.load
 
 
-def energy(scene: Scene, pose: Pose) -> Any:
+def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     """Elastic energy (...) of all blades relative to the nominal pose, J."""
     q = pose.deflection
     return (0.5 * scene.blades.stiffness * q**2 - scene.blades.load * q).sum((-2, -1))

@@ -21,30 +21,42 @@ curvature is nearly a polynomial, for which Gauss-Legendre quadrature is exact.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.elements.beam import Waves
 from suspension_cli.elements.functions import sinhc, sinhc_minus_sinc
 
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
+    Factors = tuple[
+        Inexact[np.ndarray, "motion frequency"],
+        Inexact[np.ndarray, "motion frequency"],
+        Inexact[np.ndarray, "motion frequency"],
+        Inexact[np.ndarray, "motion frequency"],
+    ]
+
 POINTS = 12
 """Points of the quadrature, exact to order 23; the curvature of a slow wire has order 4 or so."""
 
 
-def integrate_squared_curvature(wave: Waves, ends: Any) -> tuple[Any, Any]:
+def integrate_squared_curvature(
+    wave: Waves, ends: Inexact[np.ndarray, "4 motion frequency"]
+) -> tuple[Float[np.ndarray, "motion frequency"], Float[np.ndarray, "motion frequency"]]:
     """Integral of |w''|^2 over the upper and over the lower half of a wire.
 
     Parameters
     ----------
     wave : Waves
         At frequencies (f,).
-    ends : (4, r, f) complex array
+    ends
         W_s, T_s, W_a, T_a of r motions, in m and rad.
 
     Returns
     -------
-    upper, lower : (r, f) arrays
+    upper, lower
         1/m.
     """
     factors = _factors(wave, ends)
@@ -58,7 +70,9 @@ def integrate_squared_curvature(wave: Waves, ends: Any) -> tuple[Any, Any]:
     return total - cross, total + cross
 
 
-def integrate_squared_displacement(wave: Waves, ends: Any) -> Any:
+def integrate_squared_displacement(
+    wave: Waves, ends: Inexact[np.ndarray, "4 motion frequency"]
+) -> Float[np.ndarray, "motion frequency"]:
     """Integral (r, f) of |w|^2 over the whole wire, m^3, for the drag of a gas.
 
     Arguments as for `integrate_squared_curvature`. In a stiff, slow wire the waves cancel; there
@@ -76,7 +90,9 @@ def integrate_squared_displacement(wave: Waves, ends: Any) -> Any:
     return 2 * total
 
 
-def _displacement_quadrature(wave: Waves, factors: tuple[Any, Any, Any, Any], ends: Any) -> Any:
+def _displacement_quadrature(
+    wave: Waves, factors: Factors, ends: Inexact[np.ndarray, "4 motion frequency"]
+) -> Float[np.ndarray, "motion frequency"]:
     """Integral of |w|^2 over half a stiff, slow wire."""
     h, (nodes, weights) = wave.half, np.polynomial.legendre.leggauss(POINTS)
     # values at the nodes -> their double integral from the end, through Legendre polynomials
@@ -84,7 +100,10 @@ def _displacement_quadrature(wave: Waves, factors: tuple[Any, Any, Any, Any], en
     double = np.polynomial.legendre.legval(nodes, double).T @ np.linalg.inv(
         np.polynomial.legendre.legvander(nodes, POINTS - 1)
     )
-    total, curvatures = 0.0, _slow_curvature(wave, factors, (nodes + 1) * h / 2)
+    total, curvatures = (
+        np.zeros(ends.shape[1:]),
+        _slow_curvature(wave, factors, (nodes + 1) * h / 2),
+    )
     for (displacement, slope), bend in zip((ends[:2], ends[2:]), curvatures, strict=True):
         line = displacement - np.multiply.outer((1 - nodes) * h / 2, slope)
         w = line + np.tensordot(double * (h / 2) ** 2, bend, 1)
@@ -92,7 +111,7 @@ def _displacement_quadrature(wave: Waves, factors: tuple[Any, Any, Any, Any], en
     return total
 
 
-def _factors(wave: Waves, ends: Any) -> tuple[Any, Any, Any, Any]:
+def _factors(wave: Waves, ends: Inexact[np.ndarray, "4 motion frequency"]) -> Factors:
     """k1 to k4, (r, f) each."""
     even, even_slope, odd, odd_slope = ends
     alpha2, beta2 = wave.alpha2, wave.beta2
@@ -104,15 +123,21 @@ def _factors(wave: Waves, ends: Any) -> tuple[Any, Any, Any, Any]:
     )
 
 
-def _closed_form(wave: Waves, factors: tuple[Any, Any, Any, Any]) -> tuple[Any, Any]:
+def _closed_form(
+    wave: Waves, factors: Factors
+) -> tuple[Float[np.ndarray, "motion frequency"], Float[np.ndarray, "motion frequency"]]:
     """Even plus odd part, and even-odd product, of the integral over half a wire."""
     k1, k2, k3, k4 = factors
     if "integrals" not in wave.cache:
         wave.cache["integrals"] = _integrals(wave)
     i11, i22, i33, i44, i12, i13, i14, i32, i24, i34 = wave.cache["integrals"]
 
-    def product(x: Any, weight: Any, y: Any) -> Any:
-        return (x * weight * np.conj(y)).real
+    def product(
+        x: Inexact[np.ndarray, "motion frequency"],
+        weight: Inexact[np.ndarray, " frequency"],
+        y: Inexact[np.ndarray, "motion frequency"],
+    ) -> Float[np.ndarray, "motion frequency"]:
+        return np.real(x * weight * np.conj(y))
 
     total = _abs2(k1) * i11 + _abs2(k2) * i22 + _abs2(k3) * i33 + _abs2(k4) * i44
     total = total + 2 * (product(k1, i12, k2) + product(k3, i34, k4))
@@ -122,17 +147,17 @@ def _closed_form(wave: Waves, factors: tuple[Any, Any, Any, Any]) -> tuple[Any, 
     return total, 2 * cross
 
 
-def _abs2(z: Any) -> Any:
-    return z.real**2 + z.imag**2
+def _abs2(z: Inexact[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+    return np.real(z) ** 2 + np.imag(z) ** 2
 
 
-def _integrals(wave: Waves) -> tuple[Any, ...]:
+def _integrals(wave: Waves) -> tuple[Inexact[np.ndarray, " frequency"], ...]:
     """I_ij (f,) for ij = 11, 22, 33, 44, 12, 13, 14, 32, 24, 34.
 
     The hyperbolic functions are divided by C or |C|^2, so that none overflows.
     """
     h, alpha, beta = wave.half, wave.alpha, wave.beta
-    ar, ai, br, bi = alpha.real, alpha.imag, beta.real, beta.imag
+    ar, ai, br, bi = np.real(alpha), np.imag(alpha), np.real(beta), np.imag(beta)
     sech = 1 / np.cosh(np.minimum(2 * ar * h, 700.0))
     norm = 1 + np.cos(2 * ai * h) * sech  # 2 |C|^2 / cosh(2 Re alpha h)
     sinh, sin = np.tanh(2 * ar * h) / (2 * ar), h * np.sinc(2 * ai * h / np.pi) * sech
@@ -156,16 +181,22 @@ def _integrals(wave: Waves) -> tuple[Any, ...]:
     return i11, i22, i33, i44, i12, i13, i14, i32, i24, i34
 
 
-def _quadrature(wave: Waves, factors: tuple[Any, Any, Any, Any]) -> tuple[Any, Any]:
+def _quadrature(
+    wave: Waves, factors: Factors
+) -> tuple[Float[np.ndarray, "motion frequency"], Float[np.ndarray, "motion frequency"]]:
     """Even plus odd part, and even-odd product, for a stiff, slow wire."""
     nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     even, odd = _slow_curvature(wave, factors, (nodes + 1) * wave.half / 2)
     weight = weights * wave.half / 2
     total = np.einsum("x,xrf->rf", weight, np.abs(even) ** 2 + np.abs(odd) ** 2)
-    return total, 2 * np.einsum("x,xrf->rf", weight, (even * np.conj(odd)).real)
+    return total, 2 * np.einsum("x,xrf->rf", weight, np.real(even * np.conj(odd)))
 
 
-def _slow_curvature(wave: Waves, factors: tuple[Any, Any, Any, Any], at: Any) -> tuple[Any, Any]:
+def _slow_curvature(
+    wave: Waves, factors: Factors, at: Float[np.ndarray, " node"]
+) -> tuple[
+    Inexact[np.ndarray, "node motion frequency"], Inexact[np.ndarray, "node motion frequency"]
+]:
     """Even and odd part (x, r, f) of the curvature at places (x,) of a stiff, slow wire."""
     k1, k2, k3, k4 = factors
     alpha, beta = np.where(wave.slow, wave.alpha, 0), np.where(wave.slow, wave.beta, 0)
@@ -174,6 +205,6 @@ def _slow_curvature(wave: Waves, factors: tuple[Any, Any, Any, Any], at: Any) ->
     return even, k3 * (np.sinh(alpha * x) * over_cosh) + k4 * np.sin(beta * x)
 
 
-def _bounded_cosh(z: Any) -> Any:
+def _bounded_cosh(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
     """cosh, bounded below overflow: only its inverse is used."""
-    return np.cosh(np.where(z.real > 700, 700.0, z))
+    return np.cosh(np.where(np.real(z) > 700, 700.0, z))

@@ -14,12 +14,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.elements import beam, curvature, gas, joined_sections, loss, rod
 from suspension_cli.scene.composition import Fibre, Gas, Section
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
 
 PARTS = ("bend-1", "bend-2", "stretch", "twist")
 COORDINATES = {"bend-1": 4, "bend-2": 4, "stretch": 2, "twist": 2}
@@ -35,7 +38,7 @@ class TautWire:
     Attributes
     ----------
     fibre : Fibre
-    tension : float or (f,) array
+    tension
         N. An array, with arrays as lengths of the fibre's sections, stands for the wire in many
         builds, one per frequency.
     massive : bool
@@ -46,7 +49,7 @@ class TautWire:
     """
 
     fibre: Fibre
-    tension: Any
+    tension: Inexact[np.ndarray, " frequency"] | float
     massive: bool
     lossy: bool
     surrounded: Gas | None = None
@@ -56,16 +59,16 @@ class TautWire:
         """Whether both planes have the same bending stiffness."""
         return all(section.round for section in self.fibre.sections)
 
-    def at(self, omega: Any) -> WireAtFrequencies:
+    def at(self, omega: Inexact[np.ndarray, " frequency"]) -> WireAtFrequencies:
         """The wire at frequencies (f,), rad/s."""
         return WireAtFrequencies(self, omega)
 
     @cached_property
-    def static(self) -> dict[str, Any]:
+    def static(self) -> dict[str, Inexact[np.ndarray, "_ _"]]:
         """Static stiffness (c, c) of every part, without loss."""
         return {part: self.resting(part)[..., 0] for part in PARTS}
 
-    def resting(self, part: str) -> Any:
+    def resting(self, part: str) -> Inexact[np.ndarray, "end end frequency"]:
         """Static stiffness (c, c, f) of one part, without loss, for f tensions and lengths.
 
         Complex for a complex step of the tension or of the fibre's numbers.
@@ -78,12 +81,14 @@ class TautWire:
             np.zeros(np.size(self.tension))
         )
 
-    def resonances_below(self, omega: Any, parts: tuple[str, ...] = PARTS) -> Any:
+    def resonances_below(
+        self, omega: Float[np.ndarray, " frequency"], parts: tuple[str, ...] = PARTS
+    ) -> Int[np.ndarray, " frequency"]:
         """Count resonances (f,) below each omega (rad/s) with clamped ends, in the given parts."""
         lossless = replace(self, lossy=False)
         return lossless.at(np.asarray(omega, dtype=float)).resonances_below(parts)
 
-    def held_resonances(self, part: str, omega: float) -> Any:
+    def held_resonances(self, part: str, omega: float) -> Float[np.ndarray, " resonance"]:
         """Resonances (rad/s) of one part with clamped ends, up to the second above omega.
 
         By bisection on their number below a frequency, which misses none.
@@ -108,18 +113,18 @@ class WireAtFrequencies:
     Attributes
     ----------
     strand : TautWire
-    omega : (f,) array
+    omega
         rad/s.
     """
 
     strand: TautWire
-    omega: Any
+    omega: Inexact[np.ndarray, " frequency"]
 
     def stiffness(self, part: str) -> Any:
         """Dynamic stiffness (c, c, f) of one part, N/m, N and N m."""
         return self._joined(self._twin(part))[0]
 
-    def resonances_below(self, parts: tuple[str, ...]) -> Any:
+    def resonances_below(self, parts: tuple[str, ...]) -> Int[np.ndarray, " frequency"]:
         """Count resonances (f,) below each frequency with clamped ends.
 
         Those of the sections, and those that joining them adds (see `elements.joined_sections`).
@@ -140,13 +145,15 @@ class WireAtFrequencies:
             total = total + self._joined(self._twin(part))[2]
         return total
 
-    def dissipated(self, part: str, motion: Any) -> dict[str, Any]:
+    def dissipated(
+        self, part: str, motion: Inexact[np.ndarray, "end motion frequency"]
+    ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
         """Dissipation x^H Im(F) x of motions x of the ends, by cause.
 
         Parameters
         ----------
         part : str
-        motion : (c, r, f) array
+        motion
             Of r motions, m and rad.
 
         Returns
@@ -166,9 +173,11 @@ class WireAtFrequencies:
             return self._bending_dissipation(part, motions)
         return self._rod_dissipation(part, motions)
 
-    def _bending_dissipation(self, part: str, motions: list[Any]) -> dict[str, Any]:
+    def _bending_dissipation(
+        self, part: str, motions: list[Inexact[np.ndarray, "4 motion frequency"]]
+    ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
         sections = self.strand.fibre.sections
-        result = {"bending-upper": 0.0, "bending-lower": 0.0}
+        result: dict[str, Any] = {"bending-upper": 0.0, "bending-lower": 0.0}
         length, top = sum(section.length for section in sections), 0.0
         for section, motion, (waves, rigidity, mass) in zip(
             sections, motions, self._bends[self._twin(part)], strict=True
@@ -187,23 +196,33 @@ class WireAtFrequencies:
             top += section.length
         return result
 
-    def _imaginary_rigidity(self, section: Section, part: str, end: int, rigidity: Any) -> Any:
+    def _imaginary_rigidity(
+        self,
+        section: Section,
+        part: str,
+        end: int,
+        rigidity: Inexact[np.ndarray, " frequency"] | complex,
+    ) -> Inexact[np.ndarray, " frequency"] | float:
         """Im(EI) at the temperature of one end, on which the thermoelastic loss depends."""
         temperature = self.strand.fibre.temperature
         if temperature[0] == temperature[1]:
             return np.imag(rigidity)
         return _elastic_rigidity(section, part) * self._loss_angle(section, part, temperature[end])
 
-    def _separate_causes(self, section: Section, part: str, end: int) -> dict[str, Any]:
+    def _separate_causes(
+        self, section: Section, part: str, end: int
+    ) -> dict[str, Inexact[np.ndarray, " frequency"]]:
         """Parts of Im(EI) that are listed under their own causes."""
         angles = loss.bending_causes(
             section, _plane(part), np.real(self.omega), self.strand.fibre.temperature[end]
         )
         return {cause: _elastic_rigidity(section, part) * own for cause, own in angles.items()}
 
-    def _rod_dissipation(self, part: str, motions: list[Any]) -> dict[str, Any]:
+    def _rod_dissipation(
+        self, part: str, motions: list[Inexact[np.ndarray, "2 motion frequency"]]
+    ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
         name = "stretching" if part == "stretch" else "torsion"
-        result = {name: 0.0}
+        result: dict[str, Any] = {name: 0.0}
         for section, motion in zip(self.strand.fibre.sections, motions, strict=True):
             rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
             strain, displacement = rod.integrate_squares(
@@ -243,7 +262,7 @@ class WireAtFrequencies:
                 self._cache[part] = joined_sections.to_even_odd(whole), nodes, negative
         return self._cache[part]
 
-    def _sections(self, part: str) -> list[Any]:
+    def _sections(self, part: str) -> list[Inexact[np.ndarray, "end end frequency"]]:
         """Stiffness (c, c, f) of every section in one part, on even and odd motion."""
         if _is_bending(part):
             return [
@@ -288,7 +307,9 @@ class WireAtFrequencies:
             return rigidity
         return (rigidity + self.strand.tension * section.polar_area) * section.torsion_factor
 
-    def _loss_angle(self, section: Section, part: str, temperature: float) -> Any:
+    def _loss_angle(
+        self, section: Section, part: str, temperature: float
+    ) -> Inexact[np.ndarray, " frequency"]:
         omega = np.real(self.omega)
         if _is_bending(part):
             return loss.bending_angle(
@@ -379,7 +400,9 @@ def fit_to_equilibrium(fibre: Fibre, length: Any, k: Any, tension: Any, torsion:
     return replace(fibre, sections=sections)
 
 
-def _symmetric(size: int, places: Any, elements: Any) -> Any:
+def _symmetric(
+    size: int, places: Any, elements: Inexact[np.ndarray, "place frequency"]
+) -> Inexact[np.ndarray, "size size frequency"]:
     """Symmetric matrices (size, size, f) from their elements (k, f) on and above the diagonal."""
     result = np.zeros((size, size, elements.shape[-1]), dtype=elements.dtype)
     for (i, j), value in zip(places, elements, strict=True):

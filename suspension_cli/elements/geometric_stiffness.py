@@ -10,14 +10,19 @@ expansion of the rotation about the current pose; compare Goldstein, Classical M
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Index
+if TYPE_CHECKING:
+    from jaxtyping import Inexact, Int
 
 
-def sum_by(index: Index, values: Any, count: int) -> Any:
+def sum_by(
+    index: Int[np.ndarray, " point"],
+    values: Inexact[np.ndarray, "*batch point component"],
+    count: int,
+) -> Inexact[np.ndarray, "*batch count component"]:
     """Sum vectors (..., k, m) of equal index (k,) into (..., count, m); negative ones are omitted.
 
     >>> sum_by(np.array([1, 1, -1]), np.ones((3, 2)), 2)
@@ -27,15 +32,20 @@ def sum_by(index: Index, values: Any, count: int) -> Any:
     return (np.arange(count)[:, None] == index).astype(float) @ values
 
 
-def add_arms(outer: Any, body: Index, force: Any, arm: Any) -> None:
+def add_arms(
+    outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
+    body: Int[np.ndarray, " point"],
+    force: Inexact[np.ndarray, "*#batch point 3"],
+    arm: Inexact[np.ndarray, "*#batch point 3"],
+) -> None:
     """Add F w^T of forces at points to the sum of each body, in place.
 
     Parameters
     ----------
-    outer : (..., n + 1, 3, 3) array
+    outer
         N m.
-    body : (k,) int array
-    force, arm : (..., k, 3) arrays
+    body
+    force, arm
         Gradient of the energy with respect to each point (minus the force on the body), N, and
         vector from the COM to the point, m.
     """
@@ -44,7 +54,9 @@ def add_arms(outer: Any, body: Index, force: Any, arm: Any) -> None:
     outer += total.reshape(*total.shape[:-1], 3, 3)
 
 
-def rotation_hessian(outer: Any) -> Any:
+def rotation_hessian(
+    outer: Inexact[np.ndarray, "*batch 3 3"],
+) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Hessian (..., n + 1, 3, 3) in the rotation of each body, N m, from the summed F w^T."""
     trace = np.trace(outer, axis1=-2, axis2=-1)
     return (outer + np.swapaxes(outer, -1, -2)) / 2 - trace[..., None, None] * np.eye(3)

@@ -16,9 +16,12 @@ because in the sum of both the stiffness of a nearly rigid wire would swamp its 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from jaxtyping import Inexact, Int
 
 ENDS = {
     2: np.array([[1.0, 0, -1, 0], [0, -1, 0, 1], [1, 0, 1, 0], [0, 1, 0, 1]]),
@@ -28,32 +31,42 @@ ENDS = {
 `elements.beam` to (w_1, w'_1, w_2, w'_2), and (U_s, U_a) of `elements.rod` to (u_1, u_2)."""
 
 
-def to_ends(even_odd: Any) -> Any:
+def to_ends(
+    even_odd: Inexact[np.ndarray, "end end frequency"],
+) -> Inexact[np.ndarray, "end end frequency"]:
     """Transform a stiffness (2p, 2p, f) on even and odd motion to the two ends."""
     back = np.linalg.inv(ENDS[len(even_odd) // 2])
     return np.einsum("ki,klf,lj->ijf", back, even_odd, back)
 
 
-def to_even_odd(stiffness: Any) -> Any:
+def to_even_odd(
+    stiffness: Inexact[np.ndarray, "end end frequency"],
+) -> Inexact[np.ndarray, "end end frequency"]:
     """Transform a stiffness (2p, 2p, f) on the two ends to even and odd motion."""
     form = ENDS[len(stiffness) // 2]
     return np.einsum("ki,klf,lj->ijf", form, stiffness, form)
 
 
-def join(parts: list[Any]) -> tuple[Any, list[Any], Any]:
+def join(
+    parts: list[Inexact[np.ndarray, "end end frequency"]],
+) -> tuple[
+    Inexact[np.ndarray, "end end frequency"],
+    list[Inexact[np.ndarray, "end//2 end frequency"]],
+    Int[np.ndarray, " frequency"],
+]:
     """Join sections of a beam.
 
     Parameters
     ----------
-    parts : list of (2p, 2p, f) arrays
+    parts
         Stiffness of each section between its ends, from the top.
 
     Returns
     -------
-    whole : (2p, 2p, f) array
-    nodes : list of (p, 2p, f) arrays
+    whole
+    nodes
         Motion of each inner node per motion of the upper end and of the node below.
-    negative : (f,) int array
+    negative
         Number of negative eigenvalues of the stiffnesses S of the nodes (of real stiffnesses only).
     """
     whole, nodes = parts[0], []
@@ -77,7 +90,13 @@ def join(parts: list[Any]) -> tuple[Any, list[Any], Any]:
     return whole, nodes, negative
 
 
-def join_rods(parts: list[Any]) -> tuple[Any, list[Any], Any]:
+def join_rods(
+    parts: list[Inexact[np.ndarray, "2 2 frequency"]],
+) -> tuple[
+    Inexact[np.ndarray, "2 2 frequency"],
+    list[Inexact[np.ndarray, "1 2 frequency"]],
+    Int[np.ndarray, " frequency"],
+]:
     """Join sections of a rod.
 
     A section is a spring c between its ends, and springs r_1 and r_2 from its ends to the ground
@@ -88,12 +107,12 @@ def join_rods(parts: list[Any]) -> tuple[Any, list[Any], Any]:
 
     Parameters
     ----------
-    parts : list of (2, 2, f) arrays
+    parts
         Stiffness of each section on the even and odd motion of its ends, diagonal.
 
     Returns
     -------
-    whole : (2, 2, f) array
+    whole
         Stiffness of all sections together on the even and odd motion of the ends.
     nodes, negative
         As for `join`.
@@ -122,27 +141,36 @@ def join_rods(parts: list[Any]) -> tuple[Any, list[Any], Any]:
     )
 
 
-def _off_resonance(own: Any, size: Any) -> Any:
+def _off_resonance(
+    own: Inexact[np.ndarray, "node node frequency"],
+    size: Inexact[np.ndarray, "node node frequency"],
+) -> Inexact[np.ndarray, "node node frequency"]:
     """Shift exactly singular stiffnesses (p, p, f) of a node by one rounding of `size`."""
     singular = np.linalg.det(np.moveaxis(own, -1, 0)) == 0
     return own + singular * np.finfo(float).eps * size.max((0, 1)) * np.eye(len(own))[..., None]
 
 
-def _node_motion(own: Any, coupling: Any) -> Any:
+def _node_motion(
+    own: Inexact[np.ndarray, "node node frequency"],
+    coupling: Inexact[np.ndarray, "node 2*node frequency"],
+) -> Inexact[np.ndarray, "node 2*node frequency"]:
     """-S^-1 coupling, (p, 2p, f), for the stiffness S (p, p, f) of a node."""
     return -np.moveaxis(
         np.linalg.solve(np.moveaxis(own, -1, 0), np.moveaxis(coupling, -1, 0)), 0, -1
     )
 
 
-def section_motions(nodes: list[Any], motion: Any) -> list[Any]:
+def section_motions(
+    nodes: list[Inexact[np.ndarray, "end//2 end frequency"]],
+    motion: Inexact[np.ndarray, "end motion frequency"],
+) -> list[Inexact[np.ndarray, "end motion frequency"]]:
     """Motion (2p, r, f) of the ends of every section, from that of the ends of the whole.
 
     Parameters
     ----------
-    nodes : list of (p, 2p, f) arrays
+    nodes
         From `join` or `join_rods`.
-    motion : (2p, r, f) array
+    motion
         Of the upper and the lower end of the whole.
     """
     p = len(motion) // 2

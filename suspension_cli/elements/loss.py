@@ -7,15 +7,24 @@ All angles are finite at zero frequency. `omega` is in rad/s, not negative, of a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.cross_sections.relaxation import FLAT, relaxation
 from suspension_cli.scene.composition import BladeLoss, Section
 
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
-def bending_angle(section: Section, plane: int, omega: Any, tension: Any, temperature: Any) -> Any:
+
+def bending_angle(
+    section: Section,
+    plane: int,
+    omega: Inexact[np.ndarray, "*#frequency"] | complex,
+    tension: Inexact[np.ndarray, "*#frequency"] | complex,
+    temperature: float,
+) -> Inexact[np.ndarray, "*frequency"]:
     """Loss angle of the bending of a wire, rad.
 
     Parameters
@@ -23,9 +32,9 @@ def bending_angle(section: Section, plane: int, omega: Any, tension: Any, temper
     section : Section
     plane : {0, 1}
         Plane of the bending, as in `section.rigidity`.
-    omega : array
+    omega
         rad/s.
-    tension : array
+    tension
         N; sets the static strain for the thermoelastic loss.
     temperature : array
         K.
@@ -40,20 +49,23 @@ def bending_angle(section: Section, plane: int, omega: Any, tension: Any, temper
 
 
 def bending_angle_parts(
-    section: Section, plane: int, omega: Any, temperature: Any
-) -> tuple[Any, Any, float, float]:
+    section: Section,
+    plane: int,
+    omega: Inexact[np.ndarray, "*frequency"] | complex,
+    temperature: float,
+) -> tuple[Inexact[np.ndarray, "*frequency"], Inexact[np.ndarray, "*frequency"], float, float]:
     """Parts of the loss angle of the bending of a wire, plain + strained a^2.
 
     Returns
     -------
-    plain : array
+    plain
         Loss angle of mechanisms that do not depend on tension, rad.
-    strained : array
+    strained
         That of the mechanism with a coefficient a (thermoelastic, 1/K), over a^2.
     free, slope : float
         a = free - slope * tension (N).
     """
-    plain: Any = 0.0 * np.asarray(omega)
+    plain = 0.0 * np.asarray(omega)
     strained, free, slope = 0.0 * (np.asarray(omega) + temperature), 0.0, 0.0
     for own in section.losses:
         angle = own.bending(section.shape, plane, omega, temperature)
@@ -65,7 +77,12 @@ def bending_angle_parts(
     return plain, strained, free, slope
 
 
-def bending_causes(section: Section, plane: int, omega: Any, temperature: Any) -> dict[str, Any]:
+def bending_causes(
+    section: Section,
+    plane: int,
+    omega: Inexact[np.ndarray, "*frequency"] | complex,
+    temperature: float,
+) -> dict[str, Inexact[np.ndarray, "*frequency"]]:
     """Loss angles of bending, rad, of the mechanisms that are listed under their own causes."""
     return {
         own.cause: own.bending(section.shape, plane, omega, temperature)
@@ -74,19 +91,25 @@ def bending_causes(section: Section, plane: int, omega: Any, temperature: Any) -
     }
 
 
-def stretching_angle(section: Section, omega: Any) -> Any:
+def stretching_angle(
+    section: Section, omega: Inexact[np.ndarray, "*frequency"] | complex
+) -> Inexact[np.ndarray, "*frequency"]:
     """Loss angle of the stretching of a wire, rad, of the shape of omega (rad/s)."""
     zero = 0.0 * np.asarray(omega)
     return sum((own.stretching(section.shape, omega) for own in section.losses), zero)
 
 
-def twisting_angle(section: Section, omega: Any) -> Any:
+def twisting_angle(
+    section: Section, omega: Inexact[np.ndarray, "*frequency"] | complex
+) -> Inexact[np.ndarray, "*frequency"]:
     """Loss angle of the twisting of a wire, rad, of the shape of omega (rad/s)."""
     zero = 0.0 * np.asarray(omega)
     return sum((own.twisting(section.shape, omega) for own in section.losses), zero)
 
 
-def blade_angle(blade: BladeLoss, omega: Any) -> Any:
+def blade_angle(
+    blade: BladeLoss, omega: Inexact[np.ndarray, "*frequency"] | complex
+) -> Inexact[np.ndarray, "*frequency"]:
     """Loss angle of the bending of a blade, rad, of the shape of omega (rad/s).
 
     The static stress averages to zero across the thickness, so the tension does not enter.
@@ -126,6 +149,8 @@ class Plate:
         del plane
         return 6 / self.thickness if self.thickness > 0 else 0.0
 
-    def relaxation(self, phase: Any) -> Any:
+    def relaxation(
+        self, phase: Inexact[np.ndarray, "*frequency"] | complex
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Thermoelastic loss angle over its strength."""
         return relaxation(phase, FLAT)

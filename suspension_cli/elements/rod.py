@@ -11,29 +11,37 @@ kappa^2 = mu omega^2 / S and h = L/2, the stiffness is diagonal (any text on vib
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.elements.functions import sinc, sinhc, sinhc_minus_sinc
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
 
 DEEP = 300.0
 """Im(kappa h) above which the motion of one end decays to nothing, within rounding, at the
 other."""
 
 
-def stiffness(rigidity: Any, mass: Any, half: float, omega: Any) -> Any:
+def stiffness(
+    rigidity: Inexact[np.ndarray, " frequency"] | complex,
+    mass: Inexact[np.ndarray, " frequency"] | complex,
+    half: float,
+    omega: Inexact[np.ndarray, " frequency"],
+) -> Inexact[np.ndarray, "2 frequency"]:
     """Dynamic stiffness (2, f), the elements F_s and F_a of (F_s U_s^2 + F_a U_a^2) / 2.
 
     Parameters
     ----------
-    rigidity : (f,) array or float
+    rigidity
         S in N (stretching, string) or N m^2 (twisting); complex with loss.
-    mass : (f,) array or float
+    mass
         Inertia per length: kg/m, or kg m for twisting; 0 without inertia.
     half : float
         Half the length, m.
-    omega : (f,) array
+    omega
         rad/s.
 
     Returns
@@ -49,8 +57,12 @@ def stiffness(rigidity: Any, mass: Any, half: float, omega: Any) -> Any:
 
 
 def integrate_squares(
-    rigidity: Any, mass: Any, half: float, omega: Any, ends: Any
-) -> tuple[Any, Any]:
+    rigidity: Inexact[np.ndarray, " frequency"] | complex,
+    mass: Inexact[np.ndarray, " frequency"] | complex,
+    half: float,
+    omega: Inexact[np.ndarray, " frequency"],
+    ends: Inexact[np.ndarray, "2 motion frequency"],
+) -> tuple[Float[np.ndarray, "motion frequency"], Float[np.ndarray, "motion frequency"]]:
     """Integrals of |u'|^2 and of |u|^2 along the rod.
 
     u = U_s cos(kappa x)/cos(kappa h) + U_a sin(kappa x)/sin(kappa h), with x from the middle; the
@@ -60,12 +72,12 @@ def integrate_squares(
     ----------
     rigidity, mass, half, omega
         As for `stiffness`.
-    ends : (2, r, f) complex array
+    ends
         U_s and U_a of r motions, m or rad.
 
     Returns
     -------
-    strain, displacement : (r, f) arrays
+    strain, displacement
         u of stretching: m and m^3; of twisting: 1/m and m.
     """
     kappa2 = mass * omega**2 / rigidity + 0 * omega
@@ -91,7 +103,9 @@ def integrate_squares(
     return strain / half, displacement * half
 
 
-def resonances_below(rigidity: float, mass: float, half: float, omega: Any) -> Any:
+def resonances_below(
+    rigidity: float, mass: float, half: float, omega: Float[np.ndarray, "*frequency"] | float
+) -> Int[np.ndarray, "*frequency"]:
     """Count resonances (f,) of the rod below each omega (rad/s) with clamped ends.
 
     They lie at kappa L = pi, 2 pi, ... . Arguments as for `stiffness`, without loss.

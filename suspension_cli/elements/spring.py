@@ -18,7 +18,7 @@ exponentials.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene
 
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
+
 
 @dataclass(frozen=True)
 class State:
@@ -34,20 +37,20 @@ class State:
 
     Attributes
     ----------
-    reach : (..., s, 3) array
+    reach
         r, from the upper COM to the lower point, global axes, m.
-    arm : (..., s, 3) array
+    arm
         w, from the lower COM to the lower point, global axes, m.
-    strain : (..., s, 6) array
+    strain
         delta in m and phi in rad.
-    pull : (..., s, 6) array
+    pull
         Gradient of the energy with respect to the strain, N and N m.
     """
 
-    reach: Any
-    arm: Any
-    strain: Any
-    pull: Any
+    reach: Inexact[np.ndarray, "*batch spring 3"]
+    arm: Inexact[np.ndarray, "*batch spring 3"]
+    strain: Inexact[np.ndarray, "*batch spring 6"]
+    pull: Inexact[np.ndarray, "*batch spring 6"]
 
 
 def state(scene: Scene, pose: Pose) -> State:
@@ -64,19 +67,21 @@ def state(scene: Scene, pose: Pose) -> State:
     return State(reach, arm, strain, pull)
 
 
-def _vee(matrix: Any) -> Any:
+def _vee(matrix: Inexact[np.ndarray, "*batch 3 3"]) -> Inexact[np.ndarray, "*batch 3"]:
     """Vector v of the skew part [v] of a matrix."""
     difference = matrix - np.swapaxes(matrix, -1, -2)
     return difference[..., [2, 0, 1], [1, 2, 0]] / 2
 
 
-def energy(scene: Scene, pose: Pose) -> Any:
+def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     """Elastic energy (...) of all springs relative to the nominal pose, J."""
     now = state(scene, pose)
     return (0.5 * (now.pull - scene.springs.preload) * now.strain).sum((-2, -1))
 
 
-def strain_jacobian(scene: Scene, numbering: Layout, pose: Pose, now: State, number: int) -> Any:
+def strain_jacobian(
+    scene: Scene, numbering: Layout, pose: Pose, now: State, number: int
+) -> Inexact[np.ndarray, "*batch 6 coordinate"]:
     """Derivative (..., 6, N) of the strain of spring `number` with respect to the coordinates."""
     up, low = _columns(scene, number)
     to_upper = np.swapaxes(pose.rotation[..., scene.springs.upper[number], :, :], -1, -2)
@@ -94,7 +99,13 @@ def strain_jacobian(scene: Scene, numbering: Layout, pose: Pose, now: State, num
     return result
 
 
-def add_curvature(scene: Scene, pose: Pose, now: State, number: int, hessian: Any) -> None:
+def add_curvature(
+    scene: Scene,
+    pose: Pose,
+    now: State,
+    number: int,
+    hessian: Inexact[np.ndarray, "*batch coordinate coordinate"],
+) -> None:
     """Add pull times second derivative of a spring's strain to a Hessian (..., N, N), in place."""
     up, low = _columns(scene, number)
     upper = pose.rotation[..., scene.springs.upper[number], :, :]
@@ -129,10 +140,12 @@ def _turning(displacement: slice) -> slice:
     return slice(displacement.stop, displacement.stop + 3)
 
 
-def _outer(a: Any, b: Any) -> Any:
+def _outer(
+    a: Inexact[np.ndarray, "*batch 3"], b: Inexact[np.ndarray, "*batch 3"]
+) -> Inexact[np.ndarray, "*batch 3 3"]:
     return a[..., :, None] * b[..., None, :]
 
 
-def _trace(matrix: Any) -> Any:
+def _trace(matrix: Inexact[np.ndarray, "*batch 3 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Trace times the unit matrix."""
     return np.trace(matrix, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)

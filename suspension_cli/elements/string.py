@@ -10,12 +10,15 @@ et al. (2000), section 4b.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.scene.pose import Layout, Pose, point_jacobian
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
 
 @dataclass(frozen=True)
@@ -24,27 +27,27 @@ class State:
 
     Attributes
     ----------
-    upper_arm, lower_arm : (..., w, 3) arrays
+    upper_arm, lower_arm
         From the COM of the upper and of the lower body to the ends, m.
-    direction : (..., w, 3) array
+    direction
         Unit vector from the upper to the lower end.
-    length : (..., w) array
+    length
         m.
-    elongation : (..., w) array
+    elongation
         From the nominal length, m.
-    tension : (..., w) array
+    tension
         N.
     """
 
-    upper_arm: Any
-    lower_arm: Any
-    direction: Any
-    length: Any
-    elongation: Any
-    tension: Any
+    upper_arm: Inexact[np.ndarray, "*batch wire 3"]
+    lower_arm: Inexact[np.ndarray, "*batch wire 3"]
+    direction: Inexact[np.ndarray, "*batch wire 3"]
+    length: Inexact[np.ndarray, "*batch wire"]
+    elongation: Inexact[np.ndarray, "*batch wire"]
+    tension: Inexact[np.ndarray, "*batch wire"]
 
 
-def tip_deflection(scene: Scene, pose: Pose) -> Any:
+def tip_deflection(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch wire 3"]:
     """Deflection (..., w, 3) of the blade at each wire's upper end, m; 0 for a wire without one."""
     none = np.zeros_like(pose.deflection, shape=(*pose.deflection.shape[:-2], 1, 3))
     return np.concatenate([pose.deflection, none], axis=-2)[..., scene.wires.blade, :]
@@ -70,13 +73,15 @@ def state(scene: Scene, pose: Pose) -> State:
     return State(upper_arm, lower_arm, span / length[..., None], length, elongation, tension)
 
 
-def energy(scene: Scene, pose: Pose) -> Any:
+def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     """Elastic energy (...) of all wires relative to the nominal pose, J."""
     e = state(scene, pose).elongation
     return (scene.wires.tension * e + 0.5 * scene.wires.stiffness * e**2).sum(-1)
 
 
-def span_jacobian(scene: Scene, numbering: Layout, pose: Pose, now: State) -> Any:
+def span_jacobian(
+    scene: Scene, numbering: Layout, pose: Pose, now: State
+) -> Inexact[np.ndarray, "*batch coordinate wire 3"]:
     """Derivative (..., N, w, 3) of every span with respect to the N coordinates of the scene."""
     wires = scene.wires
     lower = point_jacobian(numbering, pose, wires.lower, now.lower_arm)

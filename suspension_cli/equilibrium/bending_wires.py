@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.scene.composition import Fibre, Section
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
 SETTLED = 1e-12
 """Relative change of tensions below which the bending stiffness of wires is not computed again."""
@@ -64,7 +67,7 @@ def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
         drawn = drawn if drawn.batch else bending.with_bending(drawn)
     scene = replace(bending.with_planes(to_clamps(scene)), drawn=drawn)
     found = equilibrium.solve(scene, numbering)
-    assert scene.flex is not None
+    assert scene.flex is not None and found.flex is not None
     bend = found.flex[..., :6].reshape(*found.flex.shape[:-1], 2, 3)
     return replace(scene, flex=replace(scene.flex, bend=bend, twist=found.flex[..., 6])), found
 
@@ -116,21 +119,28 @@ def to_clamps(scene: Scene) -> Scene:
 
 
 @lru_cache(maxsize=bending.KNOWN)
-def _known_distances(sections: tuple[Section, ...], *numbers: complex) -> Any:
+def _known_distances(
+    sections: tuple[Section, ...], *numbers: complex
+) -> Inexact[np.ndarray, "*batch 2"]:
     """Hinge distances (2,) of one wire; most do not change from one design to the next."""
     found = _hinge_distances(bending.bare_fibre(sections), *map(np.asarray, numbers))
     return found if np.imag(found).any() else np.real(found)
 
 
-def _hinge_distances(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
+def _hinge_distances(
+    fibre: Fibre,
+    length: Inexact[np.ndarray, "*batch"],
+    k: Inexact[np.ndarray, "*batch"],
+    tension: Inexact[np.ndarray, "*batch"],
+) -> Inexact[np.ndarray, "*batch 2"]:
     """Distances (..., 2) of the hinges of a wire from its upper and its lower clamp, m.
 
     Parameters
     ----------
     fibre : Fibre
-    length : (...) array
+    length
         Between the hinges, m.
-    k, tension : (...) arrays
+    k, tension
         N/m and N.
     """
     upper = lower = np.zeros(length.size)

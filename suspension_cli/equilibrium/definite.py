@@ -5,12 +5,15 @@ The sign of a determinant would not do: two negative eigenvalues leave it positi
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
 
-def positive_definite(matrix: Any) -> Any:
+
+def positive_definite(matrix: Float[np.ndarray, "*batch size size"]) -> Bool[np.ndarray, "*batch"]:
     """Whether each symmetric matrix (..., n, n) is positive definite, bool (...).
 
     A matrix that contains a NaN is not. The result of one does not depend on the others.
@@ -19,7 +22,7 @@ def positive_definite(matrix: Any) -> Any:
     return _factorise(matrix.reshape(-1, *matrix.shape[-2:])).reshape(matrix.shape[:-2])
 
 
-def _factorise(matrix: Any) -> Any:
+def _factorise(matrix: Float[np.ndarray, "build size size"]) -> Bool[np.ndarray, " build"]:
     """Whether each matrix of a stack (p, n, n) has a Cholesky factor.
 
     NumPy raises for the whole stack if one fails, so it is halved until the failing ones are alone.

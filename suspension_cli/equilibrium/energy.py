@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +12,11 @@ from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.pose import Layout, Pose, point_jacobian
 from suspension_cli.scene.scene import Scene
 
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
-def energy(scene: Scene, pose: Pose) -> Any:
+
+def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     """Elastic and gravitational energy (...) relative to the nominal pose, J."""
     blades = scene.blades
     bodies = (scene.gravity * scene.bodies.mass * pose.shift[..., 1:, 2]).sum(-1)
@@ -30,7 +33,11 @@ def energy(scene: Scene, pose: Pose) -> Any:
     )
 
 
-def gradient_and_stiffness(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any]:
+def gradient_and_stiffness(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> tuple[
+    Inexact[np.ndarray, "*batch coordinate"], Inexact[np.ndarray, "*batch coordinate coordinate"]
+]:
     """Gradient and tangent stiffness of a scene in the generalised coordinates.
 
     Parameters
@@ -41,9 +48,9 @@ def gradient_and_stiffness(scene: Scene, numbering: Layout, pose: Pose) -> tuple
 
     Returns
     -------
-    gradient : (..., N) array
+    gradient
         Of the potential energy, N and N m; 0 at an equilibrium, except for the support's six.
-    hessian : (..., N, N) array
+    hessian
         Tangent stiffness, exactly symmetric, N/m, N and N m.
     """
     size, bodies = numbering.size, len(scene.bodies.name) + 1
@@ -71,10 +78,10 @@ def _add_wires(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    gradient: Any,
-    hessian: Any,
-    outer: Any,
-    on_tips: Any,
+    gradient: Inexact[np.ndarray, "*batch coordinate"],
+    hessian: Inexact[np.ndarray, "*batch 1+coordinate 1+coordinate"],
+    outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
+    on_tips: Inexact[np.ndarray, "*batch blade 3"],
 ) -> None:
     wires, now = scene.wires, string.state(scene, pose)
     jacobian = string.span_jacobian(scene, numbering, pose, now)
@@ -97,10 +104,10 @@ def _add_blades(
     scene: Scene,
     numbering: Layout,
     pose: Pose,
-    gradient: Any,
-    hessian: Any,
-    outer: Any,
-    on_tips: Any,
+    gradient: Inexact[np.ndarray, "*batch coordinate"],
+    hessian: Inexact[np.ndarray, "*batch 1+coordinate 1+coordinate"],
+    outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
+    on_tips: Inexact[np.ndarray, "*batch blade 3"],
 ) -> None:
     blades = scene.blades
     rows = numbering.blade[blades.axes]
@@ -123,7 +130,13 @@ def _add_blades(
     hessian[..., tip, turn] += block
 
 
-def _add_springs(scene: Scene, numbering: Layout, pose: Pose, gradient: Any, hessian: Any) -> None:
+def _add_springs(
+    scene: Scene,
+    numbering: Layout,
+    pose: Pose,
+    gradient: Inexact[np.ndarray, "*batch coordinate"],
+    hessian: Inexact[np.ndarray, "*batch coordinate coordinate"],
+) -> None:
     now = spring.state(scene, pose)
     for number in range(len(scene.springs.label)):
         jacobian = spring.strain_jacobian(scene, numbering, pose, now, number)

@@ -5,7 +5,7 @@ Such a body rotates about the vertical through that point at constant energy, in
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from suspension_cli.elements import string
 from suspension_cli.equilibrium.tree import subtree
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
 
 
 def single_point_stages(scene: Scene) -> list[tuple[int, int]]:
@@ -33,14 +36,14 @@ def single_point_stages(scene: Scene) -> list[tuple[int, int]]:
     return result
 
 
-def _coincide(points: Any) -> bool:
+def _coincide(points: Inexact[np.ndarray, "... point 3"]) -> bool:
     """Whether points (..., k, 3) are the same for all k."""
     return bool((points == points[..., :1, :]).all())
 
 
 def free_rotations(
     scene: Scene, numbering: Layout, pose: Pose, stages: list[tuple[int, int]]
-) -> Any:
+) -> Float[np.ndarray, "*batch moving free"]:
     """Motion (..., N - 6, r) of the coordinates per rotation of each stage, m/rad and rad/rad.
 
     Parameters

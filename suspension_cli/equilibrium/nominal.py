@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +29,9 @@ from suspension_cli.scene import imperfections, tensions
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout, Pose, displace, layout
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Inexact
 
 STEPS = 40
 """Most iterations of the loads."""
@@ -65,7 +68,7 @@ def expand_nominal(design: Design) -> Scene:
     return _with_loads_of_pose(scene, unknown) if unknown.any() else scene
 
 
-def _unknown_loads(design: Design, scene: Scene) -> Any:
+def _unknown_loads(design: Design, scene: Scene) -> Bool[np.ndarray, "blade 3"]:
     """Whether the load of each blade along each axis depends on the pose, bool (b, 3).
 
     Where all wires of its stage have natural lengths and no load is given.
@@ -79,7 +82,7 @@ def _unknown_loads(design: Design, scene: Scene) -> Any:
     return result
 
 
-def _with_loads_of_pose(scene: Scene, unknown: Any) -> Scene:
+def _with_loads_of_pose(scene: Scene, unknown: Bool[np.ndarray, "blade 3"]) -> Scene:
     """Set the unknown loads of blades to those in equilibrium, complex steps included."""
     numbering, whole = layout(scene), drop_complex_step(scene)
     poses: list[Pose] = []
@@ -105,7 +108,9 @@ def _with_loads_of_pose(scene: Scene, unknown: Any) -> Scene:
     return _with_loads(scene, unknown, loads + 1j * rates)
 
 
-def _with_loads(scene: Scene, where: Any, loads: Any) -> Scene:
+def _with_loads(
+    scene: Scene, where: Bool[np.ndarray, "blade 3"], loads: Inexact[np.ndarray, " load"]
+) -> Scene:
     """A scene with some loads (k,) of blades replaced `where` a mask (b, 3) is set."""
     result = scene.blades.load.astype(np.result_type(scene.blades.load, loads))
     result[where] = loads
@@ -165,8 +170,8 @@ def _first_order_pose(scene: Scene, numbering: Layout, pose: Pose) -> Pose:
     free = slice(6, None)
     without = drop_complex_step(scene)
     step = equilibrium.newton_step(
-        gradient.imag[free],
-        stiffness.real[free, free],
+        np.imag(gradient)[free],
+        np.real(stiffness)[free, free],
         residual_scale(without, numbering),
         free_rotations(without, numbering, pose, single_point_stages(without)),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,20 +10,23 @@ from suspension_cli.equilibrium.tree import parents
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 ROUNDINGS = 16
 """Most rounding errors of a displacement that add up in the forces on a body."""
 LEAST_ARM = 1e-4
 """Lever arm of a body whose attachments lie at its COM, m."""
 
 
-def largest_lever_arm(scene: Scene) -> Any:
+def largest_lever_arm(scene: Scene) -> Float[np.ndarray, "*batch"]:
     """Largest distance (...) of any attachment from a COM along an axis, m, at least 1 mm."""
     points = (scene.wires.upper_point, scene.wires.lower_point, scene.springs.lower_point)
     largest = [np.abs(p).max((-2, -1), initial=1e-3) for p in points]
     return np.broadcast_to(np.maximum.reduce(np.broadcast_arrays(*largest)), scene.batch)
 
 
-def residual_scale(scene: Scene, numbering: Layout) -> Any:
+def residual_scale(scene: Scene, numbering: Layout) -> Float[np.ndarray, "*batch moving"]:
     """Scale (..., N - 6) of the residual in each coordinate but the support's.
 
     For forces the weight carried by the body (on a blade: by the body below), N; for torques that
@@ -39,7 +42,7 @@ def residual_scale(scene: Scene, numbering: Layout) -> Any:
     return result[..., 6:-1]
 
 
-def carried_weights(scene: Scene) -> Any:
+def carried_weights(scene: Scene) -> Float[np.ndarray, "*batch body"]:
     """Weight (..., n) that each body carries: its own and that of all that hangs from it, N."""
     bodies, parent = scene.bodies, parents(scene)
     shape = (*scene.batch, len(bodies.name))
@@ -53,7 +56,7 @@ def carried_weights(scene: Scene) -> Any:
     return result
 
 
-def lever_arms(scene: Scene) -> Any:
+def lever_arms(scene: Scene) -> Float[np.ndarray, "*batch body"]:
     """Largest distance (..., n) of an attachment of each body from its COM along an axis, m.
 
     At least `LEAST_ARM`.

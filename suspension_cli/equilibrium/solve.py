@@ -9,7 +9,7 @@ not slide down from it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 from suspension_cli.scene.stack import scale_imperfections, select_scenes
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact
 
 BALANCED = 1e-14
 """Residual (relative to the weight) of a nominal pose that needs no search."""
@@ -66,35 +69,35 @@ class Equilibrium:
     Attributes
     ----------
     pose : Pose
-    residual : (...) array
+    residual
         Largest unbalanced force on a body relative to the weight that it carries, or torque
         relative to that weight times the lever arm of the body.
-    rounding : (...) array
+    rounding
         Part of the residual that rounding of the tensions and lengths of wires may cause.
     iterations : int
         Newton steps taken; 0 if the nominal pose balances.
-    tension : (..., w) array
+    tension
         N.
-    stiffness : (..., N, N) array
+    stiffness
         Tangent stiffness in this pose, N/m, N and N m.
-    pivot : (...) array or None
+    pivot
         Least pivot of the stiffness in the last step, relative to its diagonal, if known.
-    flex : (..., w, 7) array or None
+    flex
         Of a batch of builds: stiffness of wires that bend, at these tensions: S_uu, S_ul, S_ll in
         both planes, and against twisting, N m/rad.
     """
 
     pose: Pose
-    residual: Any
-    rounding: Any
+    residual: Float[np.ndarray, "*batch"]
+    rounding: Float[np.ndarray, "*batch"]
     iterations: int
-    tension: Any
-    stiffness: Any
-    pivot: Any = None
-    flex: Any = None
+    tension: Inexact[np.ndarray, "*batch wire"]
+    stiffness: Inexact[np.ndarray, "*batch coordinate coordinate"]
+    pivot: Float[np.ndarray, "*batch"] | None = None
+    flex: Inexact[np.ndarray, "*batch bent_wire 7"] | None = None
 
     @property
-    def converged(self) -> Any:
+    def converged(self) -> Bool[np.ndarray, "*batch"]:
         """Whether each scene of the batch has an equilibrium near its nominal pose, bool (...)."""
         return self.residual < np.maximum(
             CONVERGED, np.where(self.rounding < COARSE, self.rounding, 0.0)
@@ -202,7 +205,7 @@ def newton_steps(scene: Scene, steps: int) -> Equilibrium:
     return _newton(scene, layout(scene), nominal_pose(scene), 0.0, steps)
 
 
-def _select_pose(pose: Pose, where: Any) -> Pose:
+def _select_pose(pose: Pose, where: Bool[np.ndarray, "*batch"]) -> Pose:
     return Pose(*(getattr(pose, name)[where] for name in PARTS_OF_POSE))
 
 
@@ -213,7 +216,9 @@ def _broadcast_pose(pose: Pose, batch: tuple[int, ...]) -> Pose:
     return Pose(*(spread(getattr(pose, name), inner) for name, inner in PARTS_OF_POSE.items()))
 
 
-def _replace(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
+def _replace(
+    found: Equilibrium, where: Bool[np.ndarray, "*batch"], new: Equilibrium
+) -> Equilibrium:
     """Replace the results of a batch `where` new ones are given (for these alone)."""
 
     def merge(old: Any, some: Any) -> Any:
@@ -232,7 +237,9 @@ def _replace(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
     return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **parts)
 
 
-def _replace_converged(found: Equilibrium, where: Any, new: Equilibrium) -> Equilibrium:
+def _replace_converged(
+    found: Equilibrium, where: Bool[np.ndarray, "*batch"], new: Equilibrium
+) -> Equilibrium:
     """Replace the results of a batch `where` new ones are given, if these have converged."""
     kept = new.converged
     chosen = where.copy()
@@ -244,7 +251,7 @@ def _replace_converged(found: Equilibrium, where: Any, new: Equilibrium) -> Equi
     return _replace(found, chosen, Equilibrium(pose=pose, iterations=new.iterations, **parts))
 
 
-def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
+def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.ndarray, "*batch"]:
     """Whether each tangent stiffness is positive definite, apart from free rotations."""
     if found.pivot is None:
         return _has_no_soft_direction(scene, numbering, found)
@@ -260,7 +267,9 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
     return result
 
 
-def _has_no_soft_direction(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
+def _has_no_soft_direction(
+    scene: Scene, numbering: Layout, found: Equilibrium
+) -> Bool[np.ndarray, "*batch"]:
     root = np.sqrt(residual_scale(scene, numbering))
     scaled = np.nan_to_num(found.stiffness[..., 6:, 6:]) / (root[..., :, None] * root[..., None, :])
     own = np.abs(np.diagonal(scaled, axis1=-2, axis2=-1))
@@ -411,7 +420,9 @@ def _newton_arrays(
     return _replace(found, where, replace(rest, iterations=count + rest.iterations))
 
 
-def _is_as_drawn(scene: Scene, numbering: Layout, gradient: Any) -> Any:
+def _is_as_drawn(
+    scene: Scene, numbering: Layout, gradient: Inexact[np.ndarray, "*batch coordinate"]
+) -> Bool[np.ndarray, "*batch"] | bool:
     """Whether the imperfections leave all forces in the nominal pose bitwise unchanged.
 
     Then the residual is rounding.
@@ -422,7 +433,9 @@ def _is_as_drawn(scene: Scene, numbering: Layout, gradient: Any) -> Any:
     return (gradient == nominal).all(-1)
 
 
-def _rounding(scene: Scene, pose: Pose, tension: Any, scale: Any) -> Any:
+def _rounding(
+    scene: Scene, pose: Pose, tension: Inexact[np.ndarray, "*batch wire"], scale: Any
+) -> Float[np.ndarray, "*batch"]:
     """Residual (...) that rounding may cause.
 
     eps times the tension of a wire, and times its stiffness and the motion of both its ends.
@@ -437,24 +450,29 @@ def _rounding(scene: Scene, pose: Pose, tension: Any, scale: Any) -> Any:
     return (force / scale[..., 6 * (wires.lower - 1)]).max(-1)
 
 
-def _largest(values: Any) -> Any:
+def _largest(values: Inexact[np.ndarray, "*batch size"]) -> Float[np.ndarray, "*batch"]:
     return np.abs(values).max(-1)
 
 
-def newton_step(gradient: Any, hessian: Any, scale: Any, free: Any) -> Any:
+def newton_step(
+    gradient: Inexact[np.ndarray, "*batch moving"],
+    hessian: Inexact[np.ndarray, "*batch moving moving"],
+    scale: Inexact[np.ndarray, "*batch moving"],
+    free: Inexact[np.ndarray, "*batch moving free"],
+) -> Inexact[np.ndarray, "*batch moving"]:
     """Newton step -K^-1 g (..., M) without free rotations.
 
     K is bordered by the free rotations, to which g is orthogonal in any pose.
 
     Parameters
     ----------
-    gradient : (..., M) array
+    gradient
         N and N m.
-    hessian : (..., M, M) array
+    hessian
         N/m, N and N m.
-    scale : (..., M) array
+    scale
         From `residual_scale`; scales rows and columns.
-    free : (..., M, r) array
+    free
         From `free_rotations`.
     """
     root = np.sqrt(scale)
@@ -470,7 +488,9 @@ def newton_step(gradient: Any, hessian: Any, scale: Any, free: Any) -> Any:
     return -_solve_each(scaled, force)[..., : gradient.shape[-1]] / root
 
 
-def _solve_each(matrix: Any, right: Any) -> Any:
+def _solve_each(
+    matrix: Inexact[np.ndarray, "*batch size size"], right: Inexact[np.ndarray, "*batch size"]
+) -> Inexact[np.ndarray, "*batch size"]:
     """Solve many systems; a singular one gets the smallest solution and leaves others alone."""
     try:
         return np.linalg.solve(matrix, right[..., None])[..., 0]

@@ -12,27 +12,35 @@ stretching stiffness of a wire is not added but replaced (its inverse, see `line
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from suspension_cli.elements import loss
 from suspension_cli.elements.gas import surface_drag
 from suspension_cli.linear.frequency_terms import LossTerm
-from suspension_cli.scene.arrays import Index
 from suspension_cli.scene.composition import Fibre, Gas
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
 
 
 class BatchTerm(Protocol):
     """A frequency-dependent part of the model of many builds."""
 
-    def add(self, dynamic: Any, compliance: Any, omega: Any, which: Index) -> None:
+    def add(
+        self,
+        dynamic: Complex[np.ndarray, "build coordinate coordinate"],
+        compliance: Complex[np.ndarray, "build wire"],
+        omega: Float[np.ndarray, " build"],
+        which: Int[np.ndarray, " build"],
+    ) -> None:
         """Add it to the stiffness (q, N, N) of builds (q,) at a frequency (q,) each, rad/s, in
         place; or set the compliance (q, w) of wires against stretching, m/N.
         """
         ...
 
-    def spread(self, from_new: Any) -> BatchTerm:
+    def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> BatchTerm:
         """Transform it to new coordinates q' with q = `from_new` (N, N') q'."""
         ...
 
@@ -50,9 +58,9 @@ class WireBatchTerm:
     surrounded : Gas or None
     size : int
         Number of coordinates N of the scene.
-    place, sections, geometry : arrays
+    place, sections, geometry
         See `elements.compiled_wire.add_dynamic`.
-    basis : (N, N') array or None
+    basis
         The scene's coordinates in terms of the system's own, if these differ.
     """
 
@@ -60,12 +68,18 @@ class WireBatchTerm:
     massive: bool
     surrounded: Gas | None
     size: int
-    place: Any
-    sections: Any
-    geometry: Any
-    basis: Any = None
+    place: Int[np.ndarray, "wire 15"]
+    sections: Float[np.ndarray, "wire section 9"]
+    geometry: Float[np.ndarray, "all_builds wire 25"]
+    basis: Float[np.ndarray, "own coordinate"] | None = None
 
-    def add(self, dynamic: Any, compliance: Any, omega: Any, which: Index) -> None:
+    def add(
+        self,
+        dynamic: Complex[np.ndarray, "build coordinate coordinate"],
+        compliance: Complex[np.ndarray, "build wire"],
+        omega: Float[np.ndarray, " build"],
+        which: Int[np.ndarray, " build"],
+    ) -> None:
         """Add the bending and twisting; set the compliances."""
         from suspension_cli.elements import compiled_wire  # takes half a second
 
@@ -86,7 +100,13 @@ class WireBatchTerm:
         own = added[:, :-1, :-1]
         dynamic += own if self.basis is None else self.basis.T @ own @ self.basis
 
-    def _losses(self, omega: Any) -> tuple[Any, Any, Any]:
+    def _losses(
+        self, omega: Float[np.ndarray, " frequency"]
+    ) -> tuple[
+        Float[np.ndarray, "frequency wire section 6"],
+        Float[np.ndarray, "wire section 2"],
+        Float[np.ndarray, "wire section 4"],
+    ]:
         """Loss angles, thermoelastic coefficients and drag, see `add_dynamic`."""
         wires, most = self.sections.shape[:2]
         angles, slopes = np.zeros((len(omega), wires, most, 6)), np.zeros((wires, most, 2))
@@ -110,7 +130,7 @@ class WireBatchTerm:
                     drag[n, m] = drag[first]
         return angles, slopes, drag
 
-    def spread(self, from_new: Any) -> WireBatchTerm:
+    def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> WireBatchTerm:
         """Transform it to new coordinates."""
         return replace(self, basis=from_new if self.basis is None else self.basis @ from_new)
 
@@ -121,7 +141,13 @@ class LossBatchTerm:
 
     term: LossTerm
 
-    def add(self, dynamic: Any, compliance: Any, omega: Any, which: Index) -> None:
+    def add(
+        self,
+        dynamic: Complex[np.ndarray, "build coordinate coordinate"],
+        compliance: Complex[np.ndarray, "build wire"],
+        omega: Float[np.ndarray, " build"],
+        which: Int[np.ndarray, " build"],
+    ) -> None:
         """Add it to the stiffness (q, N, N) of builds, in place."""
         del compliance
         matrix = self.term.matrix
@@ -130,6 +156,6 @@ class LossBatchTerm:
         own = own[which] if matrix.ndim > 2 else own
         dynamic[:, rows, columns] += 1j * self.term.angle(omega)[:, None] * own
 
-    def spread(self, from_new: Any) -> LossBatchTerm:
+    def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> LossBatchTerm:
         """Transform it to new coordinates."""
         return LossBatchTerm(self.term.spread(from_new))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from suspension_cli.rotations import cross
 from suspension_cli.scene import fibres as fibres_of
 from suspension_cli.scene.pose import Layout, Pose, layout, point_jacobian
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
 
 
 def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSystem:
@@ -101,7 +104,13 @@ def _wire_terms(
     return terms
 
 
-def _alike(scene: Scene, tension: Any, length: Any, one: int, other: int) -> bool:
+def _alike(
+    scene: Scene,
+    tension: Float[np.ndarray, " wire"],
+    length: Float[np.ndarray, " wire"],
+    one: int,
+    other: int,
+) -> bool:
     """Whether two wires agree in every number that their motion depends on."""
     assert scene.fibres is not None
     wires, (a, b) = scene.wires, (scene.fibres.wire[n] for n in (one, other))
@@ -119,7 +128,9 @@ def _alike(scene: Scene, tension: Any, length: Any, one: int, other: int) -> boo
     )
 
 
-def wire_forms(scene: Scene, numbering: Layout, pose: Pose) -> dict[str, Any]:
+def wire_forms(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> dict[str, Inexact[np.ndarray, "*batch coordinate wire _"]]:
     """Motion of the ends of every wire with the coordinates, (..., N, w, c) for each of `PARTS`.
 
     In the axes of the wire as it hangs: e from its upper to its lower end, n_1 its first principal
@@ -143,7 +154,11 @@ def wire_forms(scene: Scene, numbering: Layout, pose: Pose) -> dict[str, Any]:
     )
     turned = tuple(_turning(numbering, body) for body in (wires.upper, wires.lower))
 
-    def even_odd(ends: Any, along: Any) -> tuple[Any, Any]:
+    def even_odd(
+        ends: Any, along: Inexact[np.ndarray, "*batch wire 3"]
+    ) -> tuple[
+        Inexact[np.ndarray, "*batch coordinate wire"], Inexact[np.ndarray, "*batch coordinate wire"]
+    ]:
         upper, lower = ((j * along[..., None, :, :]).sum(-1) for j in ends)
         return (upper + lower) / 2, (lower - upper) / 2
 
@@ -158,7 +173,9 @@ def wire_forms(scene: Scene, numbering: Layout, pose: Pose) -> dict[str, Any]:
     return result
 
 
-def _turning(numbering: Layout, body: Any) -> Any:
+def _turning(
+    numbering: Layout, body: Int[np.ndarray, " wire"]
+) -> Float[np.ndarray, "coordinate wire 3"]:
     """Rotation (N, w, 3) of the wires' bodies with the coordinates."""
     result = np.zeros((numbering.size, len(body), 3))
     for axis in range(3):

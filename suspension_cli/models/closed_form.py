@@ -13,7 +13,7 @@ A21 and no frequency.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from suspension_cli.design.schema import Design
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
 from suspension_cli.rotations import cross_matrix
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
 
 
 @dataclass(frozen=True)
@@ -189,7 +192,7 @@ def linear_model(design: Design) -> LinearSystem:
     )
 
 
-def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Any:
+def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Inexact[np.ndarray, "12 12"]:
     """Stiffness (12, 12) of support and body.
 
     The coupling to the support follows from the body's own stiffness: moving support and body
@@ -208,7 +211,7 @@ def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Any:
     return np.block([[(support + support.T) / 2, across.T], [across, own]])
 
 
-def _rigid_motion(offset: tuple[float, float, float]) -> Any:
+def _rigid_motion(offset: tuple[float, float, float]) -> Float[np.ndarray, "12 6"]:
     """Motion (6, 6) of the body when it moves with the support as one rigid body."""
     result = np.eye(6)
     result[:3, 3:] = -cross_matrix(np.array(offset))

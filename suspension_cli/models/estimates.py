@@ -31,7 +31,7 @@ b.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,6 +45,9 @@ from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import Fibre
 from suspension_cli.scene.fibres import compose, explain_unsuitable
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 FAR = 0.5
 """Largest (f / f1)^2 at which the series for responses is valid; above it nothing is estimated."""
@@ -64,20 +67,20 @@ class Estimates:
     ----------
     stage : tuple of str
         Stages that hang on wires.
-    bending, mass : (m, s) arrays
+    bending, mass
         Of the mode's frequency. Infinite for a mode without restoring force on strings; NaN where
         the design lacks the wires' properties.
-    loss : (m, s) array
+    loss
         Imaginary part of the relative change of omega^2 that comes with bending.
-    violin : (s,) array
+    violin
         The lowest first violin mode of each stage's wires, Hz; infinite for wires without mass.
     """
 
     stage: tuple[str, ...]
-    bending: Array
-    mass: Array
-    loss: Array
-    violin: Array
+    bending: Float[np.ndarray, "mode stage"]
+    mass: Float[np.ndarray, "mode stage"]
+    loss: Float[np.ndarray, "mode stage"]
+    violin: Float[np.ndarray, " stage"]
 
     def curved(self, highest: float) -> Array:
         """Relative change (s,) of each stage's wire force by wire mass, at a frequency in Hz."""
@@ -103,7 +106,9 @@ def estimates(design: Design, found: Modes) -> Estimates:
         motion = _EndMotion(scene, found, made)
         groups = [wires.lower == n + 1 for n in hung]
         energy, lost = motion.bending_energy(made)
-        stored = [sum(part[:, here] @ part[:, here].T for part in energy) for here in groups]
+        stored = [
+            np.sum([part[:, here] @ part[:, here].T for part in energy], axis=0) for here in groups
+        ]
         bending = _over(_with_repulsion(stored, found) / 2, found.omega_squared)
         lossy = _over(
             np.stack([lost[:, here].sum(1) for here in groups], axis=1), found.omega_squared
@@ -128,7 +133,9 @@ def estimates(design: Design, found: Modes) -> Estimates:
     return Estimates(tuple(design.stage[n].name for n in hung), bending, mass, lossy, violin)
 
 
-def _over(energy: Any, omega_squared: Any) -> Any:
+def _over(
+    energy: Float[np.ndarray, "mode stage"], omega_squared: Float[np.ndarray, " mode"]
+) -> Float[np.ndarray, "mode stage"]:
     """Energy (m, s) as a fraction of that of each mode (m,); 0 if both are 0."""
     stored = np.abs(omega_squared)[:, None]
     return np.where(
@@ -147,7 +154,9 @@ def repulsion(coupling: Any, distance: Any) -> Any:
     return 2 * coupling**2 / np.where(both > 0, both, 1.0)
 
 
-def _with_repulsion(parts: list[Any], found: Modes) -> Any:
+def _with_repulsion(
+    parts: list[Float[np.ndarray, "mode mode"]], found: Modes
+) -> Float[np.ndarray, "mode stage"]:
     """Diagonals (m, s) of matrices (m, m), one per stage, raised by the repulsion of modes."""
     diagonal = np.stack([part.diagonal() for part in parts], axis=1)
     coupling = np.sum(parts, axis=0)
@@ -206,14 +215,16 @@ class _EndMotion:
                 )
                 self.move[0][:, on_it, axis] += tip[:, None]
 
-    def bending_energy(self, made: tuple[Fibre, ...]) -> tuple[list[Any], Any]:
+    def bending_energy(
+        self, made: tuple[Fibre, ...]
+    ) -> tuple[list[Float[np.ndarray, "mode wire"]], Float[np.ndarray, "mode wire"]]:
         """Bending and twisting of all wires, and the imaginary part with that of stretching.
 
         Returns
         -------
-        parts : list of (m, w) arrays
+        parts
             Whose squares sum to v^T dK v.
-        lost : (m, w) array
+        lost
         """
         wires = self.wires
         chord = (self.move[1] - self.move[0]) / wires.length[:, None]

@@ -25,6 +25,8 @@ from suspension_cli.scene.pose import Layout, Pose, layout, point_jacobian, rigi
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
     from suspension_cli.models.batch_terms import BatchTerm
 
 
@@ -101,7 +103,11 @@ def linear_model(
 
 def _stiffness(
     scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
-) -> tuple[Any, Any, Stretching | None]:
+) -> tuple[
+    Inexact[np.ndarray, "*batch coordinate coordinate"],
+    Float[np.ndarray, "coordinate coordinate"] | None,
+    Stretching | None,
+]:
     """Stiffness, its rounding error, and its part from the stretching of wires.
 
     The last two are None for a batch of scenes and for complex steps.
@@ -151,7 +157,9 @@ def _loss(
     return whole.high, whole.low
 
 
-def mass_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
+def mass_matrix(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Mass matrix (..., N, N): bodies about their COMs as they are turned, and tip masses."""
     result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
     for n in range(1, len(scene.bodies.name) + 1):
@@ -173,7 +181,9 @@ def mass_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
     return (result + np.swapaxes(result, -1, -2)) / 2
 
 
-def damping_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
+def damping_matrix(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Viscous damping (..., N, N) of the springs."""
     result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
     now = spring.state(scene, pose)
@@ -186,7 +196,9 @@ def damping_matrix(scene: Scene, numbering: Layout, pose: Pose) -> Any:
     return (result + np.swapaxes(result, -1, -2)) / 2
 
 
-def loss_matrix(scene: Scene, numbering: Layout, pose: Pose, *, stretching: bool = True) -> Any:
+def loss_matrix(
+    scene: Scene, numbering: Layout, pose: Pose, *, stretching: bool = True
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Imaginary part (..., N, N) of the stiffness: each elastic constant times its loss angle.
 
     With or without the stretching of wires.
@@ -218,7 +230,9 @@ def loss_matrix(scene: Scene, numbering: Layout, pose: Pose, *, stretching: bool
     return (result + np.swapaxes(result, -1, -2)) / 2
 
 
-def _add_twist_loss(scene: Scene, pose: Pose, result: Any) -> None:
+def _add_twist_loss(
+    scene: Scene, pose: Pose, result: Inexact[np.ndarray, "*batch coordinate coordinate"]
+) -> None:
     """Add the loss of the torsion of wires."""
     wires, flex = scene.wires, bending.wire_resistance(scene)
     if flex is None:

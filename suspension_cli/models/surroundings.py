@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
 
 def surrounded(model: LinearSystem, design: Design) -> LinearSystem:
@@ -69,7 +72,9 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         "damping": [getattr(support.damping, d) for d in names],
     }
 
-    def widened(matrix: Any, diagonal: Any) -> Any:
+    def widened(
+        matrix: Inexact[np.ndarray, "*batch coordinate coordinate"], diagonal: Any
+    ) -> Inexact[np.ndarray, "*batch wide wide"]:
         wide = (spread.T @ matrix @ spread).astype(
             np.result_type(matrix, np.asarray(diagonal), float)
         )

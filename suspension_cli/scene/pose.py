@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.rotations import cross_matrix, rotation_minus_identity
-from suspension_cli.scene.arrays import Array, Index, inner
+from suspension_cli.scene.arrays import inner
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -27,14 +30,14 @@ class Layout:
     ----------
     size : int
         Number N of coordinates, the support's six included.
-    blade : (b, 3) int array
+    blade
         Coordinate of each blade's tip along each axis; N (one past the end) where it is rigid.
     name : tuple of str
         ``support.x``, ..., ``test.yaw``, ``upper.blade1.z``.
     """
 
     size: int
-    blade: Index
+    blade: Int[np.ndarray, "blade 3"]
     name: tuple[str, ...]
 
 
@@ -59,25 +62,27 @@ class Pose:
 
     Attributes
     ----------
-    shift : (..., n + 1, 3) array
+    shift
         Displacement of each COM from its nominal position, m; row 0 is the support.
-    turn : (..., n + 1, 3, 3) array
+    turn
         Rotation matrices from body to global axes, minus the unit matrix: added to its ones, a
         rotation by 1e-9 rad would keep only seven digits.
-    deflection : (..., b, 3) array
+    deflection
         Of each blade's tip from its nominal position, along the axes of its body, m.
     """
 
-    shift: Any = field(metadata=inner(2))
-    turn: Any = field(metadata=inner(3))
-    deflection: Any = field(metadata=inner(2))
+    shift: Inexact[np.ndarray, "*batch 1+body 3"] = field(metadata=inner(2))
+    turn: Inexact[np.ndarray, "*batch 1+body 3 3"] = field(metadata=inner(3))
+    deflection: Inexact[np.ndarray, "*batch blade 3"] = field(metadata=inner(2))
 
     @cached_property
-    def rotation(self) -> Any:
+    def rotation(self) -> Inexact[np.ndarray, "*batch 1+body 3 3"]:
         """Rotation matrices (..., n + 1, 3, 3) from body to global axes."""
         return np.eye(3) + self.turn
 
-    def arms(self, body: Index, point: Any) -> Any:
+    def arms(
+        self, body: Int[np.ndarray, " point"], point: Inexact[np.ndarray, "... point 3"]
+    ) -> Inexact[np.ndarray, "*batch point 3"]:
         """Rotate vectors (..., k, 3) from the COMs of bodies to points in them to global axes."""
         return point + (self.turn[..., body, :, :] @ point[..., None])[..., 0]
 
@@ -92,7 +97,7 @@ def nominal_pose(scene: Scene) -> Pose:
     )
 
 
-def displace(numbering: Layout, pose: Pose, step: Any) -> Pose:
+def displace(numbering: Layout, pose: Pose, step: Inexact[np.ndarray, "*batch coordinate"]) -> Pose:
     """Move a pose by a finite step (..., N) in the generalised coordinates.
 
     Translations add, rotations multiply.
@@ -109,14 +114,16 @@ def displace(numbering: Layout, pose: Pose, step: Any) -> Pose:
     )
 
 
-def rigid_motion(size: int, position: Any) -> Array:
+def rigid_motion(
+    size: int, position: Float[np.ndarray, "*batch 1+body 3"]
+) -> Float[np.ndarray, "*batch coordinate 6"]:
     """Compute the motion of all coordinates when the scene moves rigidly with the support.
 
     Parameters
     ----------
     size : int
         Number N of coordinates; those after the bodies' are relative to a body, and stay 0.
-    position : (..., n + 1, 3) array
+    position
         COM of each body from the suspension point, m; row 0 is the support.
 
     Returns
@@ -135,18 +142,22 @@ def rigid_motion(size: int, position: Any) -> Array:
 
 
 def point_jacobian(
-    numbering: Layout, pose: Pose, body: Index, arm: Any, blade: Index | None = None
-) -> Array:
+    numbering: Layout,
+    pose: Pose,
+    body: Int[np.ndarray, " point"],
+    arm: Inexact[np.ndarray, "*batch point 3"],
+    blade: Int[np.ndarray, " point"] | None = None,
+) -> Inexact[np.ndarray, "*batch coordinate point 3"]:
     """Compute the derivatives of positions of points with respect to the coordinates.
 
     Parameters
     ----------
     numbering : Layout
     pose : Pose
-    body : (k,) int array
-    arm : (..., k, 3) array
+    body
+    arm
         From the COM of the body to the point, global axes, m.
-    blade : (k,) int array, optional
+    blade
         The blade whose tip carries the point, or -1.
 
     Returns

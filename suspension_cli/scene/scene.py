@@ -11,13 +11,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from suspension_cli.scene.arrays import Array, Index, inner, inner_axes
+from suspension_cli.scene.arrays import inner, inner_axes
 from suspension_cli.scene.composition import Fibres
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -28,18 +30,18 @@ class Bodies:
     ----------
     name : tuple of str
         Stage names, without the support.
-    mass : (..., n) array
+    mass
         kg.
-    inertia : (..., n, 3, 3) array
+    inertia
         About the COM, kg m^2.
-    position : (..., n + 1, 3) array
+    position
         Nominal COM from the suspension point, m; row 0 is the support.
     """
 
     name: tuple[str, ...]
-    mass: Array = field(metadata=inner(1))
-    inertia: Array = field(metadata=inner(3))
-    position: Array = field(metadata=inner(2))
+    mass: Inexact[np.ndarray, "*batch body"] = field(metadata=inner(1))
+    inertia: Inexact[np.ndarray, "... body 3 3"] = field(metadata=inner(3))
+    position: Inexact[np.ndarray, "... 1+body 3"] = field(metadata=inner(2))
 
 
 @dataclass(frozen=True)
@@ -53,38 +55,38 @@ class Wires:
     ----------
     label : tuple of str
         ``test.1`` and so on.
-    upper, lower : (w,) int arrays
+    upper, lower
         The bodies joined.
-    blade : (w,) int array
+    blade
         Number of the blade whose tip carries the upper end, or -1.
-    upper_point, lower_point : (..., w, 3) arrays
+    upper_point, lower_point
         The ends, m.
-    span : (..., w, 3) array
+    span
         From upper to lower end in the nominal pose, m.
-    length : (..., w) array
+    length
         Norm of `span`.
-    tension : (..., w) array
+    tension
         At that length, N.
-    stiffness : (..., w) array
+    stiffness
         N/m.
-    torsion : (..., w) array
+    torsion
         Torsional stiffness that the design gives, N m/rad; 0 if it gives none.
-    loss : (w,) array
+    loss
         Loss angle of the stretching, and of a torsion that is given, rad.
     """
 
     label: tuple[str, ...]
-    upper: Index
-    lower: Index
-    blade: Index
-    upper_point: Array = field(metadata=inner(2))
-    lower_point: Array = field(metadata=inner(2))
-    span: Array = field(metadata=inner(2))
-    length: Array = field(metadata=inner(1))
-    tension: Array = field(metadata=inner(1))
-    stiffness: Array = field(metadata=inner(1))
-    torsion: Array = field(metadata=inner(1))
-    loss: Array
+    upper: Int[np.ndarray, " wire"]
+    lower: Int[np.ndarray, " wire"]
+    blade: Int[np.ndarray, " wire"]
+    upper_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
+    lower_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
+    span: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
+    length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    stiffness: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    torsion: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
+    loss: Float[np.ndarray, " wire"]
 
 
 @dataclass(frozen=True)
@@ -94,30 +96,30 @@ class Blades:
     Attributes
     ----------
     label : tuple of str
-    body : (b,) int array
+    body
         The body (or support) on which the blade is clamped.
-    axes : (b, 3) bool array
+    axes
         Along which axes the tip moves; the others are rigid.
-    tip : (..., b, 3) array
+    tip
         Nominal position of the tip, m.
-    stiffness : (..., b, 3) array
+    stiffness
         N/m (0 along rigid axes).
-    load : (..., b, 3) array
+    load
         Force of the blade on its tip in the nominal pose, N.
-    tip_mass : (..., b) array
+    tip_mass
         kg.
-    loss : (b,) array
+    loss
         Loss angle, rad.
     """
 
     label: tuple[str, ...]
-    body: Index
-    axes: NDArray[np.bool_]
-    tip: Array = field(metadata=inner(2))
-    stiffness: Array = field(metadata=inner(2))
-    load: Array = field(metadata=inner(2))
-    tip_mass: Array = field(metadata=inner(1))
-    loss: Array
+    body: Int[np.ndarray, " blade"]
+    axes: Bool[np.ndarray, "blade 3"]
+    tip: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
+    stiffness: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
+    load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
+    tip_mass: Inexact[np.ndarray, "... blade"] = field(metadata=inner(1))
+    loss: Float[np.ndarray, " blade"]
 
 
 @dataclass(frozen=True)
@@ -127,26 +129,26 @@ class Springs:
     Attributes
     ----------
     label : tuple of str
-    upper, lower : (s,) int arrays
-    upper_point, lower_point : (..., s, 3) arrays
+    upper, lower
+    upper_point, lower_point
         The point in the frame of each body, m.
-    stiffness, damping : (..., s, 6, 6) arrays
+    stiffness, damping
         N/m, N m/rad and mixed; N s/m and so on.
-    preload : (..., s, 6) array
+    preload
         Force (N) and torque (N m) on the lower body in the nominal pose.
-    loss : (s,) array
+    loss
         Loss angle, rad.
     """
 
     label: tuple[str, ...]
-    upper: Index
-    lower: Index
-    upper_point: Array = field(metadata=inner(2))
-    lower_point: Array = field(metadata=inner(2))
-    stiffness: Array = field(metadata=inner(3))
-    damping: Array = field(metadata=inner(3))
-    preload: Array = field(metadata=inner(2))
-    loss: Array
+    upper: Int[np.ndarray, " spring"]
+    lower: Int[np.ndarray, " spring"]
+    upper_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2))
+    lower_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2))
+    stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
+    damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
+    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2))
+    loss: Float[np.ndarray, " spring"]
 
 
 @dataclass(frozen=True)
@@ -155,19 +157,19 @@ class Flex:
 
     Attributes
     ----------
-    upper, lower : (..., w, 2, 3) arrays
+    upper, lower
         Unit vectors of each wire's principal planes, in the frames of the two bodies.
-    bend : (..., w, 2, 3) array or None
+    bend
         S_uu, S_ul, S_ll in each plane: moments at the ends per slope there, N m/rad; None for
         strings.
-    twist : (..., w) array
+    twist
         Torque per twist, N m/rad.
     """
 
-    upper: Array = field(metadata=inner(3))
-    lower: Array = field(metadata=inner(3))
-    bend: Array | None = field(metadata=inner(3))
-    twist: Array = field(metadata=inner(1))
+    upper: Inexact[np.ndarray, "... wire 2 3"] = field(metadata=inner(3))
+    lower: Inexact[np.ndarray, "... wire 2 3"] = field(metadata=inner(3))
+    bend: Inexact[np.ndarray, "... wire 2 3"] | None = field(metadata=inner(3))
+    twist: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
 
 
 @dataclass(frozen=True)
@@ -231,6 +233,6 @@ class Scene:
         )
 
     @property
-    def weight(self) -> Array:
+    def weight(self) -> Inexact[np.ndarray, "*batch"]:
         """Weight of everything that hangs, N, shape ``batch``."""
         return self.gravity * (self.bodies.mass.sum(-1) + self.blades.tip_mass.sum(-1))

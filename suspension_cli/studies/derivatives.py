@@ -222,7 +222,7 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
     if _searched(base):
         free = slice(6, None)
         change = np.zeros(base.numbering.size)
-        change[free] = -_solved(base.stiffness[free, free], gradient[free].imag / STEP)
+        change[free] = -_solved(base.stiffness[free, free], np.imag(gradient[free]) / STEP)
         if change.any():
             pose = displace(base.numbering, pose, 1j * STEP * change)
             stiffness = gradient_and_stiffness(scene, base.numbering, pose)[1]
@@ -240,7 +240,7 @@ def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
         now = string.state(scene, pose)
         scene = bending.with_bending(scene, now.tension, now.length)
         gradient, stiffness = gradient_and_stiffness(scene, base.numbering, pose)
-        rest = gradient[free].imag / STEP
+        rest = np.imag(gradient[free]) / STEP
         if not (base.turned or _searched(base) or np.abs(rest).max() > balanced):
             break
         step = -_solved(base.stiffness[free, free], rest)
@@ -284,7 +284,7 @@ def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     gradient = gradient_and_stiffness(drawn, base.numbering, nominal_pose(drawn))[0]
     # the loads of blades may differ from those in the nominal pose
     bodies = slice(6, 6 + 6 * len(drawn.bodies.name))
-    left = np.abs(gradient[bodies].imag).max() / STEP
+    left = np.abs(np.imag(gradient[bodies])).max() / STEP
     return bool(left > MOVED * float(base.scene.weight))
 
 

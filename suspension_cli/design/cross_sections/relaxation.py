@@ -23,9 +23,12 @@ it by 18 or 22 %.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Inexact
 
 ROUND, FLAT = 1.0, 0.5
 """Order n of a round wire, and of a ribbon or blade."""
@@ -35,12 +38,14 @@ MIDDLE = 2.0
 """|x| below which g, and above which g - 1, is computed without cancellation."""
 
 
-def relaxation(phase: Any, order: float) -> Any:
+def relaxation(
+    phase: Inexact[np.ndarray, "*frequency"] | complex, order: float
+) -> Inexact[np.ndarray, "*frequency"]:
     """Im g: thermoelastic loss angle over its strength Delta.
 
     Parameters
     ----------
-    phase : array
+    phase
         w h^2/D, with h half the depth of the section and D its diffusivity; complex for the
         analytic continuation.
     order : float
@@ -48,10 +53,12 @@ def relaxation(phase: Any, order: float) -> Any:
     """
     if np.iscomplexobj(phase):  # Im g = (g(i p) - g(-i p))/2i for real p, and so for all
         return (_moment(1j * phase, order) - _moment(-1j * phase, order)) / 2j
-    return _moment(1j * phase, order).imag
+    return np.imag(_moment(1j * phase, order))
 
 
-def _moment(x2: Any, order: float) -> Any:
+def _moment(
+    x2: Inexact[np.ndarray, "*frequency"] | complex, order: float
+) -> Complex[np.ndarray, "*frequency"]:
     """g = v/(v + c) up to |x| = `MIDDLE`, g - 1 = -c/(v + c) beyond, with c = 2 (n + 1)."""
     from scipy import special  # 0.1 s, which designs without thermoelastic loss do not need
 

@@ -5,12 +5,16 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from msgspec import Meta
 
 from suspension_cli.design.cross_sections.shape import CrossSection
 from suspension_cli.design.units import Length, Table
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Inexact
 
 
 class Ribbon(Table, CrossSection, frozen=True):
@@ -88,7 +92,9 @@ class Ribbon(Table, CrossSection, frozen=True):
         constant = rectangle_torsion(w, t)
         return (short + (8 * constant - w * short) / t) / constant
 
-    def relaxation(self, phase: Any) -> Any:
+    def relaxation(
+        self, phase: Inexact[np.ndarray, "*frequency"] | complex
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Thermoelastic loss angle over its strength."""
         from suspension_cli.design.cross_sections.relaxation import FLAT, relaxation  # numpy
 

@@ -17,9 +17,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from suspension_cli.design.cross_sections.shape import CrossSection
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Inexact
 
 
 @dataclass(frozen=True)
@@ -113,7 +117,9 @@ class Round(CrossSection):
         """mu S/V of twisting, 1/m: e ~ r', so (2 pi r^3)/(pi r^4/2) = 4/r."""
         return 8 / self.depth[0]
 
-    def relaxation(self, phase: Any) -> Any:
+    def relaxation(
+        self, phase: Inexact[np.ndarray, "*frequency"] | complex
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Thermoelastic loss angle over its strength."""
         from suspension_cli.design.cross_sections.relaxation import ROUND, relaxation  # numpy
 

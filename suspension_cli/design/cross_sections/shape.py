@@ -15,7 +15,11 @@ methods named `..._ratio` give it for each deformation.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Inexact
 
 
 class CrossSection:
@@ -97,12 +101,14 @@ class CrossSection:
         """mu S/V of twisting, 1/m."""
         raise NotImplementedError
 
-    def relaxation(self, phase: Any) -> Any:
+    def relaxation(
+        self, phase: Inexact[np.ndarray, "*frequency"] | complex
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Thermoelastic loss angle of bending in a plane over its strength Delta.
 
         Parameters
         ----------
-        phase : array
+        phase
             w h^2/D, with h half the `depth` in the plane and D the diffusivity; complex for the
             analytic continuation.
         """

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from msgspec import Meta
 
@@ -21,6 +21,10 @@ from suspension_cli.design.units import (
     Separation,
     Table,
 )
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Inexact
 
 
 class LossTable(Table, frozen=True):
@@ -117,20 +121,32 @@ class Bulk(Mechanism):
             return cls(loss.angle or 0.0, table, loss.surface_depth or 0.0)
         return cls(loss.angle, None, loss.surface_depth or 0.0) if loss.angle else None
 
-    def bending(self, shape: Shape, plane: int, omega: Any, temperature: Any) -> Any:
+    def bending(
+        self,
+        shape: Shape,
+        plane: int,
+        omega: Inexact[np.ndarray, "*frequency"] | complex,
+        temperature: float,
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Loss angle of bending in one plane, rad."""
         del temperature
         return self._at(omega, shape.bending_ratio(plane))
 
-    def stretching(self, shape: Shape, omega: Any) -> Any:
+    def stretching(
+        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Loss angle of stretching, rad."""
         return self._at(omega, shape.stretching_ratio)
 
-    def twisting(self, shape: Shape, omega: Any) -> Any:
+    def twisting(
+        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Loss angle of twisting, rad."""
         return self._at(omega, shape.twisting_ratio)
 
-    def _at(self, omega: Any, ratio: float) -> Any:
+    def _at(
+        self, omega: Inexact[np.ndarray, "*frequency"] | complex, ratio: float
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Loss angle of bulk and surface for mu S/V = `ratio` in 1/m."""
         import numpy as np
 

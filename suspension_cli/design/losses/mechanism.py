@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
 
 from msgspec import defstruct
 
 from suspension_cli.design.units import Table
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Inexact
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,9 @@ class Shape(Protocol):
         """mu S/V of bending, 1/m."""
         ...
 
-    def relaxation(self, phase: Any) -> Any:
+    def relaxation(
+        self, phase: Inexact[np.ndarray, "*frequency"] | complex
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Thermoelastic loss angle of bending over its strength."""
         ...
 
@@ -151,19 +157,33 @@ class Mechanism:
         """
         raise NotImplementedError
 
-    def bending(self, shape: Shape, plane: int, omega: Any, temperature: Any) -> Any:
+    def bending(
+        self,
+        shape: Shape,
+        plane: int,
+        omega: Inexact[np.ndarray, "*frequency"] | complex,
+        temperature: float,
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Loss angle of bending in one plane; with a `coefficient` a, divided by a^2."""
         raise NotImplementedError
 
-    def stretching(self, shape: Shape, omega: Any) -> Any:
+    def stretching(
+        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Loss angle of stretching; 0 unless `uniform`."""
-        del shape
-        return 0.0 * omega
+        import numpy as np
 
-    def twisting(self, shape: Shape, omega: Any) -> Any:
-        """Loss angle of twisting; 0 unless `uniform`."""
         del shape
-        return 0.0 * omega
+        return np.zeros(np.shape(omega))
+
+    def twisting(
+        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
+    ) -> Inexact[np.ndarray, "*frequency"]:
+        """Loss angle of twisting; 0 unless `uniform`."""
+        import numpy as np
+
+        del shape
+        return np.zeros(np.shape(omega))
 
     def coefficient(self, area: float) -> tuple[float, float] | None:
         """(p, q) of a bending angle proportional to a^2, a = p - q T in a wire of tension T (N).

@@ -11,12 +11,16 @@ frequency the angle is continued analytically.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from msgspec import Meta
 
 from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
 from suspension_cli.design.units import Table
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Inexact
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,13 @@ class Thermoelastic(Mechanism):
         slope = material.modulus_slope or 0.0
         return cls(youngs_modulus, density, expansion, slope, capacity, conductivity)
 
-    def bending(self, shape: Shape, plane: int, omega: Any, temperature: Any) -> Any:
+    def bending(
+        self,
+        shape: Shape,
+        plane: int,
+        omega: Inexact[np.ndarray, "*frequency"] | complex,
+        temperature: float,
+    ) -> Inexact[np.ndarray, "*frequency"]:
         """Loss angle over a^2, K^2; 0 for a blade of unknown thickness."""
         import numpy as np
 
