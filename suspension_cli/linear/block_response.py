@@ -26,6 +26,8 @@ from suspension_cli.scene.arrays import Array
 
 CONVERGED = 1e-10
 """Relative correction of a coordinate below which no second correction is needed."""
+ONCE_MORE = 1e-5
+"""Relative correction up to which a second one may do; beyond, pivoting and more digits help."""
 CONTRACTED = 1e-14
 """Relative second correction below which the first one was good, and so is the second."""
 CANCELLED = 1e-7
@@ -95,15 +97,16 @@ def _solve_range(
         factors = block.factor(omega)
         v = block.solve(factors, omega, request.moves, request.forces, drive)
         correction = factors.solve(drive.equations.residual(omega, loads, v))
-        inaccurate = ~(_relative(correction, v) < CONVERGED)
-        again = inaccurate.any(0).nonzero()[0]
+        change = _relative(correction, v)
+        inaccurate, moderate = ~(change < CONVERGED), change < ONCE_MORE
+        again = (inaccurate & moderate).any(0).nonzero()[0]
         if len(again):
             high, low = two_sum(v[..., again], correction[..., again])
             second = factors.some(again).solve(
                 drive.equations.residual(omega[again], loads, high, low)
             )
             v[..., again], correction[..., again] = high, low + second
-            inaccurate[:, again] = ~(_relative(second, high) < CONTRACTED)
+            inaccurate[:, again] = ~(moderate[:, again] & (_relative(second, high) < CONTRACTED))
         outputs = [
             _evaluate_output(form, high, low, v, correction)
             for form, high, low in zip(request.outputs, *offset, strict=True)
