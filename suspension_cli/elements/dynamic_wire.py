@@ -57,8 +57,14 @@ class TautWire:
         return all(section.round for section in self.fibre.sections)
 
     def at(self, omega: Any) -> WireAtFrequencies:
-        """The wire at frequencies (f,), rad/s."""
-        return WireAtFrequencies(self, omega)
+        """The wire at frequencies (f,), rad/s; kept for further blocks at the same array."""
+        if self._latest.get("omega") is not omega:
+            self._latest.update(omega=omega, wire=WireAtFrequencies(self, omega))
+        return self._latest["wire"]
+
+    @cached_property
+    def _latest(self) -> dict[str, Any]:
+        return {}
 
     @cached_property
     def static(self) -> dict[str, Any]:
