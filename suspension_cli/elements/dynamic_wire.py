@@ -201,17 +201,31 @@ class WireAtFrequencies:
     def _rod_dissipation(self, part: str, motions: list[Any]) -> dict[str, Any]:
         name = "stretching" if part == "stretch" else "torsion"
         result = {name: 0.0}
-        for section, motion in zip(self.strand.fibre.sections, motions, strict=True):
-            rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
-            strain, displacement = rod.integrate_squares(
-                rigidity, mass, section.length / 2, self.omega, motion
-            )
-            result[name] += np.imag(rigidity) * strain
+        for motion, (rigidity, mass, strain, displacement) in zip(
+            motions, self._rods(part), strict=True
+        ):
+            even, odd = motion.real**2 + motion.imag**2
+            loss = np.imag(rigidity)
+            result[name] += even * (loss * strain[0]) + odd * (loss * strain[1])
             if self._has_drag:
+                drag = -np.imag(mass) * self.omega**2
                 result["gas"] = (
-                    result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * displacement
+                    result.get("gas", 0.0)
+                    + even * (drag * displacement[0])
+                    + odd * (drag * displacement[1])
                 )
         return result
+
+    def _rods(self, part: str) -> list[tuple[Any, Any, Any, Any]]:
+        """EA or GJ, inertia per length and `rod.square_integrals` of every section."""
+        key = f"{part} integrals"
+        if key not in self._cache:
+            self._cache[key] = []
+            for section in self.strand.fibre.sections:
+                rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
+                integrals = rod.square_integrals(rigidity, mass, section.length / 2, self.omega)
+                self._cache[key].append((rigidity, mass, *integrals))
+        return self._cache[key]
 
     @property
     def _has_drag(self) -> bool:

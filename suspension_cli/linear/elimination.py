@@ -45,6 +45,11 @@ class Tree:
     nodes: tuple[Any, ...]
     parent: tuple[int, ...]
 
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return sum(len(node) for node in self.nodes)
+
     @cached_property
     def where(self) -> tuple[Any, ...]:
         """Positions of each node's coordinates, as slices where they are consecutive."""

@@ -28,8 +28,8 @@ from suspension_cli.scene.arrays import Array
 
 EARTH = 6.371e6
 """Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""
-CHUNK = 1024
-"""Frequencies evaluated at once: their matrices stay in the cache."""
+CHUNK = 1 << 20
+"""Elements of matrices evaluated at once, of the largest block."""
 ROUNDING = 1e-9
 """Fraction of the sum below which a negative density is a rounding error."""
 
@@ -136,8 +136,10 @@ def solve_all(
         for block in frequency_dependent.build_blocks(model)
         if (forces := np.array([row[block.keep] for _, row in motions])).any()
     ]
-    for start in range(0, len(omega), CHUNK):
-        now = slice(start, start + CHUNK)
+    largest = max((block.tree.size for block, _, _ in blocks), default=1)
+    step = max(CHUNK // largest**2, 64)
+    for start in range(0, len(omega), step):
+        now = slice(start, start + step)
         some = omega[now]
         for block, driven, forces in blocks:
             there = block.at(some)
