@@ -28,7 +28,7 @@ from suspension_cli.scene.arrays import Array
 
 EARTH = 6.371e6
 """Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""
-CHUNK = 1 << 20
+CHUNK = 1 << 19
 """Elements of matrices evaluated at once, of the largest block."""
 ROUNDING = 1e-9
 """Fraction of the sum below which a negative density is a rounding error."""
