@@ -1,10 +1,11 @@
 """Responses of one block to inputs at many frequencies, to the full precision of doubles.
 
 Each system D v = b is solved in doubles, body by body and at all frequencies at once
-(`elimination`). The residual b - D v in double-double arithmetic (`residual`) gives one correction,
-which squares the relative error of the first solution. Where that correction is large (near a pole
-without loss, near a zero, where a part of the suspension resonates alone), the system is solved
-again with pivoting and corrected until nothing changes.
+(`elimination`). The residual b - D v to twice as many digits (`residual`) gives one correction,
+which squares the relative error of the first solution, and a second one where the first is not
+small. Where the second is not far smaller (near a pole without loss, near a zero, where a part of
+the suspension resonates alone), the system is solved again with pivoting and corrected until
+nothing changes.
 
 Below the first resonance v are coordinates relative to the static response S s to the support's
 motion s: x = S s + v.

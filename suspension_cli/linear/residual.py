@@ -259,8 +259,9 @@ def equations(high: tuple[Any, Any, Any], low: tuple[Any, Any, Any]) -> Equation
         rows = DoubleDouble(
             *(_real_rows(factor * part[number], split=split) for part in (high, low))
         )
-        support.append((power, rows[:, :6]))
         used = (rows.high != 0) | (rows.low != 0)
+        if power == 0 or used[:, :6].any():
+            support.append((power, rows[:, :6]))
         columns = np.flatnonzero(used[:, 6:].any(0))
         if power == 0 or len(columns):
             own.append((power, columns, rows[:, 6 + columns]))

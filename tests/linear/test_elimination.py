@@ -108,8 +108,8 @@ def test_nearly_singular_parts(size, offset, lossy):
 
 
 def test_a_part_that_takes_up_too_much_is_solved_densely(monkeypatch):
-    """Subtracting 1e10 from 1 and adding it again would leave 6 digits, which one correction does not
-    restore; it does restore what 1e3 costs."""
+    """Subtracting 1e10 from 1 and adding it again would leave 6 digits, which one correction does
+    not restore; it does restore what 1e3 costs."""
     counted = []
     original = elimination.dense
     monkeypatch.setattr(
