@@ -9,26 +9,32 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.reader import read
+from suspension_cli.design.reader import parse, read
 from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
 
 QUADRUPLE = Path(__file__).parent.parent / "configs" / "quadruple.toml"
+IMPERFECT = """
+[[perturbation]]
+wire = "test.1"
+k_factor = 1.2
+upper_offset = [1e-3, 0.0, 0.0]
+"""
 FREQUENCY = np.geomspace(0.01, 100, 3000)
 
 
-def dense(model: Any, *, everything: bool = False) -> Callable[[], object]:
-    """Build the floor: one LAPACK solve of a complex 24x24 matrix per frequency, 1 or 30 inputs."""
+def dense(model: Any, *, everything: bool = False, kind: type = complex) -> Callable[[], object]:
+    """Build the floor: one LAPACK solve of a 24x24 matrix per frequency, 1 or 30 inputs."""
     omega = 2 * np.pi * FREQUENCY
     matrices = (model.stiffness[6:, 6:] - omega[:, None, None] ** 2 * model.mass[6:, 6:]).astype(
-        complex
+        kind
     )
     drives = (
         np.concatenate([np.eye(24), -model.stiffness[6:, :6]], axis=1)
         if everything
         else -model.stiffness[6:, :1]
     )
-    right = np.broadcast_to(drives.astype(complex), (len(omega), *drives.shape))
+    right = np.broadcast_to(drives.astype(kind), (len(omega), *drives.shape))
     return lambda: np.linalg.solve(matrices, right)
 
 
@@ -52,6 +58,18 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
         lambda: response.solve(model, FREQUENCY, drive, motion),
         9.0,
         15,
+    )
+    imperfect = registry.STRING.system(parse(QUADRUPLE.read_text() + IMPERFECT))
+    bodies = signals.bodies_with_signals(imperfect)
+    drive, motion = (
+        [signals.parse_input("support.x", bodies)],
+        [signals.parse_output(f"{imperfect.body[-1]}.yaw", bodies)],
+    )
+    ratio(
+        "response of an imperfect quadruple, one pair / dense real 24x24",
+        lambda: response.solve(imperfect, FREQUENCY, drive, motion),
+        dense(model, kind=float),
+        2,
     )
     drives = [
         signals.parse_input(f"{body}.{force}", known)

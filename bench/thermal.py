@@ -1,8 +1,12 @@
-"""Time of the thermal noise of a quadruple pendulum in the violin model: 30 us per frequency."""
+"""Time of the thermal noise of a quadruple pendulum in the violin model.
+
+If pygwinc is installed, its quadruple of springs in one dimension is timed too.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -18,13 +22,18 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
     """Time the noise from 0.1 Hz to 1 kHz."""
     design = read(QUADRUPLE).design
     model = registry.VIOLIN.system(design)
-    signal, row = thermal.parse_motion(model, f"{model.body[-1]}.x")
+    motions = [thermal.parse_motion(model, f"{model.body[-1]}.{dof}") for dof in "xz"]
 
     def noise(count: int) -> Callable[[], object]:
         frequency = np.geomspace(0.1, 1000, count)
-        return lambda: thermal.solve(model, frequency, row, signal, design.constants.temperature)
+        return lambda: thermal.solve_all(model, frequency, motions, design.constants.temperature)
 
-    absolute(
-        "thermal noise of a quadruple, 3,000 frequencies at 30 us each", noise(COUNT), 90.0, 15
-    )
+    absolute("thermal noise of a quadruple, x and z, 3,000 frequencies", noise(COUNT), 90.0, 15)
     ratio("the same, 6,000 frequencies / 3,000 (linear: 2)", noise(2 * COUNT), noise(COUNT), 2.5)
+    if find_spec("gwinc"):
+        import gwinc  # pyright: ignore[reportMissingImports]
+        from gwinc.suspension import suspQuad  # pyright: ignore[reportMissingImports]
+
+        quadruple = gwinc.load_budget("aLIGO").ifo.Suspension
+        grid = np.geomspace(0.1, 1000, COUNT)
+        ratio("the same / pygwinc", noise(COUNT), lambda: suspQuad(grid, quadruple), 9)

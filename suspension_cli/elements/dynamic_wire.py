@@ -60,8 +60,14 @@ class TautWire:
         return all(section.round for section in self.fibre.sections)
 
     def at(self, omega: Inexact[np.ndarray, " frequency"]) -> WireAtFrequencies:
-        """The wire at frequencies (f,), rad/s."""
-        return WireAtFrequencies(self, omega)
+        """The wire at frequencies (f,), rad/s; kept for further blocks at the same array."""
+        if self._latest.get("omega") is not omega:
+            self._latest.update(omega=omega, wire=WireAtFrequencies(self, omega))
+        return self._latest["wire"]
+
+    @cached_property
+    def _latest(self) -> dict[str, Any]:
+        return {}
 
     @cached_property
     def static(self) -> dict[str, Inexact[np.ndarray, "_ _"]]:
@@ -223,17 +229,31 @@ class WireAtFrequencies:
     ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
         name = "stretching" if part == "stretch" else "torsion"
         result: dict[str, Any] = {name: 0.0}
-        for section, motion in zip(self.strand.fibre.sections, motions, strict=True):
-            rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
-            strain, displacement = rod.integrate_squares(
-                rigidity, mass, section.length / 2, self.omega, motion
-            )
-            result[name] += np.imag(rigidity) * strain
+        for motion, (rigidity, mass, strain, displacement) in zip(
+            motions, self._rods(part), strict=True
+        ):
+            even, odd = np.real(motion) ** 2 + np.imag(motion) ** 2
+            loss = np.imag(rigidity)
+            result[name] += even * (loss * strain[0]) + odd * (loss * strain[1])
             if self._has_drag:
+                drag = -np.imag(mass) * self.omega**2
                 result["gas"] = (
-                    result.get("gas", 0.0) - np.imag(mass) * self.omega**2 * displacement
+                    result.get("gas", 0.0)
+                    + even * (drag * displacement[0])
+                    + odd * (drag * displacement[1])
                 )
         return result
+
+    def _rods(self, part: str) -> list[tuple[Any, Any, Any, Any]]:
+        """EA or GJ, inertia per length and `rod.square_integrals` of every section."""
+        key = f"{part} integrals"
+        if key not in self._cache:
+            self._cache[key] = []
+            for section in self.strand.fibre.sections:
+                rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
+                integrals = rod.square_integrals(rigidity, mass, section.length / 2, self.omega)
+                self._cache[key].append((rigidity, mass, *integrals))
+        return self._cache[key]
 
     @property
     def _has_drag(self) -> bool:

@@ -65,9 +65,6 @@ def integrate_squares(
 ) -> tuple[Float[np.ndarray, "motion frequency"], Float[np.ndarray, "motion frequency"]]:
     """Integrals of |u'|^2 and of |u|^2 along the rod.
 
-    u = U_s cos(kappa x)/cos(kappa h) + U_a sin(kappa x)/sin(kappa h), with x from the middle; the
-    products of even and odd parts integrate to 0.
-
     Parameters
     ----------
     rigidity, mass, half, omega
@@ -80,6 +77,20 @@ def integrate_squares(
     strain, displacement
         u of stretching: m and m^3; of twisting: 1/m and m.
     """
+    even, odd = np.real(ends) ** 2 + np.imag(ends) ** 2
+    strain, displacement = square_integrals(rigidity, mass, half, omega)
+    return (
+        even * strain[0] + odd * strain[1],
+        even * displacement[0] + odd * displacement[1],
+    )
+
+
+def square_integrals(rigidity: Any, mass: Any, half: float, omega: Any) -> tuple[Any, Any]:
+    """Integrals of |u'|^2 and of |u|^2 along the rod for U_s = 1 and for U_a = 1: (2, f) each.
+
+    u = U_s cos(kappa x)/cos(kappa h) + U_a sin(kappa x)/sin(kappa h), with x from the middle; the
+    products of even and odd parts integrate to 0. Arguments as for `stiffness`.
+    """
     kappa2 = mass * omega**2 / rigidity + 0 * omega
     kappa_h: Any = np.sqrt(kappa2 + 0j) * half
     size2, deep = np.abs(kappa_h) ** 2, np.abs(kappa_h.imag) > DEEP
@@ -90,17 +101,18 @@ def integrate_squares(
     cos2 = sinhc(2 * angle.imag) + np.sinc(2 * angle.real / np.pi)
     sin2 = sinhc_minus_sinc(2 * angle.real, 2 * angle.imag)
     slow_sin2 = np.where(static, 2 / 3, sin2 / np.where(static, 1.0, size2))
-    even, odd = np.abs(ends[0]) ** 2, np.abs(ends[1]) ** 2
     over_cos2, over_sin2 = 1 / np.abs(np.cos(angle)) ** 2, 1 / np.abs(sinc(angle)) ** 2
     # of a motion that decays along the rod every such ratio is 1 / Im(kappa h)
     decay = 1 / np.where(deep, np.abs(kappa_h.imag), 1.0)
-    strain = even * np.where(deep, size2 * decay, size2 * sin2 * over_cos2) + odd * np.where(
-        deep, size2 * decay, cos2 * over_sin2
+    strain = (
+        np.where(deep, size2 * decay, size2 * sin2 * over_cos2) / half,
+        np.where(deep, size2 * decay, cos2 * over_sin2) / half,
     )
-    displacement = even * np.where(deep, decay, cos2 * over_cos2) + odd * np.where(
-        deep, decay, slow_sin2 * over_sin2
+    displacement = (
+        np.where(deep, decay, cos2 * over_cos2) * half,
+        np.where(deep, decay, slow_sin2 * over_sin2) * half,
     )
-    return strain / half, displacement * half
+    return strain, displacement
 
 
 def resonances_below(

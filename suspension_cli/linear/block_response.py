@@ -1,10 +1,11 @@
 """Responses of one block to inputs at many frequencies, to the full precision of doubles.
 
 Each system D v = b is solved in doubles, body by body and at all frequencies at once
-(`elimination`). The residual b - D v in double-double arithmetic (`residual`) gives one correction,
-which squares the relative error of the first solution. Where that correction is large (near a pole
-without loss, near a zero, where a part of the suspension resonates alone), the system is solved
-again with pivoting and corrected until nothing changes.
+(`elimination`). The residual b - D v to twice as many digits (`residual`) gives one correction,
+which squares the relative error of the first solution, and a second one where the first is not
+small. Where the second is not far smaller (near a pole without loss, near a zero, where a part of
+the suspension resonates alone), the system is solved again with pivoting and corrected until
+nothing changes.
 
 Below the first resonance v are coordinates relative to the static response S s to the support's
 motion s: x = S s + v.
@@ -20,12 +21,16 @@ import numpy as np
 
 from suspension_cli.linear.blocks import CondensedBlock, SupportForces
 from suspension_cli.linear.double_double import DoubleDouble, two_product, two_sum
-from suspension_cli.linear.residual import Equations, Loads
+from suspension_cli.linear.residual import FINE, Equations, Loads
 from suspension_cli.linear.small_matrices import dense
 from suspension_cli.scene.arrays import Array
 
 CONVERGED = 1e-10
 """Relative correction of a coordinate below which no second correction is needed."""
+ONCE_MORE = 1e-5
+"""Relative correction up to which a second one may do; beyond, pivoting and more digits help."""
+CONTRACTED = 1e-14
+"""Relative second correction below which the first one was good, and so is the second."""
 CANCELLED = 1e-7
 """Ratio of an output to its largest terms below which these need more digits."""
 STEPS = 6
@@ -92,14 +97,21 @@ def _solve_range(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         factors = block.factor(omega)
         v = block.solve(factors, omega, request.moves, request.forces, drive)
-        residual = drive.equations.residual(omega, drive.equations.at(omega), loads, v, fine=False)
-        correction = block.solve_right_sides(factors, residual)
-        relative_change = (np.abs(correction) / np.maximum(np.abs(v), TINY)).max(0)
+        correction = factors.solve(drive.equations.residual(omega, loads, v))
+        change = _relative(correction, v)
+        inaccurate, moderate = ~(change < CONVERGED), change < ONCE_MORE
+        again = (inaccurate & moderate).any(0).nonzero()[0]
+        if len(again):
+            high, low = two_sum(v[..., again], correction[..., again])
+            second = factors.some(again).solve(
+                drive.equations.residual(omega[again], loads, high, low)
+            )
+            v[..., again], correction[..., again] = high, low + second
+            inaccurate[:, again] = ~(moderate[:, again] & (_relative(second, high) < CONTRACTED))
         outputs = [
             _evaluate_output(form, high, low, v, correction)
             for form, high, low in zip(request.outputs, *offset, strict=True)
         ]
-    inaccurate = ~(relative_change < CONVERGED)
     values = [value for value, _ in outputs]
     for _, cancelled in outputs:
         if cancelled is not None:
@@ -111,6 +123,11 @@ def _solve_range(
         for n, form in enumerate(request.outputs):
             values[n][where] = _evaluate_output(form, offset[0][n, i], offset[1][n, i], *refined)[0]
     return values
+
+
+def _relative(correction: Any, values: Any) -> Any:
+    """Largest relative correction (k, f) of any coordinate."""
+    return (np.abs(correction) / np.maximum(np.abs(values), TINY)).max(0)
 
 
 def _static_offset(block: CondensedBlock, request: Request, *, relative: bool) -> tuple[Any, Any]:
@@ -185,11 +202,10 @@ def _refine(
         for _ in range(STEPS):
             residual = equations.residual(
                 omega[active],
-                equations.at(omega[active]),
                 loads.some(active),
                 high[:, None, active],
                 low[:, None, active],
-                fine=True,
+                slices=FINE,
             )
             correction = dense(matrix[..., active], residual)[:, 0]
             relative_change = (np.abs(correction) / np.maximum(np.abs(high[:, active]), TINY)).max(
@@ -201,7 +217,7 @@ def _refine(
             total, rounding = two_sum(high[:, active], correction)
             total, rounding = two_sum(total, low[:, active] + rounding)
             high[:, active], low[:, active] = total, rounding
-            unfinished = improves & ~(relative_change < CONVERGED)
+            unfinished = improves & ~(relative_change < CONVERGED**2)
             active, size = active[unfinished], relative_change[unfinished]
             if not len(active):
                 break

@@ -199,13 +199,6 @@ class CondensedBlock:
             right_sides.append(columns)
         return factors.solve_columns(right_sides, moves.shape[1])
 
-    def solve_right_sides(self, factors: elimination.Factors, right: Any) -> Any:
-        """Solve for coordinates (c, i, f), given right-hand sides (c, i, f)."""
-        every = np.arange(right.shape[1])
-        return factors.solve_columns(
-            [elimination.Columns(every, right[where]) for where in self.tree.where], len(every)
-        )
-
 
 def _repeat(values: Any, count: int) -> Any:
     """Repeat values (..., 1) that do not depend on frequency: (..., count)."""

@@ -91,25 +91,6 @@ class DoubleDouble:
         return _normalise(high[0], low[0])
 
 
-def summed(values: Any) -> DoubleDouble:
-    """Sum doubles over the first axis."""
-    if not len(values):
-        return DoubleDouble.of(np.zeros(values.shape[1:]))
-    low, odd = np.zeros(values.shape[1:]), []
-    while (count := len(values)) > 1:
-        half = count // 2
-        if count % 2:
-            odd.append(values[-1])
-        values, error = two_sum(values[:half], values[half : 2 * half])
-        for part in error:
-            low += part
-    high = values[0]
-    for value in odd:
-        high, error = two_sum(high, value)
-        low = low + error
-    return _normalise(high, low)
-
-
 def two_sum(a: Any, b: Any) -> tuple[Any, Any]:
     """Add doubles: the rounded sum and its exact error."""
     total = a + b

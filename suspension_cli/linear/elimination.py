@@ -10,8 +10,9 @@ with B_c the block between parent (rows) and child. The transmission from suppor
 thereby a product of the transmissions of the stages: nothing cancels, so it keeps its relative
 accuracy however small it is (block LU of a graded matrix; Higham, Accuracy and Stability of
 Numerical Algorithms, 2nd ed., chapter 13). Where a part resonates alone its S_c is nearly singular,
-and subtracting a large B_c S_c^-1 B_c^T loses the digits of D_i: those systems are solved densely
-with pivoting, or refined (`block_response`).
+and subtracting a large B_c S_c^-1 B_c^T loses the digits of D_i, as small pivots within a node do.
+The residual gives a correction, which restores these digits (ibid., chapter 12) or, where it is
+large, shows that the system needs pivoting: `solve` here, `block_response` with more digits.
 """
 
 from __future__ import annotations
@@ -24,12 +25,9 @@ import numpy as np
 
 from suspension_cli.linear.small_matrices import dense, inverse, multiply
 
-GROWTH = 30.0
-"""Largest diagonal ratio of B_c S_c^-1 B_c^T to D_i; systems above it are solved with pivoting.
-
-Elements of one unit are compared, so the ratio does not depend on units (a norm over metres and
-radians would). Block elimination may lose this many rounding errors of the dense solve.
-"""
+LARGE = 1e-8
+"""Relative correction of a coordinate above which a system is solved with pivoting; the correction
+of a smaller one has half its digits."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +45,11 @@ class Tree:
     nodes: tuple[Any, ...]
     parent: tuple[int, ...]
 
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return sum(len(node) for node in self.nodes)
+
     @cached_property
     def where(self) -> tuple[Any, ...]:
         """Positions of each node's coordinates, as slices where they are consecutive."""
@@ -54,11 +57,6 @@ class Tree:
             slice(node[0], node[-1] + 1) if node[-1] - node[0] + 1 == len(node) else node
             for node in self.nodes
         )
-
-    @cached_property
-    def places(self) -> Any:
-        """Position of each coordinate in the order of the nodes."""
-        return np.argsort(np.concatenate(self.nodes))
 
 
 def tree(owner: list[str], coupled: Any) -> Tree | None:
@@ -104,7 +102,29 @@ def solve(matrix: Any, rhs: Any, structure: Tree | None) -> Any:
         None if up < 0 else matrix[np.ix_(structure.nodes[up], node)]
         for node, up in zip(structure.nodes, structure.parent, strict=True)
     ]
-    return factor(diagonal, links, structure, GROWTH).solve([rhs[node] for node in structure.nodes])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        factors = factor(diagonal, links, structure)
+        result = factors.solve(rhs)
+        correction = factors.solve(_residual(diagonal, links, structure, rhs, result))
+        large = ~(np.abs(correction) <= LARGE * np.abs(result)).all((0, 1))
+        result += correction
+    if large.any():
+        result[..., large] = dense(matrix[..., large], rhs[..., large])
+    return result
+
+
+def _residual(
+    diagonal: list[Any], links: list[Any], structure: Tree, rhs: Any, solution: Any
+) -> Any:
+    """Compute b - D x (c, k, P) in doubles."""
+    result = np.array(rhs, dtype=solution.dtype)
+    parts = [solution[where] for where in structure.where]
+    for n, (where, up) in enumerate(zip(structure.where, structure.parent, strict=True)):
+        result[where] -= multiply(diagonal[n], parts[n])
+        if up >= 0:
+            result[where] -= multiply(np.swapaxes(links[n], 0, 1), parts[up])
+            result[structure.where[up]] -= multiply(links[n], parts[n])
+    return result
 
 
 @dataclass(frozen=True)
@@ -115,45 +135,36 @@ class Factors:
     ----------
     structure : Tree
     own : tuple of (s, s, P) arrays
-        S of each node; its inverse if the node has no more than two coordinates (that of a larger
-        matrix loses digits).
+        S^-1 of each node.
     transmission : tuple of (s, s above, P) arrays or None
         S^-1 B^T.
-    count : int
-        P.
-    pivoted : (b,) int array
-        Systems that are solved with pivoting instead.
-    matrices : (c, c, b) array
-        Matrices of these.
     """
 
     structure: Tree
     own: tuple[Any, ...]
     transmission: tuple[Any, ...]
-    count: int
-    pivoted: Any
-    matrices: Any
 
-    def solve(self, rhs: list[Any]) -> Any:
-        """Solve for the right-hand sides (s, k, P) or (s, k, 1) of each node: (c, k, P)."""
-        return self.solve_columns([Columns.of(b) for b in rhs], rhs[0].shape[1])
+    def some(self, which: Any) -> Factors:
+        """Select systems."""
+        return Factors(
+            self.structure,
+            tuple(part[..., which] for part in self.own),
+            tuple(None if part is None else part[..., which] for part in self.transmission),
+        )
+
+    def solve(self, rhs: Any) -> Any:
+        """Solve for right-hand sides (c, k, P)."""
+        return self.solve_columns(
+            [Columns(np.arange(rhs.shape[1]), rhs[where]) for where in self.structure.where],
+            rhs.shape[1],
+        )
 
     def solve_columns(self, rhs: list[Columns], count: int) -> Any:
         """Solve for `count` right-hand sides, given those that are not 0: (c, count, P)."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            result = self._substitute(rhs, count)
-        if len(self.pivoted):
-            sides = [b.expand(self.pivoted, count) for b in rhs]
-            result[..., self.pivoted] = dense(
-                self.matrices, np.concatenate(sides)[self.structure.places]
-            )
-        return result
-
-    def _substitute(self, rhs: list[Columns], count: int) -> Any:
         parent, where = self.structure.parent, self.structure.where
         right, own = list(rhs), [part.value for part in rhs]
         for n in range(len(rhs) - 1, -1, -1):
-            own[n] = _solve_node(self.own[n], right[n].value)
+            own[n] = multiply(self.own[n], right[n].value)
             if parent[n] >= 0:
                 right[parent[n]] = right[parent[n]].subtract(
                     right[n], np.swapaxes(self.transmission[n], 0, 1)
@@ -163,7 +174,7 @@ class Factors:
             *(part.value for part in rhs),
             *(part for part in self.transmission if part is not None),
         )
-        result = np.zeros((len(self.structure.places), count, self.count), dtype=dtype)
+        result = np.zeros((sum(map(len, own)), count, self.own[0].shape[-1]), dtype=dtype)
         for n, here in enumerate(where):
             if parent[n] >= 0:
                 result[here] = np.negative(
@@ -178,13 +189,8 @@ class Factors:
         return result
 
 
-def factor(
-    diagonal: list[Any],
-    links: list[Any],
-    structure: Tree,
-    limit: float = np.inf,
-) -> Factors:
-    """Eliminate systems body by body.
+def factor(diagonal: list[Any], links: list[Any], structure: Tree) -> Factors:
+    """Eliminate systems body by body; singular parts give infinite or NaN solutions.
 
     Parameters
     ----------
@@ -193,45 +199,15 @@ def factor(
     links : list of (s above, s, P) arrays or None
         Between each node's parent (rows) and the node; (s above, s, 1) where constant.
     structure : Tree
-    limit : float
-        Largest ratio of what is subtracted from a diagonal element to that element, see `GROWTH`;
-        systems above it are solved with pivoting. Without a limit, singular parts give infinite or
-        NaN solutions.
     """
-    count = diagonal[0].shape[-1]
-    complement, transmission = list(diagonal), list(links)
-    growth = np.zeros(count)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for n in range(len(diagonal) - 1, -1, -1):
-            above, across = structure.parent[n], links[n]
-            complement[n] = inverse(complement[n]) if len(complement[n]) <= 2 else complement[n]
-            if across is None:
-                continue
-            transmission[n] = _solve_node(complement[n], np.swapaxes(across, 0, 1))
-            complement[above], terms = _subtract(
-                complement[above], np.swapaxes(transmission[n], 0, 1), across
-            )
-            for row, taken in enumerate(terms if limit < np.inf else []):
-                sizes = [np.abs(term) for term in taken]
-                np.maximum(
-                    growth, sum(sizes[1:], sizes[0]) / np.abs(diagonal[above][row, row]), out=growth
-                )
-    pivoted = np.flatnonzero(~(growth < limit))
-    return Factors(
-        structure,
-        tuple(complement),
-        tuple(transmission),
-        count,
-        pivoted,
-        assemble([part[..., pivoted] for part in diagonal], _select(links, pivoted), structure)
-        if len(pivoted)
-        else np.zeros((0, 0, 0)),
-    )
-
-
-def _select(parts: list[Any], systems: Any) -> list[Any]:
-    """Select systems; constant matrices (last axis 1) stay as they are."""
-    return [part if part is None or part.shape[-1] == 1 else part[..., systems] for part in parts]
+    own, transmission = list(diagonal), list(links)
+    for n in range(len(diagonal) - 1, -1, -1):
+        above, across = structure.parent[n], links[n]
+        own[n] = inverse(own[n])
+        if across is not None:
+            transmission[n] = multiply(own[n], np.swapaxes(across, 0, 1))
+            own[above] = own[above] - multiply(across, transmission[n])
+    return Factors(structure, tuple(own), tuple(transmission))
 
 
 def assemble(diagonal: list[Any], links: list[Any], structure: Tree) -> Any:
@@ -251,31 +227,6 @@ def assemble(diagonal: list[Any], links: list[Any], structure: Tree) -> Any:
     return result
 
 
-def _solve_node(own: Any, right: Any) -> Any:
-    """Solve S x = r for one node, S as in `Factors`."""
-    if len(own) <= 2:
-        return multiply(own, right) if right.shape[1] else right
-    return dense(own, np.broadcast_to(right, (*right.shape[:2], own.shape[-1])))
-
-
-def _subtract(matrix: Any, upward: Any, across: Any) -> tuple[Any, list[Any]]:
-    """Subtract U B^T from a symmetric D; also return the terms subtracted from each diagonal."""
-    result, diagonal_terms = (
-        np.empty((*matrix.shape[:2], upward.shape[-1]), dtype=np.result_type(matrix, upward)),
-        [],
-    )
-    for row in range(len(matrix)):
-        for column in range(row, len(matrix)):
-            terms = [upward[row, q] * across[column, q] for q in range(across.shape[1])]
-            total = terms[0] if len(terms) == 1 else sum(terms[1:], terms[0])
-            np.subtract(matrix[row, column], total, out=result[row, column])
-            if column != row:
-                result[column, row] = result[row, column]
-            else:
-                diagonal_terms.append(terms)
-    return result, diagonal_terms
-
-
 @dataclass(frozen=True)
 class Columns:
     """Right-hand sides of one node that are not 0.
@@ -289,11 +240,6 @@ class Columns:
 
     number: Any
     value: Any
-
-    @staticmethod
-    def of(rhs: Any) -> Columns:
-        """Select the right-hand sides of (s, k, P) that are not 0."""
-        return Columns(np.arange(rhs.shape[1]), rhs).drop_zeros()
 
     @property
     def as_slice(self) -> slice | None:
@@ -327,14 +273,6 @@ class Columns:
             np.broadcast_to(part.value, (*part.value.shape[:2], count)) for part in (self, other)
         ]
         return Columns(np.concatenate([self.number, other.number]), np.concatenate(values, axis=1))
-
-    def expand(self, systems: Any, count: int) -> Any:
-        """Expand to all `count` right-hand sides (s, count, p) of some systems."""
-        result = np.zeros((len(self.value), count, len(systems)), dtype=self.value.dtype)
-        result[:, self.number] = (
-            self.value[..., systems] if self.value.shape[-1] > 1 else self.value
-        )
-        return result
 
     def subtract(self, child: Columns, upward: Any) -> Columns:
         """Subtract the forces that a child transmits to its parent by `upward` (s above, s, P)."""

@@ -88,15 +88,15 @@ class FrequencyDependentBlock:
     tree: elimination.Tree
 
     @cached_property
-    def _dispersive(self) -> tuple[Any, Any, list[Any], Any]:
-        """Elements that depend on frequency: rows and columns (e,), the functions of each term in
-        them, and the weights (e, n) of these.
+    def _elements(self) -> tuple[Any, Any, list[Any], Any]:
+        """Elements that are not 0 in all matrices: rows and columns (e,), the functions of each
+        term in them, and the weights (e, 4 + n) of Re K, Im K, C, M and these.
         """
         matrices_of = [term.matrices[:, 6:] for term in self.terms]
         used = [np.flatnonzero(matrices.any((1, 2))) for matrices in matrices_of]
         stacked = np.concatenate(
             [
-                np.zeros((0, *self.mass.shape)),
+                np.stack([self.constant.real, self.constant.imag, self.damping, -self.mass]),
                 *(
                     matrices[functions]
                     for matrices, functions in zip(matrices_of, used, strict=True)
@@ -125,18 +125,18 @@ class FrequencyDependentBlock:
 
     def whole(self, omega: Array, now: list[Evaluated], *, lossy: bool) -> Any:
         """Assemble the dynamic stiffness, tensions of wires last: (c + t, 6 + c + t, f)."""
-        stiffness = self._without_tensions(omega, now, lossy=lossy)
+        rows, columns, stiffness = self._without_tensions(omega, now, lossy=lossy)
         tension_rows: list[tuple[Any, Any]] = []
         for each in self.tensions:
             evaluated = now[each.number]
             assert isinstance(evaluated, EvaluatedWires)
             tension_rows.append(each.rows(evaluated))
-        count, extra = len(stiffness), sum(len(diagonal) for _, diagonal in tension_rows)
+        count, extra = len(self.keep), sum(len(diagonal) for _, diagonal in tension_rows)
         result = np.zeros(
             (count + extra, 6 + count + extra, len(omega)),
             dtype=np.result_type(stiffness, *(diagonal for _, diagonal in tension_rows)),
         )
-        result[:count, : 6 + count] = stiffness
+        result[rows, columns] = stiffness
         start = count
         for across, diagonal in tension_rows:
             rows = np.arange(start, start + len(diagonal))
@@ -146,25 +146,27 @@ class FrequencyDependentBlock:
             start += len(diagonal)
         return result
 
-    def _without_tensions(self, omega: Array, now: list[Evaluated], *, lossy: bool) -> Any:
-        """Assemble the dynamic stiffness without the stretching of wires: (c, 6 + c, f)."""
-        rows, columns, used, weights = self._dispersive
+    def _without_tensions(
+        self, omega: Array, now: list[Evaluated], *, lossy: bool
+    ) -> tuple[Any, Any, Any]:
+        """Elements of the dynamic stiffness without the stretching of wires.
+
+        Returns
+        -------
+        rows, columns : (e,) int arrays
+        elements : (e, f) array
+        """
+        rows, columns, used, weights = self._elements
+        constants = [np.ones(len(omega)), np.full(len(omega), 1j), 1j * omega, omega**2]
+        present = weights[:, :4].any(0) & [True, lossy, lossy, True]
         functions = [
-            term.functions(which) for term, which in zip(now, used, strict=True) if len(which)
+            np.stack([part for part, here in zip(constants, present, strict=True) if here])
+            if present.any()
+            else np.zeros((0, len(omega))),
+            *(term.functions(which) for term, which in zip(now, used, strict=True) if len(which)),
         ]
-        constant = self.constant if lossy else self.constant.real
-        damped = lossy and self.damping.any()
-        kind = np.result_type(constant, omega, complex if damped else float, *functions)
-        result = np.empty((*constant.shape, len(omega)), dtype=kind)
-        result[:] = constant[..., None]
-        for r, c in np.argwhere(self.mass):
-            result[r, c] -= self.mass[r, c] * omega**2
-        if damped:
-            for r, c in np.argwhere(self.damping):
-                result[r, c] += 1j * self.damping[r, c] * omega
-        if functions:
-            result[rows, columns] += _multiply(weights, np.concatenate(functions))
-        return result
+        chosen = np.append(present, np.ones(weights.shape[1] - 4, dtype=bool))
+        return rows, columns, _multiply(weights[:, chosen], np.concatenate(functions))
 
 
 @dataclass(frozen=True)

@@ -128,13 +128,13 @@ class WireTerm:
     @cached_property
     def distinct(self) -> dict[str, tuple[Any, Any]]:
         """Forms (r, c, N) that differ by more than sign, and the number (r,) of wires of each."""
-        result = {}
-        for part, forms in self.forms.items():
-            shape = forms.shape[1:]
-            rows, members = distinct(forms.reshape(len(forms), shape[0] * shape[1]))
-            count = np.array([len(wires) for wires in members], dtype=float)
-            result[part] = (rows.reshape(-1, *shape), count)
-        return result
+        return {part: _distinct(forms) for part, forms in self.forms.items()}
+
+    @cached_property
+    def distinct_at_rest(self) -> dict[str, tuple[Any, Any]]:
+        """As `distinct`, with the support, the first 6 coordinates, at rest."""
+        moving = np.arange(len(self.allowed)) >= 6
+        return {part: _distinct(forms * moving) for part, forms in self.forms.items()}
 
     def within(self, columns: Any) -> WireTerm:
         """Restrict to some coordinates."""
@@ -150,6 +150,13 @@ class WireTerm:
         reach = (from_new != 0).astype(float)
         forms = {part: form @ from_new for part, form in self.forms.items()}
         return WireTerm(self.stage, self.strand, forms, reach.T @ self.allowed @ reach > 0)
+
+
+def _distinct(forms: Any) -> tuple[Any, Any]:
+    shape = forms.shape[1:]
+    rows, members = distinct(forms.reshape(len(forms), shape[0] * shape[1]))
+    count = np.array([len(wires) for wires in members], dtype=float)
+    return rows.reshape(-1, *shape), count
 
 
 @dataclass(frozen=True)
@@ -202,8 +209,9 @@ class EvaluatedWires:
             "gas": gas.temperature if gas else 0.0,
         }
         result: dict[tuple[str, float], Any] = {}
+        distinct = self.term.distinct if motion[:6].any() else self.term.distinct_at_rest
         for part in PARTS:
-            rows, count = self.term.distinct[part]
+            rows, count = distinct[part]
             if not len(rows):
                 continue
             ends = np.moveaxis(rows @ motion, 0, 1)  # (c, r, f)

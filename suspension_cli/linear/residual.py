@@ -1,70 +1,58 @@
-"""Residuals of the equations of motion of a block in double-double arithmetic.
+"""Residuals of the equations of motion of a block, to twice the digits of doubles.
 
 The rounding errors of a solution v of D v = b follow from its residual b - D v, a small difference
 of large terms that needs more digits than the solution has (Higham, Accuracy and Stability of
-Numerical Algorithms, 2nd ed., chapter 12). Each double is cut into two halves of 26 bits,
-a = a1 + a2, so that
+Numerical Algorithms, 2nd ed., chapter 12). With D = K + i omega C - omega^2 M and b a polynomial in
+omega it is one product of a constant matrix A = (-K, -iC, M, b_0, b_2) and the columns
+y = (v, omega v, omega^2 v, 1, omega^2). Both are cut into slices of few bits on a common scale,
 
-    a b = a1 b1 + (a1 b2 + a2 b1 + a2 b2),
+    A = A_1 + A_2 + A_3,   y = y_1 + y_2 + y_3,
+    A y = A_1 y_1 + (A_1 y_2 + A_2 y_1) + (A_1 y_3 + A_2 (y_2 + y_3) + A_3 y),
 
-where each product on the right is exact. The first, the largest by 2^26, is summed in
-double-double; the others likewise (`fine`) or, three times as fast, in doubles, with an error of
-2^-80 of the terms.
+so that all but the last bracket are free of rounding errors, whatever the order of summation, and
+ordinary matrix products compute them (Ozaki, Ogita, Oishi and Rump, Numer. Algorithms 59, 95
+(2012)). The scale of each column of A is the largest element of y at a few neighbouring
+frequencies; where all terms of a row are far below it, the frequency is computed with its own.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.linear.double_double import DoubleDouble, cut, summed, two_product, two_sum
+from suspension_cli.linear.double_double import DoubleDouble, two_product
 from suspension_cli.scene.arrays import Array
 
-
-@dataclass(frozen=True)
-class Elements:
-    """Elements of each row of a matrix in double-double; arrays (w, r) or (w, r, 1, f).
-
-    Attributes
-    ----------
-    column : (w, r) int array
-        Columns of the w elements of each of r rows.
-    high, low : arrays
-        Doubles, and their low parts.
-    upper, lower : arrays
-        Halves of `high`.
-    """
-
-    column: Any
-    high: Any
-    upper: Any
-    lower: Any
-    low: Any
-
-    @staticmethod
-    def of(column: Any, high: Any, low: Any) -> Elements:
-        """Cut the doubles of elements into halves."""
-        upper = cut(high)
-        return Elements(column, high, upper, high - upper, low)
+COARSE, FINE = 3, 4
+"""Number of slices: errors of some 2^-95 and 2^-115 of the largest terms."""
+WIDTH = 64
+"""Neighbouring frequencies with common scales."""
+SMALL = 2.0**-15
+"""Size of the terms of a row, relative to its scale, below which its frequency is computed with
+scales of its own."""
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Right-hand sides b of k inputs, as polynomials in omega.
+    """Right-hand sides b, as polynomials in omega.
 
     Attributes
     ----------
     terms : tuple of (int, DoubleDouble)
         Power of omega and its coefficients (r, k).
+    single : bool
+        Whether k is the number of frequencies, each with one input, instead of that of inputs.
     """
 
     terms: tuple[tuple[int, DoubleDouble], ...]
+    single: bool = False
 
     def some(self, which: Any) -> Loads:
-        """Select inputs."""
-        return Loads(tuple((power, value[:, which]) for power, value in self.terms))
+        """Select the inputs of single frequencies."""
+        return Loads(tuple((power, value[:, which]) for power, value in self.terms), single=True)
 
 
 @dataclass(frozen=True)
@@ -75,207 +63,209 @@ class Equations:
 
     Attributes
     ----------
-    high, low : tuples of (r, 6 + r) arrays
-        Coefficients of 1, omega and omega^2 towards the support and the coordinates, and their low
-        parts.
-    constant : (r, r) bool array
-        Whether each element of D is independent of frequency.
+    support : tuple of (int, DoubleDouble)
+        Power of omega, and its coefficients (r, 6) towards the support.
+    own : tuple of (int, (n,) int array, DoubleDouble)
+        Power of omega, the coordinates that it multiplies and its coefficients (r, n).
     split : bool
         Whether v is complex.
-    fixed : Elements
-        Elements of D that do not depend on frequency.
-    column : (w, r) int array
-        Columns of the others.
-    coefficients : tuple of (int, (w, r, 1, 1) array, (w, r, 1, 1) array)
-        Power of omega in these, and its coefficients in double-double.
-    upper, remainder : (r, r) arrays
-        Upper halves of the elements that do not depend on frequency, and the rest of these.
     """
 
-    high: tuple[Any, Any, Any]
-    low: tuple[Any, Any, Any]
-    constant: Any
+    support: tuple[tuple[int, DoubleDouble], ...]
+    own: tuple[tuple[int, Any, DoubleDouble], ...]
     split: bool
-    fixed: Elements
-    column: Any
-    coefficients: tuple[tuple[int, Any, Any], ...]
-    upper: Any
-    remainder: Any
 
     def loads(self, moves: Any, forces: Any) -> Loads:
         """Compute right-hand sides b = f - E s for support motions (6, k) and forces (c, k)."""
         forces = np.concatenate([forces.real, forces.imag]) if self.split else forces.real
         terms = []
-        for power, (high, low) in enumerate(zip(self.high, self.low, strict=True)):
-            value = -(DoubleDouble(high[:, :6], low[:, :6]) @ DoubleDouble.of(moves))
+        for power, coupling in self.support:
+            value = -(coupling @ DoubleDouble.of(moves))
             if power == 0:
                 value = DoubleDouble.of(forces) + value
             if value.high.any() or value.low.any():
                 terms.append((power, value))
         return Loads(tuple(terms))
 
-    def at(self, omega: Array) -> Elements:
-        """Evaluate the frequency-dependent elements of D at frequencies (f,), rad/s."""
-        (_, high, low), *others = self.coefficients
-        for power, factor, factor_low in others:
-            omegas, omegas_low = _power(omega, power)
-            product, error = two_product(factor, omegas)
-            error += factor * omegas_low + factor_low * omegas
-            high, rounding = two_sum(high, product)
-            low = low + (rounding + error)
-        return Elements.of(self.column, high, low)
-
     def residual(
-        self,
-        omega: Array,
-        varying: Elements,
-        loads: Loads,
-        high: Any,
-        low: Any = None,
-        *,
-        fine: bool,
+        self, omega: Array, loads: Loads, high: Any, low: Any = None, *, slices: int = COARSE
     ) -> Any:
-        """Compute the residual b - D v (c, k, f), rounded once.
+        """Compute the residual b - D v (c, k, f), rounded once; NaN where v is not finite.
 
         Parameters
         ----------
         omega : (f,) array
             rad/s.
-        varying : Elements
-            From `at`, for these frequencies.
         loads : Loads
-            Of k inputs; or, if k = 1, of f inputs, one per frequency.
+            Of k inputs; if k = 1, also single ones.
         high, low : (c, k, f) arrays
             v in double-double; without `low`, in doubles.
-        fine : bool
-            Whether to sum all products in double-double.
+        slices : {COARSE, FINE}
         """
         count = len(high)
         if self.split:
             high = np.concatenate([high.real, high.imag])
             low = None if low is None else np.concatenate([low.real, low.imag])
-        upper = cut(high)
-        lower = high - upper
-        halves = ("upper", upper), ("lower", lower)
-        products = [(n, part) for n, _ in halves for _, part in halves] if fine else [halves[0]]
-        parts = (self.fixed, varying)
-        width = sum(len(each.column) for each in parts)
-        places = len(products) * width
-        terms = np.empty((places + len(loads.terms), *high.shape))
-        start = 0
-        for name, half in products:
-            for each in parts:
-                term = terms[start : (start := start + len(each.column))]
-                np.take(half, each.column, axis=0, out=term, mode="clip")
-                term *= getattr(each, name)
-        low_sum = np.zeros_like(high)
-        for place, (power, value) in enumerate(loads.terms, places):
-            _add_load(terms[place], low_sum, value, _power(omega, power))
-        if fine:
-            remainder = np.zeros_like(high) if low is None else low
-            low_sum += _multiply(self.fixed_high, remainder) + _multiply(self.fixed_low, high)
-            corrections = (varying.high, remainder), (varying.low, high)
-        else:
-            remainder = lower if low is None else lower + low
-            low_sum += _multiply(self.upper, remainder)
-            low_sum += _multiply(self.remainder, high)
-            corrections = (varying.upper, remainder), (varying.lower + varying.low, high)
-        for factor, part in corrections:
-            for n, column in enumerate(varying.column):
-                low_sum += factor[n] * part[column]
-        total = summed(terms)
-        result = -(total.high + (total.low + low_sum))
+        finite = np.isfinite(high).all(0)
+        if not finite.all():
+            high = np.where(finite, high, 0.0)
+            low = None if low is None else np.where(finite, low, 0.0)
+        result = self._multiply(omega, loads, high, low, slices, 1 if loads.single else WIDTH)
+        result[:, ~finite] = np.nan
         return result[:count] + 1j * result[count:] if self.split else result
 
-    @property
-    def fixed_high(self) -> Any:
-        """Elements of D that do not depend on frequency, in doubles (r, r)."""
-        return np.where(self.constant, self.high[0][:, 6:], 0.0)
+    def _multiply(
+        self, omega: Array, loads: Loads, high: Any, low: Any, slices: int, width: int
+    ) -> Any:
+        """Compute the residual (r, k, f) with common scales of `width` frequencies."""
+        count = len(omega)
+        omegas, values = _grouped(omega[None, None], width), _grouped(high, width)
+        fastest, largest = _scale(omegas), _scale(values)
+        omegas, values = omegas / fastest[..., None], values * (1 / largest)[..., None]
+        values_low = None if low is None else _grouped(low, width) / largest[..., None]
+        rows, size = len(self.own[0][2].high), sum(len(columns) for _, columns, _ in self.own)
+        shape = (*values.shape[:2], size + len(loads.terms), width)
+        y, y_low = np.empty(shape), np.zeros(shape)
+        groups = len(values) if loads.single else 1
+        matrix, matrix_low = np.empty((2, groups, shape[1], rows, shape[2]))
+        scale = np.empty(shape[:3])
+        start = 0
+        for power, columns, part in self.own:
+            here = slice(start, start := start + len(columns))
+            matrix[..., here], matrix_low[..., here] = -part.high, -part.low
+            scale[..., here] = largest[..., columns] * fastest**power
+            few = values if len(columns) == values.shape[2] else values[:, :, columns]
+            y[:, :, here] = few
+            if values_low is not None:
+                y_low[:, :, here] = values_low[:, :, columns]
+            if power:
+                factor, factor_low = _power(omegas, power)
+                y[:, :, here], error = two_product(few, factor)
+                y_low[:, :, here] *= factor
+                y_low[:, :, here] += error
+                if power == 2:
+                    y_low[:, :, here] += few * factor_low
+        for here, (power, value) in enumerate(loads.terms, start):
+            each = (-1, 1, rows) if loads.single else (1, -1, rows)
+            matrix[..., here] = value.high.T.reshape(each)
+            matrix_low[..., here] = value.low.T.reshape(each)
+            scale[..., here] = fastest[..., 0] ** power
+            y[:, :, here, None], y_low[:, :, here, None] = _power(omegas, power)
+        # without low parts of v those of y are 0 in the first columns
+        used = slice(len(self.own[0][1]) if low is None else 0, None)
+        product, terms = _multiply_in_slices(
+            matrix * scale[..., None, :], matrix_low * scale[..., None, :], y, y_low, used, slices
+        )
+        result = _ungrouped(product, count)
+        if width > 1:
+            small = ((terms < SMALL) & (terms > 0)).any(2)
+            if small.any():
+                i, f = _ungrouped(small[:, :, None], count)[0].nonzero()
+                result[:, i, f] = self._multiply(
+                    omega[f],
+                    loads.some(i),
+                    high[:, None, i, f],
+                    None if low is None else low[:, None, i, f],
+                    slices,
+                    1,
+                )[:, 0]
+        return result
 
-    @property
-    def fixed_low(self) -> Any:
-        """Low parts of these (r, r)."""
-        return np.where(self.constant, self.low[0][:, 6:], 0.0)
+
+def _grouped(values: Any, width: int) -> Any:
+    """Arrange (n, k, f) as (f / width, k, n, width), the last group filled up with its last."""
+    groups = -(-values.shape[-1] // width)
+    result = np.empty((groups, *values.shape[1::-1], width))
+    whole = values.shape[-1] // width
+    result[:whole] = (
+        values[..., : whole * width].reshape(*values.shape[:2], whole, width).transpose(2, 1, 0, 3)
+    )
+    if whole < groups:
+        rest = values[..., whole * width :].swapaxes(0, 1)
+        result[whole, ..., : rest.shape[-1]] = rest
+        result[whole, ..., rest.shape[-1] :] = rest[..., -1:]
+    return result
+
+
+def _ungrouped(values: Any, count: int) -> Any:
+    """Arrange (g, k, n, width) as (n, k, count)."""
+    return values.transpose(2, 1, 0, 3).reshape(*values.shape[2:0:-1], -1)[..., :count]
+
+
+def _multiply_in_slices(
+    left: Any, left_low: Any, right: Any, right_low: Any, used: slice, slices: int
+) -> tuple[Any, Any]:
+    """Multiply matrices (..., r, n) by columns (..., n, w) of at most 1, both in double-double.
+
+    Parameters
+    ----------
+    used : slice
+        Where the low parts of the columns are not 0.
+
+    Returns
+    -------
+    product : (..., r, w) array
+        In doubles.
+    terms : (..., r, w) array
+        Sum of the absolute terms of each element, relative to the scale of the error.
+    """
+    bits = (53 - math.ceil(math.log2(slices * right.shape[-2]))) // 2
+    row_scale = _scale(left)[..., None]
+    left, left_low = left / row_scale, left_low / row_scale
+    terms = np.abs(left) @ np.abs(right)
+    last = left[..., used] @ right_low[..., used, :] + left_low @ right
+    lefts, rights = [], []
+    for n in range(1, slices):
+        lefts.append(_first_bits(left, bits * n))
+        left = left - lefts[-1]
+        rights.append((_first_bits(right, bits * n), right))
+        right = right - rights[-1][0]
+    lefts.append(left)
+    rights.append((right, right))
+    product = 0.0
+    for n in range(slices - 1):  # these sums cancel, so the largest come first
+        for m in range(n + 1):
+            product += lefts[m] @ rights[n - m][0]
+    for n in range(slices):
+        last += lefts[n] @ rights[slices - 1 - n][1]
+    product += last
+    product *= row_scale
+    return product, terms
+
+
+def _scale(values: Any) -> Any:
+    """Powers of 2 above the absolute values of the last axis; 1 if all are 0."""
+    return np.ldexp(1.0, np.frexp(np.abs(values).max(-1))[1])
+
+
+def _first_bits(values: Any, bits: int) -> Any:
+    """Round values of at most 1 to so many bits behind the point."""
+    unit = 1.5 * 2.0 ** (52 - bits)  # its last digit is that of the result
+    result = values + unit
+    result -= unit
+    return result
 
 
 def _power(omega: Array, power: int) -> tuple[Any, Any]:
     """Raise omega to a power of 0, 1 or 2 in double-double."""
-    return two_product(omega, omega) if power == 2 else (omega if power else np.ones(()), 0.0)
-
-
-def _add_load(term: Any, small: Any, value: DoubleDouble, omegas: tuple[Any, Any]) -> None:
-    """Set a term (r, k, f) to -value omegas, and add its low part to `small`."""
-    high, low = value.high, value.low
-    if term.shape[1] == 1 and high.shape[1] == term.shape[2]:
-        high, low = high[:, None], low[:, None]
-    else:
-        high, low = high[..., None], low[..., None]
-    power, power_low = omegas
-    if power.ndim == 0:
-        term[:] = -high
-        small -= low
-        return
-    product, error = two_product(high, power)
-    term[:] = -product
-    small -= error + (high * power_low + low * power)
-
-
-def _multiply(matrix: Any, columns: Any) -> Any:
-    """Multiply (r, n) by (n, k, f): (r, k, f)."""
-    return (matrix @ columns.reshape(len(columns), -1)).reshape(-1, *columns.shape[1:])
+    return two_product(omega, omega) if power == 2 else (omega if power else 1.0, 0.0)
 
 
 def equations(high: tuple[Any, Any, Any], low: tuple[Any, Any, Any]) -> Equations:
     """Build equations of motion from K, M and C (c, 6 + c) and their low parts."""
     split = any(np.iscomplexobj(part) for part in (*high, *low)) or bool(high[2].any())
-    factors = 1.0, -1.0, (1j if split else 0.0)
-    (rows, rows_low), (mass, mass_low), (damping, damping_low) = (
-        tuple(_real_rows(factor * part, split=split) for part in fixed_elements)
-        for factor, *fixed_elements in zip(factors, high, low, strict=True)
-    )
-    polynomial, polynomial_low = (rows, damping, mass), (rows_low, damping_low, mass_low)
-    nonzero = [part[:, 6:] != 0 for part in (*polynomial, *polynomial_low)]
-    constant = ~(nonzero[1] | nonzero[2] | nonzero[4] | nonzero[5])
-    used = nonzero[0] | nonzero[3]
-    column = _used_columns(used & constant)
-    fixed, fixed_low = (np.where(constant, part[:, 6:], 0.0) for part in (rows, rows_low))
-    upper = cut(fixed)
-    varying = _used_columns(~constant)
-    coefficients = [
-        (
-            power,
-            *(
-                _select(part[power][:, 6:], varying, ~constant)
-                for part in (polynomial, polynomial_low)
-            ),
+    support, own = [], []
+    for power, number, factor in ((0, 0, 1.0), (2, 1, -1.0), (1, 2, 1j if split else 0.0)):
+        rows = DoubleDouble(
+            *(_real_rows(factor * part[number], split=split) for part in (high, low))
         )
-        for power in range(3)
-        if power == 0 or nonzero[power].any() or nonzero[3 + power].any()
-    ]
-    fixed_elements = [_select(part, column, used & constant) for part in (fixed, fixed_low)]
-    return Equations(
-        polynomial,
-        polynomial_low,
-        constant,
-        split,
-        Elements.of(column, fixed_elements[0], fixed_elements[1]),
-        varying,
-        tuple(coefficients),  # pyright: ignore[reportArgumentType]
-        upper,
-        (fixed - upper) + fixed_low,
-    )
-
-
-def _select(matrix: Any, column: Any, used: Any) -> Any:
-    """Select elements (w, r, 1, 1) of each row in columns (w, r), 0 where not used."""
-    part = np.take_along_axis(np.where(used, matrix, 0.0), column.T, 1)
-    return np.ascontiguousarray(part.T)[..., None, None]
-
-
-def _used_columns(used: Any) -> Any:
-    """List columns (w, r) of the used elements of each row, padded with other columns."""
-    width = int(used.sum(1).max(initial=0))
-    return np.ascontiguousarray(np.argsort(~used, axis=1, kind="stable")[:, :width].T)
+        used = (rows.high != 0) | (rows.low != 0)
+        if power == 0 or used[:, :6].any():
+            support.append((power, rows[:, :6]))
+        columns = np.flatnonzero(used[:, 6:].any(0))
+        if power == 0 or len(columns):
+            own.append((power, columns, rows[:, 6 + columns]))
+    return Equations(tuple(support), tuple(own), split)
 
 
 def _real_rows(matrix: Any, *, split: bool) -> Any:

@@ -9,9 +9,11 @@ import numpy as np
 
 
 def multiply(a: Any, b: Any) -> Any:
-    """Multiply matrices, (p, r, P) = (p, q, P) (q, r, P)."""
-    if a.shape[1] > 3:
-        return np.einsum("pqf,qrf->prf", a, b)
+    """Multiply matrices, (p, r, P) = (p, q, P) (q, r, P), one of them perhaps constant (P = 1)."""
+    if b.shape[-1] == 1:
+        return b[..., 0].T @ a
+    if a.shape[-1] == 1:
+        return (a[..., 0] @ b.reshape(len(b), -1)).reshape(-1, *b.shape[1:])
     result = a[:, 0, None] * b[None, 0]
     for q in range(1, a.shape[1]):
         result += a[:, q, None] * b[None, q]
@@ -19,7 +21,10 @@ def multiply(a: Any, b: Any) -> Any:
 
 
 def inverse(matrix: Any) -> Any:
-    """Invert symmetric matrices (s, s, P), in closed form for s of 1 and 2."""
+    """Invert matrices (s, s, P) by elimination without pivoting, in closed form for s of 1 and 2.
+
+    Small pivots cost digits: the solutions need a check.
+    """
     if len(matrix) == 1:
         return 1.0 / matrix
     if len(matrix) == 2:
@@ -31,7 +36,16 @@ def inverse(matrix: Any) -> Any:
         np.multiply(b, -inverse_determinant, out=result[0, 1])
         result[1, 0] = result[0, 1]
         return result
-    return _apply_to_stack(np.linalg.inv, matrix)
+    result = np.array(matrix)
+    for n in range(len(result)):
+        pivot = 1.0 / result[n, n]
+        column = result[:, n].copy()
+        row = result[n] * pivot
+        result -= column[:, None] * row
+        result[:, n] = column * -pivot
+        result[n] = row
+        result[n, n] = pivot
+    return result
 
 
 def dense(matrix: Any, rhs: Any) -> Any:

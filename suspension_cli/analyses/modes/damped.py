@@ -181,10 +181,11 @@ def _split_coupled(basis: Basis) -> list[Index]:
 
 def _connected_groups(linked: Any) -> list[Index]:
     """Connected groups of a graph, from its adjacency matrix (n, n)."""
-    from scipy.sparse.csgraph import connected_components
-
-    count, member = connected_components(linked, directed=False)
-    return [np.flatnonzero(member == number) for number in range(count)]
+    reached = linked | linked.T | np.eye(len(linked), dtype=bool)
+    while (further := reached.astype(float) @ reached > 0).sum() > reached.sum():
+        reached = further
+    first = reached.argmax(1)
+    return [np.flatnonzero(first == number) for number in np.unique(first)]
 
 
 def _chunks(basis: Basis, count: int) -> list[slice]:

@@ -164,14 +164,14 @@ def _solved(source: Source, setting: dict[str, Any], log: Log) -> tuple[Choice, 
             ]
         )
     tilt = thermal.compute_arm_tilt(setting["arm"])
-    noises = []
+    motions = []
     for text in setting["outputs"] or (f"{model.body[-1]}.x",):
-        signal, row = thermal.parse_motion(model, text, tilt)
-        _demand_observable(signal, tilt)
-        noise = thermal.solve(model, frequency, row, signal, source.design.constants.temperature)
+        motions.append(thermal.parse_motion(model, text, tilt))
+        _demand_observable(motions[-1][0], tilt)
+    noises = thermal.solve_all(model, frequency, motions, source.design.constants.temperature)
+    for noise in noises:
         _demand_loss(noise)
-        noises.append(replace(noise, tilt=tilt))
-    return choice, noises
+    return choice, [replace(noise, tilt=tilt) for noise in noises]
 
 
 def _demand_observable(signal: Any, tilt: float) -> None:

@@ -28,8 +28,8 @@ from suspension_cli.scene.arrays import Array
 
 EARTH = 6.371e6
 """Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""
-CHUNK = 1024
-"""Frequencies evaluated at once: their matrices stay in the cache."""
+CHUNK = 1 << 19
+"""Elements of matrices evaluated at once, of the largest block."""
 ROUNDING = 1e-9
 """Fraction of the sum below which a negative density is a rounding error."""
 
@@ -111,19 +111,51 @@ def solve(
     >>> noise.unit, noise.density.shape[1]
     ('m', 1)
     """
+    return solve_all(model, frequency, [(signal, row)], temperature)[0]
+
+
+def solve_all(
+    model: LinearSystem,
+    frequency: Array,
+    motions: list[tuple[Signal, Array]],
+    temperature: float,
+) -> list[Thermal]:
+    """Compute the thermal noise of several motions, which share the evaluation of wires.
+
+    Parameters
+    ----------
+    model, frequency, temperature
+        As for `solve`.
+    motions : list of (Signal, (N,) array)
+        Names and units, and linear forms of the coordinates.
+    """
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
-    powers: dict[str, Array] = {}
-    for block in frequency_dependent.build_blocks(model):
-        force = row[block.keep][:, None]
-        if not force.any():
-            continue
-        for start in range(0, len(omega), CHUNK):
-            now = slice(start, start + CHUNK)
-            there = block.at(omega[now])
-            motion = there.solve(np.zeros((6, 1)), force)[:, 0]
-            for (cause, warmth), lost in compute_dissipation(there, motion, temperature).items():
-                power = powers.setdefault(cause, np.zeros(len(omega)))
-                power[now] += 4 * BOLTZMANN * warmth * lost / omega[now]
+    powers: list[dict[str, Array]] = [{} for _ in motions]
+    blocks = [
+        (block, np.flatnonzero(forces.any(1)), forces)
+        for block in frequency_dependent.build_blocks(model)
+        if (forces := np.array([row[block.keep] for _, row in motions])).any()
+    ]
+    largest = max((block.tree.size for block, _, _ in blocks), default=1)
+    step = max(CHUNK // largest**2, 64)
+    for start in range(0, len(omega), step):
+        now = slice(start, start + step)
+        some = omega[now]
+        for block, driven, forces in blocks:
+            there = block.at(some)
+            responses = there.solve(np.zeros((6, len(driven))), forces[driven].T)
+            for number, motion in zip(driven, responses.swapaxes(0, 1), strict=True):
+                lost = compute_dissipation(there, motion, temperature)
+                for (cause, warmth), power in lost.items():
+                    total = powers[number].setdefault(cause, np.zeros(len(omega)))
+                    total[now] += 4 * BOLTZMANN * warmth * power / some
+    return [
+        _gather(frequency, signal, power, omega)
+        for (signal, _), power in zip(motions, powers, strict=True)
+    ]
+
+
+def _gather(frequency: Array, signal: Signal, powers: dict[str, Array], omega: Array) -> Thermal:
     powers = {name: power for name, power in powers.items() if power.any()}
     _check_powers(powers, omega)
     order = sort_sources(powers)

@@ -23,7 +23,8 @@ it by 18 or 22 %.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,8 +33,10 @@ if TYPE_CHECKING:
 
 ROUND, FLAT = 1.0, 0.5
 """Order n of a round wire, and of a ribbon or blade."""
-LEAST, MOST = 1e-8, 1e6
-"""|x| outside which the ratios of Bessel functions equal their limits to the last digit."""
+MOST = 1e6
+"""|x| beyond which the ratio of Bessel functions equals its limit to the last digit."""
+FAST = 1e4
+"""|x^2| beyond which library functions are quicker than the continued fraction."""
 MIDDLE = 2.0
 """|x| below which g, and above which g - 1, is computed without cancellation."""
 
@@ -53,20 +56,59 @@ def relaxation(
     """
     if np.iscomplexobj(phase):  # Im g = (g(i p) - g(-i p))/2i for real p, and so for all
         return (_moment(1j * phase, order) - _moment(-1j * phase, order)) / 2j
-    return np.imag(_moment(1j * phase, order))
+    phase = np.asarray(phase, dtype=float)
+    fast = phase > FAST
+    result = np.asarray(_imaginary_moment(np.where(fast, FAST, phase), order))
+    if fast.any():
+        result[fast] = np.imag(_moment(1j * phase[fast], order))
+    return result
+
+
+def _imaginary_moment(phase: Any, order: float) -> Any:
+    """Im g at real phases p = -i x^2, by the continued fraction of the Bessel functions.
+
+    With q_m = I_(m+1)(x)/(x I_m(x)) = 1/(2 (m + 1) + x^2 q_(m+1)) = a + i b and
+    v = x^2 (1 + q_(n+1)),
+
+        Im g = c p (1 + a)/((c - p b)^2 + p^2 (1 + a)^2),   c = 2 (n + 1):
+
+    real arithmetic without cancellation.
+    """
+    a, b = np.zeros_like(phase), np.zeros_like(phase)
+    for n in _steps(phase):
+        real, imag = 2 * (order + 1 + n) - phase * b, phase * a
+        size = 1 / (real * real + imag * imag)
+        a, b = real * size, -imag * size
+    c, imag = 2 * (order + 1), phase * (1 + a)
+    return c * imag / ((c - phase * b) ** 2 + imag**2)
+
+
+def _steps(x2: Any) -> range:
+    """Steps of the continued fraction, last first, for all digits at all x^2."""
+    return range(14 + int(1.5 * math.sqrt(np.abs(x2).max(initial=0.0))), 0, -1)
 
 
 def _moment(
     x2: Inexact[np.ndarray, "*frequency"] | complex, order: float
 ) -> Complex[np.ndarray, "*frequency"]:
     """g = v/(v + c) up to |x| = `MIDDLE`, g - 1 = -c/(v + c) beyond, with c = 2 (n + 1)."""
-    from scipy import special  # 0.1 s, which designs without thermoelastic loss do not need
+    x2 = np.asarray(x2)
+    fast = np.abs(x2) > FAST
+    slow, q = np.where(fast, 0.0, x2), 0.0
+    for n in _steps(slow):
+        q = 1 / (2 * (order + 1 + n) + slow * q)
+    v = np.asarray(x2 * (1 + q))
+    if fast.any():
+        v[fast] = x2[fast] + _fast_ratio(np.sqrt(x2[fast]), order)
+    c = 2 * (order + 1)
+    return np.where(np.abs(x2) < MIDDLE**2, v, -c) / (v + c)
 
-    x = np.sqrt(x2)
-    size = np.abs(x)
-    near = np.where((size < LEAST) | (size > MOST), np.where(size < LEAST, LEAST, MOST), x)
-    # both Bessel functions scaled by exp(-Re x): nothing overflows
+
+def _fast_ratio(x: Any, order: float) -> Any:
+    """x I_(n+2)(x)/I_(n+1)(x), with both functions scaled by exp(-Re x): nothing overflows."""
+    from scipy import special  # 0.1 s, which most designs do not need
+
+    most = np.abs(x) > MOST
+    near = np.where(most, MOST, x)
     ratio = special.ive(order + 2, near) / special.ive(order + 1, near)
-    ratio = np.where(size > MOST, 1 - (order + 1.5) / np.where(size > MOST, x, 1.0), ratio)
-    c, v = 2 * (order + 1), x2 + np.where(size < LEAST, x2 / LEAST, x) * ratio
-    return np.where(size < MIDDLE, v, -c) / (v + c)
+    return x * np.where(most, 1 - (order + 1.5) / x, ratio)
