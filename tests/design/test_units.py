@@ -17,6 +17,8 @@ DEPENDS = {
     "Loop.damper",
     "Loop.gain",
     "Loop.sensor_noise",
+    "GainAt.magnitude",
+    "NoiseSpectrum.asd",
     "Loop.zeros",
     "Loop.poles",
 }
