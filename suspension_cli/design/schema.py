@@ -463,7 +463,9 @@ class Loop(Table, frozen=True):
     ) = None
     delay: Annotated[
         float,
-        of_unit("s", ge=0, le=10.0, description="of the loop, s: a factor exp(-2 pi i f delay)"),
+        of_unit(
+            "s", ge=0, le=10.0, description="delay of the loop in s, a factor exp(-2 pi i f delay)"
+        ),
     ] = 0.0
     sensor_response: (
         Annotated[str, Meta(description=f"reading over motion of the sensor: {FOTON}")] | None

@@ -105,17 +105,10 @@ def solve(
     samples : int
         Of the impulse response.
     """
-    plant, constant = (
-        control.build_plant(design, model),
-        control.build_plant(design, with_constant_loss(model)),
-    )
+    found = find_poles(design, model)
+    plant, constant, closed, opened = found.plant, found.constant, found.closed, found.open
     known = signals.bodies_with_signals(model)
     observed, driven = signals.parse_output(output, known), signals.parse_input(drive, known)
-    every = _all_motions(model)
-    closed, opened = (
-        closed_loop_poles.refine(poles.poles(control.build_closed_loop(fixed, [], every)), exact)
-        for fixed, exact in ((constant, plant), (constant.with_loops([]), plant.with_loops([])))
-    )
     answer = control.solve_responses(plant, frequency, [driven], [observed])
     corners = find_corner_frequencies(constant, closed)
     # a delay turns the gain at high frequencies without end; there it cannot matter
@@ -149,6 +142,50 @@ def solve(
         gain=answer.loop_gain,
         sensitivity=sensitivity.find_peak(plant, corners, faint=faint) if closed.stable else None,
     )
+
+
+@dataclass(frozen=True)
+class FoundPoles:
+    """Plants of a design and their poles.
+
+    Attributes
+    ----------
+    plant, constant : Plant
+        With the losses of the model, and with these as constant matrices.
+    closed, open : Poles
+        With all loops closed, and with all open; rad/s.
+    """
+
+    plant: Plant
+    constant: Plant
+    closed: Poles
+    open: Poles
+
+
+def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
+    """Find the poles of a design with its loops closed and open."""
+    plant, constant = (
+        control.build_plant(design, model),
+        control.build_plant(design, with_constant_loss(model)),
+    )
+    every = _all_motions(model)
+    closed, opened = (
+        closed_loop_poles.refine(poles.poles(control.build_closed_loop(fixed, [], every)), exact)
+        for fixed, exact in ((constant, plant), (constant.with_loops([]), plant.with_loops([])))
+    )
+    return FoundPoles(plant, constant, closed, opened)
+
+
+def describe_growth(closed: Poles) -> tuple[str, str]:
+    """Describe the pole that grows fastest: where it is, and a remedy."""
+    worst = int(closed.growth_rate.argmax())
+    others = int((closed.growth_rate > 0).sum()) - 1
+    more = f" (and {others} more)" if others else ""
+    where = (
+        f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at"
+        f" {closed.growth_rate[worst]:.4g} 1/s"
+    )
+    return where + more, "lower the gain of the loops that drive it, or their phase lag there"
 
 
 def _all_motions(model: LinearSystem) -> list[signals.Signal]:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import h5py
     from matplotlib.figure import Figure
 
+    from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.quantity_of_interest import Transfer
@@ -65,6 +66,11 @@ class ResponseAnalysis(Analysis):
             show_default=True,
             help="Magnitude axis of the plot.",
         ),
+        option(
+            "--closed-loop",
+            is_flag=True,
+            help="Close the loops of the design's [control] table.",
+        ),
         options.ALLOW_UNSTABLE,
         options.ACCURACY,
         *options.WRITING,
@@ -73,21 +79,35 @@ class ResponseAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Solve for every input at every frequency."""
         from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.response import peaks
+        from suspension_cli.analyses.response import closed_loop, peaks
+        from suspension_cli.analyses.response.closed_loop import ClosedTransfer
         from suspension_cli.linear import response
 
         setting = run.setting
-        request = partial(_request, setting=setting)
+        request = partial(_request, setting=setting, design=run.design)
         decision = model_choice.choose(
             run.source, setting["fidelity"], request, setting["tolerance"]
         )
         choice = decision.choice
         model = model_choice.stable_system(
-            run.source, choice, setting["allow_unstable"], run.log, decision.model, bends=True
+            run.source,
+            choice,
+            setting["allow_unstable"] or setting["closed_loop"],
+            run.log,
+            decision.model,
+            bends=True,
         )
         wanted = request(model)
-        found = response.solve(model, wanted.frequency, wanted.inputs, wanted.outputs)
-        largest = peaks.find_peaks(model, found, wanted.inputs, wanted.outputs)
+        if isinstance(wanted, ClosedTransfer):
+            poles = closed_loop.find_stable_poles(
+                run.design, model, choice.model, setting["allow_unstable"], run.log
+            )
+            found, solve = closed_loop.solve(wanted, model), partial(wanted.values, model)
+            resonances = poles.frequency
+        else:
+            found = response.solve(model, wanted.frequency, wanted.inputs, wanted.outputs)
+            solve = resonances = None
+        largest = peaks.find_peaks(model, found, wanted.inputs, wanted.outputs, solve, resonances)
         return Result(self, run.source, choice, found, {"largest": largest}, command=run.command)
 
     def document(self, result: Result) -> dict[str, Any]:
@@ -104,7 +124,8 @@ class ResponseAnalysis(Analysis):
             for o, out in enumerate(data.output)
             for i, into in enumerate(data.input)
         ]
-        return {"frequency_hz": data.frequency.tolist()} | only_one(pairs, "responses")
+        closed = {"closed_loop": True} if data.closed_loop else {}
+        return closed | {"frequency_hz": data.frequency.tolist()} | only_one(pairs, "responses")
 
     def text(self, result: Result) -> str:
         """Return the ends of every response, and its peak even between the points of the grid."""
@@ -113,6 +134,9 @@ class ResponseAnalysis(Analysis):
         data: Response = result.data
         largest = result.extra.get("largest")
         lines = [result.choice.line]
+        if data.closed_loop and result.design.control is not None:
+            names = ", ".join(loop.name for loop in result.design.control.loop)
+            lines.append(f"loops closed: {names}")
         first, last = data.frequency[0], data.frequency[-1]
         for o, out in enumerate(data.output):
             for i, into in enumerate(data.input):
@@ -144,10 +168,11 @@ class ResponseAnalysis(Analysis):
         """Draw magnitude and phase."""
         from suspension_cli.analyses.response import picture
 
-        return {"": picture.draw(result.data, result.title, setting.get("scale", "db"))}
+        title = result.title + (", loops closed" if result.data.closed_loop else "")
+        return {"": picture.draw(result.data, title, setting.get("scale", "db"))}
 
 
-def _request(model: LinearSystem, setting: dict[str, Any]) -> Transfer:
+def _request(model: LinearSystem, setting: dict[str, Any], design: Design) -> Transfer:
     """Inputs, outputs and frequencies in terms of a model of the design."""
     import numpy as np
 
@@ -162,7 +187,12 @@ def _request(model: LinearSystem, setting: dict[str, Any]) -> Transfer:
         for text in setting["outputs"] or (f"{model.body[-1]}.x",)
     ]
     frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-    return Transfer(inputs, outputs, frequency)
+    wanted = Transfer(inputs, outputs, frequency)
+    if not setting["closed_loop"]:
+        return wanted
+    from suspension_cli.analyses.response import closed_loop
+
+    return closed_loop.close(wanted, design, model)
 
 
 ANALYSIS = ResponseAnalysis()

@@ -16,6 +16,8 @@ def fill(group: h5py.Group, response: Response) -> None:
     output = add_scale(group, "output", list(response.output), "name")
     into = add_scale(group, "input", list(response.input), "name")
     add_dataset(group, "value", response.value, "SI, see unit", frequency, output, into)
+    if response.closed_loop:
+        group.attrs["closed_loop"] = True
     add_dataset(group, "unit", [list(row) for row in response.unit], "name", output, into)
 
 
@@ -28,4 +30,5 @@ def load(group: Any) -> Response:
         unit=tuple(tuple(row) for row in group["unit"].asstr()[:]),
         value=group["value"][:],
         blocks=0,
+        closed_loop=bool(group.attrs.get("closed_loop", False)),
     )
