@@ -22,6 +22,7 @@ import math
 import re
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NoReturn
 
 PAIRED = 1e-9
 """Relative distance within which two complex roots are conjugates."""
@@ -152,7 +153,7 @@ class _Reader:
         self._tokens: list[tuple[str, str, int]] = []
         while text[self.place :].strip():
             found = TOKEN.match(text, self.place)
-            if found is None:
+            if not found:
                 gap = len(text[self.place :]) - len(text[self.place :].lstrip())
                 self._fail(self.place + gap, f"{text[self.place + gap]!r} is not understood")
             kind = str(found.lastgroup)
@@ -179,13 +180,13 @@ class _Reader:
             self._expected(f'"{wanted}"' if wanted != '"' else "a text")
         self._at += 1
 
-    def _fail(self, column: int, problem: str, remedy: str = "") -> None:
+    def _fail(self, column: int, problem: str, remedy: str = "") -> NoReturn:
         raise FotonError(
             f"column {column + 1}: {problem}",
             remedy or 'write for example zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")',
         )
 
-    def _expected(self, what: str) -> None:
+    def _expected(self, what: str) -> NoReturn:
         kind, token, column = self._tokens[self._at]
         self._fail(column, f"{what} expected, found {'the end' if kind == 'end' else token}")
 
@@ -309,7 +310,6 @@ class _Reader:
     def _number(self, value: object, column: int) -> float:
         if not isinstance(value, complex) or value.imag:
             self._fail(column, "a real number expected")
-        assert isinstance(value, complex)
         return value.real
 
     def _roots(self, value: object, column: int, plane: str) -> tuple[complex, ...]:
@@ -318,7 +318,6 @@ class _Reader:
             value = [(value, column)]
         if not isinstance(value, list):
             self._fail(column, "a vector of roots expected", "write [0.1;0.2], or [] for none")
-        assert isinstance(value, list)
         left: list[tuple[complex, int]] = list(value)
         result: list[complex] = []
         while left:

@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 class DampAnalysis(Analysis):
     """Close the loops of the design's [control] table.
 
-    Prints poles with their Q and margins of gain, phase and delay, of each loop and of all at once;
-    draws loop gains, the impulse response and the sensor noise at the test mass. A closed loop that is unstable is reported first, with its growth rate; it has no
-    margins. Writes DIR/NAME-damp.h5 and .png.
+    Prints poles with their Q, and margins of gain, phase and delay, of each loop and of all at
+    once; draws loop gains, the impulse response and the sensor noise at the test mass. A closed
+    loop that is unstable is reported first, with its growth rate; it has no margins. Writes
+    DIR/NAME-damp.h5 and .png.
 
     Example: pendsus damp configs/triple-damped.toml
     """
@@ -189,7 +190,9 @@ class DampAnalysis(Analysis):
         rows = []
         for loop, m in zip(answer.loop, answer.margin, strict=True):
             limits = ((m.gain_up, m.gain_up_db), (m.gain_down, m.gain_down_db))
-            gains = [f"x {gain:.3g}, {size:.1f}" for gain, size in limits if 0 < gain < math.inf]
+            gains = [
+                f"x {gain:.3g} ({size:.1f} dB)" for gain, size in limits if 0 < gain < math.inf
+            ]
             places = (m.gain_up_frequency, m.gain_down_frequency)
             where = [f"{place:.3g}" for place in places if not math.isnan(place)]
             phase = m.phase if m.phase < math.inf else "gain below 1"
@@ -202,7 +205,7 @@ class DampAnalysis(Analysis):
             "loop": "",
             "phase margin\ndegrees": ".1f",
             "at\nHz": ".3g",
-            "gain margin\nfactor, dB": "",
+            "gain margin": "",
             " at\nHz": "",
             "delay margin\nms": ".3g",
             "nearest to -1": ".3g",
@@ -233,14 +236,15 @@ def _all_at_once(answer: LocalControl) -> list[str]:
     peak = answer.sensitivity
     if peak is None or len(answer.loop) < 2:
         return []
-    up = f"{peak.gain_up:.3g} (+{20 * math.log10(peak.gain_up):.1f} dB)"
-    down = f"{peak.gain_down:.3g} ({20 * math.log10(peak.gain_down):.1f} dB)"
+    down = f"x {peak.gain_down:.3g} ({20 * math.log10(peak.gain_down):.1f} dB)"
+    gains = f"above {down}"
+    if peak.gain_up < math.inf:
+        gains = f"from {down} to x {peak.gain_up:.3g} (+{20 * math.log10(peak.gain_up):.1f} dB)"
     return [
         "",
         f"  All loops at once: largest singular value of the sensitivity {peak.size:.4g} at"
         f" {peak.frequency:.4g} Hz;",
-        f"  stable for any gains from x {down} to x {up}, or phases within"
-        f" +-{peak.phase:.0f} degrees.",
+        f"  stable for any gains {gains}, or phases within +-{peak.phase:.0f} degrees.",
     ]
 
 

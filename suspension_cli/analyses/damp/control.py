@@ -166,7 +166,7 @@ def evaluate_filter(loop: Loop, frequency: Array) -> Any:
     Filter, sensor response and delay; N/m or N m/rad.
     """
     f = 1j * np.asarray(frequency)
-    if is_velocity_damper(loop):
+    if loop.damper is not None and is_velocity_damper(loop):
         return loop.damper * 2 * np.pi * f
     made = loop_filters.whole(loop)
     result = np.full(f.shape, complex(made.gain))
@@ -384,7 +384,7 @@ def _add_dampers(plant: Plant) -> LinearSystem:
     """Add velocity dampers to the damping matrix, which need not stay symmetric."""
     damping = plant.model.damping.copy()
     for loop, sensed, pushed in zip(plant.loops, plant.sensed, plant.pushed, strict=True):
-        if is_velocity_damper(loop):
+        if loop.damper is not None and is_velocity_damper(loop):
             damping = damping + loop.damper * np.outer(pushed, sensed)
     return replace(plant.model, damping=damping)
 
@@ -427,7 +427,7 @@ def realise_delayed_filter(loop: Loop) -> tuple[Array, Array, Array, Array]:
 
 
 @cache
-def _pade_roots(m: int, n: int) -> tuple[Array, Array]:
+def _pade_roots(m: int, n: int) -> tuple[Any, Any]:
     """Zeros (m,) and poles (n,) of Pade's approximation of exp(-x), of order m over n.
 
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 9.3.1.

@@ -110,7 +110,8 @@ def _draw_nichols(axes: Axes, damped: LocalControl) -> None:
     for n in range(len(damped.loop)):
         colour = PALETTE[n % len(PALETTE)]
         phase, size = _nichols(damped.gain[:, n])
-        phase[1:][np.abs(np.diff(phase)) > 180] = np.nan
+        jumps = (np.abs(np.diff(phase)) > 60) | (np.abs(np.diff(size)) > 20)
+        phase[1:][jumps] = np.nan  # across a resonance narrower than the grid, or the edge
         axes.plot(phase, size, color=colour, linewidth=0.8)
         if damped.margin is None:
             continue

@@ -26,6 +26,10 @@ from suspension_cli.scene.arrays import Array
 
 SWEEPS = 200
 """Most sweeps of balancing; about 5 are enough."""
+FAINT = 1e-3
+"""Distance of S from 1 below which it cannot have its peak and its grid is not refined."""
+NOTHING = 1e-9
+"""Excess of M over 1 that may be the error of the search."""
 BALANCED = 1e-14
 """Relative difference of the norms of rows and columns at which balancing ends."""
 
@@ -48,7 +52,7 @@ class SensitivityPeak:
     @property
     def gain_up(self) -> float:
         """Factor by which all gains may rise together or each alone; inf without limit."""
-        return 1 / (1 - 1 / self.size) if self.size > 1 else np.inf
+        return 1 / (1 - 1 / self.size) if self.size > 1 + NOTHING else np.inf
 
     @property
     def gain_down(self) -> float:
@@ -93,7 +97,7 @@ def compute_largest(plant: Plant, frequency: Array) -> Array:
     return np.linalg.norm(balance(sensitivity), ord=2, axis=(1, 2))
 
 
-def find_peak(plant: Plant, frequency: Array, *, faint: float = 0.0) -> SensitivityPeak:
+def find_peak(plant: Plant, frequency: Array) -> SensitivityPeak:
     """Find the largest singular value of the scaled sensitivity over all frequencies.
 
     Parameters
@@ -102,8 +106,6 @@ def find_peak(plant: Plant, frequency: Array, *, faint: float = 0.0) -> Sensitiv
         Whose closed loops are stable.
     frequency : (n,) array
         Hz, as of `margins.compute_margins`.
-    faint : float
-        As of `margins.compute_margins`.
     """
 
     def gain(at: Array) -> Any:
@@ -112,8 +114,8 @@ def find_peak(plant: Plant, frequency: Array, *, faint: float = 0.0) -> Sensitiv
         largest = np.linalg.norm(balance(found), ord=2, axis=(1, 2))
         return np.column_stack([np.diagonal(found, axis1=1, axis2=2) - 1, largest - 1])
 
-    grid, value = margins.refine_grid(gain, frequency, faint=faint)
-    size = 1 + value[:, -1:].real
+    grid, value = margins.refine_grid(gain, frequency, faint=FAINT)
+    size = np.maximum(1 + value[:, -1:].real, np.finfo(float).tiny)
     smallest, where = margins.search_smallest(
         lambda at, _: 1 / _in_order(plant, at),
         grid,

@@ -140,7 +140,7 @@ def solve(
         frequency=frequency,
         noise=answer.noise[:, 0],
         gain=answer.loop_gain,
-        sensitivity=sensitivity.find_peak(plant, corners, faint=faint) if closed.stable else None,
+        sensitivity=sensitivity.find_peak(plant, corners) if closed.stable else None,
     )
 
 
