@@ -59,7 +59,7 @@ def test_round_trip(plane):
         ('pole(-1,"n")', "column 6: the frequency of pole is negative"),
         (
             'zpk([],[1],1,"f")',
-            "right half plane and grows; in plane .f. stable poles have negative",
+            'right half plane and grows; in plane "f" stable poles have negative',
         ),
         ("gain()", "column 1: gain takes 1 numbers, found 0"),
         ("", "column 1: is empty"),
@@ -69,4 +69,4 @@ def test_round_trip(plane):
 def test_errors_name_the_column(text, says):
     with pytest.raises(FotonError) as caught:
         parse(text)
-    assert says.replace(".f.", '"f"') in str(caught.value)
+    assert says in str(caught.value)

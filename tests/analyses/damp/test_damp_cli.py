@@ -18,6 +18,7 @@ DAMPERS = {"x": 20.0, "y": 20.0, "z": 30.0, "roll": 0.2, "pitch": 0.05, "yaw": 0
 UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
 
 QUICK = ("--fidelity", "force")
+FOTON = 'zpk([0],[-20;-10+i*17;-10-i*17],3e6,"f")'
 
 
 def damped(dofs=tuple(DAMPERS), **changes):
@@ -314,7 +315,7 @@ def test_an_unstable_plant_may_be_asked_for(tmp_path):
 
 def test_foton_strings_beside_the_results(tmp_path):
     """A line per loop, read back to the same response."""
-    raw = damped(("x", "z"), damper=None, filter='zpk([0],[20;10+i*17;10-i*17],3,"f")', delay=1e-3)
+    raw = damped(("x", "z"), damper=None, filter=FOTON, delay=1e-3)
     del raw["control"]["loop"][0]["damper"]
     file = written(tmp_path, raw)
     result = run("damp", file, "--foton", "--no-plot", "--out", tmp_path / "out", *QUICK)
