@@ -7,7 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from suspension_cli.analyses.damp import closed_loop_poles, control, margins, sensitivity
+from suspension_cli.analyses.damp import (
+    closed_loop_poles,
+    control,
+    margins,
+    nyquist_count,
+    sensitivity,
+)
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.damp.margins import Margins
 from suspension_cli.analyses.damp.sensitivity import SensitivityPeak
@@ -163,7 +169,13 @@ class FoundPoles:
 
 
 def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
-    """Find the poles of a design with its loops closed and open."""
+    """Find the poles of a design with its loops closed and open.
+
+    Raises
+    ------
+    InputError
+        If delays are so long that growing poles are missing.
+    """
     plant, constant = (
         control.build_plant(design, model),
         control.build_plant(design, with_constant_loss(model)),
@@ -173,6 +185,8 @@ def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
         closed_loop_poles.refine(poles.poles(control.build_closed_loop(fixed, [], every)), exact)
         for fixed, exact in ((constant, plant), (constant.with_loops([]), plant.with_loops([])))
     )
+    if closed.stable and any(loop.delay for loop in plant.loops):
+        nyquist_count.check_stable(plant, closed, opened)
     return FoundPoles(plant, constant, closed, opened)
 
 

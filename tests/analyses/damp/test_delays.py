@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from suspension_cli.analyses.damp import closed_loop_poles, control, margins, sensitivity
+from suspension_cli.analyses.damp import (
+    closed_loop_poles,
+    control,
+    margins,
+    nyquist_count,
+    sensitivity,
+)
 from suspension_cli.design.schema import NoiseSpectrum
 from suspension_cli.linear import poles
 from tests.analyses.damp.test_control import LEAD, loop, plant
@@ -134,3 +140,14 @@ def test_noise_of_sensors():
     np.testing.assert_array_equal(control.evaluate_noise(one, f), [2e-9] * 3)
     np.testing.assert_allclose(control.evaluate_noise(cornered, f), 2e-9 * np.sqrt(1 + 3 / f))
     np.testing.assert_allclose(control.evaluate_noise(listed, f), [1e-8, 1e-9, 1e-10])
+
+
+@pytest.mark.parametrize("delay", [1e-4, 0.03, 0.1])
+def test_growing_poles_are_counted(delay):
+    """Those found from the state space are as many as the argument principle counts."""
+    loops = [loop("upper.x", damper=25.0, delay=delay), loop("upper.yaw", damper=0.3, delay=delay)]
+    closed = plant(plants.raw("triple", loss=True), loops, "string")
+    found, opened = pole_values(closed), pole_values(closed.with_loops([]))
+    count = nyquist_count.count_found(found)
+    assert nyquist_count.count_growing(closed, found, opened) == count
+    assert (count > 0) == (delay > 0.05)
