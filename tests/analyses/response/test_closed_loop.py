@@ -68,7 +68,8 @@ def test_a_pendulum_by_hand(reference, tmp_path):
 def test_text_and_peak(tmp_path):
     """The largest response, between the points of the grid."""
     file = written(tmp_path, design_of())
-    result = run("response", file, "--closed-loop", "--frequency", "0.3:3:5", *FORCE)
+    grid = ("--frequency", "0.3:3:5", "--out", tmp_path)
+    result = run("response", file, "--closed-loop", *grid, *FORCE)
     assert "loops closed: x" in result.stdout
     f = np.linspace(0.3, 3, 200001)
     h, spring = loop_force(f), MASS * 9.81 / LENGTH
