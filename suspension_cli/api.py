@@ -274,6 +274,7 @@ def response(
     model: str = "auto",
     tolerance: float = 1e-3,
     allow_unstable: bool = False,
+    closed_loop: bool = False,
 ) -> Result:
     """Compute frequency responses.
 
@@ -292,7 +293,9 @@ def response(
     model, tolerance
         As of `modes`.
     allow_unstable : bool
-        Continue with an unstable equilibrium.
+        Continue with an unstable equilibrium or closed loop.
+    closed_loop : bool
+        Close the loops of the design's ``[control]`` table.
 
     Returns
     -------
@@ -304,7 +307,8 @@ def response(
     Raises
     ------
     InputError
-        If a signal does not exist, or the equilibrium is unstable.
+        If a signal does not exist, the equilibrium or closed loop is unstable, or there are no
+        loops to close.
 
     Examples
     --------
@@ -323,6 +327,7 @@ def response(
         measured=tuple(map(str, measured)),
         tolerance=tolerance,
         allow_unstable=allow_unstable,
+        closed_loop=closed_loop,
     )
 
 
@@ -728,8 +733,8 @@ def damp(
     Returns
     -------
     Result
-        With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin`, `noise`
-        (f, loops), ...
+        With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin` of each
+        loop, `sensitivity` of all at once, `noise` (f, loops), ...
 
     Raises
     ------

@@ -10,11 +10,26 @@ import re
 from collections.abc import Iterator
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, SUPPORT
-from suspension_cli.design import body_checks, imperfections, materials, wire_checks
+from suspension_cli.design import (
+    body_checks,
+    foton,
+    imperfections,
+    loop_filters,
+    materials,
+    wire_checks,
+)
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.faults import suggest
-from suspension_cli.design.schema import Design, Perturbation, Spring, Stage, Support
+from suspension_cli.design.schema import (
+    Design,
+    Loop,
+    NoiseSpectrum,
+    Perturbation,
+    Spring,
+    Stage,
+    Support,
+)
 from suspension_cli.design.wires import BladeSet, Wire, WireSet
 from suspension_cli.errors import Fault, format_key, format_value
 
@@ -335,27 +350,103 @@ def _check_control(design: Design) -> Iterator[Fault]:
                 format_value(loop.name),
             )
         names.append(loop.name)
-        yield from check_exactly_one(
-            path, {"damper": loop.damper, "gain": loop.gain}, "damper, or gain with zeros and poles"
+        yield from _check_filter(loop, path)
+        yield from _check_noise_spectrum(loop.sensor_noise, f"{path}.sensor_noise")
+
+
+def _check_filter(loop: Loop, path: str) -> Iterator[Fault]:
+    """Check that a loop has one filter, which can be built together with its sensor."""
+    gain_at = None if loop.filter is not None else loop.gain_at
+    found = [
+        *check_exactly_one(
+            path,
+            {"damper": loop.damper, "gain": loop.gain, "filter": loop.filter, "gain_at": gain_at},
+            "damper, or gain (or gain_at) with zeros and poles, or filter",
         )
-        if loop.damper is not None and (loop.zeros or loop.poles):
-            key = "zeros" if loop.zeros else "poles"
-            yield Fault(
+    ]
+    for key in ("filter", "sensor_response"):
+        text = getattr(loop, key)
+        try:
+            if text is not None:
+                foton.parse(text)
+        except foton.FotonError as error:
+            found.append(Fault(f"{path}.{key}", error.problem, error.remedy, format_value(text)))
+    if (loop.damper is not None or loop.filter is not None) and (loop.zeros or loop.poles):
+        key, other = "zeros" if loop.zeros else "poles", "damper"
+        problem = "a damper has no filter"
+        if loop.damper is None:
+            problem, other = "conflicts with filter, which has its own roots", "filter"
+        found.append(
+            Fault(
                 f"{path}.{key}",
-                "a damper has no filter",
-                "give gain instead of damper",
+                problem,
+                f"give gain instead of {other}",
                 format_value(getattr(loop, key)),
             )
-        zeros, poles = (
-            sum(2 if isinstance(root, list) else 1 for root in roots)
-            for roots in (loop.zeros, loop.poles)
         )
-        if zeros > poles and loop.damper is None:
+    yield from found or _check_order(loop, path)
+
+
+def _check_order(loop: Loop, path: str) -> Iterator[Fault]:
+    """Check that the gain of a filter can be set, and that it does not grow without bound."""
+    if loop.gain_at is not None:
+        size = abs(loop_filters.without_gain_at(loop).at(loop.gain_at.frequency))
+        if not 0 < size < math.inf or loop.gain_at.magnitude == 0:
             yield Fault(
-                f"{path}.zeros",
-                f"a filter with more zeros ({zeros}) than poles ({poles}) cannot be built",
-                "add poles",
-                format_value(loop.zeros),
+                f"{path}.gain_at",
+                "the gain cannot be set where the filter is 0 or infinite, or to 0",
+                "give another frequency or magnitude",
+            )
+            return
+    whole = loop_filters.whole(loop)
+    zeros, poles = len(whole.zeros), len(whole.poles)
+    if zeros <= poles or (loop.damper is not None and loop.sensor_response is None):
+        return  # a damper acts on the velocity, which is known
+    keys = {"filter": loop.filter, "sensor_response": loop.sensor_response, "zeros": loop.zeros}
+    key = next(key for key, value in keys.items() if value)
+    what = "a filter" if loop.sensor_response is None else "a filter and sensor"
+    yield Fault(
+        f"{path}.{key}",
+        f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built",
+        "add poles, or its gain grows with frequency without bound",
+        format_value(keys[key]),
+    )
+
+
+def _check_noise_spectrum(noise: float | NoiseSpectrum, path: str) -> Iterator[Fault]:
+    if not isinstance(noise, NoiseSpectrum):
+        return
+    if isinstance(noise.asd, list) != (noise.frequency is not None):
+        yield Fault(
+            path,
+            "asd and frequency are lists of one length, or asd a number without frequency",
+            "give {asd, corner} or {frequency = [...], asd = [...]}",
+        )
+    elif noise.frequency is not None and isinstance(noise.asd, list):
+        if noise.corner is not None:
+            yield Fault(
+                f"{path}.corner", "conflicts with frequency", "remove it", f"{noise.corner:g}"
+            )
+        if len(noise.frequency) != len(noise.asd):
+            yield Fault(
+                f"{path}.asd",
+                f"has {len(noise.asd)} values for {len(noise.frequency)} frequencies",
+                "give one per frequency",
+            )
+        pairs = zip(noise.frequency, noise.frequency[1:], strict=False)
+        if not all(low < high for low, high in pairs):
+            yield Fault(
+                f"{path}.frequency",
+                "is not in ascending order",
+                "sort it, each frequency once",
+                format_value(noise.frequency),
+            )
+        if min(noise.asd) <= 0:
+            yield Fault(
+                f"{path}.asd",
+                "must be positive, as its logarithm is interpolated",
+                "give a small number instead of 0",
+                format_value(noise.asd),
             )
 
 

@@ -23,7 +23,7 @@ from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import imperfections
 from suspension_cli.design.derive import body_inertia, body_mass, com_offset, set_geometry, volume
 from suspension_cli.design.imperfections import Imperfection
-from suspension_cli.design.schema import Body, Design, Material, Perturbation, Stage
+from suspension_cli.design.schema import Body, Design, Material, NoiseSpectrum, Perturbation, Stage
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet, cross_sections
 from suspension_cli.errors import Fault, format_key, format_value
 
@@ -612,11 +612,12 @@ def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
 
 def _check_noise(design: Design) -> Iterator[ImplausibleNumber]:
     for loop in design.control.loop if design.control is not None else ():
-        if loop.sensor_noise > SENSOR_NOISE:
+        noise = loop.sensor_noise
+        if isinstance(noise, NoiseSpectrum):
+            noise = max(noise.asd) if isinstance(noise.asd, list) else noise.asd
+        if noise > SENSOR_NOISE:
             hint = (
-                suggest_unit(
-                    loop.sensor_noise, lambda v: v <= SENSOR_NOISE, (("nm/sqrt(Hz)", 1e-9),)
-                )
+                suggest_unit(noise, lambda v: v <= SENSOR_NOISE, (("nm/sqrt(Hz)", 1e-9),))
                 or "give it in m/sqrt(Hz) or rad/sqrt(Hz)"
             )
             yield ImplausibleNumber(
@@ -624,6 +625,6 @@ def _check_noise(design: Design) -> Iterator[ImplausibleNumber]:
                     f"control.loop.{loop.name}.sensor_noise",
                     f"is more than that of any sensor ({SENSOR_NOISE:g})",
                     hint,
-                    format_value(loop.sensor_noise),
+                    format_value(noise),
                 )
             )

@@ -45,6 +45,7 @@ from suspension_cli.design.units import (
     Vector,
     WireName,
     Wrench,
+    of_unit,
 )
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 
@@ -293,11 +294,70 @@ Root = Annotated[
 ]
 
 
+SpectralDensity = Annotated[float, Meta(ge=0, le=1e3)]
+
+
+class GainAt(Table, frozen=True):
+    """Magnitude of a filter at one frequency, which sets its gain."""
+
+    frequency: Frequency
+    magnitude: Annotated[
+        float,
+        Meta(
+            ge=-1e20,
+            le=1e20,
+            description="|H| there, N/m (N m/rad); negative turns the sign of the filter",
+        ),
+    ]
+
+
+class NoiseSpectrum(Table, frozen=True):
+    """Amplitude spectral density of a sensor against frequency."""
+
+    asd: Annotated[
+        SpectralDensity | Annotated[list[SpectralDensity], Meta(min_length=2)],
+        Meta(
+            description=(
+                "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz), flat far above the"
+                " corner, or one per frequency"
+            )
+        ),
+    ]
+    corner: (
+        Annotated[
+            float,
+            of_unit(
+                "Hz",
+                gt=0,
+                le=1e6,
+                description="Hz; asd times sqrt(1 + corner / f), a power that rises as 1/f below",
+            ),
+        ]
+        | None
+    ) = None
+    frequency: (
+        Annotated[
+            list[Frequency],
+            Meta(
+                min_length=2,
+                description=(
+                    "Hz, ascending; straight lines between them on logarithmic axes, constant"
+                    " outside"
+                ),
+            ),
+        ]
+        | None
+    ) = None
+
+
+FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these'
+
+
 class Loop(Table, frozen=True):
-    """One local control loop from a sensor y to an actuator u = -H(f) y.
+    """One local control loop from a sensor y to an actuator u = -H(f) R(f) exp(-2 pi i f T) y.
 
     H is a velocity damper, or gain times the product of (i f + z) over zeros z divided by that of
-    (i f + p) over poles p.
+    (i f + p) over poles p, or a Foton string; R the response of the sensor, T a delay.
     """
 
     name: Name
@@ -339,12 +399,26 @@ class Loop(Table, frozen=True):
     ) = None
     zeros: Root = field(default_factory=list)
     poles: Root = field(default_factory=list)
-    sensor_noise: Annotated[
+    filter: Annotated[str, Meta(description=f"H in N/m (N m/rad) as {FOTON}")] | None = None
+    gain_at: (
+        Annotated[GainAt, Meta(description="sets the gain of zeros and poles, or of filter")] | None
+    ) = None
+    delay: Annotated[
         float,
+        of_unit(
+            "s", ge=0, le=10.0, description="delay of the loop in s, a factor exp(-2 pi i f delay)"
+        ),
+    ] = 0.0
+    sensor_response: (
+        Annotated[str, Meta(description=f"reading over motion of the sensor: {FOTON}")] | None
+    ) = None
+    sensor_noise: Annotated[
+        SpectralDensity | NoiseSpectrum,
         Meta(
-            ge=0,
-            le=1e3,
-            description="amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz), flat",
+            description=(
+                "amplitude spectral density as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, or {asd,"
+                " corner}, or {frequency, asd}"
+            )
         ),
     ] = 0.0
     actuator_noise: Annotated[

@@ -40,6 +40,8 @@ class Response:
     value : (f, output, input) complex array
     blocks : int
         Number of blocks solved.
+    closed_loop : bool
+        Whether the loops of the design's local control are closed.
     """
 
     frequency: Array
@@ -48,6 +50,7 @@ class Response:
     unit: tuple[tuple[str, ...], ...]
     value: Any
     blocks: int
+    closed_loop: bool = False
 
 
 def solve(
@@ -83,8 +86,7 @@ def solve(
         [s.acts for s in inputs],
         rows,
     )
-    per = ["/" + into.unit.replace("N m", "(N m)") for into in inputs]
-    unit = tuple(tuple(out + into for into in per) for out in (signal.unit for signal in outputs))
+    unit = units(inputs, outputs)
     return Response(
         np.asarray(frequency),
         tuple(s.text for s in inputs),
@@ -93,6 +95,12 @@ def solve(
         value,
         count,
     )
+
+
+def units(inputs: list[Signal], outputs: list[Signal]) -> tuple[tuple[str, ...], ...]:
+    """Units of each output over each input, [output][input]."""
+    per = ["/" + into.unit.replace("N m", "(N m)") for into in inputs]
+    return tuple(tuple(out + into for into in per) for out in (signal.unit for signal in outputs))
 
 
 def transfer(

@@ -125,11 +125,19 @@ class Transfer:
         """Upper estimate for any response at these frequencies, without modes."""
         return wire_mass.effect_on_response(design, float(np.max(self.frequency))).error
 
+    def signals(self) -> list[Signal]:
+        """List the signals whose blocks matter."""
+        return [*self.inputs, *self.outputs]
+
+    def values(self, model: LinearSystem, frequency: Array) -> Any:
+        """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
+        return response.solve(model, frequency, self.inputs, self.outputs).value
+
     def _touched(self, found: Modes) -> Any:
         """Modes in the blocks of the inputs and outputs: (m,) bool."""
         places = [
             found.coordinate.index(f"{one.body}.{DOFS[one.dof]}")
-            for one in (*self.inputs, *self.outputs)
+            for one in self.signals()
             if one.body != SUPPORT
         ]
         blocks = found.block[(found.shape[:, places] != 0).any(1)]
@@ -145,10 +153,7 @@ class Transfer:
         if not len(away):
             away = grid
         chosen = np.unique(away[np.linspace(0, len(away) - 1, min(SAMPLES, len(away))).astype(int)])
-        old, new = (
-            response.solve(model, chosen, self.inputs, self.outputs).value
-            for model in (without, refined)
-        )
+        old, new = (self.values(model, chosen) for model in (without, refined))
         # next to a zero of the response its relative change is large but irrelevant, so it is
         # taken relative to a smoothed magnitude
         size = np.maximum(np.abs(new), 0.1 * _smooth(np.abs(new)))

@@ -18,6 +18,8 @@ DEPENDS = {
     "Loop.gain",
     "Loop.actuator_noise",
     "Loop.sensor_noise",
+    "GainAt.magnitude",
+    "NoiseSpectrum.asd",
     "Loop.zeros",
     "Loop.poles",
 }

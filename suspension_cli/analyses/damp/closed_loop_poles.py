@@ -8,7 +8,10 @@ pole, a pole s is a root of
 
 which Newton's method finds from the poles of the state space, where losses are constant matrices
 (inverse iteration, s - (w^T v)/(w^T y) with T y = T' v; Ruhe, SIAM J. Numer. Anal. 10, 674 (1973)).
-Loss angles do not act on a pole that does not oscillate.
+Loss angles do not act on a pole that does not oscillate. A delay T of a loop multiplies its C_f and
+D_f, or its velocity damper, by exp(-s T); state spaces approximate it, T(s) has it exactly. A
+closed loop with a delay has infinitely many poles, of which those near poles of the state space are
+found.
 
 The real part of such a root carries the rounding error of the stiffness, which hides a Q of 1e10.
 The shape x of a pole s = sigma + i omega, Z(s) x = 0, also satisfies x^H Z x = 0, whose imaginary
@@ -31,6 +34,8 @@ from scipy.linalg import block_diag
 
 from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.damp.control import Plant
+from suspension_cli.design import loop_filters
+from suspension_cli.design.schema import Loop
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.quality import NOTHING
 
@@ -48,6 +53,10 @@ STEPS = 4
 """Steps of inverse iteration for a shape."""
 NEAR = 1e-9
 """Change of a pole over its frequency that may be a rounding error."""
+FAR = 50.0
+"""Decay within a delay, nepers, beyond which poles are not followed."""
+SAME = 1e-8
+"""Relative distance of two roots that are one."""
 ASIDE = 1e-12
 """Relative distance from a pole at which its shape is solved for: at the pole Z is singular."""
 
@@ -73,20 +82,24 @@ def refine(found: Poles, plant: Plant) -> Poles:
     for pushed, sensed in zip(plant.pushed, plant.sensed, strict=True):
         joined = joined + np.abs(np.outer(pushed, sensed))
     groups = replace(model, damping=joined).blocks
-    known = {name: n for n, name in enumerate(model.coordinate)} | {
-        f"loop {loop.name}": int(np.flatnonzero(pushed[6:])[0]) + 6
-        for loop, pushed in zip(plant.loops, plant.pushed, strict=True)
-    }
+    known = {name: n for n, name in enumerate(model.coordinate)}
+    for loop, pushed in zip(plant.loops, plant.pushed, strict=True):
+        place = int(np.flatnonzero(pushed[6:])[0]) + 6
+        known |= {f"loop {loop.name}": place, f"loop {loop.name} {control.DELAY}": place}
     member = np.array([_find_block(state, known, groups) for state in found.state], dtype=np.intp)
+    spurious = np.zeros(len(values), dtype=bool)
     for number in set(member.tolist()):
         here = np.flatnonzero(member == number)
         block = _Block.of(plant, groups[number])
         starts = values[here]
         pairs = zip(starts, block.dispersive(starts.imag), strict=True)
         solved = [_find_root(complex(start), block, lossy) for start, lossy in pairs]
-        roots: Any = np.array([root for root, _ in solved])
-        # a root nearer to another start has converged to another pole
-        own = np.abs(roots[:, None] - starts).argmin(1) == np.arange(len(here))
+        roots: Any = np.array([root for root, *_ in solved])
+        if block.delays.any():
+            own = _first_of_each(starts, roots, np.array([moved for *_, moved in solved]))
+            spurious[here] = ~own  # poles of the approximation of the delay
+        else:  # a root nearer to another start has converged to another pole
+            own = np.abs(roots[:, None] - starts).argmin(1) == np.arange(len(here))
         values[here[own]] = _drop_rounding(roots, found.rounding)[own]
         slow = np.flatnonzero(own & (roots.imag > 0) & (np.abs(roots.real) <= SLOW * np.abs(roots)))
         if len(slow):
@@ -96,7 +109,17 @@ def refine(found: Poles, plant: Plant) -> Poles:
             alone = np.abs(decay - roots[slow].real) <= NEAR * np.abs(roots[slow])
             values[here[slow[alone]]] = decay[alone] + 1j * roots[slow[alone]].imag
     order = np.argsort(np.abs(values), kind="stable")
+    order = order[~spurious[order]]
     return Poles(values[order], tuple(found.state[n] for n in order))
+
+
+def _first_of_each(starts: Any, roots: Any, converged: Any) -> Any:
+    """Mark (p,) one start, the nearest, of those that have converged to each root."""
+    own = np.zeros(len(starts), dtype=bool)
+    for n in np.argsort(np.abs(roots - starts) / np.abs(starts).clip(1e-300)):
+        again = np.abs(roots[own] - roots[n]) <= SAME * np.abs(roots[n])
+        own[n] = converged[n] and not again.any()
+    return own
 
 
 def _drop_rounding(values: Any, rounding: float) -> Any:
@@ -126,6 +149,10 @@ class _Block:
         A_f, B_f, C_f, D_f of all filters, without velocity dampers.
     resisting : (c, c) array
         C with velocity dampers.
+    delays : (l,) array
+        s.
+    delayed_dampers : (l,) array
+        N s/m or N m s/rad; 0 for all other loops.
     """
 
     plant: Plant
@@ -136,6 +163,8 @@ class _Block:
     terms: tuple[Any, ...]
     filters: tuple[Any, ...]
     resisting: Any
+    delays: Any
+    delayed_dampers: Any
 
     @staticmethod
     def of(plant: Plant, group: Any) -> _Block:
@@ -151,13 +180,9 @@ class _Block:
         damping = model.damping[rows]
         resisting, filters = damping, []
         for loop, pushed, sensed in zip(acting.loops, acting.pushed, acting.sensed, strict=True):
-            if loop.damper is None:
-                filters.append(control.realise_filter(loop))
-            else:
+            filters.append(control.realise_filter(loop))
+            if loop_filters.is_velocity_damper(loop):
                 resisting = resisting + loop.damper * np.outer(pushed, sensed)
-                filters.append(
-                    (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 1)))
-                )
         return _Block(
             acting,
             model.mass[rows],
@@ -168,6 +193,8 @@ class _Block:
             # the first, empty block: block_diag() of nothing has a row
             tuple(block_diag(np.zeros((0, 0)), *(one[n] for one in filters)) for n in range(4)),
             resisting,
+            np.array([loop.delay for loop in acting.loops]),
+            np.array([_delayed_damper(loop) for loop in acting.loops]),
         )
 
     def dispersive(self, omega: Any) -> Any:
@@ -192,22 +219,28 @@ class _Block:
         )
 
 
-def _find_root(start: complex, block: _Block, lossy: Any) -> tuple[complex, Any]:
+def _delayed_damper(loop: Loop) -> float:
+    """Coefficient of a velocity damper that has a delay or a sensor; 0 for other loops."""
+    made = loop_filters.whole(loop)
+    return made.gain / (2 * np.pi) if loop.delay and len(made.zeros) > len(made.poles) else 0.0
+
+
+def _find_root(start: complex, block: _Block, lossy: Any) -> tuple[complex, Any, bool]:
     """Find a root of T(s) near a start, with the losses (c, c) there, from those at the start.
 
-    The start itself where Newton's method does not converge.
+    The start itself, and False, where Newton's method does not converge.
     """
     if start == 0:  # a free coordinate
-        return start, lossy
+        return start, lossy, True
     s = start
     for _ in range(RENEWALS):
         last, s = s, _iterate_newton(s, block, lossy)
         if not np.isfinite(s) or s.imag < 0 or (start.imag > 0) != (s.imag > 0):
-            return start, lossy
+            return start, lossy, False
         if abs(s.imag - last.imag) <= UNCHANGED * abs(s):
-            return s, lossy
+            return s, lossy, True
         lossy = block.dispersive(np.array([s.imag]))[0]
-    return start, lossy
+    return start, lossy, False
 
 
 def _iterate_newton(s: complex, block: _Block, lossy: Any) -> complex:
@@ -218,11 +251,26 @@ def _iterate_newton(s: complex, block: _Block, lossy: Any) -> complex:
     slope, matrix = np.eye(count, dtype=complex), np.zeros((count, count), dtype=complex)
     matrix[:size, size:], matrix[size:, :size] = pushed.T @ c, -b @ sensed
     last, constant, real = np.inf, block.stiffness + lossy + pushed.T @ d @ sensed, s.imag == 0
+    delays, dampers = block.delays, block.delayed_dampers
     shape = np.random.default_rng(0).normal(size=count).astype(complex)
     for step in range(NEWTON):
         matrix[:size, :size] = constant + s * block.resisting + s**2 * block.mass
         matrix[size:, size:] = s * np.eye(len(a)) - a
         slope[:size, :size] = block.resisting + 2 * s * block.mass
+        if delays.any():
+            if (-s.real * delays > FAR).any():
+                return complex(np.nan)
+            late = np.exp(-s * delays)
+            matrix[:size, :size] += (
+                pushed.T @ (late[:, None] * d - d + np.diag(late * s * dampers)) @ sensed
+            )
+            matrix[:size, size:] = pushed.T @ (late[:, None] * c)
+            slope[:size, :size] += (
+                pushed.T
+                @ np.diag(late * (dampers - delays * (d.diagonal() + s * dampers)))
+                @ sensed
+            )
+            slope[:size, size:] = pushed.T @ ((-delays * late)[:, None] * c)
         row, column = _equilibrate(matrix)
         try:
             scaled = np.linalg.solve(row[:, None] * matrix * column, row * (slope @ shape))

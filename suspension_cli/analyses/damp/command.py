@@ -14,6 +14,8 @@ from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import h5py
     from matplotlib.figure import Figure
 
@@ -24,9 +26,10 @@ if TYPE_CHECKING:
 class DampAnalysis(Analysis):
     """Close the loops of the design's [control] table.
 
-    Prints poles with their Q, gain and phase margins, the impulse response and the sensor noise at
-    the test mass. A closed loop that is unstable is reported first, with its growth rate; it has no
-    margins. Writes DIR/NAME-damp.h5 and .png.
+    Prints poles with their Q, and margins of gain, phase and delay, of each loop and of all at
+    once; draws loop gains, the impulse response and the sensor noise at the test mass. A closed
+    loop that is unstable is reported first, with its growth rate; it has no margins. Writes
+    DIR/NAME-damp.h5 and .png.
 
     Example: pendsus damp configs/triple-damped.toml
     """
@@ -60,6 +63,11 @@ class DampAnalysis(Analysis):
             show_default=True,
             metavar="GRID",
             help="Frequencies of loop gains and noise, Hz.",
+        ),
+        option(
+            "--foton",
+            is_flag=True,
+            help="Also write the filters as Foton strings, to DIR/NAME-foton.txt.",
         ),
         options.ALLOW_UNSTABLE,
         options.ACCURACY,
@@ -95,7 +103,19 @@ class DampAnalysis(Analysis):
         found = damp.solve(run.design, model, output, push, frequency, setting["duration"])
         if not found.stable:
             run.log.warn(f"the closed loop is unstable: {growth(found)}")
-        return Result(self, run.source, choice, found, command=run.command)
+        extra = {"foton": setting["foton"]}
+        return Result(self, run.source, choice, found, extra, command=run.command)
+
+    def others(self, result: Result, path: Path) -> list[Path]:
+        """Write the filters as Foton strings."""
+        if not result.extra.get("foton"):
+            return []
+        from suspension_cli.analyses.damp import foton_file
+        from suspension_cli.files import atomic
+
+        made = path.with_name(f"{result.name}-foton.txt")
+        atomic.write_bytes(made, foton_file.write(result.design).encode())
+        return [made]
 
     def parse_names(
         self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
@@ -127,7 +147,10 @@ class DampAnalysis(Analysis):
         if answer.margin is not None:
             pairs = zip(answer.loop, answer.margin, strict=True)
             margins = [
-                {"loop": loop} | {key: as_number(value) for key, value in vars(margin).items()}
+                {"loop": loop}
+                | {key: as_number(value) for key, value in vars(margin).items()}
+                | {"gain_up_db": as_number(margin.gain_up_db)}
+                | {"gain_down_db": as_number(margin.gain_down_db)}
                 for loop, margin in pairs
             ]
         noise = (answer.noise**2).sum(1) ** 0.5
@@ -137,6 +160,15 @@ class DampAnalysis(Analysis):
             "impulse": answer.drive,
             "poles": poles,
             "margins": margins,
+            "sensitivity": None
+            if (peak := answer.sensitivity) is None
+            else {
+                "largest_singular_value": peak.size,
+                "frequency_hz": peak.frequency,
+                "gain_up": as_number(peak.gain_up),
+                "gain_down": peak.gain_down,
+                "phase": peak.phase,
+            },
             "frequency_hz": answer.frequency.tolist(),
             "sensor_noise_asd": noise.tolist(),
         }
@@ -157,18 +189,28 @@ class DampAnalysis(Analysis):
             return "\n".join([*lines, "  An unstable loop has no margins."])
         rows = []
         for loop, m in zip(answer.loop, answer.margin, strict=True):
-            gains = [f"x {gain:.3g}" for gain in (m.gain_up, m.gain_down) if 0 < gain < math.inf]
+            limits = ((m.gain_up, m.gain_up_db), (m.gain_down, m.gain_down_db))
+            gains = [
+                f"x {gain:.3g} ({size:.1f} dB)" for gain, size in limits if 0 < gain < math.inf
+            ]
+            places = (m.gain_up_frequency, m.gain_down_frequency)
+            where = [f"{place:.3g}" for place in places if not math.isnan(place)]
             phase = m.phase if m.phase < math.inf else "gain below 1"
             gain = " and ".join(gains) or "without limit"
-            rows.append((loop, phase, m.phase_frequency, gain, m.distance))
+            delay = 1e3 * m.delay if m.delay < math.inf else "none"
+            rows.append(
+                (loop, phase, m.phase_frequency, gain, " and ".join(where), delay, m.distance)
+            )
         columns = {
             "loop": "",
-            "phase margin\ndegrees": ".0f",
+            "phase margin\ndegrees": ".1f",
             "at\nHz": ".3g",
             "gain margin": "",
+            " at\nHz": "",
+            "delay margin\nms": ".3g",
             "nearest to -1": ".3g",
         }
-        return "\n".join([*lines, tables.render(columns, rows)])
+        return "\n".join([*lines, tables.render(columns, rows), *_all_at_once(answer)])
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Write the group `damp`."""
@@ -183,23 +225,34 @@ class DampAnalysis(Analysis):
         return stored.load(file["damp"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
-        """Draw poles, impulse response, loop gains and sensor noise."""
+        """Draw poles, impulse response, sensor noise, loop gains and their Nichols chart."""
         from suspension_cli.analyses.damp import picture
 
         return {"": picture.draw(result.data, result.title)}
 
 
+def _all_at_once(answer: LocalControl) -> list[str]:
+    """Return a sentence on the margin of all loops at once."""
+    peak = answer.sensitivity
+    if peak is None or len(answer.loop) < 2:
+        return []
+    down = f"x {peak.gain_down:.3g} ({20 * math.log10(peak.gain_down):.1f} dB)"
+    gains = f"above {down}"
+    if peak.gain_up < math.inf:
+        gains = f"from {down} to x {peak.gain_up:.3g} (+{20 * math.log10(peak.gain_up):.1f} dB)"
+    return [
+        "",
+        f"  All loops at once: largest singular value of the sensitivity {peak.size:.4g} at"
+        f" {peak.frequency:.4g} Hz;",
+        f"  stable for any gains {gains}, or phases within +-{peak.phase:.0f} degrees.",
+    ]
+
+
 def growth(answer: LocalControl) -> str:
     """Describe the pole that grows fastest, with a remedy."""
-    closed = answer.closed
-    worst = int(closed.growth_rate.argmax())
-    others = int((closed.growth_rate > 0).sum()) - 1
-    more = f" (and {others} more)" if others else ""
-    where = (
-        f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at"
-        f" {closed.growth_rate[worst]:.4g} 1/s"
-    )
-    return f"{where}{more}; lower the gain of the loops that drive it, or their phase lag there"
+    from suspension_cli.analyses.damp.solve import describe_growth
+
+    return "; ".join(describe_growth(answer.closed))
 
 
 ANALYSIS = DampAnalysis()

@@ -10,14 +10,19 @@ u = -(1 + H G_yu)^-1 H (G_ye e + n). Poles follow from the state space and are r
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
+from math import factorial
 from typing import Any
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design import loop_filters
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.schema import Design, Loop
+from suspension_cli.design.loop_filters import is_velocity_damper
+from suspension_cli.design.schema import Design, Loop, NoiseSpectrum
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import response, signals, statespace
 from suspension_cli.linear.signals import Signal
@@ -25,6 +30,10 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.arrays import Array
 
+PADE = 8
+"""Order of Pade's approximation of a delay T in state spaces: right to 5e-4 up to omega T = 8."""
+DELAY = "delay"
+"""Word in the names of states that approximate a delay."""
 BESIDE = (0.0, 1e-15, -1e-15, 3e-15, -3e-15, 1e-14, -1e-14)
 """Relative steps, tried in turn, away from a frequency at which the response is infinite."""
 
@@ -152,28 +161,36 @@ def _relative_form(
 
 
 def evaluate_filter(loop: Loop, frequency: Array) -> Any:
-    """Evaluate the filter H (f,) of a loop at frequencies (f,) in Hz: N/m or N m/rad."""
+    """Evaluate a loop's factor (f,) from motion to -force at frequencies (f,) in Hz.
+
+    Filter, sensor response and delay; N/m or N m/rad.
+    """
     f = 1j * np.asarray(frequency)
-    if loop.damper is not None:
+    if loop.damper is not None and is_velocity_damper(loop):
         return loop.damper * 2 * np.pi * f
-    result = np.full(f.shape, complex(loop.gain or 0.0))
-    for zero in expand_roots(loop.zeros):
+    made = loop_filters.whole(loop)
+    result = np.full(f.shape, complex(made.gain))
+    for zero in made.zeros:
         result = result * (f + zero)
-    for pole in expand_roots(loop.poles):
+    for pole in made.poles:
         result = result / (f + pole)
-    return result
+    return result * np.exp(-2 * np.pi * loop.delay * f) if loop.delay else result
 
 
-def expand_roots(given: list[Any]) -> list[complex]:
-    """List roots in Hz as complex numbers; a pair [re, im] stands for both conjugates."""
-    result: list[complex] = []
-    for root in given:
-        result += (
-            [complex(*root), complex(root[0], -root[1])]
-            if isinstance(root, list)
-            else [complex(root)]
-        )
-    return result
+def evaluate_noise(loop: Loop, frequency: Array) -> Array:
+    """Evaluate the sensor noise (f,) of a loop, as motion, at frequencies (f,) in Hz.
+
+    Flat; flat with a corner below which the power rises as 1/f; or interpolated on logarithmic
+    axes.
+    """
+    noise, frequency = loop.sensor_noise, np.asarray(frequency, dtype=float)
+    if not isinstance(noise, NoiseSpectrum):
+        return np.full(frequency.shape, noise)
+    with np.errstate(divide="ignore"):
+        if noise.frequency is not None:
+            curve = np.interp(np.log(frequency), np.log(noise.frequency), np.log(noise.asd))
+            return np.exp(curve)
+        return np.asarray(noise.asd) * np.sqrt(1 + (noise.corner or 0.0) / frequency)
 
 
 @dataclass(frozen=True)
@@ -230,8 +247,8 @@ def solve_responses(
         np.eye(count) + h[:, :, None] * g[:, o:, i:], h[:, :, None] * np.eye(count)
     )
     value = g[:, :o, :i] - g[:, :o, i:] @ to_actuator @ g[:, o:, :i]
-    densities = np.array([loop.sensor_noise for loop in plant.loops])
-    noise = np.abs(g[:, :o, i:] @ to_actuator) * densities
+    densities = np.stack([evaluate_noise(loop, frequency) for loop in plant.loops], axis=-1)
+    noise = np.abs(g[:, :o, i:] @ to_actuator) * densities[:, None]
     # a force n at the actuators is u = n - H y: x = G_u (1 + H G_yu)^-1 n
     pushed = g[:, :o, i:] - g[:, :o, i:] @ to_actuator @ g[:, o:, i:]
     actuator_noise = np.abs(pushed) * np.array([loop.actuator_noise for loop in plant.loops])
@@ -243,7 +260,28 @@ def compute_loop_gains(plant: Plant, frequency: Array) -> Any:
 
     Each loop is broken at its actuator. At a resonance without loss the gain is taken beside it.
     """
-    result = np.full((len(frequency), len(plant.loops)), np.nan, dtype=complex)
+    return _from_open_loop(plant, frequency, _loop_gains, (len(plant.loops),))
+
+
+def compute_sensitivity(plant: Plant, frequency: Array) -> Any:
+    """Compute the sensitivity S = (1 + H G)^-1 (f, l, l) at the actuators, all loops broken there.
+
+    From disturbances at the actuators to their total forces, SI.
+    """
+    count = len(plant.loops)
+    return _from_open_loop(
+        plant,
+        frequency,
+        lambda h, g: np.linalg.inv(np.eye(count) + h[:, :, None] * g),
+        (count, count),
+    )
+
+
+def _from_open_loop(
+    plant: Plant, frequency: Array, compute: Callable[[Any, Any], Any], shape: tuple[int, ...]
+) -> Any:
+    """Compute values (f, *shape) from H (f, l) and G (f, l, l), beside resonances without loss."""
+    result = np.full((len(frequency), *shape), np.nan, dtype=complex)
     left = np.arange(len(frequency))
     with np.errstate(all="ignore"):
         for beside in BESIDE:
@@ -257,7 +295,7 @@ def compute_loop_gains(plant: Plant, frequency: Array) -> Any:
                 finite=False,
             )
             known = np.isfinite(g).all((1, 2))
-            result[left[known]] = _loop_gains(evaluate_filters(plant, at[known]), g[known])
+            result[left[known]] = compute(evaluate_filters(plant, at[known]), g[known])
             left = left[~known]
             if not len(left):
                 break
@@ -328,10 +366,14 @@ def _close_loops(
     a, b, c, d = bare.a, bare.b, bare.c, bare.d
     names, units = list(bare.state), list(bare.state_unit)
     for n, loop in enumerate(plant.loops):
-        if loop.damper is None:
-            a, b, c, d = _feed_back(a, b, c, d, i + n, o + n, realise_filter(loop))
-            new = len(a) - len(names)
-            names += [f"loop {loop.name} {k + 1}" for k in range(new)]
+        if not is_velocity_damper(loop):
+            # states of the filter, then those that approximate its delay
+            realised = realise_filter(loop)
+            delayed = realise_delayed_filter(loop) if loop.delay else realised
+            a, b, c, d = _feed_back(a, b, c, d, i + n, o + n, delayed)
+            new, own = len(delayed[0]), len(realised[0])
+            names += [f"loop {loop.name} {k + 1}" for k in range(own)]
+            names += [f"loop {loop.name} {DELAY} {k + 1}" for k in range(new - own)]
             units += ["1"] * new
     return statespace.StateSpace(
         a,
@@ -351,22 +393,95 @@ def _add_dampers(plant: Plant) -> LinearSystem:
     """Add velocity dampers to the damping matrix, which need not stay symmetric."""
     damping = plant.model.damping.copy()
     for loop, sensed, pushed in zip(plant.loops, plant.sensed, plant.pushed, strict=True):
-        if loop.damper is not None:
+        if loop.damper is not None and is_velocity_damper(loop):
             damping = damping + loop.damper * np.outer(pushed, sensed)
     return replace(plant.model, damping=damping)
 
 
 def realise_filter(loop: Loop) -> tuple[Array, Array, Array, Array]:
-    """Realise the filter H of a loop as a state space A, B, C, D (rad/s)."""
+    """Realise filter and sensor of a loop, without its delay, as a state space A, B, C, D (rad/s).
+
+    Empty for a delayed damper, which has no state space of its own.
+    """
     from scipy.signal import zpk2ss
 
-    zeros, poles = (
-        -2 * np.pi * np.array(expand_roots(given)) for given in (loop.zeros, loop.poles)
-    )
-    gain = (loop.gain or 0.0) * (2 * np.pi) ** (len(poles) - len(zeros))
+    made = loop_filters.whole(loop)
+    if len(made.zeros) > len(made.poles):
+        return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 1))
+    zeros, poles = (-2 * np.pi * np.array(roots) for roots in (made.zeros, made.poles))
+    gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
     if not len(poles):
         return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]])
     return zpk2ss(zeros, poles, gain)
+
+
+def realise_delayed_filter(loop: Loop) -> tuple[Array, Array, Array, Array]:
+    """Realise the filter of a loop with its delay, approximated by Pade's fraction.
+
+    Of order `PADE` over `PADE`; for a damper, whose gain grows with frequency, of order `PADE` - 1
+    over `PADE`.
+    """
+    made = loop_filters.whole(loop)
+    if len(made.zeros) > len(made.poles):  # a damper
+        zeros, poles = _pade_roots(PADE - 1, PADE)
+        scale = loop.delay**-1
+        zeros = np.append(zeros, 0.0)
+        return _realise_sections(zeros * scale, poles * scale, made.gain / (2 * np.pi), loop.delay)
+    fa, fb, fc, fd = realise_filter(loop)
+    zeros, poles = (roots / loop.delay for roots in _pade_roots(PADE, PADE))
+    da, db, dc, dd = _realise_sections(zeros, poles, 1.0, loop.delay)
+    # in series: motion -> filter -> delay
+    a = np.block([[fa, np.zeros((len(fa), len(da)))], [db @ fc, da]])
+    return a, np.concatenate([fb, db @ fd]), np.concatenate([dd @ fc, dc], axis=1), dd @ fd
+
+
+@cache
+def _pade_roots(m: int, n: int) -> tuple[Any, Any]:
+    """Zeros (m,) and poles (n,) of Pade's approximation of exp(-x), of order m over n.
+
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 9.3.1.
+    """
+    over, under = (
+        [
+            factorial(m + n - j) * factorial(top) * sign**j / (factorial(j) * factorial(top - j))
+            for j in range(top + 1)
+        ]
+        for top, sign in ((m, -1), (n, 1))
+    )
+    return np.roots(over[::-1]), np.roots(under[::-1])
+
+
+def _realise_sections(
+    zeros: Array, poles: Array, gain: float, delay: float
+) -> tuple[Array, Array, Array, Array]:
+    """Realise a delay as a chain of sections of second order with states of similar size.
+
+    Parameters
+    ----------
+    zeros, poles : arrays
+        rad/s; an even number of poles.
+    gain : float
+        Value of the response at 0, or of its slope if there is a zero at 0.
+    delay : float
+        s.
+    """
+    from scipy.signal import zpk2sos
+
+    # in units of 1 / delay, in which the roots are of order 1
+    sections = zpk2sos(zeros * delay, poles * delay, 1.0, analog=True)
+    a, b, c, d = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
+    for b0, b1, b2, _, a1, a2 in sections:
+        w = np.sqrt(a2)
+        sa = np.array([[0.0, w], [-w, -a1]]) / delay
+        sb = np.array([[0.0], [w]]) / delay
+        sc = np.array([[(b2 - b0 * a2) / a2, (b1 - b0 * a1) / w]])
+        a = np.block([[a, np.zeros((len(a), 2))], [sb @ c, sa]])
+        b, c, d = np.concatenate([b, sb @ d]), np.concatenate([b0 * c, sc], axis=1), b0 * d
+    # normalise at 0, or the slope there
+    at_zero = (d - c @ np.linalg.solve(a, b))[0, 0]
+    if (zeros == 0).any():
+        at_zero = -(c @ np.linalg.solve(a, np.linalg.solve(a, b)))[0, 0]
+    return a, b, c * (gain / at_zero), d * (gain / at_zero)
 
 
 def _feed_back(

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.analyses.damp.margins import Margins
+from suspension_cli.analyses.damp.sensitivity import SensitivityPeak
 from suspension_cli.analyses.damp.solve import LocalControl
 from suspension_cli.files.hdf5 import add_dataset, add_scale
 from suspension_cli.linear.poles import Poles
@@ -18,6 +19,10 @@ UNITS = {
     "gain_up": "1",
     "gain_down": "1",
     "distance": "1",
+    "gain_up_frequency": "Hz",
+    "gain_down_frequency": "Hz",
+    "delay": "s",
+    "delay_frequency": "Hz",
 }
 """Fields of `Margins` and their units."""
 
@@ -27,6 +32,9 @@ def fill(group: h5py.Group, damped: LocalControl) -> None:
     group.attrs["output"] = damped.output
     group.attrs["drive"] = damped.drive
     group.attrs["stable"] = damped.stable
+    if damped.sensitivity is not None:
+        group.attrs["sensitivity_peak"] = damped.sensitivity.size
+        group.attrs["sensitivity_frequency"] = damped.sensitivity.frequency
     loop = add_scale(group, "loop", list(damped.loop), "name")
     for name, poles in (("open", damped.open), ("closed", damped.closed)):
         number = add_scale(group, f"{name}_pole_number", np.arange(1, len(poles.value) + 1), "1")
@@ -38,7 +46,7 @@ def fill(group: h5py.Group, damped: LocalControl) -> None:
             if damped.margin is None
             else [getattr(margin, name) for margin in damped.margin]
         )
-        add_dataset(group, f"{name}_margin" if name == "phase" else name, values, unit, loop)
+        add_dataset(group, _dataset(name), values, unit, loop)
     time = add_scale(group, "time", damped.time, "s")
     frequency = add_scale(group, "frequency", damped.frequency, "Hz")
     add_dataset(group, "impulse", damped.impulse, "SI, output over unit impulse", time)
@@ -50,7 +58,12 @@ def fill(group: h5py.Group, damped: LocalControl) -> None:
 def load(group: Any) -> LocalControl:
     """Read the local control of one design from a group."""
     loop = tuple(group["loop"].asstr()[:])
-    rows = {name: group[f"{name}_margin" if name == "phase" else name][:] for name in UNITS}
+    rows = {name: group[_dataset(name)][:] for name in UNITS if _dataset(name) in group}
+    peak = None
+    if "sensitivity_peak" in group.attrs:
+        peak = SensitivityPeak(
+            float(group.attrs["sensitivity_peak"]), float(group.attrs["sensitivity_frequency"])
+        )
     closed = Poles(group["closed_pole"][:], tuple(group["closed_state"].asstr()[:]))
     margin = tuple(
         Margins(**{name: float(values[n]) for name, values in rows.items()})
@@ -69,4 +82,10 @@ def load(group: Any) -> LocalControl:
         frequency=group["frequency"][:],
         noise=group["noise"][:],
         gain=group["loop_gain"][:],
+        sensitivity=peak,
     )
+
+
+def _dataset(name: str) -> str:
+    """Name of the dataset of a field of `Margins`."""
+    return f"{name}_margin" if name in ("phase", "delay") else name

@@ -57,6 +57,12 @@ class Margins:
         imaginary axis; inf and 0 without limit.
     distance : float
         Modulus margin: smallest |1 + L|.
+    gain_up_frequency, gain_down_frequency : float
+        Where that pole reaches the axis, Hz; NaN without limit.
+    delay : float
+        Delay margin, s: smallest delay that brings a pole to the imaginary axis; inf if none does.
+    delay_frequency : float
+        Frequency of that pole, Hz; NaN if there is none.
     """
 
     phase: float
@@ -64,10 +70,29 @@ class Margins:
     gain_up: float
     gain_down: float
     distance: float
+    gain_up_frequency: float = np.nan
+    gain_down_frequency: float = np.nan
+    delay: float = np.inf
+    delay_frequency: float = np.nan
+
+    @property
+    def gain_up_db(self) -> float:
+        """Upper gain margin, dB."""
+        return float(20 * np.log10(self.gain_up))
+
+    @property
+    def gain_down_db(self) -> float:
+        """Lower gain margin, dB, negative."""
+        return float(20 * np.log10(self.gain_down)) if self.gain_down > 0 else -np.inf
 
 
-def compute_margins(gain: Gain, frequency: Array, static: Array | None = None) -> list[Margins]:
+def compute_margins(
+    gain: Gain, frequency: Array, static: Array | None = None, *, faint: float = 0.0
+) -> list[Margins]:
     """Compute the margins of each loop of a stable closed-loop system.
+
+    A delay tau multiplies L by exp(-i omega tau), so at each frequency omega with |L| = 1 it makes
+    L = -1 when omega tau is the angle from -1 to L (Astrom and Murray, section 10.3).
 
     Parameters
     ----------
@@ -78,6 +103,8 @@ def compute_margins(gain: Gain, frequency: Array, static: Array | None = None) -
     static : (l,) array, optional
         Real gains at 0 Hz, infinite where the gain there is not real. A loop with L < 0, scaled by
         -1/L, has a pole at 0.
+    faint : float
+        Size of gains below which the grid is not refined. A delay turns them without end.
 
     Returns
     -------
@@ -92,32 +119,43 @@ def compute_margins(gain: Gain, frequency: Array, static: Array | None = None) -
     >>> round(compute_margins(loop, np.array([0.1, 1.0]))[0].gain_up, 6)
     6.0
     """
-    frequency, value = refine_grid(gain, frequency)
+    frequency, value = refine_grid(gain, frequency, faint=faint)
     unity, lag = _find_crossings(
         gain, frequency, value, lambda z: np.log(_size(z)), lambda z: np.ones(z.shape, dtype=bool)
     )
-    _, size = _find_crossings(gain, frequency, value, lambda z: np.angle(-z), lambda z: z.real < 0)
+    real, size = _find_crossings(
+        gain, frequency, value, lambda z: np.angle(-z), lambda z: z.real < 0
+    )
     nearest = _smallest_distance(gain, frequency, value)
     result = []
     for n in range(value.shape[1]):
-        factors = 1 / np.abs(size[n])
+        factors, places = 1 / np.abs(size[n]), real[n]
         if static is not None and static[n] < 0:
-            factors = np.append(factors, -1 / static[n])
+            factors, places = np.append(factors, -1 / static[n]), np.append(places, 0.0)
         phases = np.abs(np.degrees(np.angle(-lag[n])))
         where = int(phases.argmin()) if len(phases) else 0
+        delays = np.mod(np.angle(-lag[n]), 2 * np.pi) / (2 * np.pi * unity[n])
+        late = int(delays.argmin()) if len(delays) else 0
+        up, down = factors[factors > 1], factors[factors < 1]
         result.append(
             Margins(
                 phase=float(phases[where]) if len(phases) else np.inf,
                 phase_frequency=float(unity[n][where]) if len(phases) else np.nan,
-                gain_up=float(factors[factors > 1].min(initial=np.inf)),
-                gain_down=float(factors[factors < 1].max(initial=0.0)),
+                gain_up=float(up.min(initial=np.inf)),
+                gain_down=float(down.max(initial=0.0)),
                 distance=float(nearest[n]),
+                gain_up_frequency=float(places[factors > 1][up.argmin()]) if len(up) else np.nan,
+                gain_down_frequency=(
+                    float(places[factors < 1][down.argmax()]) if len(down) else np.nan
+                ),
+                delay=float(delays[late]) if len(delays) else np.inf,
+                delay_frequency=float(unity[n][late]) if len(delays) else np.nan,
             )
         )
     return result
 
 
-def refine_grid(gain: Gain, frequency: Array) -> tuple[Array, Any]:
+def refine_grid(gain: Gain, frequency: Array, *, faint: float = 0.0) -> tuple[Array, Any]:
     """Refine frequencies until gains change little between neighbours.
 
     Parameters
@@ -125,6 +163,8 @@ def refine_grid(gain: Gain, frequency: Array) -> tuple[Array, Any]:
     gain : callable
     frequency : (n,) array
         Hz.
+    faint : float
+        Gains below this size are not refined.
 
     Returns
     -------
@@ -137,7 +177,9 @@ def refine_grid(gain: Gain, frequency: Array) -> tuple[Array, Any]:
     known = np.concatenate([[known[0] / BEYOND], known, [known[-1] * BEYOND]])
     value = gain(known)
     while True:
-        change = np.maximum(_change(value), _change(1 + value)).max(1, initial=0.0)
+        size = np.abs(value)
+        change = np.maximum(_change(value), _change(1 + value))
+        change = np.where(np.maximum(size[1:], size[:-1]) < faint, 0.0, change).max(1, initial=0.0)
         wide = np.flatnonzero((change > STEP) & (np.diff(known) > CLOSEST * known[1:]))
         if not len(wide):
             return known, value
@@ -224,9 +266,37 @@ def _evaluate_each(gain: Gain, frequency: Array, loop: Any) -> Any:
 
 
 def _smallest_distance(gain: Gain, frequency: Array, value: Any) -> Array:
-    """Find the smallest |1 + L| (l,) of each loop, by golden section search around local minima."""
-    distance, change = np.abs(1 + value), _change(1 + value)
-    smallest = distance.min(0)
+    """Find the smallest |1 + L| (l,) of each loop."""
+    return search_smallest(
+        lambda where, loop: np.abs(1 + _evaluate_each(gain, where, loop)),
+        frequency,
+        np.abs(1 + value),
+        _change(1 + value),
+    )[0]
+
+
+def search_smallest(
+    evaluate: Callable[[Array, Any], Array], frequency: Array, distance: Array, change: Array
+) -> tuple[Array, Array]:
+    """Find the smallest of positive functions (l,) by golden section search around local minima.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Values (c,) at frequencies (c,) in Hz, of the functions of these numbers (c,).
+    frequency : (f,) array
+        Hz, ascending.
+    distance : (f, l) array
+        Values there.
+    change : (f - 1, l) array
+        Upper bounds of the change of their logarithms between neighbours.
+
+    Returns
+    -------
+    smallest, where : (l,) arrays
+        Values and their frequencies, Hz.
+    """
+    smallest, place = distance.min(0), frequency[distance.argmin(0)]
     # lower bound of the curve between the neighbours
     least = distance[1:-1] * np.exp(-np.maximum(change[:-1], change[1:]))
     low_point = (
@@ -234,23 +304,24 @@ def _smallest_distance(gain: Gain, frequency: Array, value: Any) -> Array:
     )
     at, loop = np.nonzero(low_point)
     low, high = frequency[at], frequency[at + 2]
-
-    def distance_at(where: Array) -> Array:
-        return np.abs(1 + _evaluate_each(gain, where, loop))
-
     if len(at):
         a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-        at_a, at_b = distance_at(a), distance_at(b)
+        at_a, at_b = evaluate(a, loop), evaluate(b, loop)
         for _ in range(NARROWINGS):
             left = at_a < at_b
-            np.minimum.at(smallest, loop, np.minimum(at_a, at_b))
+            better = np.minimum(at_a, at_b)
+            for n in np.unique(loop):
+                mine = np.flatnonzero(loop == n)
+                best = mine[better[mine].argmin()]
+                if better[best] < smallest[n]:
+                    smallest[n], place[n] = better[best], (a if left[best] else b)[best]
             low, high = np.where(left, low, a), np.where(left, b, high)
             new = np.where(left, high - GOLDEN * (high - low), low + GOLDEN * (high - low))
-            at_new = distance_at(new)
+            at_new = evaluate(new, loop)
             a, b, at_a, at_b = (
                 np.where(left, new, b),
                 np.where(left, a, new),
                 np.where(left, at_new, at_b),
                 np.where(left, at_a, at_new),
             )
-    return smallest
+    return smallest, place

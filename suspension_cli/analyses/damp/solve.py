@@ -7,10 +7,18 @@ from functools import partial
 
 import numpy as np
 
-from suspension_cli.analyses.damp import closed_loop_poles, control, margins
+from suspension_cli.analyses.damp import (
+    closed_loop_poles,
+    control,
+    margins,
+    nyquist_count,
+    sensitivity,
+)
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.damp.margins import Margins
+from suspension_cli.analyses.damp.sensitivity import SensitivityPeak
 from suspension_cli.analyses.export import solve as export
+from suspension_cli.design import loop_filters
 from suspension_cli.design.schema import Design
 from suspension_cli.linear import poles, signals
 from suspension_cli.linear.constant_loss import with_constant_loss
@@ -20,6 +28,8 @@ from suspension_cli.scene.arrays import Array
 
 STILL = 1e-6
 """Fraction of the lowest frequency of a pole or zero at which gains are static, to 1e-12."""
+FAINT = 1e-6
+"""Loop gain below which delays are not followed; no gain margin above its inverse is reported."""
 REAL = 1e-3
 """Imaginary over real part up to which a static loop gain counts as real."""
 
@@ -48,6 +58,8 @@ class LocalControl:
         Noise of each sensor at the output, m/sqrt(Hz) or rad/sqrt(Hz).
     gain : (f, l) complex array
         Loop gains, the other loops closed.
+    sensitivity : SensitivityPeak or None
+        Margin of all loops at once; None if the closed loop is unstable.
     """
 
     loop: tuple[str, ...]
@@ -62,6 +74,7 @@ class LocalControl:
     frequency: Array
     noise: Array
     gain: Array
+    sensitivity: SensitivityPeak | None = None
 
     @property
     def stable(self) -> bool:
@@ -98,19 +111,14 @@ def solve(
     samples : int
         Of the impulse response.
     """
-    plant, constant = (
-        control.build_plant(design, model),
-        control.build_plant(design, with_constant_loss(model)),
-    )
+    found = find_poles(design, model)
+    plant, constant, closed, opened = found.plant, found.constant, found.closed, found.open
     known = signals.bodies_with_signals(model)
     observed, driven = signals.parse_output(output, known), signals.parse_input(drive, known)
-    every = _all_motions(model)
-    closed, opened = (
-        closed_loop_poles.refine(poles.poles(control.build_closed_loop(fixed, [], every)), exact)
-        for fixed, exact in ((constant, plant), (constant.with_loops([]), plant.with_loops([])))
-    )
     answer = control.solve_responses(plant, frequency, [driven], [observed])
     corners = find_corner_frequencies(constant, closed)
+    # a delay turns the gain at high frequencies without end; there it cannot matter
+    faint = FAINT if any(loop.delay for loop in plant.loops) else 0.0
     time = np.linspace(0.0, duration, samples)
     impulse, undamped = (
         poles.impulse(control.build_closed_loop(fixed, [driven], [observed]), time)[:, 0, 0]
@@ -125,6 +133,7 @@ def solve(
                 partial(control.compute_loop_gains, plant),
                 corners,
                 _static_gains(plant, corners[0]),
+                faint=faint,
             )
         )
         if closed.stable
@@ -137,7 +146,60 @@ def solve(
         frequency=frequency,
         noise=answer.noise[:, 0],
         gain=answer.loop_gain,
+        sensitivity=sensitivity.find_peak(plant, corners) if closed.stable else None,
     )
+
+
+@dataclass(frozen=True)
+class FoundPoles:
+    """Plants of a design and their poles.
+
+    Attributes
+    ----------
+    plant, constant : Plant
+        With the losses of the model, and with these as constant matrices.
+    closed, open : Poles
+        With all loops closed, and with all open; rad/s.
+    """
+
+    plant: Plant
+    constant: Plant
+    closed: Poles
+    open: Poles
+
+
+def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
+    """Find the poles of a design with its loops closed and open.
+
+    Raises
+    ------
+    InputError
+        If delays are so long that growing poles are missing.
+    """
+    plant, constant = (
+        control.build_plant(design, model),
+        control.build_plant(design, with_constant_loss(model)),
+    )
+    every = _all_motions(model)
+    closed, opened = (
+        closed_loop_poles.refine(poles.poles(control.build_closed_loop(fixed, [], every)), exact)
+        for fixed, exact in ((constant, plant), (constant.with_loops([]), plant.with_loops([])))
+    )
+    if closed.stable and any(loop.delay for loop in plant.loops):
+        nyquist_count.check_stable(plant, closed, opened)
+    return FoundPoles(plant, constant, closed, opened)
+
+
+def describe_growth(closed: Poles) -> tuple[str, str]:
+    """Describe the pole that grows fastest: where it is, and a remedy."""
+    worst = int(closed.growth_rate.argmax())
+    others = int((closed.growth_rate > 0).sum()) - 1
+    more = f" (and {others} more)" if others else ""
+    where = (
+        f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at"
+        f" {closed.growth_rate[worst]:.4g} 1/s"
+    )
+    return where + more, "lower the gain of the loops that drive it, or their phase lag there"
 
 
 def _all_motions(model: LinearSystem) -> list[signals.Signal]:
@@ -165,10 +227,8 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Array:
     for n, loop in enumerate(plant.loops):
         form = export.compute_zero_pole_gain(control.build_broken_loop(plant, n))
         found += [form.zeros[0][0] / (2 * np.pi), form.poles[0][0] / (2 * np.pi)]
-        found += [
-            np.array(control.expand_roots(given), dtype=complex)
-            for given in (loop.zeros, loop.poles)
-        ]
+        made = loop_filters.whole(loop)
+        found += [np.array(roots, dtype=complex) for roots in (made.zeros, made.poles)]
     every = np.concatenate(found)
     every = every[np.isfinite(every) & (np.abs(every) > 0)]
     centre, width = np.abs(np.imag(every)), np.abs(np.real(every))

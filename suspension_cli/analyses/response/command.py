@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     import h5py
     from matplotlib.figure import Figure
 
+    from suspension_cli.analyses.response.closed_loop import ClosedTransfer
     from suspension_cli.analyses.response.measured import ComparedResponse, Comparison, Item
+    from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.quantity_of_interest import Transfer
@@ -82,6 +84,11 @@ class ResponseAnalysis(Analysis):
             show_default=True,
             help="Magnitude axis of the plot.",
         ),
+        option(
+            "--closed-loop",
+            is_flag=True,
+            help="Close the loops of the design's [control] table.",
+        ),
         options.ALLOW_UNSTABLE,
         options.ACCURACY,
         *options.WRITING,
@@ -90,24 +97,39 @@ class ResponseAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Solve for every input at every frequency."""
         from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.response import peaks
+        from suspension_cli.analyses.response import closed_loop, peaks
+        from suspension_cli.analyses.response.closed_loop import ClosedTransfer
         from suspension_cli.linear import response
 
         setting, items = run.setting, _measured(run.setting)
-        request = partial(_request, setting=setting, items=items)
+        request = partial(_request, setting=setting, items=items, design=run.design)
         decision = model_choice.choose(
             run.source, setting["fidelity"], request, setting["tolerance"]
         )
         choice = decision.choice
         model = model_choice.stable_system(
-            run.source, choice, setting["allow_unstable"], run.log, decision.model, bends=True
+            run.source,
+            choice,
+            setting["allow_unstable"] or setting["closed_loop"],
+            run.log,
+            decision.model,
+            bends=True,
         )
         wanted = request(model)
-        found = response.solve(model, wanted.frequency, wanted.inputs, wanted.outputs)
+        solve = resonances = None
+        if isinstance(wanted, ClosedTransfer):
+            poles = closed_loop.find_stable_poles(
+                run.design, model, choice.model, setting["allow_unstable"], run.log
+            )
+            found, solve = closed_loop.solve(wanted, model), partial(wanted.values, model)
+            resonances = poles.frequency
+        else:
+            found = response.solve(model, wanted.frequency, wanted.inputs, wanted.outputs)
         if items:
-            found = _compared(model, items, found, run.log)
+            closed = (wanted, resonances) if isinstance(wanted, ClosedTransfer) else None
+            found = _compared(model, items, found, closed, run.log)
             return Result(self, run.source, choice, found, command=run.command)
-        largest = peaks.find_peaks(model, found, wanted.inputs, wanted.outputs)
+        largest = peaks.find_peaks(model, found, wanted.inputs, wanted.outputs, solve, resonances)
         return Result(self, run.source, choice, found, {"largest": largest}, command=run.command)
 
     def document(self, result: Result) -> dict[str, Any]:
@@ -124,7 +146,8 @@ class ResponseAnalysis(Analysis):
             for o, out in enumerate(data.output)
             for i, into in enumerate(data.input)
         ]
-        answer = {"frequency_hz": data.frequency.tolist()} | only_one(pairs, "responses")
+        closed = {"closed_loop": True} if data.closed_loop else {}
+        answer = closed | {"frequency_hz": data.frequency.tolist()} | only_one(pairs, "responses")
         measured = comparisons(data)
         return answer | ({"measured": [*map(_document, measured)]} if measured else {})
 
@@ -137,6 +160,9 @@ class ResponseAnalysis(Analysis):
             return f"{result.choice.line}\n\n{_table(measured)}"
         largest = result.extra.get("largest")
         lines = [result.choice.line]
+        if data.closed_loop and result.design.control is not None:
+            names = ", ".join(loop.name for loop in result.design.control.loop)
+            lines.append(f"loops closed: {names}")
         first, last = data.frequency[0], data.frequency[-1]
         for o, out in enumerate(data.output):
             for i, into in enumerate(data.input):
@@ -169,9 +195,10 @@ class ResponseAnalysis(Analysis):
         from suspension_cli.analyses.response import measured_picture, picture
 
         scale = setting.get("scale", "db")
+        title = result.title + (", loops closed" if result.data.closed_loop else "")
         if measured := comparisons(result.data):
-            return {"": measured_picture.draw(measured, result.title, scale)}
-        return {"": picture.draw(result.data, result.title, scale)}
+            return {"": measured_picture.draw(measured, title, scale)}
+        return {"": picture.draw(result.data, title, scale)}
 
 
 def comparisons(data: Response) -> tuple[Comparison, ...]:
@@ -188,14 +215,18 @@ def _measured(setting: dict[str, Any]) -> tuple[Item, ...]:
 
 
 def _compared(
-    model: LinearSystem, items: Sequence[Item], found: Response, log: Log
+    model: LinearSystem,
+    items: Sequence[Item],
+    found: Response,
+    closed: tuple[ClosedTransfer, Any] | None,
+    log: Log,
 ) -> ComparedResponse:
     """Add the comparison with measurements to a response, and warn of units that look wrong."""
     import dataclasses
 
     from suspension_cli.analyses.response import measured
 
-    compared = measured.compare(model, items, found)
+    compared = measured.compare(model, items, found, closed)
     for one in compared:
         if text := measured.slip(one):
             log.warn(text)
@@ -261,7 +292,9 @@ def _label(one: Comparison) -> str:
     return f"{data.name}: {data.output} / {data.input}{unit}"
 
 
-def _request(model: LinearSystem, setting: dict[str, Any], items: Sequence[Item]) -> Transfer:
+def _request(
+    model: LinearSystem, setting: dict[str, Any], items: Sequence[Item], design: Design
+) -> Transfer:
     """Inputs, outputs and frequencies in terms of a model of the design."""
     import numpy as np
 
@@ -280,11 +313,16 @@ def _request(model: LinearSystem, setting: dict[str, Any], items: Sequence[Item]
             frequency = measured.default_grid(items)
     if frequency is None:
         frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-    return Transfer(
+    wanted = Transfer(
         [signals.parse_input(text, bodies) for text in inputs or ("support.x",)],
         [signals.parse_output(text, bodies) for text in outputs or (f"{model.body[-1]}.x",)],
         frequency,
     )
+    if not setting["closed_loop"]:
+        return wanted
+    from suspension_cli.analyses.response import closed_loop
+
+    return closed_loop.close(wanted, design, model)
 
 
 ANALYSIS = ResponseAnalysis()

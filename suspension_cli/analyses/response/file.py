@@ -21,6 +21,8 @@ def fill(group: h5py.Group, response: Response) -> None:
     output = add_scale(group, "output", list(response.output), "name")
     into = add_scale(group, "input", list(response.input), "name")
     add_dataset(group, "value", response.value, "SI, see unit", frequency, output, into)
+    if response.closed_loop:
+        group.attrs["closed_loop"] = True
     add_dataset(group, "unit", [list(row) for row in response.unit], "name", output, into)
     for number, one in enumerate(getattr(response, "measured", ()), 1):
         _fill_measured(group.create_group(f"measured/{number}"), one)
@@ -35,6 +37,7 @@ def load(group: Any) -> Response:
         unit=tuple(tuple(row) for row in group["unit"].asstr()[:]),
         value=group["value"][:],
         blocks=0,
+        closed_loop=bool(group.attrs.get("closed_loop", False)),
     )
     if "measured" not in group:
         return plain

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.signal import find_peaks
@@ -33,6 +33,9 @@ from suspension_cli.measurements.prediction import (
 )
 from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.response.closed_loop import ClosedTransfer
 
 PROMINENCE = 2.0
 """Ratio of a measured peak to the minima beside it from which it counts as a resonance."""
@@ -236,7 +239,12 @@ def default_grid(items: Sequence[Item], points: int = 2000) -> Array:
     return np.geomspace(low / 1.2, high * 1.2, points)
 
 
-def compare(model: LinearSystem, items: Sequence[Item], found: Response) -> tuple[Comparison, ...]:
+def compare(
+    model: LinearSystem,
+    items: Sequence[Item],
+    found: Response,
+    closed: tuple[ClosedTransfer, Any] | None = None,
+) -> tuple[Comparison, ...]:
     """Compare measured transfer functions with the responses of a model.
 
     Parameters
@@ -245,6 +253,8 @@ def compare(model: LinearSystem, items: Sequence[Item], found: Response) -> tupl
     items : sequence of Item
     found : Response
         Of all signals, on a grid.
+    closed : tuple, optional
+        With the loops closed: what solves them, and the frequencies of the closed-loop poles, Hz.
     """
     known = bodies_with_signals(model)
     plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
@@ -255,16 +265,19 @@ def compare(model: LinearSystem, items: Sequence[Item], found: Response) -> tupl
         into = [parse_input(name, known) for name in names[0]]
         out = [parse_output(name, known) for name in names[1]]
         at = item.data.frequency
-        value = response.solve(model, at, into, out).value
+        if closed is None:
+            value = response.solve(model, at, into, out).value
+            poles = _contributing(model, modes, item, into, out)
+            pole, label = modes.frequency[poles], [modes.label[n] for n in poles]
+        else:
+            value = replace(closed[0], inputs=into, outputs=out).values(model, at)
+            pole = np.array([f for f in closed[1] if np.isfinite(f) and f > 0])
+            label = ["closed loop"] * len(pole)
         rows = [found.output.index(name) for name in names[1]]
         columns = [found.input.index(name) for name in names[0]]
         curve = found.value[:, rows][:, :, columns]
         peaks = resonances(item.data)
-        poles = _contributing(model, modes, item, into, out)
-        nearest = [
-            int(poles[np.argmin(np.abs(np.log(modes.frequency[poles] / f)))]) if len(poles) else -1
-            for f in peaks
-        ]
+        nearest = [int(np.argmin(np.abs(np.log(pole / f)))) if len(pole) else -1 for f in peaks]
         result.append(
             Comparison(
                 item.data,
@@ -272,8 +285,8 @@ def compare(model: LinearSystem, items: Sequence[Item], found: Response) -> tupl
                 found.frequency,
                 predict(item.tables, item.table, found.frequency, curve),
                 peaks,
-                np.array([modes.frequency[n] if n >= 0 else np.nan for n in nearest]),
-                tuple(modes.label[n] if n >= 0 else "" for n in nearest),
+                np.array([pole[n] if n >= 0 else np.nan for n in nearest]),
+                tuple(label[n] if n >= 0 else "" for n in nearest),
             )
         )
     return tuple(result)

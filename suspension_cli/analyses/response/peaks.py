@@ -7,6 +7,7 @@ infinite.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +19,9 @@ from suspension_cli.linear.response import Response
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
+
+Solve = Callable[[Array], Any]
+"""Responses (f, o, i) at frequencies (f,) in Hz."""
 
 POINTS = 17
 """Frequencies per bracket and step; each step divides the width of the bracket by 8."""
@@ -46,7 +50,12 @@ class Peaks:
 
 
 def find_peaks(
-    model: LinearSystem, answer: Response, inputs: list[Signal], outputs: list[Signal]
+    model: LinearSystem,
+    answer: Response,
+    inputs: list[Signal],
+    outputs: list[Signal],
+    solve: Solve | None = None,
+    resonances: Array | None = None,
 ) -> Peaks:
     """Find the largest magnitude of every response within the band of its grid.
 
@@ -57,16 +66,24 @@ def find_peaks(
         On the grid.
     inputs, outputs : list of Signal
         Of the answer.
+    solve : callable, optional
+        Responses (f, o, i) at frequencies (f,) in Hz; without, those of the model.
+    resonances : (n,) array, optional
+        Hz; without, the modes of the model.
     """
+    if solve is None:
+        solve = lambda at: response.solve(model, at, inputs, outputs).value  # noqa: E731
+    if resonances is None:
+        resonances = eigenmodes.solve(replace(model, terms=())).frequency
     size = np.abs(answer.value)
     top = size.argmax(0)
     best, where = np.take_along_axis(size, top[None], 0)[0], answer.frequency[top]
     scale = np.where(best > 0, best, 1.0)
-    low, high = _brackets(model, answer.frequency, (size / scale).max((1, 2)))
+    low, high = _brackets(resonances, answer.frequency, (size / scale).max((1, 2)))
     fraction = np.linspace(0.0, 1.0, POINTS)
     while len(low):
         at = low[:, None] + (high - low)[:, None] * fraction
-        value = _magnitudes(model, at, inputs, outputs)
+        value = _magnitudes(solve, at)
         if value is None:
             break
         flat, reached = value.reshape(-1, *best.shape), value.max((0, 1))
@@ -87,12 +104,11 @@ def find_peaks(
     return Peaks(where, best)
 
 
-def _brackets(model: LinearSystem, frequency: Array, size: Array) -> tuple[Array, Array]:
+def _brackets(found: Array, frequency: Array, size: Array) -> tuple[Array, Array]:
     """Ends (n,) in Hz of intervals around modes and maxima on the grid, within its band."""
     order = np.argsort(frequency)
     grid, height = frequency[order], size[order]
     first, last = grid[0], grid[-1]
-    found = eigenmodes.solve(replace(model, terms=())).frequency
     found = found[(found > first) & (found < last)]
     padded = np.concatenate([[-np.inf], height, [-np.inf]])
     tops = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
@@ -102,16 +118,15 @@ def _brackets(model: LinearSystem, frequency: Array, size: Array) -> tuple[Array
     return low[high > low], high[high > low]
 
 
-def _magnitudes(model: LinearSystem, at: Array, inputs: list[Signal], outputs: list[Signal]) -> Any:
+def _magnitudes(solve: Solve, at: Array) -> Any:
     """Magnitudes (n, points, o, i) at frequencies (n, points), Hz.
 
     Taken beside an infinite one; None if those are infinite as well.
     """
     for factor in (1.0, 1.0 + 1e-14, 1.0 - 1e-14):
         try:
-            return np.abs(
-                response.solve(model, at.ravel() * factor, inputs, outputs).value
-            ).reshape(*at.shape, len(outputs), len(inputs))
+            value = np.abs(solve(at.ravel() * factor))
+            return value.reshape(*at.shape, *value.shape[1:])
         except InputError:
             continue
     return None

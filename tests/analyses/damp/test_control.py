@@ -8,6 +8,7 @@ import pytest
 
 from suspension_cli.analyses.damp import control
 from suspension_cli.conventions import DOFS
+from suspension_cli.design import loop_filters
 from suspension_cli.design.derive import com_positions
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, poles
@@ -195,7 +196,7 @@ def characteristic(closed, s):
             f = s / (2j * np.pi)
             h = control.evaluate_filter(one, f)
             zeros, poles = (
-                np.array(control.expand_roots(given)) for given in (one.zeros, one.poles)
+                np.array(loop_filters.expand_roots(given)) for given in (one.zeros, one.poles)
             )
             relative = (1 / (s / (2 * np.pi) + zeros)).sum() - (1 / (s / (2 * np.pi) + poles)).sum()
             change = h * relative / (2 * np.pi)
@@ -212,7 +213,7 @@ def test_poles_are_zeros_of_the_determinant(name):
     closed = built(name)
     system = control.build_closed_loop(closed, [], plants.all_motions(closed.model))
     found = poles.poles(system)
-    order = sum(len(control.expand_roots(one.poles)) for one in closed.loops)
+    order = sum(len(loop_filters.expand_roots(one.poles)) for one in closed.loops)
     assert len(system.a) == 2 * (closed.model.size - 6 - closed.model.massless.sum()) + order
     for pole in found.value:
         assert abs(1 / characteristic(closed, pole)) < 1e-8 * abs(pole)

@@ -8,6 +8,7 @@ import pytest
 
 from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.damp import file as files
+from suspension_cli.design import foton
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import poles
 from tests.support import plants
@@ -17,6 +18,7 @@ DAMPERS = {"x": 20.0, "y": 20.0, "z": 30.0, "roll": 0.2, "pitch": 0.05, "yaw": 0
 UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
 
 QUICK = ("--fidelity", "force")
+FOTON = 'zpk([0],[-20;-10+i*17;-10-i*17],3e6,"f")'
 
 
 def damped(dofs=tuple(DAMPERS), **changes):
@@ -68,7 +70,7 @@ def test_json(done):
     assert [entry.name for entry in path.parent.iterdir()] == ["triple-damp.h5"]
     assert list(answer) == [
         *("command", "design", "fidelity", "stable", "output", "impulse", "poles", "margins"),
-        *("frequency_hz", "sensor_noise_asd", "estimated_error"),
+        *("sensitivity", "frequency_hz", "sensor_noise_asd", "estimated_error"),
     ]
     assert (answer["command"], answer["design"], answer["fidelity"], answer["stable"]) == (
         "damp",
@@ -96,6 +98,8 @@ def test_json(done):
             "gain_up",
             "gain_down",
             "distance",
+            *("gain_up_db", "gain_down_db", "gain_up_frequency", "gain_down_frequency"),
+            *("delay", "delay_frequency"),
         }
         assert margin["phase"] is None or margin["phase"] > 60  # a collocated damper
         assert margin["gain_up"] is None
@@ -307,3 +311,23 @@ def test_an_unstable_plant_may_be_asked_for(tmp_path):
     )
     assert result.exit_code == 0, result.stderr
     assert strict_json(result.stdout)["stable"] is False
+
+
+def test_foton_strings_beside_the_results(tmp_path):
+    """A line per loop, read back to the same response."""
+    raw = damped(("x", "z"), damper=None, filter=FOTON, delay=1e-3)
+    del raw["control"]["loop"][0]["damper"]
+    file = written(tmp_path, raw)
+    result = run("damp", file, "--foton", "--no-plot", "--out", tmp_path / "out", *QUICK)
+    assert result.exit_code == 0, result.stderr
+    (text,) = [path.read_text() for path in (tmp_path / "out").glob("*-foton.txt")]
+    strings = [line for line in text.splitlines() if line and not line.startswith("#")]
+    assert "# not included: delay of 0.001 s" in text
+    first, second = (foton.parse(one) for one in strings)
+    assert first.at(3.0) == pytest.approx(
+        foton.parse(raw["control"]["loop"][0]["filter"]).at(3.0), rel=1e-12
+    )
+    assert second.at(3.0) == pytest.approx(2j * np.pi * 3.0 * DAMPERS["z"], rel=1e-12)
+    assert "ms" in result.stdout
+    assert "dB" in result.stdout
+    assert "All loops at once" in result.stdout

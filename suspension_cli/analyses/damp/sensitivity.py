@@ -1,0 +1,133 @@
+"""Margin of all loops at once: the largest singular value of their sensitivity.
+
+With all loops broken at their actuators, S = (1 + H G)^-1 takes a disturbance at the actuators to
+their total forces. If max over frequency of the largest singular value of S is M, all loops stay
+stable while each gain is multiplied by a factor of its own between 1 / (1 + 1/M) and 1 / (1 - 1/M),
+or each phase shifted by less than 2 arcsin(1 / (2 M)) (Lehtomaki, Sandell and Athans, IEEE Trans.
+Autom. Control 26, 75 (1981)).
+
+Forces and torques have no common unit, so the singular values of S itself depend on the units.
+Scaled to D S D^-1 with a positive diagonal D, which leaves these bounds valid, they do not. D is
+chosen at each frequency for the smallest sum of squares, with rows and columns of equal norm
+(Osborne, J. ACM 7, 338 (1960)); for two coupled loops that gives the smallest possible singular
+value, the structured singular value of Doyle (IEE Proc. D 129, 242 (1982)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.damp import control, margins
+from suspension_cli.analyses.damp.control import Plant
+from suspension_cli.scene.arrays import Array
+
+SWEEPS = 200
+"""Most sweeps of balancing; about 5 are enough."""
+FAINT = 1e-3
+"""Distance of S from 1 below which it cannot have its peak and its grid is not refined."""
+NOTHING = 1e-9
+"""Excess of M over 1 that may be the error of the search."""
+BALANCED = 1e-14
+"""Relative difference of the norms of rows and columns at which balancing ends."""
+
+
+@dataclass(frozen=True)
+class SensitivityPeak:
+    """Largest singular value of the scaled sensitivity over all frequencies.
+
+    Attributes
+    ----------
+    size : float
+        M, at least 1 in all but degenerate cases; 1 is best.
+    frequency : float
+        Hz.
+    """
+
+    size: float
+    frequency: float
+
+    @property
+    def gain_up(self) -> float:
+        """Factor by which all gains may rise together or each alone; inf without limit."""
+        return 1 / (1 - 1 / self.size) if self.size > 1 + NOTHING else np.inf
+
+    @property
+    def gain_down(self) -> float:
+        """Factor by which all gains may fall together or each alone."""
+        return 1 / (1 + 1 / self.size)
+
+    @property
+    def phase(self) -> float:
+        """Phase by which all loops may be shifted together or each alone, degrees."""
+        return float(np.degrees(2 * np.arcsin(min(1 / (2 * self.size), 1.0))))
+
+
+def balance(matrix: Any) -> Any:
+    """Scale matrices (f, l, l) to D A D^-1 whose off-diagonal rows and columns have equal norms.
+
+    Elements that no other balances, which D can make as small as one likes, become 0.
+    """
+    matrix = np.array(matrix, dtype=complex)
+    count = matrix.shape[-1]
+    for _ in range(SWEEPS):
+        worst = 0.0
+        for k in range(count):
+            others = np.arange(count) != k
+            row = np.sqrt((np.abs(matrix[:, k, others]) ** 2).sum(-1))
+            column = np.sqrt((np.abs(matrix[:, others, k]) ** 2).sum(-1))
+            both = (row > 0) & (column > 0)
+            factor = np.where(both, np.sqrt(column / np.where(both, row, 1.0)), 0.0)
+            worst = max(worst, float(np.abs(np.log(factor[both])).max(initial=0.0)))
+            inverse = np.where(both, 1 / np.where(both, factor, 1.0), 0.0)
+            diagonal = matrix[:, k, k].copy()
+            matrix[:, k, :] *= factor[:, None]
+            matrix[:, :, k] *= inverse[:, None]
+            matrix[:, k, k] = diagonal
+        if worst < BALANCED:
+            break
+    return matrix
+
+
+def compute_largest(plant: Plant, frequency: Array) -> Array:
+    """Compute the largest singular value (f,) of the scaled sensitivity at frequencies in Hz."""
+    sensitivity = control.compute_sensitivity(plant, frequency)
+    return np.linalg.norm(balance(sensitivity), ord=2, axis=(1, 2))
+
+
+def find_peak(plant: Plant, frequency: Array) -> SensitivityPeak:
+    """Find the largest singular value of the scaled sensitivity over all frequencies.
+
+    Parameters
+    ----------
+    plant : Plant
+        Whose closed loops are stable.
+    frequency : (n,) array
+        Hz, as of `margins.compute_margins`.
+    """
+
+    def gain(at: Array) -> Any:
+        # S - 1 turns and changes where S does
+        found = control.compute_sensitivity(plant, at)
+        largest = np.linalg.norm(balance(found), ord=2, axis=(1, 2))
+        return np.column_stack([np.diagonal(found, axis1=1, axis2=2) - 1, largest - 1])
+
+    grid, value = margins.refine_grid(gain, frequency, faint=FAINT)
+    size = np.maximum(1 + value[:, -1:].real, np.finfo(float).tiny)
+    smallest, where = margins.search_smallest(
+        lambda at, _: 1 / _in_order(plant, at),
+        grid,
+        1 / size,
+        np.abs(np.diff(np.log(size), axis=0)) + margins.STEP,
+    )
+    return SensitivityPeak(float(1 / smallest[0]), float(where[0]))
+
+
+def _in_order(plant: Plant, frequency: Array) -> Array:
+    """Largest singular values (c,) at frequencies (c,) in any order."""
+    order = np.argsort(frequency, kind="stable")
+    result = np.empty(len(frequency))
+    result[order] = compute_largest(plant, frequency[order])
+    return result

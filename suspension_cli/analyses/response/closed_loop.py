@@ -1,0 +1,92 @@
+"""Frequency responses with the loops of the design's local control closed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp import solve as damp
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.linear import response
+from suspension_cli.linear.response import Response
+from suspension_cli.models import registry
+from suspension_cli.models.quantity_of_interest import Transfer
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Log
+    from suspension_cli.design.schema import Design
+    from suspension_cli.linear.poles import Poles
+    from suspension_cli.linear.signals import Signal
+    from suspension_cli.linear.system import LinearSystem
+    from suspension_cli.models.base import Model
+    from suspension_cli.scene.arrays import Array
+
+
+@dataclass(frozen=True)
+class ClosedTransfer(Transfer):
+    """Responses of outputs to inputs with all loops of a design closed."""
+
+    design: Design
+    loops: list[Signal]
+
+    def signals(self) -> list[Signal]:
+        """List the signals whose blocks matter: also sensors and actuators."""
+        return [*super().signals(), *self.loops]
+
+    def values(self, model: LinearSystem, frequency: Array) -> Any:
+        """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
+        plant = control.build_plant(self.design, model)
+        return control.solve_responses(
+            plant, np.asarray(frequency), self.inputs, self.outputs
+        ).value
+
+
+def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTransfer:
+    """Close the loops of a design around a request.
+
+    Raises
+    ------
+    InputError
+        If the design has no loops.
+    """
+    plant = control.build_plant(design, model)
+    return ClosedTransfer(
+        request.inputs, request.outputs, request.frequency, design, [*plant.sensor, *plant.actuator]
+    )
+
+
+def solve(request: ClosedTransfer, model: LinearSystem) -> Response:
+    """Solve for closed-loop responses of a model."""
+    return Response(
+        request.frequency,
+        tuple(s.text for s in request.inputs),
+        tuple(s.text for s in request.outputs),
+        response.units(request.inputs, request.outputs),
+        request.values(model, request.frequency),
+        len(model.blocks),
+        closed_loop=True,
+    )
+
+
+def find_stable_poles(
+    design: Design, model: LinearSystem, kind: Model, allow_unstable: bool, log: Log
+) -> Poles:
+    """Find the closed-loop poles, of wires without mass where the kind of model has wire mass.
+
+    Raises
+    ------
+    InputError
+        If a pole grows and that is not allowed.
+    """
+    massless = registry.BEAM.system(design) if kind.has_wire_mass else model
+    found = damp.find_poles(design, massless).closed
+    if not found.stable:
+        where, remedy = damp.describe_growth(found)
+        if not allow_unstable:
+            problem = f"the closed loop is unstable, so it has no steady response: {where}"
+            raise InputError([Fault("control", problem, f"{remedy}, or give --allow-unstable")])
+        log.warn(f"the closed loop is unstable: {where}; {remedy}")
+    return found

@@ -1,0 +1,350 @@
+"""Read and write filters as design strings of Foton, the filter editor of LIGO and KAGRA.
+
+A string is a product of factors, one after the other or joined by ``*``:
+
+    zpk([z1;z2],[p1;p2],k,"n")   pole(f,"n")   zero(f,"n")   gain(k)   gain(3,"dB")
+    pole2(f,Q,"n")   zero2(f,Q,"n")
+
+The last argument is the plane, ``"s"`` where it is left out. With w = 2 pi f0 and s = 2 pi i f
+(documentation of `FilterDesign` in LIGO's Global Diagnostics System):
+
+- ``"s"``: roots r of `zpk` in rad/s, factors s - r, so real parts are negative in the left half
+  plane. `pole` and `zero` take the positive frequency w of a factor s + w.
+- ``"f"``: the same with 2 pi r for roots r in Hz.
+- ``"n"``: roots r in Hz, factors 1 + i f / r, and i f where r = 0. Real parts are *positive* in the
+  left half plane.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NoReturn
+
+PAIRED = 1e-9
+"""Relative distance within which two complex roots are conjugates."""
+SIDE = {"s": "negative", "f": "negative", "n": "positive"}
+"""Sign of the real part of a root of `zpk` in the left half plane, per plane."""
+MINIMUM = {"gain": 1, "zpk": 3, "pole": 1, "zero": 1, "pole2": 2, "zero2": 2}
+"""Factors, with the number of arguments that each needs; `pole`, `zero` take a gain as well."""
+TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
+    r"|(?P<text>\"[^\"]*\"|'[^']*')|(?P<sign>[][(),;*+-]))"
+)
+
+
+class FotonError(ValueError):
+    """Error in a Foton string: what is wrong, with its column, and what to do."""
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        super().__init__(f"{problem}; {remedy}")
+        self.problem, self.remedy = problem, remedy
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Filter H(f) = gain times the product of (i f + z) divided by that of (i f + p), f in Hz.
+
+    Attributes
+    ----------
+    gain : float
+    zeros, poles : tuple of complex
+        Hz, positive in the left half plane; complex ones with their conjugates.
+    """
+
+    gain: float
+    zeros: tuple[complex, ...] = ()
+    poles: tuple[complex, ...] = ()
+
+    def __mul__(self, other: Filter) -> Filter:
+        return Filter(self.gain * other.gain, self.zeros + other.zeros, self.poles + other.poles)
+
+    def at(self, frequency: complex) -> complex:
+        """Evaluate the filter at one frequency, Hz."""
+        result = complex(self.gain)
+        for zero in self.zeros:
+            result *= 1j * frequency + zero
+        for pole in self.poles:
+            result /= 1j * frequency + pole
+        return result
+
+
+@lru_cache(maxsize=256)
+def parse(text: str) -> Filter:
+    """Parse a Foton string.
+
+    Raises
+    ------
+    FotonError
+        With the column of the first character that cannot be understood.
+
+    Examples
+    --------
+    >>> parse('zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")').zeros
+    (0j,)
+    >>> round(abs(parse('zpk([],[1],10,"n")').at(1.0)), 6)
+    7.071068
+    """
+    reader = _Reader(text)
+    result = reader.factor()
+    while not reader.ended:
+        if reader.next == "*":
+            reader.take("*")
+        result = result * reader.factor()
+    if not math.isfinite(result.gain):
+        raise FotonError("its gain is not a finite number", "check the gains and roots")
+    return result
+
+
+def format_filter(filter_: Filter, plane: str = "n") -> str:
+    """Write a filter as a Foton string, to all digits.
+
+    Examples
+    --------
+    >>> format_filter(Filter(2.0, (0.0,), (4.0,)))
+    'zpk([0],[4],0.5,"n")'
+    """
+    size = len(filter_.zeros) - len(filter_.poles)
+    if plane == "n":
+        unit = 1.0
+        gain = filter_.gain * _real(_normal(filter_.zeros)) / _real(_normal(filter_.poles))
+    else:
+        unit = -1.0 if plane == "f" else -2 * math.pi
+        gain = filter_.gain * (2 * math.pi) ** -size
+    zeros, poles = (
+        ";".join(_write_root(unit * root) for root in roots)
+        for roots in (filter_.zeros, filter_.poles)
+    )
+    return f'zpk([{zeros}],[{poles}],{_write(gain)},"{plane}")'
+
+
+def _normal(roots: tuple[complex, ...]) -> complex:
+    """Product of the roots that are not 0: factor between (i f + r) and (1 + i f / r)."""
+    result = 1.0 + 0j
+    for root in roots:
+        result *= root or 1.0
+    return result
+
+
+def _real(value: complex) -> float:
+    return complex(value).real
+
+
+def _write(value: float) -> str:
+    text = repr(float(value) + 0.0)  # no negative zero
+    return text.removesuffix(".0")
+
+
+def _write_root(root: complex) -> str:
+    root = complex(root)
+    if root.imag == 0:
+        return _write(root.real)
+    return f"{_write(root.real)}{'-' if root.imag < 0 else '+'}i*{_write(abs(root.imag))}"
+
+
+class _Reader:
+    """Recursive-descent parser of one string."""
+
+    def __init__(self, text: str) -> None:
+        self.text, self.place = text, 0
+        self._tokens: list[tuple[str, str, int]] = []
+        while text[self.place :].strip():
+            found = TOKEN.match(text, self.place)
+            if not found:
+                gap = len(text[self.place :]) - len(text[self.place :].lstrip())
+                self._fail(self.place + gap, f"{text[self.place + gap]!r} is not understood")
+            kind = str(found.lastgroup)
+            self._tokens.append((kind, found[kind], found.start(kind)))
+            self.place = found.end()
+        self._tokens.append(("end", "", len(text.rstrip())))
+        self._at = 0
+        if self.ended:
+            self._fail(0, "is empty")
+
+    @property
+    def next(self) -> str:
+        """The next token."""
+        return self._tokens[self._at][1]
+
+    @property
+    def ended(self) -> bool:
+        """Whether no token is left."""
+        return self._tokens[self._at][0] == "end"
+
+    def take(self, wanted: str) -> None:
+        """Pass over a sign; fail if another token is next."""
+        if self.next != wanted:
+            self._expected(f'"{wanted}"' if wanted != '"' else "a text")
+        self._at += 1
+
+    def _fail(self, column: int, problem: str, remedy: str = "") -> NoReturn:
+        raise FotonError(
+            f"column {column + 1}: {problem}",
+            remedy or 'write for example zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")',
+        )
+
+    def _expected(self, what: str) -> NoReturn:
+        kind, token, column = self._tokens[self._at]
+        self._fail(column, f"{what} expected, found {'the end' if kind == 'end' else token}")
+
+    def factor(self) -> Filter:
+        """Read one factor."""
+        kind, name, column = self._tokens[self._at]
+        if kind != "name":
+            self._expected("a factor")
+        if name not in MINIMUM:
+            known = ", ".join(MINIMUM)
+            self._fail(
+                column,
+                f"{name} is not known here ({known})",
+                "have Foton write the filter as zeros, poles and gain",
+            )
+        self._at += 1
+        self.take("(")
+        arguments: list[tuple[object, int]] = []
+        while self.next != ")":
+            if arguments:
+                self.take(",")
+            start = self._tokens[self._at][2]
+            arguments.append((self._argument(), start))
+        self.take(")")
+        return self._make(name, column, arguments)
+
+    def _argument(self) -> object:
+        """Read a vector, a text or a number."""
+        kind, token, _ = self._tokens[self._at]
+        if kind == "text":
+            self._at += 1
+            return token[1:-1]
+        if token == "[":
+            self._at += 1
+            roots: list[tuple[complex, int]] = []
+            while self.next != "]":
+                if roots:
+                    if self.next not in (",", ";"):
+                        self._expected('";" or "]"')
+                    self._at += 1
+                column = self._tokens[self._at][2]
+                roots.append((self._complex(), column))
+            self._at += 1
+            return roots
+        return self._complex()
+
+    def _complex(self) -> complex:
+        """Read a complex number: 1, -i*2, 1+i*2, 1+2*i, 1-2i."""
+        total, first = 0j, True
+        while first or self.next in ("+", "-"):
+            sign = 1.0
+            if self.next in ("+", "-"):
+                sign = -1.0 if self.next == "-" else 1.0
+                self._at += 1
+            total += sign * self._term()
+            first = False
+        return total
+
+    def _term(self) -> complex:
+        value, units = 1.0 + 0j, 0
+        while True:
+            kind, token, _ = self._tokens[self._at]
+            if kind == "number":
+                value *= float(token)
+            elif kind == "name" and token in ("i", "j"):
+                value, units = value * 1j, units + 1
+            else:
+                self._expected("a number")
+            self._at += 1
+            kind, token, _ = self._tokens[self._at]
+            if token == "*":
+                self._at += 1
+            elif not (kind == "name" and token in ("i", "j") and not units):
+                break
+        return value
+
+    def _make(self, name: str, column: int, given: list[tuple[object, int]]) -> Filter:
+        plane = "scalar" if name == "gain" else "s"
+        if given and isinstance(given[-1][0], str):
+            plane, at = str(given[-1][0]), given.pop()[1]
+            allowed = ("scalar", "dB") if name == "gain" else tuple(SIDE)
+            if plane not in allowed:
+                known = " or ".join(f'"{one}"' for one in allowed)
+                self._fail(at, f'"{plane}" is not known', f"write {known}")
+        least = MINIMUM[name]
+        most = least + (name not in ("zpk", "gain"))
+        if not least <= len(given) <= most:
+            count = f"{least}" if least == most else f"{least} or {most}"
+            self._fail(column, f"{name} takes {count} numbers, found {len(given)}")
+        if name == "zpk":
+            zeros, poles = (self._roots(*one, plane) for one in given[:2])
+            made = _normalise(self._number(*given[2]), zeros, poles, plane)
+            for pole in made.poles:
+                if pole.real < 0:
+                    self._fail(
+                        given[1][1],
+                        f"a pole at {_write_root(-pole)} Hz is in the right half plane and grows",
+                        f'in plane "{plane}" stable poles have {SIDE[plane]} real parts',
+                    )
+            return made
+        numbers = [self._number(*one) for one in given]
+        if name == "gain":
+            return Filter(10 ** (numbers[0] / 20) if plane == "dB" else numbers[0])
+        extra = numbers[least] if len(numbers) > least else 1.0
+        if numbers[0] < 0:
+            self._fail(given[0][1], f"the frequency of {name} is negative", "give it positive")
+        if name in ("pole", "zero"):
+            roots = (complex(numbers[0]),)
+        else:
+            f0, q = numbers[:2]
+            if not q > 0 or f0 == 0:
+                self._fail(column, f"{name} takes a positive frequency and Q", "correct them")
+            # f0^2 - f^2 + i f f0 / Q = (i f + r1) (i f + r2), r1 + r2 = f0 / Q, r1 r2 = f0^2
+            half, root = f0 / (2 * q), f0 * cmath.sqrt(1 / (4 * q * q) - 1)
+            roots = (half + root, half - root)
+        if plane != "n":  # `pole` and `zero` have positive frequencies in every plane
+            roots = tuple(-root for root in roots)
+        is_pole = name.startswith("pole")
+        return _normalise(extra, () if is_pole else roots, roots if is_pole else (), plane)
+
+    def _number(self, value: object, column: int) -> float:
+        if not isinstance(value, complex) or value.imag:
+            self._fail(column, "a real number expected")
+        return value.real
+
+    def _roots(self, value: object, column: int, plane: str) -> tuple[complex, ...]:
+        """Check the roots of a vector: complex ones come in conjugate pairs."""
+        if isinstance(value, complex):  # Foton takes one root without brackets
+            value = [(value, column)]
+        if not isinstance(value, list):
+            self._fail(column, "a vector of roots expected", "write [0.1;0.2], or [] for none")
+        left: list[tuple[complex, int]] = list(value)
+        result: list[complex] = []
+        while left:
+            root, at = left.pop(0)
+            if root.imag == 0:
+                result.append(root)
+                continue
+            distance = [abs(other - root.conjugate()) for other, _ in left]
+            if not distance or min(distance) > PAIRED * abs(root):
+                self._fail(
+                    at,
+                    f"the complex root {_write_root(root)} has no conjugate",
+                    f"add {_write_root(root.conjugate())}",
+                )
+            left.pop(distance.index(min(distance)))
+            result += [root, root.conjugate()]
+        return tuple(result)
+
+
+def _normalise(
+    gain: float, zeros: tuple[complex, ...], poles: tuple[complex, ...], plane: str
+) -> Filter:
+    """Convert roots and gain of a plane to those of `Filter`."""
+    if plane == "n":
+        return Filter(gain * _real(_normal(poles)) / _real(_normal(zeros)), zeros, poles)
+    if plane == "f":
+        zeros, poles = (tuple(-root for root in roots) for roots in (zeros, poles))
+    else:
+        zeros, poles = (tuple(-root / (2 * math.pi) for root in roots) for roots in (zeros, poles))
+    return Filter(gain * (2 * math.pi) ** (len(zeros) - len(poles)), zeros, poles)
