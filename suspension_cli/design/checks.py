@@ -14,7 +14,14 @@ from suspension_cli.design import body_checks, imperfections, materials, wire_ch
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.faults import suggest
-from suspension_cli.design.schema import Design, Perturbation, Spring, Stage, Support
+from suspension_cli.design.schema import (
+    Design,
+    Perturbation,
+    Requirement,
+    Spring,
+    Stage,
+    Support,
+)
 from suspension_cli.design.wires import BladeSet, Wire, WireSet
 from suspension_cli.errors import Fault, format_key, format_value
 
@@ -359,6 +366,22 @@ def _check_control(design: Design) -> Iterator[Fault]:
             )
 
 
+def _check_requirement(item: Requirement, path: str) -> Iterator[Fault]:
+    if sum(limit is not None for limit in (item.band, item.below, item.above)) != 1:
+        yield Fault(
+            path,
+            f"{item.quantity} must have one limit",
+            "give band = [least, largest], below = limit or above = limit",
+        )
+    if item.band is not None and not item.band[0] < item.band[1]:
+        yield Fault(
+            f"{path}.band",
+            "is reversed or empty, so that no build is in it",
+            "give [least, largest]",
+            format_value(item.band),
+        )
+
+
 def _check_tolerance(design: Design) -> Iterator[Fault]:
     if design.tolerance is None:
         return
@@ -374,6 +397,8 @@ def _check_tolerance(design: Design) -> Iterator[Fault]:
             "has no distribution",
             "add [[tolerance.wire]], [[tolerance.body]] or [[tolerance.blade]]",
         )
+    for n, item in enumerate(design.tolerance.require, 1):
+        yield from _check_requirement(item, f"tolerance.require.{n}")
     for kind, n, item in tables:
         path = f"tolerance.{kind}.{n}"
         if kind == "wire" and (item.stage is None) == (item.wire is None):
