@@ -9,10 +9,12 @@ static pitch``, or the magnitude of a response or coupling by its own name
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -182,6 +184,21 @@ class Names:
         raise InputError([Fault(key, "is no quantity of builds", remedy, format_value(text))])
 
 
+def with_responses(
+    design: Design, options: tuple[str, ...], names: Names
+) -> tuple[Requirement, ...]:
+    """Parse the requirements on responses by their own names alone, which no model changes.
+
+    Faults are left to `requirements`.
+    """
+    some = [item for item in _calls(design, options, names) if "/" in item[0]]
+    found: list[Requirement] = []
+    for _, call in some:
+        with contextlib.suppress(InputError):
+            found.append(call())
+    return tuple(dict.fromkeys(found))
+
+
 def requirements(
     design: Design, options: tuple[str, ...], names: Names
 ) -> tuple[Requirement, ...]:
@@ -192,9 +209,25 @@ def requirements(
     InputError
         With the faults of all.
     """
+    found: list[Requirement] = []
+    faults: list[Fault] = []
+    for _, call in _calls(design, options, names):
+        try:
+            found.append(call())
+        except InputError as error:
+            faults += error.faults
+    if faults:
+        raise InputError(faults)
+    return tuple(dict.fromkeys(found))
+
+
+def _calls(
+    design: Design, options: tuple[str, ...], names: Names
+) -> list[tuple[str, Callable[[], Requirement]]]:
+    """Texts of requirements, and calls that parse them."""
     ratios: dict[Ratio, int] = {}
     given = design.tolerance.require if design.tolerance else []
-    calls: list[Callable[[], Requirement]] = []
+    calls: list[tuple[str, Callable[[], Requirement]]] = []
     for n, item in enumerate(given, 1):
         low, high = item.band or (item.above or -math.inf, item.below or math.inf)
 
@@ -205,18 +238,8 @@ def requirements(
         ) -> Requirement:
             return Requirement(names.parse(name, key, ratios), *limits)
 
-        calls.append(of_table)
-    calls += [lambda text=text: parse(text, names, ratios) for text in options]
-    found: list[Requirement] = []
-    faults: list[Fault] = []
-    for call in calls:
-        try:
-            found.append(call())
-        except InputError as error:
-            faults += error.faults
-    if faults:
-        raise InputError(faults)
-    return tuple(dict.fromkeys(found))
+        calls.append((item.quantity, of_table))
+    return [*calls, *((text, partial(parse, text, names, ratios)) for text in options)]
 
 
 def parse(

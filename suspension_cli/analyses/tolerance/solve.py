@@ -5,17 +5,17 @@ Each nominal mode is paired with the mode of the build whose shape overlaps it m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.tolerance.quantities import Requirement
+from suspension_cli.analyses.tolerance.quantities import Names, Requirement
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, quotient_unit
 from suspension_cli.design import reader
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import eigenmodes, graded_eigenvalues
+from suspension_cli.linear import eigenmodes, graded_eigenvalues, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.static_condensation import condense
 from suspension_cli.linear.named_results import Ratio
@@ -147,6 +147,16 @@ class RandomBuilds:
     def nominal(self) -> eigenmodes.Modes:
         """Modes of the design without random deviations, but with its own perturbations."""
         return self._start[0]
+
+    @cached_property
+    def names(self) -> Names:
+        """Names that quantities of the builds may have."""
+        model = registry.STRING.system(self.design)
+        return Names(self.nominal, self.scene.bodies.name, signals.bodies_with_signals(model))
+
+    def requiring(self, requirements: tuple[Requirement, ...]) -> RandomBuilds:
+        """The job with requirements."""
+        return replace(self, requirements=requirements)
 
     def check(self) -> None:
         """Raise `InputError` if there is no table of tolerances, or a signal is invalid."""
