@@ -137,7 +137,8 @@ def scrambled_sobol(seed: int, replicate: int, start: int, stop: int, width: int
     from scipy.stats import qmc
 
     engine = qmc.Sobol(width, bits=BITS, rng=np.random.default_rng([seed, replicate]))
-    engine.fast_forward(start)
+    if start:
+        engine.fast_forward(start)
     with warnings.catch_warnings():
         # a part of a sequence need not have a power of two of points
         warnings.simplefilter("ignore", UserWarning)

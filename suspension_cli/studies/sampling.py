@@ -42,7 +42,7 @@ class ScatteredNumber:
     hold : str
         For wires.
     group : str
-        Name of the tolerance that the number has with others: ``test length``, ``test com``.
+        Name of the tolerance that the number has with others: ``test wires length``.
     """
 
     label: str
@@ -99,7 +99,9 @@ def _of_part(
     """List the numbers of one wire, body or blade to which a table gives a distribution."""
     for row in scattered(part):
         if spread := getattr(item, row.spread):
-            group = f"{item.stage or item.wire} {row.spread}"
+            parts = {"wire": "wires", "body": "body", "blade": "blades"}[part]
+            one_wire = item.stage is None
+            group = f"{item.wire if one_wire else f'{item.stage} {parts}'} {row.spread}"
             for axis, name in enumerate(AXES if row.vector else ("",)):
                 full = f"{label} {row.spread} {name}".rstrip()
                 yield ScatteredNumber(full, number, row, axis, spread, hold, group)

@@ -22,7 +22,7 @@ def job():
     design = reader.parse(TEXT)
     scene = expand(design)
     chosen = sampling.factors(design, scene)
-    return scene, chosen, sampling.deviations(chosen, SEED, 0, COUNT)
+    return scene, chosen, sampling.deviations(chosen, uniforms(SEED, 0, COUNT, len(chosen)))
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Figure of sensitivities: a coloured table of the changes for 1 % of every number."""
+"""Figure of sensitivities: a coloured table of the changes per step of every number."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def draw(found: Sensitivity, title: str) -> Figure:
     title : str
     """
     with house_style():
-        change = np.nan_to_num(found.one_percent)
+        change = np.nan_to_num(found.per_step)
         relative = found.nominal != 0
         rows = np.flatnonzero(
             (np.abs(change[:, relative]) >= LEAST).any(1) | (change[:, ~relative] != 0).any(1)
@@ -59,7 +59,10 @@ def draw(found: Sensitivity, title: str) -> Figure:
                 axes.text(column, row, text, ha="center", va="center", fontsize=4.8, color=colour)
         axes.set_yticks(
             range(len(rows)),
-            [f"{single_line(found.parameter[n], 48)}  {found.value[n]:.4g}" for n in rows],
+            [
+                f"{single_line(found.parameter[n], 48)}  {found.value[n]:.4g}  per {found.step_unit[n]}"
+                for n in rows
+            ],
             fontsize=6,
         )
         labels = [
@@ -74,7 +77,7 @@ def draw(found: Sensitivity, title: str) -> Figure:
         ticks = [tick for tick in (-10, -1, -0.1, 0, 0.1, 1, 10) if abs(tick) <= top]
         bar = figure.colorbar(drawn, ax=axes, pad=0.02, aspect=40, ticks=ticks)
         bar.ax.set_yticklabels([f"{tick:g}".replace("-", "−") for tick in ticks])
-        bar.set_label("change of the result (%)\nfor 1 % of the parameter", fontsize=6.5)
+        bar.set_label("change of the result (%)\nper mm, mrad or % of the parameter", fontsize=6.5)
         bar.ax.tick_params(labelsize=6)
         bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
         figure.suptitle(single_line(title, 90), x=0.01, ha="left", fontsize=9)

@@ -249,7 +249,7 @@ class _View:
             sample.append(values[:MAX_POINTS])
             ranked.append(column[: len(self.kept)][self.kept])
         table = np.array(statistics).reshape(-1, 3 + len(QUANTILES))
-        results = np.array(ranked).reshape(-1, int(self.kept.sum())).T
+        results = np.array(ranked).reshape(len(ranked), int(self.kept.sum())).T
         return Spread(
             name=tuple(one.name for one in quantities),
             unit=tuple(one.unit for one in quantities),
@@ -259,7 +259,7 @@ class _View:
             quantiles=table[:, 3:],
             rank=rank_correlation(results, self.deviations),
             slope=slopes(results, self.deviations),
-            sample=np.array(sample).reshape(len(quantities), -1).T,
+            sample=np.array(sample).T if sample else np.zeros((0, 0)),
         )
 
 

@@ -160,6 +160,8 @@ class Names:
         """
         text = " ".join(text.split())
         plain = {item.name: item for item in self.every_static()}
+        if text.endswith(" static z"):
+            text = f"{text[:-1]}height"
         if text == COUPLING:
             return Quantity(COUPLING, "1", "ratio", (-1,))
         if text in plain:

@@ -21,7 +21,7 @@ from suspension_cli.analyses.tolerance.statistics import (
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.natural_steps import STEPS
 
-NEGLIGIBLE = 1e-9
+NEGLIGIBLE = 1e-7
 """Standard deviation of statics (m or rad) below which they are not printed."""
 LOW, MEDIAN, HIGH = (QUANTILES.index(level) for level in (0.05, 0.5, 0.95))
 
@@ -145,11 +145,11 @@ def _statics(summary: Summary) -> Iterator[str]:
         if static.deviation[n] > NEGLIGIBLE:
             unit, per = SHOWN[static.unit[n]]
             what = _causes(summary, static.rank[n], per * static.slope[n], unit, 1)
-            values = static.mean[n], static.deviation[n], *static.quantiles[n][[LOW, HIGH]]
+            values = static.mean[n], static.error[n], static.deviation[n], *static.quantiles[n][[LOW, HIGH]]
             rows.append((*(per * value for value in values), unit, name, what))
     if not rows:
         return
-    columns = dict.fromkeys(("mean", "std", "5 %", "95 %"), "#.3g")
+    columns = dict.fromkeys(("mean", "+-", "std", "5 %", "95 %"), "#.3g")
     columns |= {"unit": "", "from the pose as drawn": "", "what moves it most": ""}
     yield tables.render(columns, rows)
 
@@ -169,7 +169,7 @@ def _causes(summary: Summary, rank: Array, slope: Array, unit: str, count: int) 
     found = []
     for n in strongest(rank, count, summary.significant):
         step, name = STEPS.get(summary.factor_unit[n], (0.01, "%"))
-        change = f"{slope[n] * step:+.2g} {unit}".rstrip()
+        change = f"{slope[n] * step:+.3g} {unit}".rstrip()
         found.append(f"{summary.factor[n]} {rank[n]:+.2f} ({change} per {name})")
     return ", ".join(found)
 
