@@ -67,7 +67,7 @@ class SamplePoints:
         """Number of first builds that are independent samples: A and B, or all."""
         return min(self.blocks, 2) * self.rows
 
-    def replicate(self, build: Array) -> Any:
+    def replicate(self, build: Any) -> Any:
         """Return the replicate, from 0 to `REPLICATES` - 1, of builds by number."""
         return (np.asarray(build) % self.rows) * REPLICATES // self.rows
 
@@ -142,7 +142,7 @@ def scrambled_sobol(seed: int, replicate: int, start: int, stop: int, width: int
     with warnings.catch_warnings():
         # a part of a sequence need not have a power of two of points
         warnings.simplefilter("ignore", UserWarning)
-        return engine.random(stop - start) + 0.5**(BITS + 1)
+        return engine.random(stop - start) + 0.5 ** (BITS + 1)
 
 
 def _split(start: int, stop: int, size: int) -> Iterator[tuple[int, int, int]]:

@@ -11,7 +11,6 @@ import numpy as np
 from suspension_cli.analyses.sweep.solve import count_failures
 from suspension_cli.analyses.tolerance.quantities import (
     STATIC,
-    Names,
     Quantity,
     Requirement,
     parse,
@@ -32,7 +31,6 @@ from suspension_cli.design.reader import parse as parse_design
 from suspension_cli.files.hdf5 import add_dataset, add_scale, open_results
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Ratio
-from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds
 from suspension_cli.studies.confidence import (
     replicate_interval,
@@ -118,9 +116,7 @@ def indexed(job: RandomBuilds) -> tuple[Quantity, ...]:
     names = job.names
     coupling = names.parse("coupling", "", {})
     required = [item.quantity for item in job.requirements]
-    return tuple(
-        dict.fromkeys((*names.every_mode(), coupling, *names.every_static(), *required))
-    )
+    return tuple(dict.fromkeys((*names.every_mode(), coupling, *names.every_static(), *required)))
 
 
 def reconstruct_job(group: Any, text: str, level: str) -> RandomBuilds:
@@ -282,16 +278,14 @@ def _yield_of(name: str, met: Any, points: SamplePoints) -> Yield:
     return Yield(name, float(met.mean()), *interval)
 
 
-def _interval(met: Any, points: SamplePoints, build: Array) -> tuple[float, float]:
+def _interval(met: Any, points: SamplePoints, build: Any) -> tuple[float, float]:
     """Confidence interval of the fraction of builds (b,), given by number, that meet something."""
     if points.method == SOBOL:
         return replicate_interval(met, points.replicate(build))
     return wilson_interval(int(met.sum()), len(met))
 
 
-def _indices(
-    group: Any, points: SamplePoints, quantities: tuple[Quantity, ...]
-) -> SobolIndices:
+def _indices(group: Any, points: SamplePoints, quantities: tuple[Quantity, ...]) -> SobolIndices:
     """Sobol indices of quantities, one of them in memory at a time."""
     replicate = points.replicate(np.arange(points.rows))
     found = [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -75,7 +77,7 @@ def draw(summary: Summary, title: str, ratio: str) -> Figure:
         return figure
 
 
-def _moving(summary: Summary, unit: str) -> Array:
+def _moving(summary: Summary, unit: str) -> Any:
     """Numbers of the statics of a unit that vary."""
     static = summary.static
     same = np.array([own == unit for own in static.unit], dtype=bool)
@@ -106,7 +108,7 @@ def _draw_modes(axes: Axes, summary: Summary) -> None:
     axes.set_xlabel("frequency, % from nominal\n(5, 25, 50, 75, 95 % of builds)")
 
 
-def _draw_statics(axes: Axes, summary: Summary, unit: str, rows: Array) -> None:
+def _draw_statics(axes: Axes, summary: Summary, unit: str, rows: Any) -> None:
     """Draw quantiles of static displacements or rotations."""
     name, per = SHOWN[unit]
     labels = [summary.static.name[n].replace(" static ", " ") for n in rows]

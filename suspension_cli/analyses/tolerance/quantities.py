@@ -105,8 +105,10 @@ class Requirement:
         if not self.magnitude:
             return f"{name} in {low:g} to {high:g}{end}"
         sign, limit = ("<", high) if high < math.inf else (">", low)
-        return f"|{name}| {sign} {limit:g}{end}" if self.quantity.column == "static" else (
-            f"{name} {sign} {limit:g}{end}"
+        return (
+            f"|{name}| {sign} {limit:g}{end}"
+            if self.quantity.column == "static"
+            else (f"{name} {sign} {limit:g}{end}")
         )
 
     def is_met(self, values: Array) -> Any:
@@ -201,9 +203,7 @@ def with_responses(
     return tuple(dict.fromkeys(found))
 
 
-def requirements(
-    design: Design, options: tuple[str, ...], names: Names
-) -> tuple[Requirement, ...]:
+def requirements(design: Design, options: tuple[str, ...], names: Names) -> tuple[Requirement, ...]:
     """Parse the requirements of a design and of ``--require``.
 
     Raises

@@ -145,7 +145,12 @@ def _statics(summary: Summary) -> Iterator[str]:
         if static.deviation[n] > NEGLIGIBLE:
             unit, per = SHOWN[static.unit[n]]
             what = _causes(summary, static.rank[n], per * static.slope[n], unit, 1)
-            values = static.mean[n], static.error[n], static.deviation[n], *static.quantiles[n][[LOW, HIGH]]
+            values = (
+                static.mean[n],
+                static.error[n],
+                static.deviation[n],
+                *static.quantiles[n][[LOW, HIGH]],
+            )
             rows.append((*(per * value for value in values), unit, name, what))
     if not rows:
         return

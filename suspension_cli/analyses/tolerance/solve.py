@@ -17,9 +17,9 @@ from suspension_cli.design import reader
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes, graded_eigenvalues, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
-from suspension_cli.linear.static_condensation import condense
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.static_condensation import condense
 from suspension_cli.models import registry, string
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene.arrays import Array, Index
@@ -84,7 +84,7 @@ class RandomBuilds:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Datasets of the file: number, frequencies, couplings, statics and status of each build."""
+        """Datasets of the file: frequencies, couplings, statics and status of each build."""
         ratio = quotient_unit(self.question.over, self.question.under)
         bodies, named = len(self.scene.bodies.name), len(self.ratios)
         response = Column("response", "c16", (named,), "SI, see response_unit", ("response_name",))
@@ -164,9 +164,7 @@ class RandomBuilds:
 
     def deviations(self, start: int, stop: int) -> Array:
         """Random deviations (p, factors) of builds start to stop - 1."""
-        return sampling.deviations(
-            self.factors, self.points.of(start, stop, len(self.factors))
-        )
+        return sampling.deviations(self.factors, self.points.of(start, stop, len(self.factors)))
 
     def compute(self, start: int, stop: int) -> dict[str, Any]:
         """Compute builds start to stop - 1: arrays of that length by the names of `columns`."""

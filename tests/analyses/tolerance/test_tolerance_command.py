@@ -95,9 +95,15 @@ def test_every_dataset_has_units_and_scales(tmp_path):
             "mode_label": ("mode",),
         }
         shapes |= dict.fromkeys(("residual", "status", "slack_wire"), ("build",)) | {
-            "nominal_frequency": ("mode",)
+            "nominal_frequency": ("mode",),
+            "factor_group": ("factor",),
+            "static": ("build", "stage", "static_dof"),
+            "static_quantiles": ("stage", "static_dof", "quantile"),
         }
-        assert set(group) == {*shapes, "build", "mode", "factor", "coupling_frequency"}
+        of_stage = ("static_mean", "static_mean_error", "static_std")
+        shapes |= dict.fromkeys(of_stage, ("stage", "static_dof"))
+        scales = {"build", "mode", "factor", "coupling_frequency", "stage", "static_dof"}
+        assert set(group) == {*shapes, *scales, "quantile"}
         for name, axes in shapes.items():
             assert [axis[0].name for axis in group[name].dims] == [
                 f"/tolerance/{axis}" for axis in axes
