@@ -23,8 +23,8 @@ LEAST = 0.0005
 class SensitivityAnalysis(Analysis):
     """Compute the effect of every number of a design on modes, responses and couplings.
 
-    That of 1 mm of lengths, 1 mrad of angles, and 1 % of all else. These are first derivatives, with the change of the equilibrium. Writes DIR/NAME-sensitivity.h5
-    and .png.
+    That of 1 mm of lengths, 1 mrad of angles, and 1 % of all else. These are first derivatives,
+    with the change of the equilibrium. Writes DIR/NAME-sensitivity.h5 and .png.
 
     Example: pendsus sensitivity my.toml --result "test pitch"
     """

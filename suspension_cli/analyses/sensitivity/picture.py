@@ -57,10 +57,11 @@ def draw(found: Sensitivity, title: str) -> Figure:
                 colour = "white" if strength[row, column] > DARK else INK
                 text = (f"{value:+.2f}" if abs(value) < 100 else f"{value:+.3g}").replace("-", "−")
                 axes.text(column, row, text, ha="center", va="center", fontsize=4.8, color=colour)
+        steps = found.step_unit
         axes.set_yticks(
             range(len(rows)),
             [
-                f"{single_line(found.parameter[n], 48)}  {found.value[n]:.4g}  per {found.step_unit[n]}"
+                f"{single_line(found.parameter[n], 48)}  {found.value[n]:.4g}  per {steps[n]}"
                 for n in rows
             ],
             fontsize=6,
