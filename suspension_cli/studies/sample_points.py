@@ -12,6 +12,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -134,15 +135,22 @@ def scrambled_sobol(seed: int, replicate: int, start: int, stop: int, width: int
 
     They are in the middle of the intervals that their binary digits stand for.
     """
-    from scipy.stats import qmc
-
-    engine = qmc.Sobol(width, bits=BITS, rng=np.random.default_rng([seed, replicate]))
+    engine = _engine(seed, replicate, width)
+    engine.reset()
     if start:
         engine.fast_forward(start)
     with warnings.catch_warnings():
         # a part of a sequence need not have a power of two of points
         warnings.simplefilter("ignore", UserWarning)
         return engine.random(stop - start) + 0.5 ** (BITS + 1)
+
+
+@lru_cache(maxsize=REPLICATES)
+def _engine(seed: int, replicate: int, width: int) -> Any:
+    """One scrambled Sobol sequence; scrambling takes as long as some hundred builds."""
+    from scipy.stats import qmc
+
+    return qmc.Sobol(width, bits=BITS, rng=np.random.default_rng([seed, replicate]))
 
 
 def _split(start: int, stop: int, size: int) -> Iterator[tuple[int, int, int]]:

@@ -169,7 +169,8 @@ def words_of(line: str) -> list[str]:
         for word in shlex.split(line, comments=True)[1:]
     ]
     for option, fewer in AMOUNTS.items():
-        if option in words:
+        # Sobol indices need as many as are given
+        if option in words and not (option == "--builds" and "--sobol-indices" in words):
             n = words.index(option) + 1
             words[n] = str(min(int(words[n]), int(fewer)))
     return words

@@ -219,3 +219,15 @@ def test_bad_requirements_are_refused(table, problem, tmp_path):
         tmp_path / "out",
     )
     assert line.startswith(problem)
+
+
+def test_check_finds_unknown_quantities(tmp_path):
+    raw = tomllib.loads(TRIPLE.read_text())
+    raw["tolerance"]["require"] = [
+        {"quantity": name, "below": 1}
+        for name in ("test pitch", "test pitsch", "test static pitch", "tset static pitch")
+    ]
+    result = run("check", written(tmp_path, raw))
+    found = [line for line in result.stderr.splitlines() if "is no quantity of builds" in line]
+    assert len(found) == 2
+    assert "tolerance.require.2.quantity" in found[0]
