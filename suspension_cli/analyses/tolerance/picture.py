@@ -123,15 +123,16 @@ def _draw_coupling(axes: Axes, summary: Summary, ratio: str) -> None:
     axes.semilogx(np.maximum(summary.ratio_sorted, 1e-300), 100 * fraction, color=PALETTE[0])
     axes.axvline(summary.limit, color=PALETTE[1], linestyle="--", linewidth=0.8)
     low, high = (100 * end for end in summary.under_interval)
-    axes.set_title(
-        f"{100 * summary.under:.3g} % of builds below {summary.limit:g}\n(95 % confidence:"
-        f" {low:.3g} to {high:.3g} %)",
-        loc="left",
-        fontsize=7.5,
-    )
+    titles = [
+        f"{100 * summary.under:.3g} % of builds below {summary.limit:g}",
+        f"(95 % confidence: {low:.3g} to {high:.3g} %)",
+    ]
     for n, place in enumerate(summary.required_place):
         if summary.required.name[place] == "coupling":
             _draw_limits(axes, summary.limits[n])
+            one = summary.yields[n]
+            titles.append(f"{one.name}: {100 * one.fraction:.3g} %")
+    axes.set_title("\n".join(titles), loc="left", fontsize=7.5)
     if len(summary.ratio_sorted):
         axes.set_xlim(
             max(summary.ratio_quantiles[0] / 3, 1e-300),

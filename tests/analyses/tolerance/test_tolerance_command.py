@@ -102,7 +102,17 @@ def test_every_dataset_has_units_and_scales(tmp_path):
         }
         of_stage = ("static_mean", "static_mean_error", "static_std")
         shapes |= dict.fromkeys(of_stage, ("stage", "static_dof"))
-        scales = {"build", "mode", "factor", "coupling_frequency", "stage", "static_dof"}
+        shapes |= {"yield": ("requirement",), "yield_interval": ("requirement", "interval")}
+        scales = {
+            "requirement",
+            "interval",
+            "build",
+            "mode",
+            "factor",
+            "coupling_frequency",
+            "stage",
+            "static_dof",
+        }
         assert set(group) == {*shapes, *scales, "quantile"}
         for name, axes in shapes.items():
             assert [axis[0].name for axis in group[name].dims] == [
