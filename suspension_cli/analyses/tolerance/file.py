@@ -23,6 +23,7 @@ from suspension_cli.analyses.tolerance.statistics import (
     Summary,
     Yield,
     rank_correlation,
+    signed,
     slopes,
 )
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
@@ -176,6 +177,7 @@ def summarise_group(group: Any, job: RandomBuilds, limit: float) -> Summary:
         else np.zeros(0, dtype=int)
     )
     ranked, size = whole[: len(kept)][kept][:, None], np.abs(view.deviations)
+    with_sign = signed(group["ratio"][: len(kept), -1][kept])[:, None]
     yields, joint = _yields(group, job.requirements, points)
     names = indexed(job) if job.with_indices else ()
     return Summary(
@@ -200,7 +202,8 @@ def summarise_group(group: Any, job: RandomBuilds, limit: float) -> Summary:
         factor=tuple(f.label for f in job.factors),
         factor_unit=tuple(f.unit for f in job.factors),
         ratio_rank=rank_correlation(ranked, size)[0],
-        ratio_slope=slopes(ranked, size)[0],
+        signed_rank=rank_correlation(with_sign, view.deviations)[0],
+        signed_slope=slopes(with_sign, view.deviations)[0],
         mode_rank=modes.rank,
         mode_slope=modes.slope,
         ranked=int(kept.sum()),

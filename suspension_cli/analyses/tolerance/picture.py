@@ -146,10 +146,10 @@ def _draw_coupling(axes: Axes, summary: Summary, ratio: str) -> None:
 
 def _draw_ranks(axes: Axes, summary: Summary) -> None:
     """Draw the significant rank correlations of the coupling."""
-    top = strongest(summary.ratio_rank, MAX_BARS, summary.significant)
+    top = strongest(summary.signed_rank, MAX_BARS, summary.significant)
     rows = np.arange(len(top))
     axes.set_axisbelow(True)
-    axes.barh(rows, summary.ratio_rank[top], color=PALETTE[2], height=0.6)
+    axes.barh(rows, summary.signed_rank[top], color=PALETTE[2], height=0.6)
     axes.set_yticks(rows, [summary.factor[n] for n in top], fontsize=6.5)
     axes.set_ylim(MAX_BARS - 0.4, -0.6)
     axes.axvline(0.0, color=NOTE, linewidth=0.5)
@@ -158,7 +158,7 @@ def _draw_ranks(axes: Axes, summary: Summary) -> None:
         loc="left",
         fontsize=7.5,
     )
-    axes.set_xlabel("rank correlation of the coupling\nwith the size of the deviation")
+    axes.set_xlabel("rank correlation of the coupling\n(with its sign) with the deviation")
     axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
 
 

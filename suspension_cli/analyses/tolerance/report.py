@@ -48,6 +48,7 @@ def document(summary: Summary) -> dict[str, Any]:
         "share_under_limit_interval": plain(summary.under_interval),
         "quantiles": plain(summary.ratio_quantiles),
         "leading": leading(summary.ratio_rank, summary.factor),
+        "leading_signed": leading(summary.signed_rank, summary.factor),
     }
     static = summary.static
     statics = [
@@ -135,7 +136,7 @@ def _coupling(summary: Summary) -> Iterator[str]:
         f"{100 * summary.under:.4g} % of builds lie below {summary.limit:g} (95 % confidence:"
         f" {low:.3g} to {high:.3g} %)"
     )
-    what = _causes(summary, summary.ratio_rank, summary.ratio_slope, "", 5)
+    what = _causes(summary, summary.signed_rank, summary.signed_slope, "", 5)
     yield f"matters most: {what or 'no number significantly'}"
 
 

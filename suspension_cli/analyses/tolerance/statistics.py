@@ -109,9 +109,11 @@ class Summary:
         |ratio| of good builds in ascending order, thinned to a few thousand points.
     factor, factor_unit : tuple of str
         Names of the numbers that vary, and the units of their deviations.
-    ratio_rank, ratio_slope : (factors,) arrays
-        Rank correlation of |ratio| with the absolute value of each deviation, and its change per
-        unit of that (least squares).
+    ratio_rank : (factors,) array
+        Rank correlation of |ratio| with the absolute value of each deviation.
+    signed_rank, signed_slope : (factors,) arrays
+        Rank correlation of the ratio with its sign, see `signed`, with each deviation, and its
+        change per unit of that (least squares).
     mode_rank, mode_slope : (m, factors) arrays
         Rank correlation of each frequency with each deviation, and its change, Hz per unit.
     ranked : int
@@ -160,7 +162,8 @@ class Summary:
     factor: tuple[str, ...]
     factor_unit: tuple[str, ...]
     ratio_rank: Array
-    ratio_slope: Array
+    signed_rank: Array
+    signed_slope: Array
     mode_rank: Array
     mode_slope: Array
     ranked: int
@@ -203,6 +206,20 @@ def rank_correlation(a: Array, b: Array) -> Array:
         found: Any = spearmanr(both[:, varies])[0]  # a scalar for two columns
         result[np.ix_(varies, varies)] = found
     return result[: a.shape[1], a.shape[1] :]
+
+
+def signed(ratio: Any) -> Array:
+    """Real numbers (p,) that stand for complex ones: parts along the phase in which most vary.
+
+    Small imperfections add up with their signs, which magnitudes hide. A real ratio is kept.
+
+    >>> signed(np.array([2.0, -1.0, 0.5]) * (1 + 0j))
+    array([ 2. , -1. ,  0.5])
+    """
+    if not len(ratio):
+        return np.zeros(0)
+    phase = np.angle(((ratio - ratio.mean()) ** 2).sum()) / 2
+    return (ratio * np.exp(-1j * phase)).real
 
 
 def slopes(a: Array, b: Array) -> Array:

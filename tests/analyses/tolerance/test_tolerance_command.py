@@ -129,6 +129,8 @@ def test_one_factor_explains_everything(tmp_path):
     [(name, value)] = answer["coupling"]["leading"]
     assert name == "test.1 length"
     assert value == pytest.approx(1.0, abs=1e-12)
+    [(name, value)] = answer["coupling"]["leading_signed"]
+    assert (name, abs(value)) == ("test.1 length", pytest.approx(1.0, abs=1e-12))
     file = scattered(tmp_path, body=[{"stage": "test", "mass": {"normal": 0.001}}])
     answer = tolerance(file, tmp_path)
     vertical = next(mode for mode in answer["modes"] if mode["label"] == "test vertical")
