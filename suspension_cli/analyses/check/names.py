@@ -7,12 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.check.statics import list_wire_tables
-from suspension_cli.analyses.tolerance.quantities import Names
 from suspension_cli.conventions import ANALYSES, FRAME, SUPPORT
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.plausibility import ImplausibleNumber
@@ -48,11 +46,9 @@ def find_unknown_names(
     for analysis in map(registry.get, ANALYSES):
         for parse in analysis.parse_names(design, stages, known):
             unknown += _collect_faults(parse)
-    if found is not None and design.tolerance is not None:
-        quantities = Names(found, stages, known)
-        for n, item in enumerate(design.tolerance.require, 1):
-            key = f"tolerance.require.{n}.quantity"
-            unknown += _collect_faults(partial(quantities.parse, item.quantity, key, {}))
+        if found is not None:
+            for parse in analysis.parse_results(design, found, stages, known):
+                unknown += _collect_faults(parse)
     wires = [
         f"{stage.name}.{n}"
         for stage in design.stage

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.tolerance.solve import RandomBuilds
     from suspension_cli.analyses.tolerance.statistics import Summary
+    from suspension_cli.design.schema import Design
+    from suspension_cli.linear.eigenmodes import Modes
 
 
 class ToleranceAnalysis(Analysis):
@@ -131,6 +135,16 @@ class ToleranceAnalysis(Analysis):
         for reason, count in summary.failures.items():
             run.log.warn(f"{count} of {summary.builds} builds failed: {reason}")
         return Result(self, source, choice, summary, file=path, command=run.command)
+
+    def parse_results(
+        self, design: Design, modes: Modes, stages: tuple[str, ...], known: tuple[str, ...]
+    ) -> Iterator[Callable[[], object]]:
+        """Parse the quantities of requirements."""
+        from suspension_cli.analyses.tolerance.quantities import Names
+
+        names = Names(modes, stages, known)
+        for n, item in enumerate(design.tolerance.require if design.tolerance else (), 1):
+            yield partial(names.parse, item.quantity, f"tolerance.require.{n}.quantity", {})
 
     def document(self, result: Result) -> dict[str, Any]:
         """Return statistics of every mode, of the coupling and of statics, and yields."""
