@@ -540,6 +540,9 @@ def tolerance(
     builds: int = 10_000,
     seed: int = 1,
     limit: float = 1e-3,
+    require: Sequence[str] = (),
+    sampling: str = "random",
+    sobol_indices: bool = False,
     input: str = "support.z",
     observe: str | None = None,
     over: str | None = None,
@@ -559,6 +562,13 @@ def tolerance(
         Number of builds; the same seed gives the same builds.
     limit : float
         On the cross-coupling.
+    require : sequence of str
+        Requirements beside those of the design: ``"test static pitch < 2e-3"``, ``"test pitch in
+        0.5:0.7"``, ``"coupling < 1e-3"``; SI units.
+    sampling : {"random", "sobol"}
+        Independent builds, or 8 scrambled Sobol sequences.
+    sobol_indices : bool
+        Whether to compute Sobol indices, from (k + 2) N of the builds.
     input, observe, over, under, frequency
         The cross-coupling, as of `xcouple`.
     model, workers, allow_unstable
@@ -570,7 +580,8 @@ def tolerance(
     -------
     Result
         With the attributes of `analyses.tolerance.statistics.Summary`: `mean`, `spread`,
-        `quantiles` of mode frequencies in Hz, `under`, ...
+        `quantiles` of mode frequencies in Hz, `static` (displacements in m and rotations in rad
+        of the stages), `yields`, `joint`, `indices`, ...
 
     Raises
     ------
@@ -591,6 +602,9 @@ def tolerance(
         builds=builds,
         seed=seed,
         limit=limit,
+        require=tuple(require),
+        sampling=sampling,
+        sobol_indices=sobol_indices,
         drive=input,
         observe=observe,
         over=over,

@@ -47,3 +47,28 @@ def rotation_minus_identity(
 def rotation_matrix(vector: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in rad, exp([v])."""
     return np.eye(3) + rotation_minus_identity(vector)
+
+
+def rotation_vector(turn: Any) -> Any:
+    """Rotation vectors (..., 3), rad, of rotation matrices minus the unit matrix (..., 3, 3).
+
+    Inverse of `rotation_minus_identity` for rotations below pi. The antisymmetric part of R is
+    sin(a) [n] and its trace 1 + 2 cos(a), for the angle a about the axis n; without the unit
+    matrix, small rotations keep all their digits.
+    """
+    turn = np.asarray(turn)
+    sine = (
+        np.stack(
+            [
+                turn[..., 2, 1] - turn[..., 1, 2],
+                turn[..., 0, 2] - turn[..., 2, 0],
+                turn[..., 1, 0] - turn[..., 0, 1],
+            ],
+            axis=-1,
+        )
+        / 2
+    )
+    size = np.sqrt((sine**2).sum(-1))
+    angle = np.arctan2(size, 1 + np.trace(turn, axis1=-2, axis2=-1) / 2)
+    factor = np.divide(angle, size, out=np.ones_like(size), where=size > 0)
+    return factor[..., None] * sine

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
     from suspension_cli.files.hdf5 import Provenance
+    from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.models.registry import Choice
 
 Progress = Callable[[int, int, float], None]
@@ -299,6 +300,12 @@ class Analysis(ABC):
         Each raises `InputError` if its name is unknown; `pendsus check` then warns of it. `known`
         are the bodies with signals.
         """
+        return ()
+
+    def parse_results(
+        self, design: Design, modes: Modes, stages: tuple[str, ...], known: tuple[str, ...]
+    ) -> Iterable[Callable[[], object]]:
+        """Return calls as of `parse_names`, for names of results, labels of modes among them."""
         return ()
 
     def path(self, result: Result, folder: Path) -> Path:

@@ -26,6 +26,7 @@ from suspension_cli.design.schema import (
     Loop,
     NoiseSpectrum,
     Perturbation,
+    Requirement,
     Spring,
     Stage,
     Support,
@@ -450,6 +451,22 @@ def _check_noise_spectrum(noise: float | NoiseSpectrum, path: str) -> Iterator[F
             )
 
 
+def _check_requirement(item: Requirement, path: str) -> Iterator[Fault]:
+    if sum(limit is not None for limit in (item.band, item.below, item.above)) != 1:
+        yield Fault(
+            path,
+            f"{item.quantity} must have one limit",
+            "give band = [least, largest], below = limit or above = limit",
+        )
+    if item.band is not None and not item.band[0] < item.band[1]:
+        yield Fault(
+            f"{path}.band",
+            "is reversed or empty, so that no build is in it",
+            "give [least, largest]",
+            format_value(item.band),
+        )
+
+
 def _check_tolerance(design: Design) -> Iterator[Fault]:
     if design.tolerance is None:
         return
@@ -465,6 +482,8 @@ def _check_tolerance(design: Design) -> Iterator[Fault]:
             "has no distribution",
             "add [[tolerance.wire]], [[tolerance.body]] or [[tolerance.blade]]",
         )
+    for n, item in enumerate(design.tolerance.require, 1):
+        yield from _check_requirement(item, f"tolerance.require.{n}")
     for kind, n, item in tables:
         path = f"tolerance.{kind}.{n}"
         if kind == "wire" and (item.stage is None) == (item.wire is None):

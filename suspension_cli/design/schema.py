@@ -20,6 +20,7 @@ from suspension_cli.design.units import (
     Conductivity,
     Density,
     Expansion,
+    Frequency,
     Hold,
     Inertia,
     Kelvin,
@@ -477,12 +478,40 @@ class BladeTolerance(imperfections.with_spreads(_PartScatter, "blade", Distribut
     """Scatter of every blade of a stage, independently."""
 
 
+Limit = Annotated[float, Meta(gt=0, le=1e20, description="limit above zero, SI")]
+
+
+class Requirement(Table, frozen=True):
+    """Requirement on every build, in SI units (Hz for modes)."""
+
+    quantity: Annotated[
+        str,
+        Meta(
+            max_length=200,
+            description=(
+                "a mode's label, coupling, STAGE static DOF (x, y, height, roll, pitch or yaw), or"
+                " a response OUTPUT/INPUT:FREQUENCY"
+            ),
+        ),
+    ]
+    band: (
+        Annotated[
+            list[Annotated[float, Meta(ge=-1e20, le=1e20)]],
+            Meta(min_length=2, max_length=2, description="least and largest value"),
+        ]
+        | None
+    ) = None
+    below: Annotated[Limit, Meta(description="limit that the magnitude is below")] | None = None
+    above: Annotated[Limit, Meta(description="limit that the magnitude is above")] | None = None
+
+
 class Tolerance(Table, frozen=True):
-    """Scatter of wires, bodies and blades from build to build."""
+    """Scatter of wires, bodies and blades from build to build, and requirements on builds."""
 
     wire: list[WireTolerance] = field(default_factory=list)
     body: list[BodyTolerance] = field(default_factory=list)
     blade: list[BladeTolerance] = field(default_factory=list)
+    require: list[Requirement] = field(default_factory=list)
 
 
 class Design(Table, frozen=True):

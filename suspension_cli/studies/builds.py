@@ -23,6 +23,7 @@ from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.models.surroundings import framed, surrounded
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
+from suspension_cli.studies.statics import static_displacements
 from suspension_cli.studies.systems import respond
 
 GOOD, SLACK, UNBALANCED, UNSTABLE, IMPOSSIBLE = 0, 1, 2, 3, 4
@@ -80,6 +81,8 @@ class Builds:
         Whether each build is symmetric when x, or y, is mirrored.
     terms : tuple of BatchTerm
         Frequency-dependent parts, where wires bend.
+    static : (p, n, 6) array or None
+        Static displacement (m) and rotation (rad) of the bodies, see `statics`, if computed.
     """
 
     model: LinearSystem
@@ -88,6 +91,7 @@ class Builds:
     residual: Any
     mirrors: Any
     terms: tuple[BatchTerm, ...] = ()
+    static: Any = None
 
 
 def balance(
@@ -128,7 +132,13 @@ def balance(
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
     return Builds(
-        oriented(model, found), status, wire, found.residual, is_mirror_symmetric(scene), terms
+        oriented(model, found),
+        status,
+        wire,
+        found.residual,
+        is_mirror_symmetric(scene),
+        terms,
+        static_displacements(scene, found.pose),
     )
 
 

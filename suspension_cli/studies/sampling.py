@@ -41,6 +41,8 @@ class ScatteredNumber:
         Of the number, in `unit`.
     hold : str
         For wires.
+    group : str
+        Name of the tolerance that the number has with others: ``test wires length``.
     """
 
     label: str
@@ -49,6 +51,7 @@ class ScatteredNumber:
     axis: int
     spread: Distribution
     hold: str = "loaded-length"
+    group: str = ""
 
     @property
     def unit(self) -> str:
@@ -96,30 +99,26 @@ def _of_part(
     """List the numbers of one wire, body or blade to which a table gives a distribution."""
     for row in scattered(part):
         if spread := getattr(item, row.spread):
+            parts = {"wire": "wires", "body": "body", "blade": "blades"}[part]
+            one_wire = item.stage is None
+            group = f"{item.wire if one_wire else f'{item.stage} {parts}'} {row.spread}"
             for axis, name in enumerate(AXES if row.vector else ("",)):
                 full = f"{label} {row.spread} {name}".rstrip()
-                yield ScatteredNumber(full, number, row, axis, spread, hold)
+                yield ScatteredNumber(full, number, row, axis, spread, hold, group)
 
 
-def uniforms(seed: int, start: int, stop: int, width: int) -> Array:
-    """Uniform numbers in [0, 1) of builds start to stop - 1: (stop - start, width).
+def deviations(chosen: tuple[ScatteredNumber, ...], u: Array) -> Array:
+    """Deviations (p, factors) of every number from nominal, m or fractions.
 
-    Each build takes a whole number of Philox blocks (four numbers each), so its numbers depend on
-    nothing but seed and build.
-    """
-    blocks = -(-width // 4)
-    stream = np.random.Philox(key=seed)
-    stream.advance(start * blocks)
-    return np.random.Generator(stream).random((stop - start, 4 * blocks))[:, :width]
-
-
-def deviations(chosen: tuple[ScatteredNumber, ...], seed: int, start: int, stop: int) -> Array:
-    """Deviations of every factor (columns) from nominal for builds start to stop - 1, m or
-    shares.
+    Parameters
+    ----------
+    chosen : tuple of ScatteredNumber
+    u : (p, factors) array
+        Points of the unit cube, see `sample_points`; normal deviations are their inverse
+        distribution function.
     """
     from scipy.special import ndtr, ndtri
 
-    u = uniforms(seed, start, stop, len(chosen))
     result = np.empty_like(u)
     for n, factor in enumerate(chosen):
         spread = factor.spread

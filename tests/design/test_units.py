@@ -1,5 +1,5 @@
 """Every number of a design file has its unit in its type, but for those whose unit depends on a
-direction."""
+direction or a quantity."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ DEPENDS |= {
     for table in ("Damping", "FrameDamping")
     for dof in ("x", "y", "z", "roll", "pitch", "yaw")
 }
+DEPENDS |= {f"Requirement.{key}" for key in ("band", "below", "above")}
 DEPENDS |= {f"Distribution.{key}" for key in ("normal", "uniform", "truncate")}
 
 

@@ -47,6 +47,7 @@ TABLES = {
     "[[control.loop]]": [schema.Loop],
     "[[perturbation]]": [schema.Perturbation],
     "[[tolerance.wire]]": [schema.WireTolerance, schema.BodyTolerance, schema.BladeTolerance],
+    "[[tolerance.require]]": [schema.Requirement],
 }
 """Heading of docs/design-file.md to the types that it describes."""
 
@@ -70,7 +71,11 @@ MAKES = {
         "--workers",
         "1",
     ],
-    "tolerance": ["tolerance", "configs/triple-tolerance.toml", "--builds", "3", "--workers", "1"],
+    "tolerance": [
+        *("tolerance", "configs/husman2000/figure6.toml", "--fidelity", "string", "--workers", "1"),
+        *("--set", "tolerance.body=[{stage='test', com={normal=1e-4}}]", "--builds", "192"),
+        *("--sobol-indices", "--require", "test.x/support.x:10 < 1"),
+    ],
     "sweep": [
         "sweep",
         "configs/double.toml",
@@ -172,7 +177,8 @@ def words_of(line: str) -> list[str]:
         for word in shlex.split(line, comments=True)[1:]
     ]
     for option, fewer in AMOUNTS.items():
-        if option in words:
+        # Sobol indices need as many as are given
+        if option in words and not (option == "--builds" and "--sobol-indices" in words):
             n = words.index(option) + 1
             words[n] = str(min(int(words[n]), int(fewer)))
     return words

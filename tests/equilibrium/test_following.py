@@ -10,6 +10,7 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene.pose import layout, nominal_pose
 from suspension_cli.studies import builds, sampling
+from suspension_cli.studies.sample_points import uniforms
 from tests.support.golden import CONFIGS
 
 TEXT = (CONFIGS / "triple-tolerance.toml").read_text()
@@ -22,7 +23,7 @@ def job():
     design = reader.parse(TEXT)
     scene = expand(design)
     chosen = sampling.factors(design, scene)
-    return scene, chosen, sampling.deviations(chosen, SEED, 0, COUNT)
+    return scene, chosen, sampling.deviations(chosen, uniforms(SEED, 0, COUNT, len(chosen)))
 
 
 @pytest.fixture(scope="module")

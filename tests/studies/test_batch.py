@@ -53,7 +53,10 @@ def whole(tmp_path_factory):
     """Files written in one go."""
     commands = {
         "xcouple": ("xcouple", FILE, *GRID),
-        "tolerance": ("tolerance", RANDOM, "--builds", "150", "--frequency", "10,50"),
+        "tolerance": (
+            *("tolerance", RANDOM, "--builds", "150", "--frequency", "10,50", "--sampling"),
+            *("sobol", "--require", "test.x/support.x:10 < 1", "--require", "coupling < 1e-3"),
+        ),
     }
     return {
         name: (command, written_by(tmp_path_factory.mktemp(name), 1, 8192, *command))
@@ -100,11 +103,15 @@ def jobs():
             reader.write_toml(lossy), axes, question(frequency=(10.0, 400.0)), level="violin"
         ),
         "random": lambda: RandomBuilds(RANDOM.read_text(), 81, 3, question(random)),
+        # N = 16, so that these ranges are in several of the 19 matrices
+        "indices": lambda: RandomBuilds(
+            RANDOM.read_text(), 19 * 16, 3, question(random), method="sobol", with_indices=True
+        ),
     }
 
 
 @pytest.mark.parametrize(
-    "kind", ["single", "lossy", "triple", "blades", "paths", "beam", "violin", "random"]
+    "kind", ["single", "lossy", "triple", "blades", "paths", "beam", "violin", "random", "indices"]
 )
 def test_a_build_alone_gives_the_same_bits(kind):
     job = jobs()[kind]()

@@ -46,6 +46,9 @@ def find_unknown_names(
     for analysis in map(registry.get, ANALYSES):
         for parse in analysis.parse_names(design, stages, known):
             unknown += _collect_faults(parse)
+        if found is not None:
+            for parse in analysis.parse_results(design, found, stages, known):
+                unknown += _collect_faults(parse)
     wires = [
         f"{stage.name}.{n}"
         for stage in design.stage

@@ -21,10 +21,10 @@ LEAST = 0.0005
 
 
 class SensitivityAnalysis(Analysis):
-    """Compute the effect of 1 % of every number of a design on modes, responses and couplings.
+    """Compute the effect of every number of a design on modes, responses and couplings.
 
-    These are first derivatives, with the change of the equilibrium. Writes DIR/NAME-sensitivity.h5
-    and .png.
+    That of 1 mm of lengths, 1 mrad of angles, and 1 % of all else. These are first derivatives,
+    with the change of the equilibrium. Writes DIR/NAME-sensitivity.h5 and .png.
 
     Example: pendsus sensitivity my.toml --result "test pitch"
     """
@@ -75,8 +75,10 @@ class SensitivityAnalysis(Analysis):
         """Return derivatives, parameters first; null where there is no derivative."""
         found: Sensitivity = result.data
         numbers = [
-            {"name": n, "value": float(v), "free": bool(f)}
-            for n, v, f in zip(found.parameter, found.value, found.free, strict=True)
+            {"name": n, "value": float(v), "free": bool(f), "step": float(s), "step_unit": u}
+            for n, v, f, s, u in zip(
+                found.parameter, found.value, found.free, found.step, found.step_unit, strict=True
+            )
         ]
         results = [
             {"name": n, "unit": u, "nominal": plain(v)}
@@ -87,6 +89,7 @@ class SensitivityAnalysis(Analysis):
             "results": results,
             "derivative": plain(found.derivative),
             "one_percent": plain(found.one_percent),
+            "per_step": plain(found.per_step),
         }
 
     def text(self, result: Result) -> str:
@@ -95,14 +98,15 @@ class SensitivityAnalysis(Analysis):
 
         found: Sensitivity = result.data
         absolute = found.nominal == 0
-        shown = (abs(found.one_percent) >= LEAST) | (absolute & (found.one_percent != 0))
-        shown &= np.isfinite(found.one_percent)
-        taken = max(map(len, found.parameter), default=0) + 12
+        change = found.per_step
+        shown = (abs(change) >= LEAST) | (absolute & (change != 0))
+        shown &= np.isfinite(change)
+        taken = max(map(len, found.parameter), default=0) + 20
         across = min(max((tables.width() - taken) // 9, 1), ACROSS)
         lines = [
             result.choice.line,
             "",
-            "1 % of a number moves a result by so many % (by so much, where the result is 0):",
+            "change of a result in % (in its unit, where it is 0) per step of a number:",
         ]
         for start in range(0, len(found.result), across):
             here = range(start, min(start + across, len(found.result)))
@@ -115,13 +119,19 @@ class SensitivityAnalysis(Analysis):
                 ),
             ]
             rows = [
-                (name, value, *(_cell(row[n], absolute[n]) for n in here))
-                for name, value, row, some in zip(
-                    found.parameter, found.value, found.one_percent, shown[:, here], strict=True
+                (name, value, f"1 {unit}", *(_cell(row[n], absolute[n]) for n in here))
+                for name, value, unit, row, some in zip(
+                    found.parameter,
+                    found.value,
+                    found.step_unit,
+                    change,
+                    shown[:, here],
+                    strict=True,
                 )
                 if some.any()
             ]
-            columns = {"": "", "value": ".4g"} | {f"[{n + 1}]": "+.3f" for n in here}
+            columns = {"": "", "value": ".4g", "per": " "}
+            columns |= {f"[{n + 1}]\n{_unit(found, n)}": "+.3f" for n in here}
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
 
@@ -144,6 +154,12 @@ class SensitivityAnalysis(Analysis):
 
         drawn = picture.draw(result.data, result.title)
         return {"": style.name_model(drawn, result.choice)}
+
+
+def _unit(found: Sensitivity, number: int) -> str:
+    """Unit in which the change of a result is given."""
+    own = found.unit[number]
+    return "%" if found.nominal[number] else "" if own == "1" else own
 
 
 def _cell(value: float, absolute: bool) -> float | str:

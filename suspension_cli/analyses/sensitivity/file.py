@@ -15,6 +15,8 @@ def fill(group: h5py.Group, found: Sensitivity) -> None:
     parameter = add_scale(group, "parameter", list(found.parameter), "name")
     result = add_scale(group, "result", list(found.result), "name")
     add_dataset(group, "value", found.value, "SI", parameter)
+    add_dataset(group, "step", found.step, "SI", parameter)
+    add_dataset(group, "step_unit", list(found.step_unit), "name", parameter)
     add_dataset(group, "free", found.free, "1", parameter)
     add_dataset(group, "result_unit", list(found.unit), "name", result)
     add_dataset(group, "nominal", found.nominal, "SI, see result_unit; Hz for modes", result)
@@ -30,6 +32,14 @@ def fill(group: h5py.Group, found: Sensitivity) -> None:
         group,
         "one_percent",
         found.one_percent,
+        "%; unit of the result where nominal is 0",
+        parameter,
+        result,
+    )
+    add_dataset(
+        group,
+        "per_step",
+        found.per_step,
         "%; unit of the result where nominal is 0",
         parameter,
         result,

@@ -1,4 +1,4 @@
-"""Figure of sensitivities: a coloured table of the changes for 1 % of every number."""
+"""Figure of sensitivities: a coloured table of the changes per step of every number."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from suspension_cli.drawing.style import INK, NOTE, house_style, new_figure, sin
 
 LEAST = 0.005
 """Change in % below which a cell stays empty; rows with only such cells are left out."""
-LARGEST = 10.0
+LARGEST = 100.0
 """Change in % at which the colour scale ends."""
 DARK = 0.3
 """Distance from the middle of the colour scale beyond which text is white."""
@@ -28,7 +28,7 @@ def draw(found: Sensitivity, title: str) -> Figure:
     title : str
     """
     with house_style():
-        change = np.nan_to_num(found.one_percent)
+        change = np.nan_to_num(found.per_step)
         relative = found.nominal != 0
         rows = np.flatnonzero(
             (np.abs(change[:, relative]) >= LEAST).any(1) | (change[:, ~relative] != 0).any(1)
@@ -57,9 +57,13 @@ def draw(found: Sensitivity, title: str) -> Figure:
                 colour = "white" if strength[row, column] > DARK else INK
                 text = (f"{value:+.2f}" if abs(value) < 100 else f"{value:+.3g}").replace("-", "−")
                 axes.text(column, row, text, ha="center", va="center", fontsize=4.8, color=colour)
+        steps = found.step_unit
         axes.set_yticks(
             range(len(rows)),
-            [f"{single_line(found.parameter[n], 48)}  {found.value[n]:.4g}" for n in rows],
+            [
+                f"{single_line(found.parameter[n], 48)}  {found.value[n]:.4g}  per {steps[n]}"
+                for n in rows
+            ],
             fontsize=6,
         )
         labels = [
@@ -71,10 +75,10 @@ def draw(found: Sensitivity, title: str) -> Figure:
         axes.tick_params(length=0)
         for spine in axes.spines.values():
             spine.set_visible(False)
-        ticks = [tick for tick in (-10, -1, -0.1, 0, 0.1, 1, 10) if abs(tick) <= top]
+        ticks = [tick for tick in (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100) if abs(tick) <= top]
         bar = figure.colorbar(drawn, ax=axes, pad=0.02, aspect=40, ticks=ticks)
         bar.ax.set_yticklabels([f"{tick:g}".replace("-", "−") for tick in ticks])
-        bar.set_label("change of the result (%)\nfor 1 % of the parameter", fontsize=6.5)
+        bar.set_label("change of the result (%)\nper mm, mrad or %", fontsize=6.5)
         bar.ax.tick_params(labelsize=6)
         bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
         figure.suptitle(single_line(title, 90), x=0.01, ha="left", fontsize=9)

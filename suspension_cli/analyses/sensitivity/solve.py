@@ -25,6 +25,7 @@ from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import differences, parameters
 from suspension_cli.studies.derivatives import Linear
+from suspension_cli.studies.natural_steps import natural_step
 from suspension_cli.studies.parameters import Parameter
 from suspension_cli.studies.response_derivatives import Slope
 
@@ -65,8 +66,34 @@ class Sensitivity:
 
         In % of the result, or in the unit of the result where that is 0.
         """
+        return self._change(self.value / 100)
+
+    @property
+    def step_unit(self) -> tuple[str, ...]:
+        """Step of each number: ``mm``, ``mrad`` or ``%``, see `studies.natural_steps`."""
+        return tuple(unit for _, unit in self._steps)
+
+    @property
+    def step(self) -> Array:
+        """Size of the step of each number, (p,), SI."""
+        return np.array([size for size, _ in self._steps])
+
+    @property
+    def per_step(self) -> Array:
+        """Change of each result for a step of each number, (p, r), as `one_percent`."""
+        return self._change(self.step)
+
+    @property
+    def _steps(self) -> list[tuple[float, str]]:
+        return [
+            natural_step(name, float(value))
+            for name, value in zip(self.parameter, self.value, strict=True)
+        ]
+
+    def _change(self, step: Array) -> Array:
+        """Change of each result, in % or, where it is 0, in its unit, for steps (p,)."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            change = self.derivative * self.value[:, None] / 100
+            change = self.derivative * step[:, None]
             return np.where(
                 self.nominal == 0,
                 np.abs(change),

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number
+from suspension_cli.analyses import options
+from suspension_cli.analyses.analysis import Analysis, Log, Result, Run
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
     import h5py
     from matplotlib.figure import Figure
 
+    from suspension_cli.analyses.tolerance.solve import RandomBuilds
     from suspension_cli.analyses.tolerance.statistics import Summary
+    from suspension_cli.design.schema import Design
+    from suspension_cli.linear.eigenmodes import Modes
 
 
 class ToleranceAnalysis(Analysis):
     """Compute random builds within the design's [tolerance] table.
 
-    Prints quantiles of mode frequencies and of the cross-coupling, the fraction of builds under a
-    limit, and which imperfections matter most. Writes DIR/NAME-tolerance.h5 and .png.
+    Prints quantiles of mode frequencies, of the static pose of every stage and of the
+    cross-coupling, the fraction of builds that meet each requirement, and which imperfections
+    matter most. Writes DIR/NAME-tolerance.h5 and .png.
 
     Example: pendsus tolerance configs/triple-tolerance.toml --builds 1000
     """
@@ -51,6 +57,30 @@ class ToleranceAnalysis(Analysis):
             show_default=True,
             help="Limit on the cross-coupling (the paper's 0.1 %).",
         ),
+        option(
+            "--require",
+            multiple=True,
+            metavar="TEXT",
+            help=(
+                "A requirement on builds beside those of the design: 'test pitch in 0.5:0.7',"
+                " 'coupling < 1e-3', 'test static pitch < 2e-3', SI units (repeatable)."
+            ),
+        ),
+        option(
+            "--sampling",
+            type=click.Choice(("random", "sobol")),
+            default="random",
+            show_default=True,
+            help="Independent builds, or 8 scrambled Sobol sequences, whose scatter gives errors.",
+        ),
+        option(
+            "--sobol-indices",
+            is_flag=True,
+            help=(
+                "Sobol indices: the fraction of the variance of every result that each of k"
+                " tolerances causes, from (k + 2) N of the builds."
+            ),
+        ),
         *options.COUPLING,
         *options.SWEEP,
         options.ACCURACY,
@@ -62,7 +92,7 @@ class ToleranceAnalysis(Analysis):
         """Compute all builds, then their statistics."""
         from suspension_cli.analyses import model_choice, sweeping
         from suspension_cli.analyses.tolerance import file as stored
-        from suspension_cli.analyses.tolerance import model_error
+        from suspension_cli.analyses.tolerance import model_error, quantities
         from suspension_cli.analyses.tolerance.solve import RandomBuilds
         from suspension_cli.analyses.xcouple.request import parse_request
         from suspension_cli.models import registry
@@ -74,7 +104,12 @@ class ToleranceAnalysis(Analysis):
             setting["seed"],
             parse_request(registry.STRING.system(run.design), setting),
             setting["allow_unstable"],
+            method=setting["sampling"],
+            with_indices=setting["sobol_indices"],
         )
+        job = _of_possible_count(job, run.log)
+        options_given = tuple(setting["require"])
+        job = job.requiring(quantities.with_responses(run.design, options_given, job.names))
         job.check()
         run.log.detail(f"{len(job.factors)} numbers scatter")
         choice = model_choice.for_builds(
@@ -86,88 +121,42 @@ class ToleranceAnalysis(Analysis):
         )
         model_choice.stable_system(source, choice, setting["allow_unstable"], run.log, bends=True)
         job = dataclasses.replace(job, level=choice.level)
+        job = job.requiring(quantities.requirements(run.design, options_given, job.names))
+        limit = setting["limit"]
         path = sweeping.fill(
-            run, self, job, choice, lambda group: stored.fill(group, job, setting["limit"])
+            run,
+            self,
+            job,
+            choice,
+            lambda group: stored.fill(group, job, limit),
+            lambda part: stored.complete(part, job, limit),
         )
-        summary = stored.summarise(path, job, setting["limit"])
+        summary = stored.summarise(path, job, limit)
         for reason, count in summary.failures.items():
             run.log.warn(f"{count} of {summary.builds} builds failed: {reason}")
         return Result(self, source, choice, summary, file=path, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
-        """Return statistics of every mode and of the coupling."""
-        from suspension_cli.analyses.tolerance.statistics import QUANTILES, leading
+    def parse_results(
+        self, design: Design, modes: Modes, stages: tuple[str, ...], known: tuple[str, ...]
+    ) -> Iterator[Callable[[], object]]:
+        """Parse the quantities of requirements."""
+        from suspension_cli.analyses.tolerance.quantities import Names
 
-        summary: Summary = result.data
-        modes = [
-            {
-                "label": label,
-                "nominal_hz": as_number(summary.nominal[n]),
-                "mean_hz": as_number(summary.mean[n]),
-                "std_hz": as_number(summary.spread[n]),
-                "quantiles_hz": [as_number(value) for value in summary.quantiles[n]],
-                "leading": leading(summary.mode_rank[n], summary.factor),
-            }
-            for n, label in enumerate(summary.label)
-        ]
-        coupling = {
-            "ratio": summary.ratio,
-            "frequency_hz": summary.frequency,
-            "limit": summary.limit,
-            "share_under_limit": as_number(summary.under),
-            "quantiles": [as_number(value) for value in summary.ratio_quantiles],
-            "leading": leading(summary.ratio_rank, summary.factor),
-        }
-        return {
-            "builds": summary.builds,
-            "good": summary.good,
-            "failures": summary.failures,
-            "seed": summary.seed,
-            "levels": list(QUANTILES),
-            "modes": modes,
-            "coupling": coupling,
-        }
+        names = Names(modes, stages, known)
+        for n, item in enumerate(design.tolerance.require if design.tolerance else (), 1):
+            yield partial(names.parse, item.quantity, f"tolerance.require.{n}.quantity", {})
+
+    def document(self, result: Result) -> dict[str, Any]:
+        """Return statistics of every mode, of the coupling and of statics, and yields."""
+        from suspension_cli.analyses.tolerance import report
+
+        return report.document(result.data)
 
     def text(self, result: Result) -> str:
-        """Return tables of modes and coupling."""
-        from suspension_cli.analyses.tolerance.statistics import QUANTILES, leading
+        """Return tables of modes, statics and yields, and what matters."""
+        from suspension_cli.analyses.tolerance import report
 
-        summary: Summary = result.data
-        lines = [
-            result.choice.line,
-            f"{summary.good:,} of {summary.builds:,} builds hang on taut wires",
-            "",
-        ]
-        low, high = QUANTILES.index(0.05), QUANTILES.index(0.95)
-        rows = []
-        for n, label in enumerate(summary.label):
-            what = ", ".join(
-                f"{name} {value:+.2f}"
-                for name, value in leading(summary.mode_rank[n], summary.factor, 2)
-            )
-            nominal, quantiles = summary.nominal[n], summary.quantiles[n]
-            spread = 100 * summary.spread[n] / nominal if nominal else None
-            rows.append((nominal, quantiles[low], quantiles[high], spread, label, what))
-        columns = dict.fromkeys(("nominal\nHz", "5 %\nHz", "95 %\nHz"), "#.5g")
-        columns |= {"std\n%": ".2f", "mode": "", "what moves it most (rank correlation)": ""}
-        lines.append(tables.render(columns, rows))
-        lines += [
-            "",
-            (
-                f"|{summary.ratio}| at {summary.frequency:g} Hz: median"
-                f" {summary.ratio_quantiles[QUANTILES.index(0.5)]:.3g}, 95 % below"
-                f" {summary.ratio_quantiles[high]:.3g}"
-            ),
-        ]
-        lines.append(f"{100 * summary.under:.4g} % of builds lie below {summary.limit:g}")
-        lines.append(
-            "matters most: "
-            + ", ".join(
-                f"{name} {value:+.2f}"
-                for name, value in leading(summary.ratio_rank, summary.factor)
-            )
-        )
-        return "\n".join(lines)
+        return f"{result.choice.line}\n{report.text(result.data)}"
 
     def load(self, file: h5py.File) -> Summary:
         """Sum up the group `tolerance`."""
@@ -184,6 +173,38 @@ class ToleranceAnalysis(Analysis):
 
         figure = picture.draw(result.data, result.title, result.data.ratio)
         return {"": name_model(figure, result.choice)}
+
+
+def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:
+    """A job of as many builds as its sampling can use, and a line that says how many."""
+    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.studies import sample_points
+
+    groups = len(job.groups) if job.with_indices else 0
+    count = sample_points.largest_count(job.count, job.method, groups)
+    if not count:
+        least = sample_points.smallest_count(groups)
+        what = (
+            f"--sobol-indices of {groups} tolerances ({groups} + 2 sets of builds)"
+            if groups
+            else "--sampling sobol"
+        )
+        problem = f"is too few for {what}"
+        remedy = f"give at least {least}"
+        raise InputError([Fault("--builds", problem, remedy, str(job.count))])
+    job = dataclasses.replace(job, count=count)
+    rows, replicates = job.points.rows, sample_points.REPLICATES
+    if groups:
+        log.say(
+            f"Sobol indices of {groups} tolerances: ({groups} + 2) x {rows:,} ="
+            f" {count:,} builds, a power of two per set"
+        )
+    elif job.method == sample_points.SOBOL:
+        log.say(
+            f"Sobol sampling: {replicates} x {rows // replicates:,} = {count:,} builds, a power of"
+            " two per scrambled sequence"
+        )
+    return job
 
 
 ANALYSIS = ToleranceAnalysis()

@@ -9,44 +9,120 @@ import h5py
 import numpy as np
 
 from suspension_cli.analyses.sweep.solve import count_failures
+from suspension_cli.analyses.tolerance.quantities import (
+    STATIC,
+    Quantity,
+    Requirement,
+    parse,
+)
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tolerance.statistics import (
     QUANTILES,
     RANKED,
+    Spread,
     Summary,
+    Yield,
     rank_correlation,
+    signed,
+    slopes,
 )
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import FRAME, SUPPORT
-from suspension_cli.design.reader import parse
+from suspension_cli.design.reader import parse as parse_design
 from suspension_cli.files.hdf5 import add_dataset, add_scale, open_results
 from suspension_cli.linear import signals
+from suspension_cli.linear.named_results import Ratio
 from suspension_cli.studies import builds
+from suspension_cli.studies.confidence import (
+    replicate_interval,
+    standard_error,
+    wilson_interval,
+)
+from suspension_cli.studies.sample_points import RANDOM, SOBOL, SamplePoints
+from suspension_cli.studies.sobol_indices import SobolIndices, sobol_indices
 
 MAX_POINTS = 4000
 """Builds, and points of the cumulative curve, that figures show at most."""
 
 
 def fill(group: h5py.Group, job: RandomBuilds, limit: float) -> None:
-    """Write everything but the columns: nominal modes, numbers that vary, cross-coupling."""
+    """Write everything but the columns: names, numbers that vary, room for statistics."""
     nominal = job.nominal
     mode = add_scale(group, "mode", np.arange(1, len(nominal.omega_squared) + 1), "1")
     add_dataset(group, "mode_label", nominal.label, "name", mode)
     add_dataset(group, "nominal_frequency", nominal.frequency, "Hz", mode)
     factor = add_scale(group, "factor", [f.label for f in job.factors], "name")
     add_dataset(group, "factor_unit", [f.unit for f in job.factors], "name", factor)
+    add_dataset(group, "factor_group", [f.group for f in job.factors], "name", factor)
     add_scale(group, "coupling_frequency", np.array(job.question.frequency), "Hz")
+    stage = add_scale(group, "stage", list(job.scene.bodies.name), "name")
+    dof = add_scale(group, "static_dof", list(STATIC), "name")
+    quantile = add_scale(group, "quantile", np.array(QUANTILES), "1")
+    if job.ratios:
+        name = add_scale(group, "response_name", [one.text for one in job.ratios], "name")
+        add_dataset(group, "response_unit", [one.unit for one in job.ratios], "name", name)
+    unit = "m; rad for rotations"
+    for name in ("static_mean", "static_mean_error", "static_std"):
+        _add_empty(group, name, unit, stage, dof)
+    _add_empty(group, "static_quantiles", unit, stage, dof, quantile)
+    if job.requirements:
+        texts = [item.text for item in job.requirements]
+        required = add_scale(group, "requirement", texts, "name")
+        end = add_scale(group, "interval", ["low", "high"], "name")
+        _add_empty(group, "yield", "1", required)
+        _add_empty(group, "yield_interval", "1", required, end)
+    if job.with_indices:
+        tolerance = add_scale(group, "group", list(job.groups), "name")
+        result = add_scale(group, "result", [one.name for one in indexed(job)], "name")
+        for name in ("first", "total", "first_error", "total_error"):
+            _add_empty(group, f"sobol_{name}", "1", tolerance, result)
     # as text: seeds reach 2^64 - 1, which not every HDF5 tool can read as a number
     group.attrs["seed"] = str(job.seed)
     group.attrs["limit"] = limit
+    group.attrs["sampling"] = job.method
+    group.attrs["sobol_indices"] = job.with_indices
     group.attrs["status_meaning"] = list(builds.STATUS)
     for name in ("input", "over", "under"):
         group.attrs[name] = getattr(job.question, name).text
 
 
+def _add_empty(group: h5py.Group, name: str, units: str, *axes: h5py.Dataset) -> None:
+    """Add a dataset of NaN that `complete` fills."""
+    add_dataset(group, name, np.full([axis.size or 0 for axis in axes], np.nan), units, *axes)
+
+
+def complete(path: Path, job: RandomBuilds, limit: float) -> None:
+    """Write the statistics into a file that has all its builds."""
+    with h5py.File(path, "r+") as file:
+        group: Any = file["tolerance"]
+        found = summarise_group(group, job, limit)
+        shape = (len(job.scene.bodies.name), len(STATIC))
+        static = found.static
+        group["static_mean"][...] = static.mean.reshape(shape)
+        group["static_mean_error"][...] = static.error.reshape(shape)
+        group["static_std"][...] = static.deviation.reshape(shape)
+        group["static_quantiles"][...] = static.quantiles.reshape(*shape, -1)
+        if found.joint is not None:
+            group["yield"][...] = [one.fraction for one in found.yields]
+            group["yield_interval"][...] = [(one.low, one.high) for one in found.yields]
+            group.attrs["yield_of_all"] = found.joint.fraction
+            group.attrs["yield_of_all_interval"] = (found.joint.low, found.joint.high)
+        if found.indices is not None:
+            for name, values in vars(found.indices).items():
+                group[f"sobol_{name}"][...] = values
+
+
+def indexed(job: RandomBuilds) -> tuple[Quantity, ...]:
+    """Quantities that have Sobol indices: modes, the coupling, statics and those required."""
+    names = job.names
+    coupling = names.parse("coupling", "", {})
+    required = [item.quantity for item in job.requirements]
+    return tuple(dict.fromkeys((*names.every_mode(), coupling, *names.every_static(), *required)))
+
+
 def reconstruct_job(group: Any, text: str, level: str) -> RandomBuilds:
     """Reconstruct the job of a group from the text of its design and the name of its model."""
-    known = (SUPPORT, *(stage.name for stage in parse(text).stage), FRAME)
+    known = (SUPPORT, *(stage.name for stage in parse_design(text).stage), FRAME)
     drive, over, under = (
         signals.parse(str(group.attrs[name]), name, known) for name in ("input", "over", "under")
     )
@@ -54,7 +130,20 @@ def reconstruct_job(group: Any, text: str, level: str) -> RandomBuilds:
         0, 1, "", drive, over, under, tuple(group["coupling_frequency"][:].tolist())
     )
     seed = int(group.attrs["seed"])
-    return RandomBuilds(text, len(group["status"]), seed, question, level=level)
+    job = RandomBuilds(
+        text,
+        len(group["status"]),
+        seed,
+        question,
+        level=level,
+        method=str(group.attrs.get("sampling", RANDOM)),
+        with_indices=bool(group.attrs.get("sobol_indices", False)),
+    )
+    if "requirement" not in group:
+        return job
+    ratios: dict[Ratio, int] = {}
+    texts = group["requirement"].asstr()[:]
+    return job.requiring(tuple(parse(text, job.names, ratios) for text in texts))
 
 
 def summarise(path: Path | str, job: RandomBuilds, limit: float) -> Summary:
@@ -64,31 +153,22 @@ def summarise(path: Path | str, job: RandomBuilds, limit: float) -> Summary:
 
 
 def summarise_group(group: Any, job: RandomBuilds, limit: float) -> Summary:
-    """Compute the statistics of a group, with one column of frequencies in memory at a time."""
+    """Compute the statistics of a group, with one column of results in memory at a time."""
+    points, nominal = job.points, job.nominal
     status = group["status"][:]
-    good = status == builds.GOOD
-    nominal, count = job.nominal, len(status)
-    statistics, sample, ranked = [], [], []
-    for n in range(len(nominal.omega_squared)):
-        column = group["frequency"][:, n]
-        values = column[good]
-        statistics.append(
-            (values.mean(), values.std(), *np.quantile(values, QUANTILES))
-            if len(values)
-            else (np.nan,) * (2 + len(QUANTILES))
-        )
-        sample.append(
-            values[:MAX_POINTS] / nominal.frequency[n] - 1
-            if nominal.frequency[n]
-            else np.zeros(len(values[:MAX_POINTS]))
-        )
-        ranked.append(column[:RANKED])
-    magnitude = np.abs(group["ratio"][:, -1])
-    table = np.array(statistics)
-    first = slice(0, min(RANKED, count))
-    kept = good[first]
-    deviations = job.deviations(0, first.stop)[kept]
-    ordered = np.sort(magnitude[good])
+    rows = slice(0, points.independent)
+    view = _View(group, job, rows)
+    kept = view.kept
+    modes = view.spread(job.names.every_mode())
+    static = view.spread(job.names.every_static() if "static" in group else ())
+    required = tuple(dict.fromkeys(item.quantity for item in job.requirements))
+    with np.errstate(all="ignore"):
+        sample = np.where(nominal.frequency > 0, modes.sample / nominal.frequency - 1, 0.0)
+    coupling = job.names.parse("coupling", "", {})
+    whole = coupling.read(group, rows)
+    magnitude = whole[view.good]
+    ordered = np.sort(magnitude)
+    met = magnitude < limit
     thinned = (
         np.unique(
             np.linspace(0, len(ordered) - 1, min(MAX_POINTS, len(ordered))).round().astype(int)
@@ -96,26 +176,128 @@ def summarise_group(group: Any, job: RandomBuilds, limit: float) -> Summary:
         if len(ordered)
         else np.zeros(0, dtype=int)
     )
+    ranked, size = whole[: len(kept)][kept][:, None], np.abs(view.deviations)
+    with_sign = signed(group["ratio"][: len(kept), -1][kept])[:, None]
+    yields, joint = _yields(group, job.requirements, points)
+    names = indexed(job) if job.with_indices else ()
     return Summary(
-        builds=count,
-        good=int(good.sum()),
+        builds=len(status),
+        good=int((status == builds.GOOD).sum()),
+        independent=points.independent,
         failures=count_failures(status),
         label=tuple(nominal.label),
         nominal=nominal.frequency,
-        mean=table[:, 0],
-        spread=table[:, 1],
-        quantiles=table[:, 2:],
+        mean=modes.mean,
+        mean_error=modes.error,
+        spread=modes.deviation,
+        quantiles=modes.quantiles,
         frequency=job.question.frequency[-1],
         limit=limit,
         under=float((ordered < limit).mean()) if len(ordered) else np.nan,
+        under_interval=_interval(met, points, np.flatnonzero(view.good)),
         ratio_quantiles=np.quantile(ordered, QUANTILES)
         if len(ordered)
         else np.full(len(QUANTILES), np.nan),
         ratio_sorted=ordered[thinned],
         factor=tuple(f.label for f in job.factors),
-        ratio_rank=rank_correlation(magnitude[first][kept][:, None], np.abs(deviations))[0],
-        mode_rank=rank_correlation(np.stack(ranked, axis=1)[kept], deviations),
-        sample=np.stack(sample, axis=1),
+        factor_unit=tuple(f.unit for f in job.factors),
+        ratio_rank=rank_correlation(ranked, size)[0],
+        signed_rank=rank_correlation(with_sign, view.deviations)[0],
+        signed_slope=slopes(with_sign, view.deviations)[0],
+        mode_rank=modes.rank,
+        mode_slope=modes.slope,
+        ranked=int(kept.sum()),
+        sample=sample,
+        static=static,
+        required=view.spread(required),
+        limits=tuple((item.low, item.high, item.magnitude) for item in job.requirements),
+        required_place=tuple(required.index(item.quantity) for item in job.requirements),
+        yields=yields,
+        joint=joint,
         ratio=f"{job.question.over.text} / {job.question.under.text}",
         seed=job.seed,
+        sampling=job.method,
+        group=job.groups if job.with_indices else (),
+        indexed=tuple(one.name for one in names),
+        indices=_indices(group, points, names) if names else None,
+    )
+
+
+class _View:
+    """The independent builds of a group, and the deviations of those that are ranked."""
+
+    def __init__(self, group: Any, job: RandomBuilds, rows: slice) -> None:
+        self.group, self.rows, self.points = group, rows, job.points
+        self.good = group["status"][rows] == builds.GOOD
+        self.kept = self.good[:RANKED]
+        self.deviations = job.deviations(0, len(self.kept))[self.kept]
+
+    def spread(self, quantities: tuple[Quantity, ...]) -> Spread:
+        """Compute the distributions of some quantities."""
+        statistics, sample, ranked = [], [], []
+        replicate = self.points.replicate(np.flatnonzero(self.good))
+        for one in quantities:
+            column = one.read(self.group, self.rows)
+            values = column[self.good]
+            error = standard_error(values, replicate if self.points.method == SOBOL else None)
+            statistics.append(
+                (values.mean(), error, values.std(), *np.quantile(values, QUANTILES))
+                if len(values)
+                else (np.nan,) * (3 + len(QUANTILES))
+            )
+            sample.append(values[:MAX_POINTS])
+            ranked.append(column[: len(self.kept)][self.kept])
+        table = np.array(statistics).reshape(-1, 3 + len(QUANTILES))
+        results = np.array(ranked).reshape(len(ranked), int(self.kept.sum())).T
+        return Spread(
+            name=tuple(one.name for one in quantities),
+            unit=tuple(one.unit for one in quantities),
+            mean=table[:, 0],
+            error=table[:, 1],
+            deviation=table[:, 2],
+            quantiles=table[:, 3:],
+            rank=rank_correlation(results, self.deviations),
+            slope=slopes(results, self.deviations),
+            sample=np.array(sample).T if sample else np.zeros((0, 0)),
+        )
+
+
+def _yields(
+    group: Any, requirements: tuple[Requirement, ...], points: SamplePoints
+) -> tuple[tuple[Yield, ...], Yield | None]:
+    """Fractions of the independent builds that meet each requirement, and all together."""
+    rows = slice(0, points.independent)
+    every = np.ones(points.independent, dtype=bool)
+    found = []
+    for item in requirements:
+        met = item.is_met(item.quantity.read(group, rows))
+        every &= met
+        found.append(_yield_of(item.shown, met, points))
+    return tuple(found), _yield_of("all together", every, points) if found else None
+
+
+def _yield_of(name: str, met: Any, points: SamplePoints) -> Yield:
+    interval = _interval(met, points, np.arange(len(met)))
+    return Yield(name, float(met.mean()), *interval)
+
+
+def _interval(met: Any, points: SamplePoints, build: Any) -> tuple[float, float]:
+    """Confidence interval of the fraction of builds (b,), given by number, that meet something."""
+    if points.method == SOBOL:
+        return replicate_interval(met, points.replicate(build))
+    return wilson_interval(int(met.sum()), len(met))
+
+
+def _indices(group: Any, points: SamplePoints, quantities: tuple[Quantity, ...]) -> SobolIndices:
+    """Sobol indices of quantities, one of them in memory at a time."""
+    replicate = points.replicate(np.arange(points.rows))
+    found = [
+        sobol_indices(one.read(group).reshape(points.blocks, points.rows, 1), replicate)
+        for one in quantities
+    ]
+    return SobolIndices(
+        *(
+            np.concatenate([getattr(one, name) for one in found], axis=-1)
+            for name in SobolIndices.__dataclass_fields__
+        )
     )

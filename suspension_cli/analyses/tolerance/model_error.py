@@ -47,15 +47,16 @@ class _Extremes(RandomBuilds):
 def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str]]:
     """Return the change of the results of random builds, as `model_choice.for_builds` takes it.
 
-    Frequencies and couplings of the nominal build and of extreme ones are compared, couplings
-    relative to the largest of these. The effect of wire mass on frequencies is estimated for the
+    Frequencies, couplings and statics of the nominal build and of extreme ones are compared;
+    couplings and responses relative to the largest of these, statics to the largest displacement
+    or rotation. The effect of wire mass on frequencies is estimated for the
     nominal build. The change is infinite where a build has an equilibrium in one model alone.
     """
 
     @cache
     def solved(level: str) -> tuple[_Extremes, dict[str, Any]]:
         fields = (job.text, job.count, job.seed, job.question, job.allow_unstable)
-        extremes = _Extremes(*fields, level)
+        extremes = _Extremes(*fields, level, job.requirements)
         return extremes, extremes.compute(0, *extremes.shape)
 
     def change(simple: Model, refined: Model) -> tuple[float, str]:
@@ -66,6 +67,17 @@ def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str
         if np.isnan(coupling):
             return coupling, NO_BUILD
         changes = [(coupling, "the cross-coupling")]
+        changes += [
+            (relative_change(old["static"][..., part], new["static"][..., part]), what)
+            for part, what in (
+                (slice(3), "static displacements"),
+                (slice(3, 6), "static rotations"),
+            )
+        ]
+        changes += [
+            (relative_change(old["response"][:, n], new["response"][:, n]), one.text)
+            for n, one in enumerate(job.ratios)
+        ]
         if refined.has_wire_mass:
             decision = auto.estimate_error(
                 job.design, Choice(simple.name, ""), lambda _: Frequencies()

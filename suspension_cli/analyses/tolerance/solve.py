@@ -1,21 +1,24 @@
-"""Mode frequencies and cross-coupling of random builds.
+"""Mode frequencies, cross-coupling and static pose of random builds.
 
 Each nominal mode is paired with the mode of the build whose shape overlaps it most.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from suspension_cli.analyses.tolerance.quantities import Names, Requirement
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, quotient_unit
 from suspension_cli.design import reader
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import eigenmodes, graded_eigenvalues
+from suspension_cli.linear import eigenmodes, graded_eigenvalues, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
+from suspension_cli.linear.named_results import Ratio
+from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.static_condensation import condense
 from suspension_cli.models import registry, string
 from suspension_cli.models.surroundings import surrounded
@@ -23,6 +26,7 @@ from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, sampling
 from suspension_cli.studies.builds import Column
+from suspension_cli.studies.sample_points import RANDOM, SamplePoints
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,12 @@ class RandomBuilds:
         Whether a build with an unstable equilibrium counts as valid.
     level : str
         Name of a model that supports imperfect builds.
+    requirements : tuple of Requirement
+        Those whose responses by name are computed too.
+    method : {"random", "sobol"}
+        Sampling, see `studies.sample_points`.
+    with_indices : bool
+        Whether the builds are those from which Sobol indices follow.
     """
 
     text: str
@@ -51,6 +61,9 @@ class RandomBuilds:
     question: CouplingRequest
     allow_unstable: bool = False
     level: str = registry.STRING.name
+    requirements: tuple[Requirement, ...] = ()
+    method: str = RANDOM
+    with_indices: bool = False
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -65,16 +78,22 @@ class RandomBuilds:
     @property
     def identity(self) -> str:
         """Text that differs between different jobs of one design."""
-        return repr((self.count, self.seed, self.question, self.allow_unstable, self.level))
+        fields = (self.count, self.seed, self.question, self.allow_unstable, self.level)
+        further = (self.requirements, self.method, self.with_indices)
+        return repr((*fields, *further))
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Datasets of the file: number, frequencies, cross-coupling and status of each build."""
+        """Datasets of the file: frequencies, couplings, statics and status of each build."""
         ratio = quotient_unit(self.question.over, self.question.under)
+        bodies, named = len(self.scene.bodies.name), len(self.ratios)
+        response = Column("response", "c16", (named,), "SI, see response_unit", ("response_name",))
         return (
             Column("build", "u4", (), "1"),
             Column("frequency", "f8", (len(self.nominal.omega_squared),), "Hz", ("mode",)),
             Column("ratio", "c16", (len(self.question.frequency),), ratio, ("coupling_frequency",)),
+            Column("static", "f8", (bodies, 6), "m; rad for rotations", ("stage", "static_dof")),
+            *((response,) if named else ()),
             Column("residual", "f8", (), "1"),
             Column("status", "u1", (), "1"),
             Column("slack_wire", "i2", (), "1"),
@@ -95,6 +114,25 @@ class RandomBuilds:
         """Numbers of the design that vary between builds."""
         return sampling.factors(self.design, self.scene)
 
+    @property
+    def ratios(self) -> tuple[Ratio, ...]:
+        """Responses and couplings by their own names that requirements limit."""
+        found = [item.quantity.ratio for item in self.requirements]
+        return tuple(dict.fromkeys(ratio for ratio in found if ratio is not None))
+
+    @cached_property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the tolerances, each of one number or several."""
+        return tuple(dict.fromkeys(factor.group for factor in self.factors))
+
+    @cached_property
+    def points(self) -> SamplePoints:
+        """Points of the unit cube that the deviations are drawn from."""
+        groups = [self.groups.index(factor.group) for factor in self.factors]
+        return SamplePoints(
+            self.method, self.seed, self.count, tuple(groups) if self.with_indices else ()
+        )
+
     @cached_property
     def _start(self) -> tuple[eigenmodes.Modes, Array, Index]:
         """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
@@ -110,13 +148,23 @@ class RandomBuilds:
         """Modes of the design without random deviations, but with its own perturbations."""
         return self._start[0]
 
+    @cached_property
+    def names(self) -> Names:
+        """Names that quantities of the builds may have."""
+        model = registry.STRING.system(self.design)
+        return Names(self.nominal, self.scene.bodies.name, signals.bodies_with_signals(model))
+
+    def requiring(self, requirements: tuple[Requirement, ...]) -> RandomBuilds:
+        """The job with requirements."""
+        return replace(self, requirements=requirements)
+
     def check(self) -> None:
         """Raise `InputError` if there is no table of tolerances, or a signal is invalid."""
         self.compute(0, 1)
 
     def deviations(self, start: int, stop: int) -> Array:
         """Random deviations (p, factors) of builds start to stop - 1."""
-        return sampling.deviations(self.factors, self.seed, start, stop)
+        return sampling.deviations(self.factors, self.points.of(start, stop, len(self.factors)))
 
     def compute(self, start: int, stop: int) -> dict[str, Any]:
         """Compute builds start to stop - 1: arrays of that length by the names of `columns`."""
@@ -126,25 +174,41 @@ class RandomBuilds:
         )
         with np.errstate(all="ignore"):
             omega_squared = follow_modes(found, self._start[1], self._start[2])
-            outputs = builds.transfer(
-                found,
-                np.array(self.question.frequency),
-                [self.question.input],
-                [self.question.over, self.question.under],
-            )[..., 0]
-            ratio = outputs[..., 0] / outputs[..., 1]
+            asked = self.question
+            ratio = _ratio(found, asked.frequency, asked.input, asked.over, asked.under)
+            response = [
+                _ratio(found, (one.frequency,), one.input, one.over, one.under)[:, 0]
+                for one in self.ratios
+            ]
             frequency = np.sqrt(
                 omega_squared if self.allow_unstable else np.maximum(omega_squared, 0.0)
             ) / (2 * np.pi)
-        frequency[found.status != builds.GOOD] = np.nan
+        failed = found.status != builds.GOOD
+        frequency[failed] = np.nan
+        static = np.where(failed[:, None, None], np.nan, found.static)
         return {
             "build": np.arange(start, stop, dtype=np.uint32),
             "frequency": frequency,
             "ratio": ratio,
+            "static": static,
+            **({"response": np.stack(response, axis=-1)} if response else {}),
             "residual": found.residual,
             "status": found.status,
             "slack_wire": found.wire,
         }
+
+
+def _ratio(
+    found: builds.Builds,
+    frequency: tuple[float, ...],
+    into: Signal,
+    over: Signal,
+    under: Signal | None,
+) -> Any:
+    """Response (p, f) of builds, or ratio of two."""
+    outputs = [over] if under is None else [over, under]
+    value = builds.transfer(found, np.array(frequency), [into], outputs)[..., 0]
+    return value[..., 0] if under is None else value[..., 0] / value[..., 1]
 
 
 def follow_modes(found: builds.Builds, shapes: Array, keep: Any) -> Array:

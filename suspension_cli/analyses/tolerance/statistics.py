@@ -1,4 +1,4 @@
-"""Statistics of random builds: quantiles, fraction below a limit, rank correlations."""
+"""Statistics of builds: quantiles, yields, rank correlations."""
 
 from __future__ import annotations
 
@@ -8,11 +8,71 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.scene.arrays import Array
+from suspension_cli.studies.sobol_indices import SobolIndices
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 """Quantiles that are reported."""
 RANKED = 20_000
 """Number of first builds that rank correlations are computed from, with an error below 0.01."""
+SIGNIFICANT = 3.0
+"""Smallest correlation that is shown, in standard deviations, 1/sqrt(N), of that of N builds of
+uncorrelated numbers."""
+
+
+@dataclass(frozen=True)
+class Yield:
+    """Fraction of builds that meet a requirement, or all.
+
+    Attributes
+    ----------
+    name : str
+        The requirement.
+    fraction : float
+        Builds without equilibrium count as not meeting it.
+    low, high : float
+        Ends of the 95 % confidence interval.
+    """
+
+    name: str
+    fraction: float
+    low: float
+    high: float
+
+    @property
+    def percent(self) -> str:
+        """The fraction and its interval in words."""
+        low, high = 100 * self.low, 100 * self.high
+        return f"{100 * self.fraction:.4g} % (95 % confidence: {low:.3g} to {high:.3g} %)"
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Distribution of some results over the builds: r results, f numbers that vary.
+
+    Attributes
+    ----------
+    name, unit : tuple of str
+    mean, error, deviation : (r,) arrays
+        Mean, its standard error, and standard deviation.
+    quantiles : (r, 7) array
+        At `QUANTILES`.
+    rank : (r, f) array
+        Rank correlations with the deviations of the numbers.
+    slope : (r, f) array
+        Change per unit of each deviation: that of the least-squares line.
+    sample : (b, r) array
+        Values of some builds, for figures.
+    """
+
+    name: tuple[str, ...]
+    unit: tuple[str, ...]
+    mean: Array
+    error: Array
+    deviation: Array
+    quantiles: Array
+    rank: Array
+    slope: Array
+    sample: Array
 
 
 @dataclass(frozen=True)
@@ -23,14 +83,16 @@ class Summary:
     ----------
     builds, good : int
         Number of builds, and of those with an equilibrium on taut wires.
+    independent : int
+        Number of first builds that statistics are of: all, but with Sobol indices two blocks.
     failures : dict of str to int
         Number of builds by reason of failure.
     label : tuple of str
         Labels of the nominal modes.
     nominal : (m,) array
         Their frequencies, Hz.
-    mean, spread : (m,) arrays
-        Mean and standard deviation over the builds, Hz.
+    mean, mean_error, spread : (m,) arrays
+        Mean, its standard error, and standard deviation over the builds, Hz.
     quantiles : (m, 7) array
         Quantiles of the frequencies at `QUANTILES`, Hz.
     frequency : float
@@ -39,43 +101,90 @@ class Summary:
         Limit on the cross-coupling.
     under : float
         Fraction of the good builds with |ratio| below the limit.
+    under_interval : (float, float)
+        Its 95 % confidence interval.
     ratio_quantiles : (7,) array
         Quantiles of |ratio| at `QUANTILES`.
     ratio_sorted : (b,) array
         |ratio| of good builds in ascending order, thinned to a few thousand points.
-    factor : tuple of str
-        Names of the numbers that vary.
+    factor, factor_unit : tuple of str
+        Names of the numbers that vary, and the units of their deviations.
     ratio_rank : (factors,) array
         Rank correlation of |ratio| with the absolute value of each deviation.
-    mode_rank : (m, factors) array
-        Rank correlation of each frequency with each deviation.
+    signed_rank, signed_slope : (factors,) arrays
+        Rank correlation of the ratio with its sign, see `signed`, with each deviation, and its
+        change per unit of that (least squares).
+    mode_rank, mode_slope : (m, factors) arrays
+        Rank correlation of each frequency with each deviation, and its change, Hz per unit.
+    ranked : int
+        Number of builds that correlations are of.
     sample : (b, m) array
         Frequencies of some builds over nominal less 1, for figures.
+    static : Spread
+        Static displacements (m) and rotations (rad) of the stages.
+    required : Spread
+        Quantities with requirements.
+    limits : tuple of (float, float, bool)
+        Of each requirement: least and largest value, and whether of the magnitude.
+    required_place : tuple of int
+        Number of the quantity of each requirement in `required`.
+    yields : tuple of Yield
+        Of each requirement.
+    joint : Yield or None
+        Of all together.
     ratio : str
         Name of the cross-coupling, ``test.x / test.z``.
     seed : int
         Seed of the random numbers.
+    sampling : str
+        ``random`` or ``sobol``.
+    group, indexed : tuple of str
+        Names of the tolerances and of the results of the Sobol indices.
+    indices : SobolIndices or None
     """
 
     builds: int
     good: int
+    independent: int
     failures: dict[str, int]
     label: tuple[str, ...]
     nominal: Array
     mean: Array
+    mean_error: Array
     spread: Array
     quantiles: Array
     frequency: float
     limit: float
     under: float
+    under_interval: tuple[float, float]
     ratio_quantiles: Array
     ratio_sorted: Array
     factor: tuple[str, ...]
+    factor_unit: tuple[str, ...]
     ratio_rank: Array
+    signed_rank: Array
+    signed_slope: Array
     mode_rank: Array
+    mode_slope: Array
+    ranked: int
     sample: Array
+    static: Spread
+    required: Spread
+    limits: tuple[tuple[float, float, bool], ...]
+    required_place: tuple[int, ...]
+    yields: tuple[Yield, ...]
+    joint: Yield | None
     ratio: str
     seed: int
+    sampling: str
+    group: tuple[str, ...] = ()
+    indexed: tuple[str, ...] = ()
+    indices: SobolIndices | None = None
+
+    @property
+    def significant(self) -> float:
+        """Smallest rank correlation that is shown, 3/sqrt(N) of N builds."""
+        return SIGNIFICANT / np.sqrt(self.ranked) if self.ranked else np.inf
 
 
 def rank_correlation(a: Array, b: Array) -> Array:
@@ -99,7 +208,39 @@ def rank_correlation(a: Array, b: Array) -> Array:
     return result[: a.shape[1], a.shape[1] :]
 
 
+def signed(ratio: Any) -> Array:
+    """Real numbers (p,) that stand for complex ones: parts along the phase in which most vary.
+
+    Small imperfections add up with their signs, which magnitudes hide. A real ratio is kept.
+
+    >>> signed(np.array([2.0, -1.0, 0.5]) * (1 + 0j))
+    array([ 2. , -1. ,  0.5])
+    """
+    if not len(ratio):
+        return np.zeros(0)
+    phase = np.angle(((ratio - ratio.mean()) ** 2).sum()) / 2
+    return (ratio * np.exp(-1j * phase)).real
+
+
+def slopes(a: Array, b: Array) -> Array:
+    """Slopes (n, m) of the least-squares lines of the columns of a (p, n) over those of b (p, m).
+
+    >>> slopes(np.array([[1.0], [3.0], [5.0]]), np.array([[0.0], [1.0], [2.0]]))
+    array([[2.]])
+    """
+    if not len(a):
+        return np.zeros((a.shape[1], b.shape[1]))
+    apart = b - b.mean(0)
+    square = (apart**2).sum(0)
+    return (a - a.mean(0)).T @ apart / np.where(square > 0, square, 1.0)
+
+
 def leading(correlation: Array, names: tuple[str, ...], count: int = 5) -> list[tuple[str, float]]:
     """List names and values of the `count` strongest correlations, strongest first."""
+    return [(names[n], float(correlation[n])) for n in strongest(correlation, count)]
+
+
+def strongest(correlation: Array, count: int, least: float = 0.0) -> list[int]:
+    """Numbers of the `count` strongest correlations above a least size, strongest first."""
     order = np.argsort(-np.abs(correlation), kind="stable")[:count]
-    return [(names[n], float(correlation[n])) for n in order]
+    return [int(n) for n in order if abs(correlation[n]) > least]

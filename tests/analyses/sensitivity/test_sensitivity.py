@@ -395,7 +395,35 @@ def test_the_command(tmp_path):
         np.testing.assert_array_equal(
             stored["sensitivity/derivative"][:], np.array(answer["derivative"], dtype=float)
         )
-    place = [item["name"] for item in answer["parameters"]].index("constants.gravity")
+        np.testing.assert_array_equal(
+            stored["sensitivity/per_step"][:], np.array(answer["per_step"], dtype=float)
+        )
+    named = {item["name"]: (n, item) for n, item in enumerate(answer["parameters"])}
+    place, item = named["stage.test.wires.d"]
+    assert (item["step"], item["step_unit"]) == (1e-3, "mm")
+    # of the pitch mode, in % per mm: by the design itself, a micrometre longer and shorter
+    pitch = next(n for n, one in enumerate(answer["results"]) if one["name"] == "test pitch")
+    there = [
+        strict_json(
+            run(
+                "modes",
+                file,
+                "--json",
+                "--out",
+                tmp_path,
+                "--fidelity",
+                answer["fidelity"],
+                "--set",
+                f"stage.test.wires.d={item['value'] + shift!r}",
+            ).stdout
+        )["modes"][pitch]["frequency_hz"]
+        for shift in (1e-6, -1e-6)
+    ]
+    slope = 100 * 1e-3 * (there[0] - there[1]) / 2e-6 / answer["results"][pitch]["nominal"]
+    assert answer["per_step"][place][pitch] == pytest.approx(slope, rel=1e-3)
+    place, item = named["constants.gravity"]
+    assert item["step_unit"] == "%"
+    assert answer["per_step"][place] == answer["one_percent"][place]
     assert len(answer["results"]) == 18
     derivative, percent = answer["derivative"][place][0], answer["one_percent"][place][0]
     assert percent == pytest.approx(derivative * 9.81 / answer["results"][0]["nominal"], rel=1e-12)

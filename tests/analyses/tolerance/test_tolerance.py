@@ -23,7 +23,7 @@ from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import beam as beam_model
 from suspension_cli.models import string as string_model
 from suspension_cli.models.surroundings import surrounded
-from suspension_cli.studies import builds, sampling
+from suspension_cli.studies import builds, sample_points, sampling
 from tests.support import scenes
 from tests.support.golden import CONFIGS
 from tests.support.paper import table_1
@@ -50,6 +50,11 @@ def scattering(*spreads):
     )
 
 
+def drawn_by(chosen, seed, start, stop):
+    """Deviations of random builds."""
+    return sampling.deviations(chosen, sample_points.uniforms(seed, start, stop, len(chosen)))
+
+
 def job_of(raw, count=100, seed=1, **more):
     """Random builds of a parsed design."""
     names = ("support", *(stage["name"] for stage in raw["stage"]))
@@ -67,7 +72,7 @@ def job_of(raw, count=100, seed=1, **more):
 def test_distributions(kind):
     spread, expected = SPREADS[kind]
     count = 50_000
-    drawn = sampling.deviations(scattering(spread, spread, spread), 3, 0, count)
+    drawn = drawn_by(scattering(spread, spread, spread), 3, 0, count)
     for column in drawn.T:
         # Kolmogorov and Smirnov: above this once in a hundred; the seed is fixed
         assert stats.kstest(column, expected.cdf).statistic < 1.63 / np.sqrt(count)
@@ -81,14 +86,12 @@ def test_distributions(kind):
     assert np.abs(correlation - np.eye(9)).max() < 5 / np.sqrt(count)
 
 
-def test_the_ends_of_the_uniform_numbers(monkeypatch):
+def test_the_ends_of_the_uniform_numbers():
     """The smallest and the largest number that a generator can give: finite, within bounds, and as
     far out as each other."""
-    monkeypatch.setattr(
-        sampling, "uniforms", lambda *_: np.array([[0.0] * 5, [1 - 2.0**-53] * 5, [0.5] * 5])
-    )
     low, high, middle = sampling.deviations(
-        scattering(*(spread for spread, _ in SPREADS.values())), 0, 0, 3
+        scattering(*(spread for spread, _ in SPREADS.values())),
+        np.array([[0.0] * 5, [1 - 2.0**-53] * 5, [0.5] * 5]),
     )
     bound = np.array([2e-3 * 9, 5e-4, 3e-3, 1e-4, 2e-3 * 9])
     assert (np.abs(low) <= bound).all()
@@ -107,13 +110,13 @@ def test_the_ends_of_the_uniform_numbers(monkeypatch):
 )
 def test_a_build_draws_the_same_numbers_whoever_is_drawn_with_it(seed, start, ahead, count, width):
     chosen = scattering(*(spread for spread, _ in (list(SPREADS.values()) * 2)[:width]))
-    several = sampling.deviations(chosen, seed, start, start + ahead + count)
+    several = drawn_by(chosen, seed, start, start + ahead + count)
     assert np.array_equal(
-        several[ahead:], sampling.deviations(chosen, seed, start + ahead, start + ahead + count)
+        several[ahead:], drawn_by(chosen, seed, start + ahead, start + ahead + count)
     )
     assert len(np.unique(several)) == several.size
     assert not np.isin(
-        several, sampling.deviations(chosen, (seed + 1) % 2**64, start, start + ahead + count)
+        several, drawn_by(chosen, (seed + 1) % 2**64, start, start + ahead + count)
     ).any()
 
 

@@ -95,9 +95,25 @@ def test_every_dataset_has_units_and_scales(tmp_path):
             "mode_label": ("mode",),
         }
         shapes |= dict.fromkeys(("residual", "status", "slack_wire"), ("build",)) | {
-            "nominal_frequency": ("mode",)
+            "nominal_frequency": ("mode",),
+            "factor_group": ("factor",),
+            "static": ("build", "stage", "static_dof"),
+            "static_quantiles": ("stage", "static_dof", "quantile"),
         }
-        assert set(group) == {*shapes, "build", "mode", "factor", "coupling_frequency"}
+        of_stage = ("static_mean", "static_mean_error", "static_std")
+        shapes |= dict.fromkeys(of_stage, ("stage", "static_dof"))
+        shapes |= {"yield": ("requirement",), "yield_interval": ("requirement", "interval")}
+        scales = {
+            "requirement",
+            "interval",
+            "build",
+            "mode",
+            "factor",
+            "coupling_frequency",
+            "stage",
+            "static_dof",
+        }
+        assert set(group) == {*shapes, *scales, "quantile"}
         for name, axes in shapes.items():
             assert [axis[0].name for axis in group[name].dims] == [
                 f"/tolerance/{axis}" for axis in axes
@@ -113,6 +129,8 @@ def test_one_factor_explains_everything(tmp_path):
     [(name, value)] = answer["coupling"]["leading"]
     assert name == "test.1 length"
     assert value == pytest.approx(1.0, abs=1e-12)
+    [(name, value)] = answer["coupling"]["leading_signed"]
+    assert (name, abs(value)) == ("test.1 length", pytest.approx(1.0, abs=1e-12))
     file = scattered(tmp_path, body=[{"stage": "test", "mass": {"normal": 0.001}}])
     answer = tolerance(file, tmp_path)
     vertical = next(mode for mode in answer["modes"] if mode["label"] == "test vertical")

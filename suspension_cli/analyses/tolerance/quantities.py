@@ -1,0 +1,278 @@
+"""Results of builds by name, requirements on them, and how both are written.
+
+A quantity is the frequency of a mode (by label or number), ``coupling`` (the magnitude of the
+analysis' cross-coupling at its last frequency), a static displacement or rotation such as ``test
+static pitch``, or the magnitude of a response or coupling by its own name
+(`linear.named_results`). A requirement is ``QUANTITY in LEAST:LARGEST``, ``QUANTITY < LIMIT`` or
+``QUANTITY > LIMIT``, the last two of the magnitude.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.faults import suggest
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear import named_results
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.named_results import Mode, Ratio
+from suspension_cli.scene.arrays import Array
+
+COUPLING = "coupling"
+"""Name of the cross-coupling of the analysis."""
+STATIC = ("x", "y", "height", "roll", "pitch", "yaw")
+"""Names of static displacements and rotations, in the order of a body's coordinates."""
+SHOWN = {"m": ("mm", 1e3), "rad": ("mrad", 1e3)}
+"""Units in which statics are shown, and their number per SI unit."""
+SYNTAX = "write 'QUANTITY in LEAST:LARGEST', 'QUANTITY < LIMIT' or 'QUANTITY > LIMIT', in SI units"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One result of every build.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+        SI; Hz of modes.
+    column : str
+        Dataset with its values.
+    place : tuple of int
+        Where they are in a row of the dataset.
+    ratio : Ratio or None
+        Of a response or coupling by its own name.
+    """
+
+    name: str
+    unit: str
+    column: str
+    place: tuple[int, ...]
+    ratio: Ratio | None = None
+
+    @property
+    def shown(self) -> tuple[str, float]:
+        """Unit in which it is shown, and its number per SI unit."""
+        return SHOWN.get(self.unit, (self.unit, 1.0)) if self.column == "static" else (self.unit, 1)
+
+    def read(self, group: Any, rows: slice = slice(None)) -> Array:
+        """Read its values in builds, (b,); magnitudes of complex ones, NaN where a build failed."""
+        values = group[self.column][(rows, *self.place)]
+        return np.abs(values) if np.iscomplexobj(values) else values
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A requirement on one quantity.
+
+    Attributes
+    ----------
+    quantity : Quantity
+    low, high : float
+        Least and largest value, SI; infinite where there is no limit.
+    magnitude : bool
+        Whether the magnitude must be below `high` or above `low`, and not at it.
+    """
+
+    quantity: Quantity
+    low: float
+    high: float
+    magnitude: bool
+
+    @property
+    def text(self) -> str:
+        """The requirement as ``--require`` takes it, exact to the last digit."""
+        name, low, high = self.quantity.name, self.low, self.high
+        if not self.magnitude:
+            return f"{name} in {low!r}:{high!r}"
+        return f"{name} < {high!r}" if high < math.inf else f"{name} > {low!r}"
+
+    @property
+    def shown(self) -> str:
+        """The requirement as people read it."""
+        unit, per = self.quantity.shown
+        low, high, name = self.low * per, self.high * per, self.quantity.name
+        end = f" {unit}" if unit != "1" else ""
+        if not self.magnitude:
+            return f"{name} in {low:g} to {high:g}{end}"
+        sign, limit = ("<", high) if high < math.inf else (">", low)
+        return (
+            f"|{name}| {sign} {limit:g}{end}"
+            if self.quantity.column == "static"
+            else (f"{name} {sign} {limit:g}{end}")
+        )
+
+    def is_met(self, values: Array) -> Any:
+        """Whether builds meet it, bool (b,), by the values (b,); those that failed do not."""
+        if self.magnitude:
+            size = np.abs(values)
+            return (size > self.low) & (size < self.high)
+        return (values >= self.low) & (values <= self.high)
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names that quantities of a design may have.
+
+    Attributes
+    ----------
+    modes : Modes
+        Nominal modes.
+    stages : tuple of str
+    known : tuple of str
+        Bodies with signals.
+    """
+
+    modes: Modes
+    stages: tuple[str, ...]
+    known: tuple[str, ...]
+
+    def every_mode(self) -> tuple[Quantity, ...]:
+        """List the frequencies of all modes."""
+        names = named_results.labels(self.modes)
+        return tuple(Quantity(name, "Hz", "frequency", (n,)) for n, name in enumerate(names))
+
+    def every_static(self) -> tuple[Quantity, ...]:
+        """List all static displacements and rotations."""
+        return tuple(
+            Quantity(f"{stage} static {name}", "m" if i < 3 else "rad", "static", (n, i))
+            for n, stage in enumerate(self.stages)
+            for i, name in enumerate(STATIC)
+        )
+
+    def parse(self, text: str, key: str, ratios: dict[Ratio, int]) -> Quantity:
+        """Parse the name of a quantity.
+
+        Parameters
+        ----------
+        text : str
+        key : str
+            Key or option to name in error messages.
+        ratios : dict
+            Places of responses by their own names; new ones are added.
+        """
+        text = " ".join(text.split())
+        plain = {item.name: item for item in self.every_static()}
+        if text.endswith(" static z"):
+            text = f"{text[:-1]}height"
+        if text == COUPLING:
+            return Quantity(COUPLING, "1", "ratio", (-1,))
+        if text in plain:
+            return plain[text]
+        if "/" in text:
+            [ratio] = named_results.parse([text], self.modes, self.known, key)
+            assert isinstance(ratio, Ratio)
+            place = ratios.setdefault(ratio, len(ratios))
+            return Quantity(ratio.text, ratio.unit, "response", (place,), ratio)
+        labels = named_results.labels(self.modes)
+        if text.isdigit() or text in (*labels, *self.modes.label):
+            [mode] = named_results.parse([text], self.modes, (), key)
+            assert isinstance(mode, Mode)
+            return Quantity(mode.text, "Hz", "frequency", (mode.number,))
+        close = suggest(text, [*labels, COUPLING, *plain])
+        remedy = (
+            close
+            if close.startswith("did you mean")
+            else "give a mode's label (pendsus modes lists them), coupling, STAGE static"
+            f" {'|'.join(STATIC)}, or a response OUTPUT/INPUT:FREQUENCY"
+        )
+        raise InputError([Fault(key, "is no quantity of builds", remedy, format_value(text))])
+
+
+def with_responses(
+    design: Design, options: tuple[str, ...], names: Names
+) -> tuple[Requirement, ...]:
+    """Parse the requirements on responses by their own names alone, which no model changes.
+
+    Faults are left to `requirements`.
+    """
+    some = [item for item in _calls(design, options, names) if "/" in item[0]]
+    found: list[Requirement] = []
+    for _, call in some:
+        with contextlib.suppress(InputError):
+            found.append(call())
+    return tuple(dict.fromkeys(found))
+
+
+def requirements(design: Design, options: tuple[str, ...], names: Names) -> tuple[Requirement, ...]:
+    """Parse the requirements of a design and of ``--require``.
+
+    Raises
+    ------
+    InputError
+        With the faults of all.
+    """
+    found: list[Requirement] = []
+    faults: list[Fault] = []
+    for _, call in _calls(design, options, names):
+        try:
+            found.append(call())
+        except InputError as error:
+            faults += error.faults
+    if faults:
+        raise InputError(faults)
+    return tuple(dict.fromkeys(found))
+
+
+def _calls(
+    design: Design, options: tuple[str, ...], names: Names
+) -> list[tuple[str, Callable[[], Requirement]]]:
+    """Texts of requirements, and calls that parse them."""
+    ratios: dict[Ratio, int] = {}
+    given = design.tolerance.require if design.tolerance else []
+    calls: list[tuple[str, Callable[[], Requirement]]] = []
+    for n, item in enumerate(given, 1):
+        low, high = item.band or (item.above or -math.inf, item.below or math.inf)
+
+        def of_table(
+            name: str = item.quantity,
+            key: str = f"tolerance.require.{n}.quantity",
+            limits: tuple[float, float, bool] = (low, high, item.band is None),
+        ) -> Requirement:
+            return Requirement(names.parse(name, key, ratios), *limits)
+
+        calls.append((item.quantity, of_table))
+    return [*calls, *((text, partial(parse, text, names, ratios)) for text in options)]
+
+
+def parse(
+    text: str, names: Names, ratios: dict[Ratio, int], option: str = "--require"
+) -> Requirement:
+    """Parse one requirement as ``--require`` takes it."""
+
+    def refused(problem: str, remedy: str) -> InputError:
+        return InputError([Fault(option, problem, remedy, format_value(text))])
+
+    band = re.fullmatch(r"\s*(.+?)\s+in\s+([^:\s]+)\s*:\s*([^:\s]+)\s*", text)
+    bound = re.fullmatch(r"\s*([^<>]+?)\s*([<>])\s*([^\s<>]+)\s*", text)
+    found = band or bound
+    if found is None:
+        raise refused("is no requirement", SYNTAX)
+    try:
+        numbers = [float(word) for word in (found.groups()[1:] if band else [found[3]])]
+    except ValueError:
+        raise refused("has a limit that is no number", SYNTAX) from None
+    if not all(map(math.isfinite, numbers)):
+        raise refused("has a limit that is not finite", SYNTAX)
+    if band:
+        low, high = numbers
+        if not low < high:
+            raise refused(
+                "is a reversed or empty band, so that no build is in it",
+                "give LEAST:LARGEST",
+            )
+    else:
+        [limit] = numbers
+        if not limit > 0:
+            raise refused("limits a magnitude by no number above zero", "give a positive limit")
+        low, high = (-math.inf, limit) if found[2] == "<" else (limit, math.inf)
+    return Requirement(names.parse(found[1], option, ratios), low, high, not band)

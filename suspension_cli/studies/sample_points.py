@@ -1,0 +1,162 @@
+"""Points of the unit cube from which builds are drawn: random or low-discrepancy, and the blocks
+that Sobol indices need.
+
+Random numbers are counter-based (Philox; Salmon et al., Proc. SC11 (2011)). Low-discrepancy points
+are those of `REPLICATES` independently scrambled Sobol sequences (Owen, J. Complexity 14, 466
+(1998)), whose scatter gives the error of a mean. The point of a build depends on nothing but its
+number, so builds can be drawn in any chunks.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.scene.arrays import Array
+
+RANDOM, SOBOL = "random", "sobol"
+METHODS = (RANDOM, SOBOL)
+"""Names of the methods of sampling."""
+REPLICATES = 8
+"""Number of scrambled sequences, and of batches from which errors of Sobol indices follow."""
+LEAST = 16
+"""Smallest number of points of a replicate."""
+LEAST_ROWS = 8
+"""Smallest number of points of a replicate, for Sobol indices."""
+BITS = 32
+"""Binary digits of the points of a Sobol sequence."""
+
+
+@dataclass(frozen=True)
+class SamplePoints:
+    """Points of the unit cube, one for each build.
+
+    Attributes
+    ----------
+    method : {"random", "sobol"}
+    seed : int
+    count : int
+        Number of builds; with groups, (k + 2) N.
+    groups : tuple of int
+        For Sobol indices: the group, from 0 to k - 1, of each coordinate. The builds are then
+        those of matrices A and B (N rows each) of independent points, and for each group of A with
+        the group's columns from B (Saltelli et al., Comput. Phys. Commun. 181, 259 (2010)).
+    """
+
+    method: str
+    seed: int
+    count: int
+    groups: tuple[int, ...] = ()
+
+    @property
+    def blocks(self) -> int:
+        """Number of matrices whose rows are the builds."""
+        return max(self.groups) + 3 if self.groups else 1
+
+    @property
+    def rows(self) -> int:
+        """Number of builds of each matrix."""
+        return self.count // self.blocks
+
+    @property
+    def independent(self) -> int:
+        """Number of first builds that are independent samples: A and B, or all."""
+        return min(self.blocks, 2) * self.rows
+
+    def replicate(self, build: Any) -> Any:
+        """Return the replicate, from 0 to `REPLICATES` - 1, of builds by number."""
+        return (np.asarray(build) % self.rows) * REPLICATES // self.rows
+
+    def of(self, start: int, stop: int, width: int) -> Array:
+        """Return the points (stop - start, width), in [0, 1), of builds start to stop - 1."""
+        pieces = [
+            self._of_block(block, first, last, width)
+            for block, first, last in _split(start, stop, self.rows)
+        ]
+        return np.concatenate(pieces) if pieces else np.zeros((0, width))
+
+    def _of_block(self, block: int, start: int, stop: int, width: int) -> Array:
+        """Points of some rows of one matrix."""
+        both = self._sequence(start, stop, width * min(self.blocks, 2))
+        if block < 2:
+            return both[:, block * width : (block + 1) * width]
+        from_b = np.array(self.groups) == block - 2
+        return np.where(from_b, both[:, width:], both[:, :width])
+
+    def _sequence(self, start: int, stop: int, width: int) -> Array:
+        if self.method == RANDOM:
+            return uniforms(self.seed, start, stop, width)
+        pieces = [
+            scrambled_sobol(self.seed, replicate, first, last, width)
+            for replicate, first, last in _split(start, stop, self.rows // REPLICATES)
+        ]
+        return np.concatenate(pieces)
+
+
+def largest_count(wanted: int, method: str, groups: int = 0) -> int:
+    """Largest number of builds, at most `wanted`, that a method can use; 0 if there is none.
+
+    Sobol sequences take `REPLICATES` times a power of two; Sobol indices of k groups take that for
+    each of k + 2 matrices, with either method.
+    """
+    if method == RANDOM and not groups:
+        return wanted
+    unit = REPLICATES * (groups + 2 if groups else 1)
+    rows = wanted // unit
+    if rows < (LEAST_ROWS if groups else LEAST):
+        return 0
+    return unit << (rows.bit_length() - 1)
+
+
+def smallest_count(groups: int = 0) -> int:
+    """Smallest number of builds of Sobol sequences, or of the Sobol indices of k groups."""
+    return REPLICATES * ((groups + 2) * LEAST_ROWS if groups else LEAST)
+
+
+def uniforms(seed: int, start: int, stop: int, width: int) -> Array:
+    """Uniform numbers in [0, 1) of builds start to stop - 1: (stop - start, width).
+
+    Each build takes a whole number of Philox blocks (four numbers each), so its numbers depend on
+    nothing but seed and build.
+    """
+    blocks = -(-width // 4)
+    stream = np.random.Philox(key=seed)
+    stream.advance(start * blocks)
+    return np.random.Generator(stream).random((stop - start, 4 * blocks))[:, :width]
+
+
+def scrambled_sobol(seed: int, replicate: int, start: int, stop: int, width: int) -> Array:
+    """Points start to stop - 1 of one scrambled Sobol sequence, (stop - start, width).
+
+    They are in the middle of the intervals that their binary digits stand for.
+    """
+    engine = _engine(seed, replicate, width)
+    engine.reset()
+    if start:
+        engine.fast_forward(start)
+    with warnings.catch_warnings():
+        # a part of a sequence need not have a power of two of points
+        warnings.simplefilter("ignore", UserWarning)
+        return engine.random(stop - start) + 0.5 ** (BITS + 1)
+
+
+@lru_cache(maxsize=REPLICATES)
+def _engine(seed: int, replicate: int, width: int) -> Any:
+    """One scrambled Sobol sequence; scrambling takes as long as some hundred builds."""
+    from scipy.stats import qmc
+
+    return qmc.Sobol(width, bits=BITS, rng=np.random.default_rng([seed, replicate]))
+
+
+def _split(start: int, stop: int, size: int) -> Iterator[tuple[int, int, int]]:
+    """Split a range at multiples of a size: number of the piece, and start and stop in it."""
+    while start < stop:
+        piece, first = divmod(start, size)
+        last = min(first + stop - start, size)
+        yield piece, first, last
+        start += last - first
