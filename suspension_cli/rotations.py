@@ -49,7 +49,7 @@ def rotation_matrix(vector: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarr
     return np.eye(3) + rotation_minus_identity(vector)
 
 
-def rotation_vector(turn: Float[np.ndarray, "*build 3 3"]) -> Float[np.ndarray, "*build 3"]:
+def rotation_vector(turn: Inexact[np.ndarray, "*batch 3 3"]) -> Inexact[np.ndarray, "*batch 3"]:
     """Rotation vectors (..., 3), rad, of rotation matrices minus the unit matrix (..., 3, 3).
 
     Inverse of `rotation_minus_identity` for rotations below pi. The antisymmetric part of R is
