@@ -1,0 +1,167 @@
+"""First phase of a fit: measured resonances and the modes of the design they belong to.
+
+A resonance that is 1 % off leaves no useful gradient in the difference of two transfer functions:
+both peaks are narrower than that. So the peaks of every measured function are found first and
+assigned to the modes that the design has there, by frequency and size of the residue; then the
+numbers of the design are fitted to these frequencies alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses.fit import levenberg_marquardt, resonances
+from suspension_cli.analyses.fit.resonances import Peak
+from suspension_cli.analyses.fit.response_problem import ResponseProblem, residues
+from suspension_cli.scene.arrays import Array
+
+FAR = 0.2
+"""Largest ln of measured over computed frequency of a peak that may belong to a mode."""
+NEAR = 0.03
+"""Typical error of a computed frequency."""
+FAINT = 0.02
+"""Size of a resonance, relative to the rest of the function there at a Q of 100, below which no
+peak is expected."""
+AGREES = 0.01
+"""Relative difference of frequencies within which peaks of several functions are one resonance."""
+REPEATS = 4
+LOOSE = 0.1
+"""Standard deviation, relative to a number, that stands for a missing prior in this phase."""
+SHARPEST = 1e-4
+"""Smallest relative uncertainty of a resonance in this phase."""
+
+
+@dataclass(frozen=True)
+class Resonances:
+    """Measured resonances, one per mode at most.
+
+    Attributes
+    ----------
+    mode : (k,) int array
+        Mode of the design at the start.
+    frequency, sigma : (k,) arrays
+        Hz.
+    damping : (k,) array
+        1/Q.
+    functions : (k,) int array
+        Number of measured functions that have it.
+    """
+
+    mode: Any
+    frequency: Array
+    sigma: Array
+    damping: Array
+    functions: Any
+
+
+def find(problem: ResponseProblem) -> list[list[Peak]]:
+    """Find the peaks of every measured function."""
+    return [
+        resonances.find_peaks(np.asarray(item.frequency), item.value, np.asarray(item.uncertainty))
+        for item in problem.channels.function
+    ]
+
+
+def assign(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> Resonances:
+    """Assign the peaks of all functions to modes, and combine those of one mode."""
+    from scipy.optimize import linear_sum_assignment
+
+    now = problem.predict(z)
+    frequency = now.plant.modes.frequency
+    squared = now.plant.modes.omega_squared
+    found: dict[int, list[Peak]] = {}
+    for own, some in zip(residues(now.plant, problem.channels), peaks, strict=True):
+        if not some:
+            continue
+        with np.errstate(divide="ignore", invalid="ignore"):
+            others = own[None, :] / (squared[None, :] - squared[:, None])
+            np.fill_diagonal(others, 0.0)
+            rest = np.abs(np.nan_to_num(others, posinf=0.0, neginf=0.0).sum(1))
+            height = 100 * np.abs(own) / np.abs(squared)
+        visible = np.flatnonzero((squared > 0) & (height > FAINT * rest) & (own != 0))
+        if not len(visible):
+            continue
+        off = np.log(np.array([peak.frequency for peak in some])[:, None] / frequency[visible])
+        size = np.log(np.abs([peak.residue for peak in some])[:, None] / np.abs(own[visible]))
+        size = size - np.median(size[np.abs(off) < NEAR]) if (np.abs(off) < NEAR).any() else size
+        cost = (off / NEAR) ** 2 + np.minimum(size**2, 25.0)
+        cost[np.abs(off) > FAR] = 1e6
+        cost = np.hstack([cost, np.full((len(some), len(some)), 60.0)])  # a peak of no mode
+        for row, column in zip(*linear_sum_assignment(cost), strict=True):
+            if column < len(visible) and cost[row, column] < 60.0:
+                found.setdefault(int(visible[column]), []).append(some[row])
+    back = {int(mode): n for n, mode in enumerate(now.order)}
+    rows = []
+    for mode, several in sorted(found.items()):
+        center = _center(several)
+        agreeing = [one for one in several if abs(one.frequency / center - 1) < AGREES]
+        weight = np.array([1 / (one.sigma / one.frequency + 1e-5) ** 2 for one in agreeing])
+        mean = float(weight @ [one.frequency for one in agreeing] / weight.sum())
+        damping = float(np.exp(np.median(np.log([one.damping for one in agreeing]))))
+        spread = np.std([one.frequency for one in agreeing]) / np.sqrt(len(agreeing))
+        sigma = float(np.hypot(mean / np.sqrt(weight.sum()), spread))
+        rows.append((back[mode], mean, sigma, damping, len(agreeing)))
+    table = np.array(rows).reshape(-1, 5)
+    return Resonances(
+        table[:, 0].astype(int), table[:, 1], table[:, 2], table[:, 3], table[:, 4].astype(int)
+    )
+
+
+def _center(several: list[Peak]) -> float:
+    """Weighted median of the frequencies."""
+    order = np.argsort([one.frequency for one in several])
+    weight = np.array([1 / (several[n].sigma / several[n].frequency + 1e-4) for n in order])
+    place = int(np.searchsorted(weight.cumsum(), weight.sum() / 2))
+    return several[order[place]].frequency
+
+
+def search(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> tuple[Array, Resonances]:
+    """Fit the numbers of the design to the resonances, and take their widths as dampings."""
+    p = problem.numbers
+    center, width = problem.prior[0][:p].copy(), problem.prior[1][:p].copy()
+    loose = ~np.isfinite(width)
+    center[loose] = z[:p][loose]
+    width[loose] = np.maximum(LOOSE * np.abs(z[:p][loose]), 1e-3 * (z[:p][loose] == 0))
+    matched, x = assign(problem, z, peaks), z.copy()
+    for _ in range(REPEATS):
+        if not len(matched.mode):
+            break
+        sigma = np.maximum(
+            np.maximum(matched.sigma / matched.frequency, 0.1 * matched.damping), SHARPEST
+        )
+        target = np.log(matched.frequency)
+        off = target - np.log(problem.frequencies(x)[0][matched.mode])
+        sigma = sigma * np.sqrt(1 + (off / np.maximum(3 * np.median(np.abs(off)), NEAR)) ** 2)
+
+        def residual(v: Array, target: Array = target, sigma: Array = sigma) -> Array:
+            frequency = problem.frequencies(v)[0][matched.mode]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                rows = (np.log(frequency) - target) / sigma
+            if not np.isfinite(rows).all():
+                return np.full(len(rows) + p, 1e9)
+            return np.concatenate([rows, (v - center) / width])
+
+        def jacobian(v: Array, sigma: Array = sigma) -> Array:
+            frequency, slope = problem.frequencies(v)
+            rows = slope[matched.mode] / (frequency[matched.mode] * sigma)[:, None]
+            return np.concatenate([rows, np.diag(1 / width)])
+
+        new, _ = levenberg_marquardt.minimise(
+            residual, jacobian, x[:p], width, (problem.low[:p], problem.high[:p]), steps=15
+        )
+        x[:p] = new
+        before, matched = matched, assign(problem, x, peaks)
+        if (
+            len(before.mode) == len(matched.mode)
+            and (before.mode == matched.mode).all()
+            and np.allclose(before.frequency, matched.frequency, rtol=1e-4)
+        ):
+            break
+    damping = dict(zip(matched.mode.tolist(), matched.damping.tolist(), strict=True))
+    for n, mode in enumerate(problem.damped.tolist()):
+        if mode in damping:
+            x[p + len(problem.nuisances) + n] = np.clip(np.log(damping[mode]), np.log(1e-8), -0.1)
+    return x, matched
