@@ -156,7 +156,11 @@ class Channels:
     def combine(self, response: Any, omega: Array, values: dict[Nuisance, float]) -> Any:
         """Readings per drive (f, sensor, actuator) from responses (f, o, i) of the signals."""
         (sensors, read), (actuators, drive) = self.matrices(omega, values)
-        inner = sensors @ response @ actuators.T
+        inner = response
+        if not _plain(sensors):
+            inner = sensors @ inner
+        if not _plain(actuators):
+            inner = inner @ actuators.T
         return inner * read.T[:, :, None] * drive.T[:, None, :]
 
     def differentiate(
@@ -182,6 +186,11 @@ class Channels:
         else:
             result[own] = -1j * omega[:, None] * whole
         return result
+
+
+def _plain(content: Any) -> bool:
+    """Whether every channel is one signal, in the order of the signals."""
+    return content.shape[0] == content.shape[1] and bool((content == np.eye(len(content))).all())
 
 
 def build(

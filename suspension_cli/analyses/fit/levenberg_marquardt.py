@@ -59,7 +59,7 @@ def minimise(
         diagonal[diagonal <= 0] = 1.0
         better = False
         while damping < LARGEST_DAMPING:
-            left = normal + np.diag(damping * diagonal + 1e-14 * diagonal.max())
+            left = normal + np.diag(damping * diagonal + 1e-14 * diagonal.max(initial=0.0))
             step = np.zeros(len(x))
             step[free] = -np.linalg.solve(left[np.ix_(free, free)], gradient[free])
             expected = -float(2 * gradient @ step + step @ normal @ step)

@@ -127,7 +127,7 @@ def search(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> tuple
     width[loose] = np.maximum(LOOSE * np.abs(z[:p][loose]), 1e-3 * (z[:p][loose] == 0))
     matched, x = assign(problem, z, peaks), z.copy()
     for _ in range(REPEATS):
-        if not len(matched.mode):
+        if not (p and len(matched.mode)):
             break
         sigma = np.maximum(
             np.maximum(matched.sigma / matched.frequency, 0.1 * matched.damping), SHARPEST

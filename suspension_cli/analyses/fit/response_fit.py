@@ -18,6 +18,7 @@ import numpy as np
 
 from suspension_cli.analyses.fit import levenberg_marquardt, resonance_phase, wrong_channels
 from suspension_cli.analyses.fit.resonance_phase import Resonances
+from suspension_cli.analyses.fit.resonances import Peak
 from suspension_cli.analyses.fit.response_problem import ResponseProblem
 from suspension_cli.analyses.fit.wrong_channels import BETTER, Correction
 from suspension_cli.linear import named_results
@@ -25,7 +26,8 @@ from suspension_cli.scene.arrays import Array, Index
 
 ROUNDS = 3
 """Most corrections after a fit."""
-STEPS = 40
+STEPS, QUICK = 40, 10
+"""Most Gauss-Newton steps of a fit, and of one that is only to rank a number."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,7 @@ def solve(problem: ResponseProblem, start: Array | None = None) -> Solution:
     z = problem.start if start is None else start
     corrections, channels = wrong_channels.guess(problem, z)
     now = problem.with_channels(channels) if corrections else problem
-    found = refine(now, _onto(problem, now, z))
+    found = refine(now, onto(problem, now, z))
     for _ in range(ROUNDS):
         if not found.misfit:
             break
@@ -193,7 +195,7 @@ def solve(problem: ResponseProblem, start: Array | None = None) -> Solution:
     return replace(found, corrections=_rated(found, corrections))
 
 
-def _onto(old: ResponseProblem, new: ResponseProblem, z: Array) -> Array:
+def onto(old: ResponseProblem, new: ResponseProblem, z: Array) -> Array:
     """Values of the unknowns of a problem with more nuisance parameters."""
     if len(old.nuisances) == len(new.nuisances):
         return z
@@ -230,21 +232,34 @@ def _rated(found: Solution, corrections: list[Correction]) -> tuple[Correction, 
     return tuple(rated)
 
 
-def refine(problem: ResponseProblem, z: Array) -> Solution:
-    """Fit to the resonances, then to the complex values; without the former if that is better."""
-    peaks = resonance_phase.find(problem)
+def refine(problem: ResponseProblem, z: Array, *, quick: bool = False) -> Solution:
+    """Fit to the resonances, then to the complex values.
+
+    In a misfit the search starts again without the former; a quick fit takes fewer steps and does
+    not.
+    """
+    peaks = _peaks(problem)
     begin, matched = resonance_phase.search(problem, z, peaks)
-    end, chi_squared = descend(problem, begin)
+    end, chi_squared = _descend(problem, begin, QUICK if quick else STEPS)
     found = Solution(problem, end, chi_squared, matched)
-    if found.misfit and not np.array_equal(begin, z):
-        other, reached = descend(problem, z)
+    if not quick and found.misfit and not np.array_equal(begin, z):
+        other, reached = _descend(problem, z, STEPS)
         if reached < chi_squared:
             end, chi_squared = other, reached
     return Solution(problem, end, chi_squared, resonance_phase.assign(problem, end, peaks))
 
 
-def descend(problem: ResponseProblem, z: Array, steps: int = STEPS) -> tuple[Array, float]:
-    """Minimise chi^2 from some values; in a local minimum, with wider resonances first."""
+def _peaks(problem: ResponseProblem) -> list[list[Peak]]:
+    """Peaks of all functions, which changes of channels and of free numbers do not change."""
+    store = problem.nominal.__dict__.setdefault("peaks", {})
+    key = tuple(id(item.value) for item in problem.channels.function)
+    if key not in store:
+        store[key] = resonance_phase.find(problem)
+    return store[key]
+
+
+def _descend(problem: ResponseProblem, z: Array, steps: int) -> tuple[Array, float]:
+    """Minimise chi^2 from some values."""
     return levenberg_marquardt.minimise(
         problem.residual,
         problem.jacobian,
