@@ -92,9 +92,26 @@ class TransferFunction(Table, frozen=True):
     ) = None
     input_channel: str | None = None
     output_channel: str | None = None
-    magnitude_unit: Literal["1", "dB"] = "1"
-    phase_unit: Literal["deg", "rad"] = "deg"
-    frequency_unit: Literal["Hz", "rad/s"] = "Hz"
+    magnitude_unit: (
+        Annotated[
+            Literal["1", "dB"], Meta(description='"1" or "dB"; default: of the heading, or 1')
+        ]
+        | None
+    ) = None
+    phase_unit: (
+        Annotated[
+            Literal["deg", "rad"],
+            Meta(description='"deg" or "rad"; default: of the heading, or deg'),
+        ]
+        | None
+    ) = None
+    frequency_unit: (
+        Annotated[
+            Literal["Hz", "rad/s"],
+            Meta(description='"Hz" or "rad/s"; default: of the heading, or Hz'),
+        ]
+        | None
+    ) = None
     averages: (
         Annotated[
             float, Meta(ge=1, le=1e9, description="averages; with the coherence, the uncertainty")
@@ -124,7 +141,9 @@ class Transducer(Table, frozen=True):
 
     name: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_:-]*$", max_length=60)]
     signal: Annotated[str, Meta(description="upper.x (sensor), upper.force_x (actuator)")]
-    gain: Annotated[Factor, Meta(description="reading over signal, in SI units")] = 1.0
+    gain: Annotated[
+        Factor, Meta(description="reading over signal (a sensor), force over drive (an actuator)")
+    ] = 1.0
     gain_uncertainty: (
         Annotated[
             float,
@@ -138,6 +157,15 @@ class Transducer(Table, frozen=True):
     delay: Annotated[float, Meta(ge=-10, le=10, description="s")] = 0.0
     delay_uncertainty: (
         Annotated[float, Meta(gt=0, le=10, description="s; the delay is then fitted")] | None
+    ) = None
+    unit: (
+        Annotated[
+            str,
+            Meta(
+                max_length=20, description="of the reading or the drive: V; default: SI, of signal"
+            ),
+        ]
+        | None
     ) = None
     mix: Annotated[
         dict[str, Factor], Meta(description="other signals that the channel contains, and how much")
@@ -258,7 +286,12 @@ def read(file: str | Path, text: str | None = None) -> Measured:
         )
     with attribute_faults_to(str(file)):
         measured = faults.convert(raw, Measured)
-        found = [*_check_experiments(measured), *_check_parameters(measured)]
+        found = [
+            *_check_experiments(measured),
+            *_check_parameters(measured),
+            *_check_transducers(measured),
+            *_check_transfer_functions(measured),
+        ]
         if found:
             raise InputError(found)
     return measured
@@ -304,6 +337,56 @@ def _check_experiments(measured: Measured) -> list[Fault]:
                         format_value(item.dof),
                     )
                 )
+    return found
+
+
+def _check_transducers(measured: Measured) -> list[Fault]:
+    found = []
+    for kind, among in (("sensor", measured.sensor), ("actuator", measured.actuator)):
+        for n, one in enumerate(among):
+            path = f"{kind}.{one.name}"
+            if one.name in [other.name for other in among[:n]]:
+                problem = f"is also the name of an earlier {kind}"
+                remedy = "give each its own name"
+                fault = Fault(f"{kind}.{n + 1}.name", problem, remedy, format_value(one.name))
+                found.append(fault)
+            if one.gain == 0:
+                found.append(Fault(f"{path}.gain", "must not be zero", "give the gain", "0"))
+            for key, name in [("signal", one.signal), *(("mix", name) for name in one.mix)]:
+                if "." not in name:
+                    example = "upper.x" if kind == "sensor" else "upper.force_x"
+                    remedy = f"write a body and a direction: {example}"
+                    fault = Fault(f"{path}.{key}", "is no signal", remedy, format_value(name))
+                    found.append(fault)
+    return found
+
+
+def _check_transfer_functions(measured: Measured) -> list[Fault]:
+    found = []
+    names = [one.name for one in measured.transfer_function]
+    for n, one in enumerate(measured.transfer_function):
+        path = f"transfer_function.{one.name or n + 1}"
+        if one.name is not None and one.name in names[:n]:
+            problem = "is also the name of an earlier transfer function"
+            path = f"transfer_function.{n + 1}"
+            fault = Fault(f"{path}.name", problem, "give each its own", format_value(one.name))
+            found.append(fault)
+        for key, kind, among in (
+            ("input", "actuator", measured.actuator),
+            ("output", "sensor", measured.sensor),
+        ):
+            name, known = getattr(one, key), [item.name for item in among]
+            if "." not in name and name not in known:
+                example = "upper.force_x" if key == "input" else "upper.x"
+                remedy = f"give a signal such as {example}"
+                remedy = f"{faults.suggest(name, known)}; or {remedy}" if known else remedy
+                problem = f"is no signal and names no [[{kind}]]"
+                found.append(Fault(f"{path}.{key}", problem, remedy, format_value(name)))
+        if one.gain == 0:
+            found.append(Fault(f"{path}.gain", "must not be zero", "give the factor", "0"))
+        if one.band is not None and one.band[0] >= one.band[1]:
+            problem, value = "ends before it begins", format_value(one.band)
+            found.append(Fault(f"{path}.band", problem, "give the lower frequency first", value))
     return found
 
 

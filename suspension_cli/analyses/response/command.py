@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Result, Run, only_one
+from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, as_number, only_one, plain
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
     import h5py
     from matplotlib.figure import Figure
 
+    from suspension_cli.analyses.response.measured import ComparedResponse, Comparison, Item
     from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.quantity_of_interest import Transfer
 
 
+FREQUENCY = "0.1:100:2000"
+"""Default frequencies, Hz; with measured transfer functions, these cover them instead."""
+
+
 class ResponseAnalysis(Analysis):
     """Compute frequency responses of motions to motions of the support and to forces.
 
-    Several inputs and outputs give a matrix. Writes DIR/NAME-response.h5 and .png.
+    Several inputs and outputs give a matrix. Writes DIR/NAME-response.h5 and .png. With --measured,
+    measured transfer functions are drawn over those of the model, with their ratio, deviations and
+    shifts of resonances; signals and frequencies are then those of the measurements.
 
     Example: pendsus response my.toml --input support.z --output test.x
     """
@@ -53,10 +61,19 @@ class ResponseAnalysis(Analysis):
         ),
         option(
             "--frequency",
-            default="0.1:100:2000",
+            default=FREQUENCY,
             show_default=True,
             metavar="GRID",
             help="Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.",
+        ),
+        option(
+            "--measured",
+            multiple=True,
+            metavar="FILE",
+            help=(
+                "Measured transfer functions to compare with: TOML (docs/measurements.md), or CSV,"
+                " HDF5 or DTT XML with --input and --output (repeatable)."
+            ),
         ),
         option(
             "--scale",
@@ -76,8 +93,8 @@ class ResponseAnalysis(Analysis):
         from suspension_cli.analyses.response import peaks
         from suspension_cli.linear import response
 
-        setting = run.setting
-        request = partial(_request, setting=setting)
+        setting, items = run.setting, _measured(run.setting)
+        request = partial(_request, setting=setting, items=items)
         decision = model_choice.choose(
             run.source, setting["fidelity"], request, setting["tolerance"]
         )
@@ -87,6 +104,9 @@ class ResponseAnalysis(Analysis):
         )
         wanted = request(model)
         found = response.solve(model, wanted.frequency, wanted.inputs, wanted.outputs)
+        if items:
+            found = _compared(model, items, found, run.log)
+            return Result(self, run.source, choice, found, command=run.command)
         largest = peaks.find_peaks(model, found, wanted.inputs, wanted.outputs)
         return Result(self, run.source, choice, found, {"largest": largest}, command=run.command)
 
@@ -104,13 +124,17 @@ class ResponseAnalysis(Analysis):
             for o, out in enumerate(data.output)
             for i, into in enumerate(data.input)
         ]
-        return {"frequency_hz": data.frequency.tolist()} | only_one(pairs, "responses")
+        answer = {"frequency_hz": data.frequency.tolist()} | only_one(pairs, "responses")
+        measured = comparisons(data)
+        return answer | ({"measured": [*map(_document, measured)]} if measured else {})
 
     def text(self, result: Result) -> str:
         """Return the ends of every response, and its peak even between the points of the grid."""
         import numpy as np
 
         data: Response = result.data
+        if measured := comparisons(data):
+            return f"{result.choice.line}\n\n{_table(measured)}"
         largest = result.extra.get("largest")
         lines = [result.choice.line]
         first, last = data.frequency[0], data.frequency[-1]
@@ -142,12 +166,102 @@ class ResponseAnalysis(Analysis):
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw magnitude and phase."""
-        from suspension_cli.analyses.response import picture
+        from suspension_cli.analyses.response import measured_picture, picture
 
-        return {"": picture.draw(result.data, result.title, setting.get("scale", "db"))}
+        scale = setting.get("scale", "db")
+        if measured := comparisons(result.data):
+            return {"": measured_picture.draw(measured, result.title, scale)}
+        return {"": picture.draw(result.data, result.title, scale)}
 
 
-def _request(model: LinearSystem, setting: dict[str, Any]) -> Transfer:
+def comparisons(data: Response) -> tuple[Comparison, ...]:
+    """Return the measured transfer functions of a response; none where there are none."""
+    return getattr(data, "measured", ())
+
+
+def _measured(setting: dict[str, Any]) -> tuple[Item, ...]:
+    if not setting["measured"]:
+        return ()
+    from suspension_cli.analyses.response import measured
+
+    return measured.read_files(setting["measured"], setting["inputs"], setting["outputs"])
+
+
+def _compared(
+    model: LinearSystem, items: Sequence[Item], found: Response, log: Log
+) -> ComparedResponse:
+    """Add the comparison with measurements to a response, and warn of units that look wrong."""
+    import dataclasses
+
+    from suspension_cli.analyses.response import measured
+
+    compared = measured.compare(model, items, found)
+    for one in compared:
+        if text := measured.slip(one):
+            log.warn(text)
+    fields = {one.name: getattr(found, one.name) for one in dataclasses.fields(found)}
+    return measured.ComparedResponse(**fields, measured=compared)
+
+
+def _document(one: Comparison) -> dict[str, Any]:
+    data = one.data
+    extreme, at = one.extreme
+    return {
+        "name": data.name,
+        "file": data.file,
+        "input": data.input,
+        "output": data.output,
+        "unit": data.unit,
+        "points": len(data.frequency),
+        "median_ratio": as_number(one.median),
+        "extreme_ratio": as_number(extreme),
+        "extreme_ratio_at_hz": at,
+        "chi_squared_per_number": as_number(one.chi_squared),
+        "resonances": [
+            {"measured_hz": peak, "model_hz": pole, "mode": mode, "shift": shift}
+            for peak, pole, mode, shift in zip(
+                plain(one.peak), plain(one.pole), one.mode, plain(one.shift), strict=True
+            )
+        ],
+        "frequency_hz": data.frequency.tolist(),
+        "real": data.value.real.tolist(),
+        "imag": data.value.imag.tolist(),
+        "uncertainty": plain(data.uncertainty),
+        "coherence": plain(data.coherence),
+        "model_real": one.predicted.real.tolist(),
+        "model_imag": one.predicted.imag.tolist(),
+    }
+
+
+def _table(measured: Sequence[Comparison]) -> str:
+    """Return tables of the ratios, and of measured and modelled resonances."""
+    from suspension_cli.analyses import tables
+
+    columns = {"points": ".0f", "|measured/model|\nmedian": "#.4g", "farthest\nfrom 1": "#.4g"}
+    columns |= {"at\nHz": "#.5g", "chi^2\nper number": "#.3g", "measured": ""}
+    rows = [
+        (len(one.data.frequency), one.median, *one.extreme, one.chi_squared, _label(one))
+        for one in measured
+    ]
+    lines = [tables.render(columns, rows)]
+    columns = {"measured\nHz": "#.5g", "model\nHz": "#.5g", "shift\n%": "+.2f", "mode": ""}
+    many = len(measured) > 1
+    rows = [
+        (peak, pole, 100 * shift, f"{mode} in {one.data.name}" if many else mode)
+        for one in measured
+        for peak, pole, mode, shift in zip(one.peak, one.pole, one.mode, one.shift, strict=True)
+    ]
+    lines += ["", tables.render(columns, rows)] if rows else ["", "no measured resonances"]
+    return "\n".join(lines)
+
+
+def _label(one: Comparison) -> str:
+    data = one.data
+    unit = f" ({data.unit})" if data.unit else ""
+    return f"{data.name}: {data.output} / {data.input}{unit}"
+
+
+def _request(model: LinearSystem, setting: dict[str, Any], items: Sequence[Item]) -> Transfer:
     """Inputs, outputs and frequencies in terms of a model of the design."""
     import numpy as np
 
@@ -156,13 +270,21 @@ def _request(model: LinearSystem, setting: dict[str, Any]) -> Transfer:
     from suspension_cli.models.quantity_of_interest import Transfer
 
     bodies = (*signals.bodies_with_signals(model),)
-    inputs = [signals.parse_input(text, bodies) for text in setting["inputs"] or ("support.x",)]
-    outputs = [
-        signals.parse_output(text, bodies)
-        for text in setting["outputs"] or (f"{model.body[-1]}.x",)
-    ]
-    frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-    return Transfer(inputs, outputs, frequency)
+    inputs, outputs, frequency = setting["inputs"], setting["outputs"], None
+    if items:
+        from suspension_cli.analyses.response import measured
+
+        measured.check_signals(items, bodies)
+        inputs, outputs = measured.signals(items, inputs, outputs)
+        if setting["frequency"] == FREQUENCY:
+            frequency = measured.default_grid(items)
+    if frequency is None:
+        frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
+    return Transfer(
+        [signals.parse_input(text, bodies) for text in inputs or ("support.x",)],
+        [signals.parse_output(text, bodies) for text in outputs or (f"{model.body[-1]}.x",)],
+        frequency,
+    )
 
 
 ANALYSIS = ResponseAnalysis()

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
+from typing import TYPE_CHECKING, Any
 
 import h5py
+import numpy as np
 
 from suspension_cli.files.hdf5 import add_dataset, add_scale
 from suspension_cli.linear.response import Response
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.response.measured import Comparison
 
 
 def fill(group: h5py.Group, response: Response) -> None:
@@ -17,15 +22,72 @@ def fill(group: h5py.Group, response: Response) -> None:
     into = add_scale(group, "input", list(response.input), "name")
     add_dataset(group, "value", response.value, "SI, see unit", frequency, output, into)
     add_dataset(group, "unit", [list(row) for row in response.unit], "name", output, into)
+    for number, one in enumerate(getattr(response, "measured", ()), 1):
+        _fill_measured(group.create_group(f"measured/{number}"), one)
 
 
 def load(group: Any) -> Response:
     """Read responses from a group."""
-    return Response(
+    plain = Response(
         frequency=group["frequency"][:],
         input=tuple(group["input"].asstr()[:]),
         output=tuple(group["output"].asstr()[:]),
         unit=tuple(tuple(row) for row in group["unit"].asstr()[:]),
         value=group["value"][:],
         blocks=0,
+    )
+    if "measured" not in group:
+        return plain
+    from suspension_cli.analyses.response.measured import ComparedResponse
+
+    stored = group["measured"]
+    fields = {one.name: getattr(plain, one.name) for one in dataclasses.fields(plain)}
+    found = tuple(_load_measured(stored[name]) for name in sorted(stored, key=int))
+    return ComparedResponse(**fields, measured=found)
+
+
+_LABELS = ("name", "input", "output", "unit", "file")
+"""Attributes of the group of a measured transfer function."""
+
+
+def _fill_measured(group: h5py.Group, one: Comparison) -> None:
+    data = one.data
+    for label in _LABELS:
+        group.attrs[label] = getattr(data, label)
+    at = add_scale(group, "frequency", data.frequency, "Hz")
+    for name, values in (
+        ("value", data.value),
+        ("uncertainty", data.uncertainty),
+        ("model", one.predicted),
+    ):
+        add_dataset(group, name, values, data.unit, at)
+    add_dataset(group, "coherence", data.coherence, "1", at)
+    fine = add_scale(group, "curve_frequency", one.curve_frequency, "Hz")
+    add_dataset(group, "curve", one.curve, data.unit, fine)
+    if len(one.peak):
+        mode = add_scale(group, "mode", list(one.mode), "name")
+        add_dataset(group, "measured_resonance", one.peak, "Hz", mode)
+        add_dataset(group, "model_resonance", one.pole, "Hz", mode)
+
+
+def _load_measured(group: Any) -> Comparison:
+    from suspension_cli.analyses.response.measured import Comparison
+    from suspension_cli.measurements.transfer_function import MeasuredResponse
+
+    data = MeasuredResponse(
+        frequency=group["frequency"][:],
+        value=group["value"][:],
+        uncertainty=group["uncertainty"][:],
+        coherence=group["coherence"][:],
+        **{label: str(group.attrs[label]) for label in _LABELS},
+    )
+    some = "mode" in group
+    return Comparison(
+        data,
+        group["model"][:],
+        group["curve_frequency"][:],
+        group["curve"][:],
+        group["measured_resonance"][:] if some else np.array([]),
+        group["model_resonance"][:] if some else np.array([]),
+        tuple(group["mode"].asstr()[:]) if some else (),
     )

@@ -37,7 +37,7 @@ def draw(response: Response, title: str, scale: str = "db") -> Figure:
                 f"{response.output[o]} / {response.input[i]}",
             )
             phase = np.degrees(np.angle(response.value[:, o, i]))
-            lower.plot(response.frequency, _insert_gaps(phase), color=PALETTE[n % len(PALETTE)])
+            lower.plot(response.frequency, insert_gaps(phase), color=PALETTE[n % len(PALETTE)])
         upper.set_ylabel(_magnitude_label(response, scale))
         lower.set_ylabel("phase (degrees)")
         lower.set_xlabel("frequency (Hz)")
@@ -77,7 +77,7 @@ def draw_magnitude(
         axes.semilogy(frequency, size, color=colour, label=label)
 
 
-def _insert_gaps(phase: np.ndarray) -> np.ndarray:
+def insert_gaps(phase: np.ndarray) -> np.ndarray:
     """Insert a gap where the phase (degrees) wraps, so that no vertical line is drawn there."""
     result = phase.astype(float).copy()
     result[1:][np.abs(np.diff(phase)) > 270] = np.nan

@@ -1,0 +1,338 @@
+"""Measured transfer functions beside those of a model: ratios, chi^2 and shifts of resonances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from suspension_cli.design import measured as tables
+from suspension_cli.design.measured import Measured, TransferFunction
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear import eigenmodes, response
+from suspension_cli.linear.response import Response
+from suspension_cli.linear.signals import (
+    Signal,
+    bodies_with_signals,
+    linear_form,
+    parse_input,
+    parse_output,
+)
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.measurements import read
+from suspension_cli.measurements.prediction import (
+    channel_weights,
+    find_transducer,
+    predict,
+    signals_of,
+)
+from suspension_cli.measurements.transfer_function import MeasuredResponse
+from suspension_cli.scene.arrays import Array
+
+PROMINENCE = 2.0
+"""Ratio of a measured peak to the minima beside it from which it counts as a resonance."""
+SIGNIFICANT = 5.0
+"""Least height of a resonance above the minima beside it, standard deviations."""
+RESIDUE = 1e-4
+"""Contribution of a mode relative to the largest, from which its pole can explain a peak."""
+SLIP = 1e3
+"""Median ratio of measured to modelled magnitude (or its inverse) that suggests wrong units."""
+UNITS = {1e3: "mm", 1e6: "um", 1e9: "nm", 1e-3: "km"}
+
+
+@dataclass(frozen=True)
+class Item:
+    """A measured transfer function with the tables that say how it was measured.
+
+    Attributes
+    ----------
+    tables : Measured
+        With sensors and actuators.
+    table : TransferFunction
+        One of `tables`.
+    data : MeasuredResponse
+    file : str
+        The file of measurements; "" for a bare file of data.
+    """
+
+    tables: Measured
+    table: TransferFunction
+    data: MeasuredResponse
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A measured transfer function and its prediction by a model.
+
+    Attributes
+    ----------
+    data : MeasuredResponse
+        f points.
+    predicted : (f,) complex array
+        By the model, with gains, delays and mixes of the transducers.
+    curve_frequency : (g,) array
+        Hz.
+    curve : (g,) complex array
+        The prediction on a finer grid.
+    peak : (p,) array
+        Frequencies of measured resonances, Hz.
+    pole : (p,) array
+        Frequency of the nearest mode of the model that contributes, Hz; NaN if there is none.
+    mode : tuple of str
+        Its label.
+    """
+
+    data: MeasuredResponse
+    predicted: Any
+    curve_frequency: Array
+    curve: Any
+    peak: Array
+    pole: Array
+    mode: tuple[str, ...]
+
+    @property
+    def ratio(self) -> Any:
+        """Measured over predicted value, (f,) complex."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.data.value / self.predicted
+
+    @property
+    def median(self) -> float:
+        """Median magnitude of the ratio; NaN where the model has no response."""
+        size = np.abs(self.ratio)
+        return float(np.median(size[np.isfinite(size)])) if np.isfinite(size).any() else np.nan
+
+    @property
+    def extreme(self) -> tuple[float, float]:
+        """Magnitude of the ratio that is farthest from 1 by its logarithm, and its frequency."""
+        size = np.abs(self.ratio)
+        with np.errstate(divide="ignore"):
+            far = np.where(np.isfinite(size), np.abs(np.log(size)), -1.0)
+        n = int(np.argmax(far))
+        return float(size[n]), float(self.data.frequency[n])
+
+    @property
+    def chi_squared(self) -> float:
+        """Chi^2 per number (real and imaginary parts); NaN without uncertainties."""
+        sigma = self.data.uncertainty
+        known = np.isfinite(sigma) & (sigma > 0)
+        if not known.any():
+            return np.nan
+        off = np.abs(self.data.value - self.predicted)[known] / sigma[known]
+        return float(np.mean(off**2) / 2)
+
+    @property
+    def shift(self) -> Array:
+        """Relative distance of measured resonances from those of the model, (p,)."""
+        return self.peak / self.pole - 1
+
+
+@dataclass(frozen=True)
+class ComparedResponse(Response):
+    """Responses with the measured transfer functions that they are compared with.
+
+    Attributes
+    ----------
+    measured : tuple of Comparison
+    """
+
+    measured: tuple[Comparison, ...] = ()
+
+
+def read_files(
+    files: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
+) -> tuple[Item, ...]:
+    """Read files of measurements (TOML) and bare files of data.
+
+    Parameters
+    ----------
+    files : sequence of str
+    inputs, outputs : sequences of str
+        Signals that a bare file relates; one of each.
+
+    Raises
+    ------
+    InputError
+        With the first faulty file.
+    """
+    items: list[Item] = []
+    for file in files:
+        if Path(file).suffix.lower() == ".toml":
+            given = tables.read(file)
+            if not given.transfer_function:
+                problem = "has no [[transfer_function]]"
+                remedy = "add one (docs/measurements.md), or name a file of data"
+                raise InputError([Fault("", problem, remedy)], file)
+            found = read.read_all(given, file)
+            pairs = zip(given.transfer_function, found, strict=True)
+            items += [Item(given, table, data, file) for table, data in pairs]
+            continue
+        if len(inputs) != 1 or len(outputs) != 1:
+            problem = "does not say what was driven and observed"
+            remedy = "give one --input and one --output, or a TOML file of measurements"
+            raise InputError([Fault("--measured", problem, remedy, format_value(file))])
+        found = read.read_bare(file, input=inputs[0], output=outputs[0])
+        if len(found) > 1:
+            problem = f"has {len(found)} transfer functions"
+            remedy = "name channels in a TOML file of measurements (docs/measurements.md)"
+            raise InputError([Fault("", problem, remedy)], file)
+        table = TransferFunction(file=Path(file).name, input=inputs[0], output=outputs[0])
+        given = Measured(transfer_function=[table])
+        data = replace(found[0], unit=read.unit_of_value(table, given))
+        items.append(Item(given, table, data))
+    return tuple(items)
+
+
+def signals(
+    items: Sequence[Item], inputs: Sequence[str], outputs: Sequence[str]
+) -> tuple[list[str], list[str]]:
+    """List all signals: those given, then those that the measurements refer to."""
+    sides = [*inputs], [*outputs]
+    for item in items:
+        for side, names in zip(sides, signals_of(item.tables), strict=True):
+            side += names
+    return [*dict.fromkeys(sides[0])], [*dict.fromkeys(sides[1])]
+
+
+def check_signals(items: Sequence[Item], known: tuple[str, ...]) -> None:
+    """Raise `InputError`, in the file of measurements, if a signal is none of the design."""
+    for item in items:
+        for parse, names, side in zip(
+            (parse_input, parse_output), signals_of(item.tables), ("input", "output"), strict=True
+        ):
+            for name in names:
+                try:
+                    parse(name, known)
+                except InputError as error:
+                    if not item.file:
+                        raise
+                    moved = [
+                        Fault(f"{side} signal", one.problem, one.remedy, one.value)
+                        for one in error.faults
+                    ]
+                    raise InputError(moved, item.file) from None
+
+
+def default_grid(items: Sequence[Item], points: int = 2000) -> Array:
+    """Return frequencies that cover all measurements and a little more, Hz."""
+    above = [item.data.frequency[item.data.frequency > 0] for item in items]
+    low = min((float(f[0]) for f in above if len(f)), default=0.1)
+    high = max((float(f[-1]) for f in above if len(f)), default=100.0)
+    return np.geomspace(low / 1.2, high * 1.2, points)
+
+
+def compare(model: LinearSystem, items: Sequence[Item], found: Response) -> tuple[Comparison, ...]:
+    """Compare measured transfer functions with the responses of a model.
+
+    Parameters
+    ----------
+    model : LinearSystem
+    items : sequence of Item
+    found : Response
+        Of all signals, on a grid.
+    """
+    known = bodies_with_signals(model)
+    modes = eigenmodes.solve(replace(model, terms=()))
+    result = []
+    for item in items:
+        names = signals_of(item.tables)
+        into = [parse_input(name, known) for name in names[0]]
+        out = [parse_output(name, known) for name in names[1]]
+        at = item.data.frequency
+        value = response.solve(model, at, into, out).value
+        rows = [found.output.index(name) for name in names[1]]
+        columns = [found.input.index(name) for name in names[0]]
+        curve = found.value[:, rows][:, :, columns]
+        peaks = resonances(item.data)
+        poles = _contributing(model, modes, item, into, out)
+        nearest = [
+            int(poles[np.argmin(np.abs(np.log(modes.frequency[poles] / f)))]) if len(poles) else -1
+            for f in peaks
+        ]
+        result.append(
+            Comparison(
+                item.data,
+                predict(item.tables, item.table, at, value),
+                found.frequency,
+                predict(item.tables, item.table, found.frequency, curve),
+                peaks,
+                np.array([modes.frequency[n] if n >= 0 else np.nan for n in nearest]),
+                tuple(modes.label[n] if n >= 0 else "" for n in nearest),
+            )
+        )
+    return tuple(result)
+
+
+def slip(one: Comparison) -> str:
+    """Describe a ratio of measured to modelled magnitudes that suggests wrong units; "" if none."""
+    median = one.median
+    if not np.isfinite(median) or median == 0 or 1 / SLIP < median < SLIP:
+        return ""
+    factor = 10.0 ** round(np.log10(median))
+    unit = UNITS.get(factor)
+    told = f"is the file in {unit}? then " if unit else "check units and gains: "
+    return (
+        f"{one.data.name}: measured magnitudes are {median:.3g} times those of the model (median);"
+        f" {told}set gain = {1 / factor:g} in its [[transfer_function]]"
+    )
+
+
+def resonances(data: MeasuredResponse) -> Array:
+    """Find resonances in a measured transfer function, Hz.
+
+    Each is a local maximum that exceeds the minima beside it by `PROMINENCE` and, where
+    uncertainties are known, by `SIGNIFICANT` of them. Its frequency is that of the pole p of (a + b
+    s)/(s - p), fitted to the five points around it by linear least squares.
+    """
+    size = np.abs(data.value)
+    if len(size) < 3 or not (size > 0).all():
+        return np.array([])
+    tops, about = find_peaks(np.log(size), prominence=np.log(PROMINENCE))
+    below = size[tops] * np.exp(-about["prominences"])
+    sigma = data.uncertainty[tops]
+    tops = tops[~(size[tops] - below < SIGNIFICANT * sigma)]  # NaN: kept
+    return np.array([_refined(data, int(n)) for n in tops])
+
+
+def _refined(data: MeasuredResponse, top: int) -> float:
+    """Frequency of the pole fitted around a maximum; the maximum if it is not between its
+    neighbours.
+    """
+    near = slice(max(top - 2, 0), top + 3)
+    f, h = data.frequency[near], data.value[near]
+    centre, scale = data.frequency[top], np.abs(data.value[top])
+    s = 1j * (f - centre) / centre  # a + b s + p h = s h
+    matrix = np.stack([np.ones_like(s), s, h / scale], axis=1)
+    fitted = np.linalg.lstsq(matrix, s * h / scale, rcond=None)[0]
+    at = centre * (1 + fitted[2].imag)
+    between = data.frequency[top - 1] < at < data.frequency[top + 1]
+    return float(at if between else centre)
+
+
+def _contributing(
+    model: LinearSystem, modes: eigenmodes.Modes, item: Item, into: list[Signal], out: list[Signal]
+) -> Any:
+    """Numbers of the oscillating modes that contribute to a measured transfer function.
+
+    A mode v contributes (s v)(v f)/omega^2 to the static response of an output s to a force f;
+    motion of the support acts as the force of its stiffness.
+    """
+    at = [1.0]
+    names = signals_of(item.tables)
+    sense = channel_weights(find_transducer(item.table.output, item.tables.sensor), names[1], at)
+    drive = channel_weights(find_transducer(item.table.input, item.tables.actuator), names[0], at)
+    row = sense[0] @ np.array([linear_form(signal, model) for signal in out])
+    forces = [
+        form if signal.acts else -np.real(model.stiffness) @ form
+        for signal, form in ((signal, linear_form(signal, model)) for signal in into)
+    ]
+    force = drive[0] @ np.array(forces)
+    residue = np.abs(modes.shape @ row[6:]) * np.abs(modes.shape @ force[6:])
+    oscillates = np.isfinite(modes.frequency) & (modes.frequency > 0)
+    residue = np.where(oscillates, residue, 0.0) / np.where(oscillates, modes.omega_squared, 1.0)
+    return np.flatnonzero(residue > RESIDUE * residue.max(initial=0.0))

@@ -1,0 +1,274 @@
+"""Transfer functions in XML files of the LIGO diagnostics test tools (diaggui).
+
+A file is a LIGO_LW document. Each ``<LIGO_LW Name="Result[n]">`` (a stored trace: ``Reference[n]``)
+has parameters `Subtype`, `f0`, `df`, `N` (frequencies), `M` (traces), `Averages`, `ChannelA` and
+``ChannelB[m]``, and one base64 stream of single-precision numbers:
+
+======================  =======  ==============================================================
+type                    subtype  stream
+======================  =======  ==============================================================
+TransferFunction        0        M x N complex: B/A at f0 + n df
+(swept sine)            3        N frequencies (complex), then M x N complex: B/A
+                        6        N frequencies (double), then M x N complex: B/A
+                        2        M x N: coherence of B and A
+                        5, 7     N frequencies (single, double), then M x N: coherence
+Spectrum                1, 5     amplitude spectral density of A (not its square)
+(Fourier tools)         2, 6     M x N complex: cross spectrum of A and conj(B)
+                        3, 7     M x N: coherence of A and B
+======================  =======  ==============================================================
+
+Subtypes from 4 of spectra begin with their frequencies. From spectra B/A is conj(P_AB)/ASD_A^2.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import gzip
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from suspension_cli.design.faults import suggest
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.measurements.columns import Points
+
+Pair = tuple[str, str]
+"""Channels (input, output)."""
+Trace = tuple[Any, Any, float | None]
+"""Frequencies, values and the number of averages."""
+_KINDS = {
+    ("TransferFunction", 0): ("transfer", False),
+    ("TransferFunction", 3): ("transfer", True),
+    ("TransferFunction", 6): ("transfer", True),
+    ("TransferFunction", 2): ("coherence", False),
+    ("TransferFunction", 5): ("coherence", True),
+    ("TransferFunction", 7): ("coherence", True),
+    ("Spectrum", 1): ("amplitude", False),
+    ("Spectrum", 5): ("amplitude", True),
+    ("Spectrum", 2): ("cross", False),
+    ("Spectrum", 6): ("cross", True),
+    ("Spectrum", 3): ("coherence", False),
+    ("Spectrum", 7): ("coherence", True),
+}
+"""Content of results by type and subtype, and whether frequencies stand before it."""
+
+
+@dataclass(frozen=True)
+class Dtt:
+    """Results of one DTT file, by channels (A, B).
+
+    Attributes
+    ----------
+    transfer, cross, coherence, amplitude : dict
+        (frequency, values, averages); `amplitude` by channel.
+    """
+
+    transfer: dict[Pair, Trace] = field(default_factory=dict)
+    cross: dict[Pair, Trace] = field(default_factory=dict)
+    coherence: dict[Pair, Trace] = field(default_factory=dict)
+    amplitude: dict[Pair, Trace] = field(default_factory=dict)
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """Channels (input, output) between which the file has transfer functions."""
+        both = [
+            pair
+            for a, b in self.cross
+            for pair, base in (((a, b), a), ((b, a), b))
+            if (base, "") in self.amplitude
+        ]
+        return list(dict.fromkeys([*self.transfer, *both]))
+
+    def points(self, into: str | None, out: str | None) -> Points:
+        """Return the transfer function between two channels.
+
+        Parameters
+        ----------
+        into, out : str or None
+            Names of the channels; None if the file has only one transfer function (to or from it).
+
+        Raises
+        ------
+        InputError
+            If there is none, with the channels that there are.
+        """
+        pair = self._pair(into, out)
+        if pair in self.transfer:
+            frequency, value, averages = self.transfer[pair]
+        else:
+            frequency, value, averages = self._from_spectra(pair)
+        coherence = np.full(len(frequency), np.nan)
+        found = self.coherence.get(pair) or self.coherence.get((pair[1], pair[0]))
+        if found is not None and len(found[1]) == len(frequency):
+            coherence = np.asarray(found[1], dtype=float)
+        # an aborted sweep ends in frequencies of 0, and a spectrum says nothing there
+        order = np.argsort(frequency, kind="stable")
+        order = order[frequency[order] > 0]
+        unknown = np.full(len(order), np.nan)
+        return Points(frequency[order], value[order], unknown, coherence[order], averages)
+
+    def _from_spectra(self, pair: Pair) -> Trace:
+        into, out = pair
+        if pair in self.cross:
+            frequency, cross, averages = self.cross[pair]
+            cross = np.conj(cross)
+        else:
+            frequency, cross, averages = self.cross[out, into]
+        density = np.asarray(self.amplitude[into, ""][1], dtype=float)
+        if len(density) != len(cross):
+            problem = f"spectra of {into} and of {out} have {len(density)} and {len(cross)} points"
+            raise InputError([Fault("", problem, "export them from one measurement")])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return frequency, cross / density**2, averages
+
+    def _pair(self, into: str | None, out: str | None) -> Pair:
+        pairs = self.pairs
+        if not pairs:
+            problem = "has no transfer function and no cross spectra with their power spectra"
+            raise InputError([Fault("", problem, "measure a transfer function, or export it")])
+        for n, (key, name) in enumerate((("input_channel", into), ("output_channel", out))):
+            known = sorted({pair[n] for pair in pairs})
+            if name is not None and name not in known:
+                role = ("input", "output")[n]
+                problem = f"is the {role} of no transfer function in the file"
+                raise InputError([Fault(key, problem, suggest(name, known), format_value(name))])
+        fitting = [
+            pair for pair in pairs if (into or pair[0]) == pair[0] and (out or pair[1]) == pair[1]
+        ]
+        if len(fitting) == 1:
+            return fitting[0]
+        if fitting:
+            some = "; ".join(f"{a} to {b}" for a, b in fitting[:4])
+            problem = f"the file has {len(fitting)} transfer functions ({some}, ...)"
+            remedy = "name input_channel and output_channel in a [[transfer_function]]"
+        else:
+            problem = f"the file has no transfer function from {into} to {out}"
+            known = sorted(b for a, b in pairs if a == into)
+            remedy = f"outputs measured with that input: {', '.join(known[:6])}"
+        raise InputError([Fault("output_channel" if into else "input_channel", problem, remedy)])
+
+
+def read(path: Path) -> Dtt:
+    """Read all transfer functions, cross spectra and coherences of a DTT file.
+
+    Raises
+    ------
+    InputError
+        If it is not XML of DTT, or a stream is cut off.
+    """
+    root = _root(path)
+    found = Dtt()
+    stored = [
+        node
+        for node in root.iter("LIGO_LW")
+        if re.fullmatch(r"(Result|Reference)\[\d+\]", node.get("Name", ""))
+    ]
+    if not stored:
+        problem = "has no results of the diagnostics test tools"
+        raise InputError([Fault("", problem, "save the measurement in diaggui, as XML")])
+    for node in stored:
+        parameters = {one.get("Name", ""): (one.text or "").strip() for one in node.iter("Param")}
+        try:
+            subtype = int(parameters.get("Subtype", ""))
+            kind = _KINDS.get((node.get("Type", ""), subtype))
+            if kind is not None:
+                _add(found, node, parameters, *kind)
+        except (KeyError, ValueError, binascii.Error) as error:
+            problem = f"cannot be read ({_words(error)})"
+            fault = Fault(node.get("Name", ""), problem, "save the measurement in diaggui again")
+            raise InputError([fault]) from None
+    return found
+
+
+def _add(
+    found: Dtt, node: Any, parameters: Mapping[str, str], kind: str, own_frequencies: bool
+) -> None:
+    """Add the traces of one result."""
+    count, traces = int(parameters["N"]), int(parameters.get("M", "1"))
+    complex_values = kind in ("transfer", "cross")
+    frequency, values = _numbers(node, count, traces, own_frequencies, complex_values)
+    if frequency is None:
+        frequency = float(parameters["f0"]) + np.arange(count) * float(parameters["df"])
+    first, averages = parameters["ChannelA"], float(parameters.get("Averages", 0)) or None
+    is_reference = node.get("Name", "").startswith("Reference")
+    suffix = f"(REF{node.get('Name', '')[10:-1]})" if is_reference else ""
+    seconds = [
+        parameters[name]
+        for name in sorted(
+            (name for name in parameters if re.fullmatch(r"ChannelB(\[\d+\])?", name)),
+            key=lambda name: int(re.sub(r"\D", "", name) or 0),
+        )
+    ]
+    if kind == "amplitude":
+        seconds = [""]
+    if len(seconds) < traces:
+        raise ValueError(f"{traces} traces, but {len(seconds)} channels B")
+    for second, row in zip(seconds, values, strict=False):
+        pair = (first + suffix, second + suffix if second else "")
+        getattr(found, kind).setdefault(pair, (frequency, row, averages))
+
+
+def _numbers(
+    node: Any, count: int, traces: int, own_frequencies: bool, complex_values: bool
+) -> tuple[Any, Any]:
+    """Frequencies (N,) or None, and values (M, N) of a stream."""
+    stream = node.find("Array/Stream")
+    if stream is None:
+        raise ValueError("no Array/Stream")
+    encoding = stream.get("Encoding", "LittleEndian,base64").lower()
+    if "base64" not in encoding:
+        raise ValueError(f"encoding {format_value(encoding)} is not base64")
+    data = base64.b64decode("".join((stream.text or "").split()), validate=True)
+    order = ">" if "big" in encoding else "<"
+    single, double = (
+        (f"{order}c8", f"{order}c16") if complex_values else (f"{order}f4", f"{order}f8")
+    )
+    frequency: Any = None
+    number = int(node.findtext("Param[@Name='Subtype']") or 0)
+    if own_frequencies and node.get("Type") == "TransferFunction" and number in (6, 7):
+        frequency = np.frombuffer(data[: 8 * count], f"{order}f8")
+        data = data[8 * count :]
+        rows = traces
+    else:
+        rows = traces + own_frequencies
+    sizes = {rows * count * np.dtype(kind).itemsize: kind for kind in (single, double)}
+    if len(data) not in sizes or len(data) == 0:
+        needed = " or ".join(map(str, sizes))
+        raise ValueError(f"the stream has {len(data)} bytes, {needed} are needed")
+    values = np.frombuffer(data, sizes[len(data)]).reshape(rows, count)
+    if own_frequencies and frequency is None:
+        frequency, values = values[0].real, values[1:]
+    wide = complex if complex_values else float
+    return None if frequency is None else frequency.astype(float), values.astype(wide)
+
+
+def _root(path: Path) -> Any:
+    try:
+        data = path.read_bytes()
+        if data[:2] == b"\x1f\x8b":
+            data = gzip.decompress(data)
+    except (OSError, EOFError) as error:
+        reason = getattr(error, "strerror", None) or "compressed data are cut off"
+        fault = Fault("", f"cannot be read ({reason})", "check the path and its permissions")
+        raise InputError([fault]) from None
+    if b"<!ENTITY" in data:
+        raise InputError([Fault("", "defines XML entities", "save it in diaggui again")])
+    try:
+        root = ElementTree.fromstring(data)
+    except ElementTree.ParseError as error:
+        fault = Fault("", f"is not XML ({error})", "save the measurement in diaggui again")
+        raise InputError([fault]) from None
+    if root.tag != "LIGO_LW":
+        problem = f"is XML of {format_value(root.tag)}, not of the diagnostics test tools (LIGO_LW)"
+        raise InputError([Fault("", problem, "name a file that diaggui saved, a CSV or HDF5")])
+    return root
+
+
+def _words(error: Exception) -> str:
+    return f"{error} is missing" if isinstance(error, KeyError) else str(error)

@@ -1,0 +1,54 @@
+"""Measured transfer functions in datasets of HDF5 files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.measurements.columns import Columns
+
+
+def read(path: Path) -> Columns:
+    """List the one-dimensional datasets of numbers of a file, by their paths.
+
+    Complex numbers are stored as HDF5 compounds of ``r`` and ``i``, as h5py and MATLAB write them.
+
+    Raises
+    ------
+    InputError
+        If the file is not HDF5 or has no such dataset.
+    """
+    import h5py
+
+    names: list[str] = []
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.size and max(item.shape, default=0) == item.size:
+            names.append(name)
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(visit)
+    except OSError as error:
+        problem = "cannot be read" if not path.exists() else "is not HDF5, or was cut off"
+        remedy = "check the path" if not path.exists() else "name a CSV, HDF5 or DTT XML file"
+        raise InputError([Fault("", f"{problem} ({error.strerror or 'HDF5'})", remedy)]) from None
+    if not names:
+        problem = "has no one-dimensional dataset"
+        raise InputError([Fault("", problem, "write frequency and value as datasets")])
+
+    def column(position: int) -> Any:
+        with h5py.File(path, "r") as file:
+            values = np.asarray(file[names[position]]).ravel()
+        if values.dtype.names and len(values.dtype.names) == 2:
+            first, second = values.dtype.names
+            values = values[first] + 1j * values[second]
+        if values.dtype.kind not in "iufc":
+            problem = f"dataset holds {values.dtype}, not numbers"
+            raise InputError([Fault("", problem, "name another", format_value(names[position]))])
+        return values
+
+    return Columns(names, column, lambda n: f"element {n}", numbered=False, noun="dataset")

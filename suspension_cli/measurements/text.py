@@ -1,0 +1,127 @@
+"""Tables of numbers in text files: CSV, or columns separated by blanks, tabs or semicolons."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.measurements.columns import Columns, recognise
+
+COMMENTS = ("#", "%")
+MAX_BYTES = 400_000_000
+
+
+def read(path: Path) -> Columns:
+    """Read a table with or without a line of headings, with comments after # or %.
+
+    Comment lines before the first numbers may hold the headings.
+
+    Raises
+    ------
+    InputError
+        With the line of a word between numbers, or of a wrong number of columns.
+    """
+    rows, headings = _rows(path)
+    if not rows:
+        raise InputError([Fault("", "has no numbers", "give a frequency and a value per line")])
+    width = len(rows[0][1])
+    for line, cells in rows:
+        if len(cells) != width:
+            problem = f"has {len(cells)} columns, but line {rows[0][0]} has {width}"
+            raise InputError([Fault(f"line {line}", problem, "give every line all columns")])
+    names = _heading(headings, width)
+    values = [[_number(cell, line) for cell in cells] for line, cells in rows]
+    lines = [line for line, _ in rows]
+    return Columns(
+        names or [str(n) for n in range(1, width + 1)],
+        lambda n: np.array([row[n] for row in values]),
+        lambda n: f"line {lines[n]}",
+        headed=names is not None,
+    )
+
+
+def _heading(above: list[tuple[int, list[str]]], width: int) -> list[str] | None:
+    """Choose the headings among the lines above the numbers; line 0 stands for a comment."""
+    fitting = [cells for _, cells in above if len(cells) == width]
+    for cells in reversed(fitting):
+        if "frequency" in recognise(cells):
+            return cells
+    line, last = above[-1] if above else (0, [])
+    if line and len(last) != width:
+        problem = f"has {len(last)} headings for {width} columns"
+        raise InputError([Fault(f"line {line}", problem, "give every column a heading")])
+    return fitting[-1] if line else None
+
+
+def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], list[tuple[int, list[str]]]]:
+    """Split lines with numbers into cells; also the lines above them, comments as line 0."""
+    rows: list[tuple[int, list[str]]] = []
+    above: list[tuple[int, list[str]]] = []
+    delimiter = None
+    for line, text in enumerate(_text(path).splitlines(), 1):
+        bare = text.strip()
+        if not bare:
+            continue
+        if bare.startswith(COMMENTS):
+            words = bare.lstrip("#% ")
+            above += [] if rows else [(0, _split(words, _delimiter(words)))]
+            continue
+        if not rows:
+            delimiter = _delimiter(bare)
+        cells = _split(bare, delimiter)
+        if not rows and not _is_number(cells[0]):
+            above.append((line, cells))
+            continue
+        rows.append((line, cells))
+    return rows, above
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError([Fault("", "has more than 400 MB", "give fewer points")])
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        fault = Fault("", f"cannot be read ({reason})", "check the path and its permissions")
+        raise InputError([fault]) from None
+    except UnicodeDecodeError:
+        fault = Fault("", "is not text (UTF-8)", "name a CSV, HDF5 or DTT XML file")
+        raise InputError([fault]) from None
+
+
+def _delimiter(line: str) -> str | None:
+    """Return the delimiter of a line: semicolon, comma or tab; None for blanks."""
+    return next((mark for mark in (";", ",", "\t") if mark in line), None)
+
+
+def _split(line: str, delimiter: str | None) -> list[str]:
+    if delimiter is None:
+        return line.split()
+    cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+    return [cell.strip() for cell in cells]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        complex(cell.replace("i", "j"))
+    except ValueError:
+        return False
+    return True
+
+
+def _number(cell: str, line: int) -> complex | float:
+    try:
+        return float(cell)
+    except ValueError:
+        pass
+    try:
+        return complex(cell.replace(" ", "").replace("i", "j"))
+    except ValueError:
+        remedy = "write numbers with a decimal point, or # before a comment"
+        raise InputError(
+            [Fault(f"line {line}", f"{format_value(cell)} is no number", remedy)]
+        ) from None

@@ -1,0 +1,122 @@
+"""Simulated measurements of an imperfect triple pendulum, as an example of files of measurements.
+
+Writes the data of `measured/triple/`: a CSV of a swept force along x and an XML as diaggui saves it
+of pitch and x of the upper mass. The simulated suspension differs from the design by `IMPERFECT`,
+its sensors and coils by `TRUTH`, and both files have sensor noise. Run by `make simulated`.
+"""
+
+from __future__ import annotations
+
+import base64
+import xml.etree.ElementTree as ElementTree
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design import measured, reader
+from suspension_cli.design.measured import Measured
+from suspension_cli.files.atomic import write_bytes
+from suspension_cli.linear import response, signals
+from suspension_cli.measurements import prediction
+from suspension_cli.models.registry import BEAM
+from tools.tables import ROOT
+
+FOLDER = ROOT / "measured" / "triple"
+IMPERFECT = (
+    "stage.middle.body.mass=5.72",  # 2 % more
+    "stage.upper.blades.stiffness=1.24e3",  # 5 % less
+    "stage.test.wires.l=0.284",  # 4 mm longer
+    'perturbation=[{wire="test.1", lower_offset=[0.0, 0.0, 0.0015]}]',
+)
+TRUTH = {"osem-x": 1.03, "coil-x": 0.97, "osem-pitch": 0.98}
+"""Factors on the gains of sensors and actuators."""
+AVERAGES = 30
+NOISE = {"osem-x": 1e-6, "osem-pitch": 3e-5}
+"""Of the sensors per unit drive (V), in the bandwidth of one average, m/V and rad/V."""
+
+
+def simulate(data: Measured, number: int, frequency: Any, seed: int) -> tuple[Any, Any]:
+    """Simulate a transfer function with noise; returns it and the coherence g^2."""
+    design = reader.read(FOLDER / "triple.toml", IMPERFECT).design
+    model = BEAM.system(design)
+    tables = with_true_gains(data)
+    known = signals.bodies_with_signals(model)
+    into, out = prediction.signals_of(tables)
+    value = response.solve(
+        model,
+        frequency,
+        [signals.parse_input(name, known) for name in into],
+        [signals.parse_output(name, known) for name in out],
+    ).value
+    table = tables.transfer_function[number]
+    exact = prediction.predict(tables, table, frequency, value)
+    noise = NOISE[table.output]
+    coherence = np.abs(exact) ** 2 / (np.abs(exact) ** 2 + noise**2)
+    random = np.random.default_rng(seed)
+    scatter = random.normal(size=(2, len(frequency)))
+    return exact + noise / np.sqrt(2 * AVERAGES) * (scatter[0] + 1j * scatter[1]), coherence
+
+
+def with_true_gains(data: Measured) -> Measured:
+    """Return the tables with the true gains of sensors and actuators."""
+    import msgspec
+
+    def true(among: list[Any]) -> list[Any]:
+        return [
+            msgspec.structs.replace(one, gain=one.gain * TRUTH.get(one.name, 1.0)) for one in among
+        ]
+
+    return msgspec.structs.replace(data, sensor=true(data.sensor), actuator=true(data.actuator))
+
+
+def dtt(frequency: Any, values: list[Any], coherences: list[Any], channels: list[str]) -> bytes:
+    """Write transfer functions and coherences of a swept sine as diaggui does."""
+    root = ElementTree.Element("LIGO_LW", Name="Diagnostics Test")
+    for number, (subtype, kind, rows) in enumerate(((3, "<c8", values), (5, "<f4", coherences))):
+        result = ElementTree.SubElement(
+            root, "LIGO_LW", Name=f"Result[{number}]", Type="TransferFunction"
+        )
+        parameters = {
+            "Subtype": subtype,
+            "Averages": AVERAGES,
+            "N": len(frequency),
+            "M": len(rows),
+            "ChannelA": channels[0],
+            **{f"ChannelB[{n}]": name for n, name in enumerate(channels[1:])},
+        }
+        for key, value in parameters.items():
+            ElementTree.SubElement(result, "Param", Name=key).text = str(value)
+        array = ElementTree.SubElement(result, "Array", Type="float")
+        stream = ElementTree.SubElement(array, "Stream", Encoding="LittleEndian,base64")
+        data = np.stack([frequency, *rows]).astype(kind).tobytes()
+        stream.text = "\n" + base64.encodebytes(data).decode()
+    ElementTree.indent(root, " ", 0)
+    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
+
+
+def main() -> None:
+    """Write the files."""
+    data = measured.read(FOLDER / "measured.toml")
+    frequency = np.geomspace(0.3, 12.0, 240)
+    value, coherence = simulate(data, 0, frequency, 1)
+    lines = [
+        "# simulated: swept force on the upper mass, not a measurement of hardware",
+        "frequency_hz, real, imag, coherence",
+        *(
+            f"{f:.6g}, {1e6 * h.real:.6g}, {1e6 * h.imag:.6g}, {g:.7f}"
+            for f, h, g in zip(frequency, value, coherence, strict=True)
+        ),
+    ]
+    write_bytes(FOLDER / "x.csv", ("\n".join(lines) + "\n").encode())
+    frequency = np.geomspace(0.5, 6.0, 160)
+    pairs = [simulate(data, number, frequency, number + 1) for number in (1, 2)]
+    channels = ["X1:SUS-TRIPLE_UPPER_DRIVE_P_EXC"]
+    channels += [f"X1:SUS-TRIPLE_UPPER_OSEM_{dof}_IN1" for dof in "PL"]
+    write_bytes(
+        FOLDER / "pitch.xml",
+        dtt(frequency, [value for value, _ in pairs], [g for _, g in pairs], channels),
+    )
+
+
+if __name__ == "__main__":
+    main()
