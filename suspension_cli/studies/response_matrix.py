@@ -1,7 +1,7 @@
 """Responses of all outputs of a design to all inputs, with their derivatives by its numbers.
 
-With A x = f, y = C x and A = K + i K'' + i omega C - omega^2 M, a change of the matrices changes the
-responses by
+With A x = f, y = C x and A = K + i K'' + i omega C - omega^2 M, a change of the matrices changes
+the responses by
 
     dH = -Y^T dA X + dC X + Y^T dB,    A X = B,  A^T Y = C^T,
 
@@ -87,7 +87,7 @@ class Plant:
         return form.imag / parameters.STEP
 
     def dispersive(self, omega: Array) -> Any:
-        """Frequency-dependent part of the stiffness (f, N, N), or None, in the named coordinates."""
+        """Frequency-dependent part of the stiffness (f, N, N) in the named coordinates, or None."""
         if not self.system.terms:
             return None
         to_named = np.linalg.inv(self.system.basis)
@@ -203,10 +203,7 @@ class Responses:
             rows = np.array([self.plant.row_change(change, signal) for signal in self.outputs])
             result += rows @ self.state
             pushed = np.array(
-                [
-                    self.plant.row_change(change, signal)[6:] * signal.acts
-                    for signal in self.inputs
-                ]
+                [self.plant.row_change(change, signal)[6:] * signal.acts for signal in self.inputs]
             )
             result += self.adjoint.transpose(0, 2, 1) @ pushed.T
         return result
@@ -220,7 +217,7 @@ class Responses:
         return -1j * omega * self.omega[:, None, None] * seen[:, :, None] * moved[:, None, :]
 
     def stiffening_derivative(self, mode: int) -> Any:
-        """Differentiate all responses, (f, o, i), by a relative change of a mode's omega^2 alone."""
+        """Differentiate all responses, (f, o, i), by the relative change of omega^2 of a mode."""
         squared = float(self.plant.modes.omega_squared[mode])
         force = self.plant.modal_forces[mode]
         seen = np.einsum("n,fno->fo", force, self.adjoint)

@@ -52,7 +52,7 @@ class Nuisance:
 
     @property
     def name(self) -> str:
-        """Key path in the file of measurements: ``sensor.top-x.gain``, ``sensor.top-x.mix.top.y``."""
+        """Key path: ``sensor.top-x.gain``, ``sensor.top-x.mix.top.y``."""
         table = ("sensor", "actuator")[self.side]
         return f"{table}.{self.channel}.{self.kind}" + (f".{self.other}" if self.other else "")
 
@@ -220,13 +220,15 @@ def build(
                 _parse(side, name, known)
             except InputError as error:
                 table = ("sensor", "actuator")[side]
-                also = f"name a [[{table}]] ({suggest(name, list(given[side]))})" if given[side] else (
-                    f"describe the channel by a [[{table}]]"
+                also = (
+                    f"name a [[{table}]] ({suggest(name, list(given[side]))})"
+                    if given[side]
+                    else (f"describe the channel by a [[{table}]]")
                 )
                 fault = error.faults[0]
-                bad[Fault(where, fault.problem, f"{fault.remedy}; or {also}", format_value(name))] = (
-                    None
-                )
+                bad[
+                    Fault(where, fault.problem, f"{fault.remedy}; or {also}", format_value(name))
+                ] = None
             else:
                 used[side][name] = Transducer(name=name, signal=name)
     texts: list[dict[str, Signal]] = [{}, {}]

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 
-from suspension_cli.analyses.fit import response_problem, search
+from suspension_cli.analyses.fit import search
 from suspension_cli.analyses.fit.response_fit import Candidate, SingleChange, Solution, refine
 from suspension_cli.analyses.fit.response_problem import ResponseProblem
 from suspension_cli.conventions import DOFS, SUPPORT
@@ -132,13 +133,11 @@ def describe(problem: ResponseProblem, z: Array, names: Sequence[str]) -> tuple[
         return ()
     weak = WEAK * problem.scale[:p]
     known = data_information(problem, z) / np.outer(problem.scale[:p], problem.scale[:p])
-    spread = np.linalg.inv(
-        (known + np.diag(1 / weak**2)) * np.outer(weak, weak)
-    ) * np.outer(weak, weak)
+    spread = np.linalg.inv((known + np.diag(1 / weak**2)) * np.outer(weak, weak)) * np.outer(
+        weak, weak
+    )
     sigma, scale = np.sqrt(np.diag(spread)), problem.scale[:p]
-    numbers = [
-        _Number(short(name), *unit_of(name, float(z[n]))) for n, name in enumerate(names)
-    ]
+    numbers = [_Number(short(name), *unit_of(name, float(z[n]))) for n, name in enumerate(names)]
     combinations, taken = _combinations(spread, scale, z[:p], numbers)
     good = [n for n in range(p) if sigma[n] <= KNOWN * scale[n] and n not in taken]
     poor = [n for n in range(p) if KNOWN * scale[n] < sigma[n] < UNKNOWN * scale[n]]
@@ -212,8 +211,7 @@ def _sentence(group: list[_Number], weight: Array, error: float, *, lengths: boo
         )
         return f"only {signs.removeprefix(' + ')} is known (to {words})"
     parts = [
-        name if abs(w) == 1 else f"{name}^{abs(w):g}"
-        for w, name in zip(weight, names, strict=True)
+        name if abs(w) == 1 else f"{name}^{abs(w):g}" for w, name in zip(weight, names, strict=True)
     ]
     above = [part for part, w in zip(parts, weight, strict=True) if w > 0]
     below = [part for part, w in zip(parts, weight, strict=True) if w < 0]
@@ -250,7 +248,8 @@ def single_changes(
     movable = [
         name
         for name in names
-        if name in free or (change := derivatives.of(plant.base, name)) is not None and change.matters
+        if name in free
+        or ((change := derivatives.of(plant.base, name)) is not None and change.matters)
     ]
     wide = _restricted(problem, text, measured, file, movable, changes)
     z = np.concatenate([wide.base.start, found.z[p:]])
@@ -291,14 +290,16 @@ def _restricted(
     changes: dict[str, float] | None = None,
 ) -> ResponseProblem:
     """The same measurements with other free numbers, without priors on them."""
-    import msgspec
-
     values = {item.name: item.value for item in parameters.every(text, problem.level)}
     given = {item.name: item for item in measured.parameter}
     free = []
     for name in names:
         begin = given[name].start if name in given else None
-        begin = values.get(name, given[name].prior if name in given else None) if begin is None else begin
+        begin = (
+            values.get(name, given[name].prior if name in given else None)
+            if begin is None
+            else begin
+        )
         assert begin is not None
         free.append(Free(name=name, start=begin + (changes or {}).get(name, 0.0)))
     other = msgspec.structs.replace(measured, parameter=free)
@@ -319,7 +320,9 @@ def _refit(
     """Fit some numbers alone; None if no design is found."""
     try:
         made = _restricted(problem, text, measured, file, names)
-        return refine(made, np.concatenate([made.base.start, found.z[problem.numbers :]]), quick=True)
+        return refine(
+            made, np.concatenate([made.base.start, found.z[problem.numbers :]]), quick=True
+        )
     except (InputError, np.linalg.LinAlgError):
         return None
 
@@ -344,7 +347,11 @@ def next_measurements(found: Solution, which: int) -> tuple[Candidate, ...]:
     known = signals.bodies_with_signals(now.plant.system)
     inputs = [
         *(signals.parse_input(f"{SUPPORT}.{dof}", known) for dof in DOFS),
-        *(signals.parse_input(f"{name}.{force}", known) for name in body for force in signals.FORCES),
+        *(
+            signals.parse_input(f"{name}.{force}", known)
+            for name in body
+            for force in signals.FORCES
+        ),
     ]
     outputs = [signals.parse_output(f"{name}.{dof}", known) for name in body for dof in DOFS]
     edges = np.log(BANDS)
@@ -416,18 +423,3 @@ def _shrink(norm: float) -> float:
 
 def _real(rows: Any) -> Array:
     return np.concatenate([rows.real, rows.imag])
-
-
-__all__ = [
-    "covariance",
-    "data_information",
-    "describe",
-    "information",
-    "least_known",
-    "next_measurements",
-    "response_problem",
-    "replace",
-    "single_changes",
-    "short",
-    "unit_of",
-]

@@ -57,7 +57,7 @@ def minimise(
         free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
         diagonal = np.diag(normal).copy()
         diagonal[diagonal <= 0] = 1.0
-        better = False
+        better, new, found, reached, expected = False, x, rest, cost, 0.0
         while damping < LARGEST_DAMPING:
             left = normal + np.diag(damping * diagonal + 1e-14 * diagonal.max(initial=0.0))
             step = np.zeros(len(x))

@@ -136,23 +136,7 @@ def search(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> tuple
         off = target - np.log(problem.frequencies(x)[0][matched.mode])
         sigma = sigma * np.sqrt(1 + (off / np.maximum(3 * np.median(np.abs(off)), NEAR)) ** 2)
 
-        def residual(v: Array, target: Array = target, sigma: Array = sigma) -> Array:
-            frequency = problem.frequencies(v)[0][matched.mode]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                rows = (np.log(frequency) - target) / sigma
-            if not np.isfinite(rows).all():
-                return np.full(len(rows) + p, 1e9)
-            return np.concatenate([rows, (v - center) / width])
-
-        def jacobian(v: Array, sigma: Array = sigma) -> Array:
-            frequency, slope = problem.frequencies(v)
-            rows = slope[matched.mode] / (frequency[matched.mode] * sigma)[:, None]
-            return np.concatenate([rows, np.diag(1 / width)])
-
-        new, _ = levenberg_marquardt.minimise(
-            residual, jacobian, x[:p], width, (problem.low[:p], problem.high[:p]), steps=15
-        )
-        x[:p] = new
+        x[:p] = _fit(problem, x[:p], (matched.mode, target, sigma), (center, width))
         before, matched = matched, assign(problem, x, peaks)
         if (
             len(before.mode) == len(matched.mode)
@@ -165,3 +149,29 @@ def search(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> tuple
         if mode in damping:
             x[p + len(problem.nuisances) + n] = np.clip(np.log(damping[mode]), np.log(1e-8), -0.1)
     return x, matched
+
+
+def _fit(
+    problem: ResponseProblem,
+    x: Array,
+    measured: tuple[Any, Array, Array],
+    prior: tuple[Array, Array],
+) -> Array:
+    """Fit numbers to logarithms of frequencies: modes, values and standard deviations."""
+    (modes, target, sigma), (center, width), p = measured, prior, len(x)
+
+    def residual(v: Array) -> Array:
+        frequency = problem.frequencies(v)[0][modes]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rows = (np.log(frequency) - target) / sigma
+        if not np.isfinite(rows).all():
+            return np.full(len(rows) + p, 1e9)
+        return np.concatenate([rows, (v - center) / width])
+
+    def jacobian(v: Array) -> Array:
+        frequency, slope = problem.frequencies(v)
+        rows = slope[modes] / (frequency[modes] * sigma)[:, None]
+        return np.concatenate([rows, np.diag(1 / width)])
+
+    bounds = (problem.low[:p], problem.high[:p])
+    return levenberg_marquardt.minimise(residual, jacobian, x, width, bounds, steps=15)[0]

@@ -93,7 +93,7 @@ def _fit(frequency: Array, value: Any, uncertainty: Array, at: float) -> Peak | 
     numerator = np.stack([np.ones_like(s), s, s**2], 1).astype(complex)
     columns = np.hstack([h[:, None], (1j * w * h)[:, None], -numerator, -1j * numerator])
     denominator = np.ones(len(w))
-    solution = covariance = None
+    solution, covariance, rest = np.zeros(8), np.zeros((8, 8)), np.zeros(1)
     for _ in range(PASSES):
         weight = (1 / (sigma * denominator))[:, None]
         left = _real(columns * weight)
@@ -103,7 +103,6 @@ def _fit(frequency: Array, value: Any, uncertainty: Array, at: float) -> Peak | 
         rest = left @ solution - right
         denominator = np.abs(solution[0] - w2 + 1j * w * solution[1])
         denominator = np.maximum(denominator, 1e-9)
-    assert solution is not None and covariance is not None
     squared, width = float(solution[0]), float(solution[1])
     if not (w2[0] < squared < w2[-1]) or width > 0.5:
         return None

@@ -134,10 +134,10 @@ class ResponseFit:
     def chi_squared(self) -> Array:
         """chi^2 of each function after the fit, (k,)."""
         off = np.abs((self.after - self.measured) / self.uncertainty) ** 2
-        return np.bincount(self.of, off, len(self.function))
+        return np.bincount(self.of, off, len(self.function)).astype(float)
 
     @property
-    def points(self) -> Array:
+    def points(self) -> Index:
         """Number of residuals of each function: two per value, (k,)."""
         return 2 * np.bincount(self.of, minlength=len(self.function))
 

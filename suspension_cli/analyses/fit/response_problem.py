@@ -198,9 +198,7 @@ class ResponseProblem:
                 assert change is not None
                 columns.append(read(response.derivative(change)))
             for nuisance in self.nuisances:
-                columns.append(
-                    self.channels.differentiate(response.value, omega, values, nuisance)
-                )
+                columns.append(self.channels.differentiate(response.value, omega, values, nuisance))
             added = np.exp(z[self.numbers + len(self.nuisances) :])
             for mode, size in zip(now.order[self.damped], added, strict=True):
                 columns.append(size * read(response.damping_derivative(int(mode))))
@@ -216,7 +214,9 @@ class ResponseProblem:
         if registry.by_name(self.level).exact_derivatives:
             return []
         free = self.base.experiment[0].free
-        return [n for n, name in enumerate(free) if set(name.split(".")) & {*response_matrix.LOSSES}]
+        return [
+            n for n, name in enumerate(free) if set(name.split(".")) & {*response_matrix.LOSSES}
+        ]
 
     def _add_losses(self, z: Array, result: list[Any]) -> None:
         for n in self._loses():
@@ -258,7 +258,8 @@ class ResponseProblem:
         """Differentiate `residual`, (r, P)."""
         sigma = self.uncertainties() if sigma is None else sigma
         rows = [
-            _parts(slope / s[:, None]) for slope, s in zip(self.differentiate(z), sigma, strict=True)
+            _parts(slope / s[:, None])
+            for slope, s in zip(self.differentiate(z), sigma, strict=True)
         ]
         if self.base.experiment[0].mode:
             slope = np.zeros((len(self.base.experiment[0].mode), len(z)))

@@ -281,7 +281,15 @@ def solve_responses(
         if least is not None:
             extra["candidates"] = findings.next_measurements(found, least)
     responses = response_fit.collect(found, start, spread, **extra)
-    return _with_responses(text, measured, problem, found, spread, np.sort([end.chi_squared for end in ends]), responses)
+    return _with_responses(
+        text,
+        measured,
+        problem,
+        found,
+        spread,
+        np.sort([end.chi_squared for end in ends]),
+        responses,
+    )
 
 
 def _check_uncertainties(functions: Sequence[MeasuredResponse]) -> None:
