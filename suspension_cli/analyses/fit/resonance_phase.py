@@ -8,7 +8,7 @@ numbers of the design are fitted to these frequencies alone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,12 @@ from suspension_cli.scene.arrays import Array
 
 FAR = 0.2
 """Largest ln of measured over computed frequency of a peak that may belong to a mode."""
+FARTHEST = 0.9
+"""The same for a peak that no mode has nearby, and a mode that has no peak nearby."""
+EXPECTED = 0.5
+"""Size of a resonance, as for `FAINT`, from which a peak is expected."""
+ROUGH = 0.02
+"""Relative uncertainty of a frequency that was assigned over such a distance."""
 NEAR = 0.03
 """Typical error of a computed frequency."""
 FAINT = 0.02
@@ -27,11 +33,11 @@ FAINT = 0.02
 peak is expected."""
 AGREES = 0.01
 """Relative difference of frequencies within which peaks of several functions are one resonance."""
-REPEATS = 4
+ROUNDS = ((0.02, 1.0), (5e-3, 0.3), (1e-3, 0.1), (1e-4, 0.03), (1e-4, 0.01))
+"""Smallest relative uncertainty of a resonance in each round of assigning and fitting, and the
+error from which it loses weight, as it may belong to another mode."""
 LOOSE = 0.1
 """Standard deviation, relative to a number, that stands for a missing prior in this phase."""
-SHARPEST = 1e-4
-"""Smallest relative uncertainty of a resonance in this phase."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +79,7 @@ def assign(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> Reson
     frequency = now.plant.modes.frequency
     squared = now.plant.modes.omega_squared
     found: dict[int, list[Peak]] = {}
+    distant: dict[int, list[Peak]] = {}
     for own, some in zip(residues(now.plant, problem.channels), peaks, strict=True):
         if not some:
             continue
@@ -90,9 +97,22 @@ def assign(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> Reson
         cost = (off / NEAR) ** 2 + np.minimum(size**2, 25.0)
         cost[np.abs(off) > FAR] = 1e6
         cost = np.hstack([cost, np.full((len(some), len(some)), 60.0)])  # a peak of no mode
-        for row, column in zip(*linear_sum_assignment(cost), strict=True):
-            if column < len(visible) and cost[row, column] < 60.0:
-                found.setdefault(int(visible[column]), []).append(some[row])
+        rows, columns = linear_sum_assignment(cost)
+        near = [(r, c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < 60.0]
+        for row, column in near:
+            found.setdefault(int(visible[column]), []).append(some[row])
+        free = np.setdiff1d(np.arange(len(some)), [row for row, _ in near])
+        strong = np.flatnonzero(height[visible] > EXPECTED * rest[visible])
+        lost = np.setdiff1d(strong, [column for _, column in near])
+        left = np.abs(off[np.ix_(free, lost)])
+        for row, column in zip(*linear_sum_assignment(left), strict=True):
+            if left[row, column] < FARTHEST:
+                peak = some[free[row]]
+                rough = replace(peak, sigma=max(peak.sigma, ROUGH * peak.frequency))
+                distant.setdefault(int(visible[lost[column]]), []).append(rough)
+    for mode, several in distant.items():
+        if mode not in found and len(several) >= min(2, len(peaks)):
+            found[mode] = several
     back = {int(mode): n for n, mode in enumerate(now.order)}
     rows = []
     for mode, several in sorted(found.items()):
@@ -126,24 +146,16 @@ def search(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> tuple
     center[loose] = z[:p][loose]
     width[loose] = np.maximum(LOOSE * np.abs(z[:p][loose]), 1e-3 * (z[:p][loose] == 0))
     matched, x = assign(problem, z, peaks), z.copy()
-    for _ in range(REPEATS):
+    for floor, usual in ROUNDS:
         if not (p and len(matched.mode)):
             break
-        sigma = np.maximum(
-            np.maximum(matched.sigma / matched.frequency, 0.1 * matched.damping), SHARPEST
-        )
+        sharp = np.maximum(matched.sigma / matched.frequency, 0.1 * matched.damping)
         target = np.log(matched.frequency)
         off = target - np.log(problem.frequencies(x)[0][matched.mode])
-        sigma = sigma * np.sqrt(1 + (off / np.maximum(3 * np.median(np.abs(off)), NEAR)) ** 2)
-
+        off = np.nan_to_num(off, nan=1.0)
+        sigma = np.maximum(sharp, floor) * np.sqrt(1 + (off / usual) ** 2)
         x[:p] = _fit(problem, x[:p], (matched.mode, target, sigma), (center, width))
-        before, matched = matched, assign(problem, x, peaks)
-        if (
-            len(before.mode) == len(matched.mode)
-            and (before.mode == matched.mode).all()
-            and np.allclose(before.frequency, matched.frequency, rtol=1e-4)
-        ):
-            break
+        matched = assign(problem, x, peaks)
     damping = dict(zip(matched.mode.tolist(), matched.damping.tolist(), strict=True))
     for n, mode in enumerate(problem.damped.tolist()):
         if mode in damping:
