@@ -104,6 +104,7 @@ class Plant:
         inputs: Sequence[Signal],
         outputs: Sequence[Signal],
         damping: Array | None = None,
+        stiffening: Array | None = None,
     ) -> Responses:
         """Solve for all responses, with the adjoint solutions that derivatives need.
 
@@ -114,6 +115,8 @@ class Plant:
         inputs, outputs : sequences of Signal
         damping : (m,) array, optional
             Added damping 1/Q of each mode.
+        stiffening : (m,) array, optional
+            Relative change of omega^2 of each mode alone.
         """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         size = self.base.model.size
@@ -128,7 +131,7 @@ class Plant:
         step = max(CHUNK // size**2, 1)
         for begin in range(0, len(omega), step):
             span = slice(begin, begin + step)
-            matrix = self._dynamic(omega[span], damping)
+            matrix = self._dynamic(omega[span], damping, stiffening)
             root = np.sqrt(np.abs(np.einsum("fnn->fn", matrix[:, 6:, 6:])))
             root[root == 0] = 1.0
             own = matrix[:, 6:, 6:] / (root[:, :, None] * root[:, None, :])
@@ -139,7 +142,7 @@ class Plant:
             adjoint[span] = np.linalg.solve(own.transpose(0, 2, 1), watch) / root[..., None]
         return Responses(self, omega, tuple(inputs), tuple(outputs), rows, state, adjoint)
 
-    def _dynamic(self, omega: Array, damping: Array | None) -> Any:
+    def _dynamic(self, omega: Array, damping: Array | None, stiffening: Array | None) -> Any:
         linear, w = self.base.linear, omega[:, None, None]
         matrix = linear.stiffness + 1j * (linear.loss + w * linear.damping) - w**2 * linear.mass
         added = self.dispersive(omega)
@@ -150,6 +153,11 @@ class Plant:
             rates = np.sqrt(np.clip(self.modes.omega_squared[used], 0.0, None)) * damping[used]
             forces = self.modal_forces[used]
             matrix[:, 6:, 6:] += 1j * w * ((forces.T * rates) @ forces)
+        if stiffening is not None and stiffening.any():
+            used = np.flatnonzero(stiffening)
+            forces = self.modal_forces[used]
+            added = (forces.T * (self.modes.omega_squared[used] * stiffening[used])) @ forces
+            matrix[:, 6:, 6:] += added
         return matrix
 
 

@@ -21,8 +21,10 @@ from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.measured import Free, Measured
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
+from suspension_cli.linear.signals import Signal
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import derivatives, parameters
+from suspension_cli.studies.response_matrix import Plant
 
 WEAK = 10.0
 """Factor on priors (and on a tenth of numbers without) in statements on what the data determine."""
@@ -49,6 +51,10 @@ BANDS = tuple(0.1 * 10 ** (n / 3) for n in range(7))
 """Edges of the bands of candidate measurements, Hz."""
 ZERO = 1e-8
 """Size of a response, relative to others of its drive and sensor, that is a rounding error."""
+LEAST = 8
+"""Least known numbers among which one is sought that a measurement improves."""
+IMPROVES = 0.7
+"""Factor on its standard deviation that counts as an improvement."""
 LISTED = 6
 """Candidates that are reported."""
 
@@ -97,7 +103,11 @@ class _Number:
         return f"{value * self.factor:{sign}.3g} {self.unit}"
 
 
-LENGTHS = ("d", "d_upper", "l", "s", "s_upper", "s_lower", "t1", "t2")
+LENGTHS = (
+    *("d", "d_upper", "l", "s", "s_upper", "s_lower", "t1", "t2"),
+    *("radius", "length", "size", "thickness", "base_width"),
+    *("com_offset", "upper_offset", "lower_offset", "position", "at"),
+)
 
 
 def unit_of(name: str, value: float) -> tuple[str, float]:
@@ -107,7 +117,7 @@ def unit_of(name: str, value: float) -> tuple[str, float]:
     (('mm', 1000.0), ('%', 2.5))
     """
     keys = [key for key in name.split(".") if not key.isdigit()]
-    if keys[-1] in (*LENGTHS, "com_offset", "upper_offset", "lower_offset", "position", "at"):
+    if keys[-1] in LENGTHS:
         return "mm", 1e3
     if keys[-1] in ("upper", "lower") and len(keys) > 2:
         return "mm", 1e3
@@ -270,10 +280,14 @@ def single_changes(
             break
         end = _refit(problem, text, measured, file, [movable[int(n)]], found)
         if end is not None:
-            change = float(end.z[0] - end.problem.base.start[0])
-            result.append(SingleChange(movable[int(n)], change, end.chi_squared))
+            given = float(end.problem.base.start[0])
+            change = float(end.z[0]) - given
+            result.append(SingleChange(movable[int(n)], given, change, end.chi_squared))
     result.sort(key=lambda item: item.chi_squared)
-    return float("nan") if before is None else before.chi_squared, tuple(result)
+    if before is None:
+        return float("nan"), tuple(result)
+    least = before.chi_squared - WORTH * max(before.chi_squared - found.chi_squared, 0.0)
+    return before.chi_squared, tuple(item for item in result if item.chi_squared < least)
 
 
 def _data_rows(problem: ResponseProblem) -> int:
@@ -304,7 +318,7 @@ def _restricted(
         free.append(Free(name=name, start=begin + (changes or {}).get(name, 0.0)))
     other = msgspec.structs.replace(measured, parameter=free)
     base = search.build_problem([text], other, [file], problem.level)
-    made = ResponseProblem(base, problem.channels, problem.damped, problem.level)
+    made = ResponseProblem(base, problem.channels, problem.damped, problem.level, problem.stiff)
     made.__dict__["nominal"] = problem.nominal
     return made
 
@@ -327,43 +341,38 @@ def _refit(
         return None
 
 
-def least_known(problem: ResponseProblem, spread: Array) -> int | None:
-    """The number whose standard deviation is largest for its scale; None if none is free."""
+def least_known(problem: ResponseProblem, spread: Array) -> list[int]:
+    """The numbers whose standard deviations are largest for their scale, worst first."""
     p = problem.numbers
     ratio = np.sqrt(np.diag(spread)[:p]) / problem.scale[:p]
     ratio = np.where(np.isnan(ratio), -1.0, ratio)
-    return int(ratio.argmax()) if p and ratio.max() > 0 else None
+    return [int(n) for n in np.argsort(-ratio, kind="stable")[:LEAST] if ratio[n] > 0]
 
 
-def next_measurements(found: Solution, which: int) -> tuple[Candidate, ...]:
-    """Rate every drive, sensor and band by how well it would determine one number, best first.
+def next_measurements(
+    found: Solution, numbers: Sequence[int]
+) -> tuple[int | None, tuple[Candidate, ...]]:
+    """Rate every drive, sensor and band by how well it would determine a number, best first.
+
+    Of the numbers that are known least the first is taken that a measurement would improve by
+    `IMPROVES`, else the one that it would improve most.
 
     All candidates have the relative noise that the measured functions have in the median, and an
     unknown calibration.
     """
     problem, z, p = found.problem, found.z, found.problem.numbers
     now = problem.predict(z)
-    body = now.plant.system.body
-    known = signals.bodies_with_signals(now.plant.system)
-    inputs = [
-        *(signals.parse_input(f"{SUPPORT}.{dof}", known) for dof in DOFS),
-        *(
-            signals.parse_input(f"{name}.{force}", known)
-            for name in body
-            for force in signals.FORCES
-        ),
-    ]
-    outputs = [signals.parse_output(f"{name}.{dof}", known) for name in body for dof in DOFS]
+    inputs, outputs = _every_signal(now.plant)
     edges = np.log(BANDS)
     grid = np.exp(
         np.concatenate(
             [np.linspace(a, b, PER_BAND, endpoint=False) for a, b in itertools.pairwise(edges)]
         )
     )
-    damping = np.zeros(len(now.order))
-    added = np.exp(z[p + len(problem.nuisances) :])
-    damping[now.order[problem.damped]] = added
-    response = now.plant.respond(grid, inputs, outputs, damping)
+    damping, stiffening = np.zeros((2, len(now.order)))
+    added, changed = problem.added(z)
+    damping[now.order[problem.damped]], stiffening[now.order[problem.stiff]] = added, changed
+    response = now.plant.respond(grid, inputs, outputs, damping, stiffening)
     columns = [
         response.derivative(derivatives.of(now.plant.base, name))  # type: ignore[arg-type]
         for name in problem.base.experiment[0].free
@@ -372,7 +381,8 @@ def next_measurements(found: Solution, which: int) -> tuple[Candidate, ...]:
         size * response.damping_derivative(int(mode))
         for mode, size in zip(now.order[problem.damped], added, strict=True)
     ]
-    places = [*range(p), *range(p + len(problem.nuisances), len(z))]
+    first = p + len(problem.nuisances)
+    places = [*range(p), *range(first, first + len(problem.damped))]
     value, slope = response.value, np.stack(columns, -1) * problem.scale[places]
     noise = [
         np.asarray(item.uncertainty) / np.maximum(np.abs(item.value), 1e-300)
@@ -382,8 +392,11 @@ def next_measurements(found: Solution, which: int) -> tuple[Candidate, ...]:
     whole = information(problem, z)
     weak = 1e-12 * np.diag(whole).max()
     spread = np.linalg.inv(whole + np.diag(np.where(np.diag(whole) > 0, weak, 1.0)))
-    here = places.index(which)
-    result = []
+    here = [places.index(n) for n in numbers]
+    own = np.diag(spread)[list(numbers)]
+    if not len(here):
+        return None, ()
+    result: list[tuple[Array, str, str, int]] = []
     size = np.abs(value)
     for band in range(len(BANDS) - 1):
         span = slice(band * PER_BAND, (band + 1) * PER_BAND)
@@ -400,19 +413,37 @@ def next_measurements(found: Solution, which: int) -> tuple[Candidate, ...]:
             carried = rows @ part
             middle = np.eye(len(rows)) + carried @ rows.T
             seen = carried[:, here]
-            variance = part[here, here] - seen @ np.linalg.solve(middle, seen)
-            result.append((float(variance), inputs[i].text, outputs[o].text, band))
-    result.sort()
-    scale = float(problem.scale[which])
-    best, pairs = [], set[tuple[str, str]]()
-    for variance, drive, sensor, band in result:
-        if (drive, sensor) in pairs:
-            continue
-        pairs.add((drive, sensor))
-        sigma = scale * float(np.sqrt(max(variance, 0.0)))
-        best.append(Candidate(drive, sensor, (BANDS[band], BANDS[band + 1]), sigma))
-        if len(best) == LISTED:
-            break
+            gained = (seen * np.linalg.solve(middle, seen)).sum(0)
+            result.append((own - gained, inputs[i].text, outputs[o].text, band))
+    ratio = np.sqrt(np.min([item[0] / own for item in result], axis=0).clip(0.0))
+    good = np.flatnonzero(ratio < IMPROVES)
+    chosen = int(good[0]) if len(good) else int(ratio.argmin())
+    return numbers[chosen], _best(result, chosen, float(problem.scale[numbers[chosen]]))
+
+
+def _every_signal(plant: Plant) -> tuple[list[Signal], list[Signal]]:
+    """All drives of the support and the stages, and all motions of the stages."""
+    known, body = signals.bodies_with_signals(plant.system), plant.system.body
+    drives = [f"{SUPPORT}.{dof}" for dof in DOFS]
+    drives += [f"{name}.{force}" for name in body for force in signals.FORCES]
+    motions = [f"{name}.{dof}" for name in body for dof in DOFS]
+    return (
+        [signals.parse_input(text, known) for text in drives],
+        [signals.parse_output(text, known) for text in motions],
+    )
+
+
+def _best(
+    result: list[tuple[Array, str, str, int]], chosen: int, scale: float
+) -> tuple[Candidate, ...]:
+    """The best candidates for one number, each drive and sensor once."""
+    best: list[Candidate] = []
+    pairs = set[tuple[str, str]]()
+    for variance, drive, sensor, band in sorted(result, key=lambda item: float(item[0][chosen])):
+        if (drive, sensor) not in pairs and len(best) < LISTED:
+            pairs.add((drive, sensor))
+            sigma = scale * float(np.sqrt(max(variance[chosen], 0.0)))
+            best.append(Candidate(drive, sensor, (BANDS[band], BANDS[band + 1]), sigma))
     return tuple(best)
 
 

@@ -154,9 +154,16 @@ def search(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> tuple
         off = target - np.log(problem.frequencies(x)[0][matched.mode])
         off = np.nan_to_num(off, nan=1.0)
         sigma = np.maximum(sharp, floor) * np.sqrt(1 + (off / usual) ** 2)
+        sigma[np.isin(matched.mode, problem.stiff)] = 1e3  # frequencies of their own
         x[:p] = _fit(problem, x[:p], (matched.mode, target, sigma), (center, width))
         matched = assign(problem, x, peaks)
     damping = dict(zip(matched.mode.tolist(), matched.damping.tolist(), strict=True))
+    frequency = problem.frequencies(x)[0]
+    for mode, measured in zip(matched.mode.tolist(), matched.frequency, strict=True):
+        place = np.flatnonzero(problem.stiff == mode)
+        if len(place):
+            n = len(x) - len(problem.stiff) + place[0]
+            x[n] = np.clip((measured / frequency[mode]) ** 2 - 1, -0.5, 0.9)
     for n, mode in enumerate(problem.damped.tolist()):
         if mode in damping:
             x[p + len(problem.nuisances) + n] = np.clip(np.log(damping[mode]), np.log(1e-8), -0.1)

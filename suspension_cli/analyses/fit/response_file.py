@@ -42,7 +42,7 @@ def fill(group: h5py.Group, found: ResponseFit) -> None:
     _texts(
         group,
         "single_change",
-        [_words(one.name, one.change, one.chi_squared) for one in found.changes],
+        [_words(one.name, one.start, one.change, one.chi_squared) for one in found.changes],
     )
     _texts(
         group,
@@ -115,8 +115,8 @@ def load(group: Any) -> ResponseFit:
         stiffened=tuple((name, float(a), float(b)) for name, a, b in rows("stiffened")),
         chi_squared_before=float(group.attrs["chi_squared_before"]),
         changes=tuple(
-            SingleChange(name, float(change), float(chi_squared))
-            for name, change, chi_squared in rows("single_change")
+            SingleChange(name, float(start), float(change), float(chi_squared))
+            for name, start, change, chi_squared in rows("single_change")
         ),
         sentences=tuple(row[0] for row in rows("sentence")),
         least=str(group.attrs["least_known"]),

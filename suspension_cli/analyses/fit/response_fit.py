@@ -5,7 +5,7 @@
 2. The numbers are fitted to the resonances (`resonance_phase`).
 3. Everything is fitted to the complex values (`response_problem`): chi^2 in the strict sense.
 4. In a misfit, every exchange and sign is tried again with the fitted numbers, and modes that are
-   stiffer than any numbers explain are freed (`rubbing`).
+   far more lossy than others have frequencies of their own: something may rub.
 """
 
 from __future__ import annotations
@@ -16,7 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.fit import levenberg_marquardt, resonance_phase, wrong_channels
+from suspension_cli.analyses.fit import (
+    levenberg_marquardt,
+    resonance_phase,
+    response_problem,
+    wrong_channels,
+)
 from suspension_cli.analyses.fit.resonance_phase import Resonances
 from suspension_cli.analyses.fit.resonances import Peak
 from suspension_cli.analyses.fit.response_problem import ResponseProblem
@@ -24,6 +29,10 @@ from suspension_cli.analyses.fit.wrong_channels import BETTER, Correction
 from suspension_cli.linear import named_results
 from suspension_cli.scene.arrays import Array, Index
 
+LOSSY = 3.0
+"""Damping of a mode, over that which a quarter of the modes have, from which something may rub."""
+SURE = 5.0
+"""Standard deviations of a change of omega^2 from which it is reported."""
 ROUNDS = 3
 """Most corrections after a fit."""
 STEPS, QUICK = 40, 10
@@ -38,13 +47,14 @@ class SingleChange:
     ----------
     name : str
         Dotted path of the number.
-    change : float
-        From the design, SI.
+    start, change : float
+        Value in the design, and the change from it, SI.
     chi_squared : float
         Of the fit.
     """
 
     name: str
+    start: float
     change: float
     chi_squared: float
 
@@ -192,13 +202,41 @@ def solve(problem: ResponseProblem, start: Array | None = None) -> Solution:
         if again.chi_squared > BETTER * found.chi_squared:
             break
         found, corrections = again, _merge(corrections, best)
+    if found.misfit:
+        found = _free_rubbing(found)
     return replace(found, corrections=_rated(found, corrections))
 
 
+def _free_rubbing(found: Solution) -> Solution:
+    """Free the frequencies of modes that are far more lossy than others, if that mends a misfit."""
+    matched = found.matched
+    if len(matched.mode) < 3:
+        return found
+    lossy = matched.damping > LOSSY * np.quantile(matched.damping, 0.25)
+    modes = matched.mode[lossy]
+    if not len(modes) or len(modes) > len(matched.mode) / 2:
+        return found
+    problem = response_problem.with_stiff_modes(found.problem, modes)
+    z = np.concatenate([problem.base.start, found.z[problem.numbers :], np.zeros(len(modes))])
+    again = refine(problem, z)
+    return again if again.chi_squared < BETTER * found.chi_squared else found
+
+
+def stiffened(found: Solution, spread: Array) -> tuple[tuple[str, float, float], ...]:
+    """Modes that are stiffer than the design explains: label, excess of frequency, Q."""
+    problem, names = found.problem, labels(found.problem)
+    first = len(found.z) - len(problem.stiff)
+    damping = dict(zip(problem.damped.tolist(), problem.added(found.z)[0], strict=True))
+    result = []
+    for n, mode in enumerate(problem.stiff.tolist(), first):
+        if found.z[n] > SURE * np.sqrt(spread[n, n]):
+            excess = float(np.sqrt(1 + found.z[n]) - 1)
+            result.append((names[mode], excess, float(1 / damping.get(mode, np.nan))))
+    return tuple(result)
+
+
 def onto(old: ResponseProblem, new: ResponseProblem, z: Array) -> Array:
-    """Values of the unknowns of a problem with more nuisance parameters."""
-    if len(old.nuisances) == len(new.nuisances):
-        return z
+    """Values of the unknowns of a problem with more unknowns, which begin at 0."""
     values = {
         (item.side, item.channel, item.kind, item.other): value
         for item, value in old.nuisance_values(z).items()
@@ -206,8 +244,8 @@ def onto(old: ResponseProblem, new: ResponseProblem, z: Array) -> Array:
     own = [
         values.get((item.side, item.channel, item.kind, item.other), 0.0) for item in new.nuisances
     ]
-    p, q = old.numbers, len(old.nuisances)
-    return np.concatenate([z[:p], own, z[p + q :]])
+    p, q, r = old.numbers, len(old.nuisances), len(old.damped)
+    return np.concatenate([z[:p], own, z[p + q : p + q + r], np.zeros(len(new.stiff))])
 
 
 def _merge(corrections: list[Correction], new: Correction) -> list[Correction]:
@@ -319,6 +357,7 @@ def collect(found: Solution, start: Array, covariance: Array, **findings: Any) -
             ]
         ).reshape(-1, 6),
         corrections=found.corrections,
+        stiffened=stiffened(found, covariance),
         **findings,
     )
 

@@ -1,8 +1,9 @@
 """Least-squares problem of a design and its measured transfer functions.
 
 Unknowns are, in this order: the free numbers of the design, the nuisance parameters of sensors and
-actuators, and for every mode in the measured band the logarithm of an added damping 1/Q, as losses
-of a suspension in air are rarely known. Residuals are real and imaginary parts of measured less
+actuators, for every mode in the measured band the logarithm of an added damping 1/Q (losses of a
+suspension in air are rarely known), and for some modes a relative change of omega^2 that no number
+of the design makes (something rubs). Residuals are real and imaginary parts of measured less
 predicted values over their standard deviations, measured modes, and priors.
 """
 
@@ -31,6 +32,8 @@ DAMPING = 1e-3
 """Prior median of the added damping 1/Q of a mode."""
 DAMPING_SIGMA = 2.5
 """Standard deviation of the logarithm of that prior: a factor of 12 either way."""
+STIFFENING_SIGMA = 0.1
+"""Prior standard deviation of a relative change of omega^2 of one mode alone."""
 BEYOND = 1.5
 """Factor beyond the measured band up to which modes have an added damping."""
 STEP = 1e-4
@@ -73,12 +76,15 @@ class ResponseProblem:
         Modes (of the design at the start) with an added damping.
     level : str
         Name of a model that supports derivatives.
+    stiff : (s,) int array
+        Modes with a change of omega^2 of their own.
     """
 
     base: Problem
     channels: Channels
     damped: Any
     level: str
+    stiff: Any = field(default_factory=lambda: np.zeros(0, dtype=int))
     _cache: dict[bytes, Prediction] = field(default_factory=dict)
 
     @property
@@ -104,6 +110,7 @@ class ResponseProblem:
                 self.base.start,
                 np.zeros(len(self.nuisances)),
                 np.full(len(self.damped), np.log(DAMPING)),
+                np.zeros(len(self.stiff)),
             ]
         )
 
@@ -111,21 +118,26 @@ class ResponseProblem:
     def low(self) -> Array:
         """Lower bounds."""
         gains = [-0.95 if item.kind == "gain" else -np.inf for item in self.nuisances]
-        return np.concatenate([self.base.low, gains, np.full(len(self.damped), np.log(1e-9))])
+        least = np.full(len(self.damped), np.log(1e-9))
+        return np.concatenate([self.base.low, gains, least, np.full(len(self.stiff), -0.9)])
 
     @cached_property
     def high(self) -> Array:
         """Upper bounds."""
         rest = np.full(len(self.nuisances), np.inf)
-        return np.concatenate([self.base.high, rest, np.full(len(self.damped), 0.0)])
+        most = np.concatenate([np.zeros(len(self.damped)), np.ones(len(self.stiff))])
+        return np.concatenate([self.base.high, rest, most])
 
     @cached_property
     def prior(self) -> tuple[Array, Array]:
         """Prior values and their standard deviations, infinite where there is none."""
         q, r = len(self.nuisances), len(self.damped)
-        center = np.concatenate([self.base.prior, np.zeros(q), np.full(r, np.log(DAMPING))])
+        s = len(self.stiff)
+        damping = np.full(r, np.log(DAMPING))
+        center = np.concatenate([self.base.prior, np.zeros(q), damping, np.zeros(s)])
         sigma = [item.sigma for item in self.nuisances]
-        return center, np.concatenate([self.base.prior_sigma, sigma, np.full(r, DAMPING_SIGMA)])
+        modes = np.repeat([DAMPING_SIGMA, STIFFENING_SIGMA], [r, s])
+        return center, np.concatenate([self.base.prior_sigma, sigma, modes])
 
     @cached_property
     def scale(self) -> Array:
@@ -138,6 +150,11 @@ class ResponseProblem:
         item = self.base.experiment[0]
         with item.faults():
             return Plant.of(item.design(x), self.level)
+
+    def added(self, z: Array) -> tuple[Array, Array]:
+        """Added dampings (r,) and changes of omega^2 (s,) of modes."""
+        own = z[self.numbers + len(self.nuisances) :]
+        return np.exp(own[: len(self.damped)]), own[len(self.damped) :]
 
     def nuisance_values(self, z: Array) -> dict[Nuisance, float]:
         """Values of the nuisance parameters."""
@@ -157,14 +174,14 @@ class ResponseProblem:
         plant = self._plant(z[: self.numbers])
         overlap = (self.nominal.modes.shape @ plant.modal_forces.T) ** 2
         order = pair_by_overlap(overlap)
-        damping = np.zeros(len(order))
-        damping[order[self.damped]] = np.exp(z[self.numbers + len(self.nuisances) :])
+        damping, stiffening = np.zeros((2, len(order)))
+        damping[order[self.damped]], stiffening[order[self.stiff]] = self.added(z)
         values = self.nuisance_values(z)
         inputs, outputs = self.channels.signal[1], self.channels.signal[0]
         reading: list[Any] = [None] * len(self.channels.function)
         found = []
         for frequency, own in self.channels.grids:
-            response = plant.respond(frequency, inputs, outputs, damping)
+            response = plant.respond(frequency, inputs, outputs, damping, stiffening)
             readings = self.channels.combine(response.value, response.omega, values)
             for n in own:
                 reading[n] = readings[(slice(None), *self.channels.pair(n))]
@@ -199,9 +216,10 @@ class ResponseProblem:
                 columns.append(read(response.derivative(change)))
             for nuisance in self.nuisances:
                 columns.append(self.channels.differentiate(response.value, omega, values, nuisance))
-            added = np.exp(z[self.numbers + len(self.nuisances) :])
-            for mode, size in zip(now.order[self.damped], added, strict=True):
+            for mode, size in zip(now.order[self.damped], self.added(z)[0], strict=True):
                 columns.append(size * read(response.damping_derivative(int(mode))))
+            for mode in now.order[self.stiff]:
+                columns.append(read(response.stiffening_derivative(int(mode))))
             whole = np.stack(columns, -1) if columns else np.zeros((*response.value.shape, 0))
             for n in own:
                 result[n] = whole[(slice(None), *self.channels.pair(n))]
@@ -270,7 +288,10 @@ class ResponseProblem:
         return np.concatenate(rows)
 
     def frequencies(self, z: Array) -> tuple[Array, Array]:
-        """Frequencies (m,) of the modes in the order of the start, Hz, and derivatives (m, p)."""
+        """Frequencies (m,) of the modes in the order of the start, Hz, and derivatives (m, p).
+
+        Without changes of omega^2 that the design does not explain.
+        """
         plant = self._plant(z[: self.numbers])
         order = pair_by_overlap((self.nominal.modes.shape @ plant.modal_forces.T) ** 2)
         slope = np.zeros((len(order), self.numbers))
@@ -282,9 +303,16 @@ class ResponseProblem:
 
     def with_channels(self, channels: Channels) -> ResponseProblem:
         """Replace sensors and actuators; unknowns stay as they are if the nuisances do."""
-        made = ResponseProblem(self.base, channels, self.damped, self.level)
+        made = ResponseProblem(self.base, channels, self.damped, self.level, self.stiff)
         made.__dict__["nominal"] = self.nominal
         return made
+
+
+def with_stiff_modes(problem: ResponseProblem, modes: Any) -> ResponseProblem:
+    """Give some modes a change of omega^2 of their own."""
+    made = replace(problem, stiff=np.asarray(modes, dtype=int), _cache={})
+    made.__dict__["nominal"] = problem.nominal
+    return made
 
 
 def build(

@@ -17,9 +17,6 @@ NUISANCES = 12
 """Sensors' and actuators' properties that are printed: those furthest from their priors."""
 FUNCTIONS = 8
 """Functions that are printed: those that fit worst."""
-EXPLAINS = 0.5
-"""Fraction of the decrease of chi^2 by all numbers that a single change must reach to be printed as
-an explanation; others are listed."""
 
 
 def corrections(found: ResponseFit) -> list[str]:
@@ -138,9 +135,9 @@ def nuisance_unit(name: str) -> tuple[str, float]:
     return ("ms", 1e3) if name.endswith(".delay") else ("SI", 1.0)
 
 
-def describe_change(one: SingleChange, value: float) -> str:
-    """A change of one number: ``upper.d -2.1 mm``."""
-    unit, factor = unit_of(one.name, value)
+def describe_change(one: SingleChange) -> str:
+    """Describe a change of one number: ``upper.d -2.1 mm``."""
+    unit, factor = unit_of(one.name, one.start)
     return f"{short(one.name)} {one.change * factor:+.3g} {unit}"
 
 
@@ -157,15 +154,10 @@ def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
         "Single changes that explain most (sensors, actuators and losses fitted), against"
         f" chi^2 {found.chi_squared:.4g} with all numbers:"
     ]
-    start = _start_values(found)
     for one in responses.changes:
-        text = describe_change(one, start.get(one.name, 0.0))
+        text = describe_change(one)
         lines.append(f"  {text}: chi^2 {before:.4g} -> {one.chi_squared:.4g}")
     return lines
-
-
-def _start_values(found: Fit) -> dict[str, float]:
-    return dict(zip(found.name, found.start.tolist(), strict=True))
 
 
 def _next(found: Fit, responses: ResponseFit) -> list[str]:
@@ -242,7 +234,12 @@ def document(found: ResponseFit) -> dict[str, Any]:
         ],
         "chi_squared_before": plain(found.chi_squared_before),
         "single_changes": [
-            {"name": one.name, "change": plain(one.change), "chi_squared": plain(one.chi_squared)}
+            {
+                "name": one.name,
+                "start": plain(one.start),
+                "change": plain(one.change),
+                "chi_squared": plain(one.chi_squared),
+            }
             for one in found.changes
         ],
         "determined": list(found.sentences),

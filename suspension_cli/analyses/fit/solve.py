@@ -273,13 +273,12 @@ def solve_responses(
         "sentences": findings.describe(found.problem, found.z, problem.base.experiment[0].free)
     }
     least = findings.least_known(found.problem, spread)
-    if least is not None:
-        extra["least"] = problem.base.experiment[0].free[least]
     if explain:
         before, changes = findings.single_changes(found, text, measured, file, start)
         extra |= {"chi_squared_before": before, "changes": changes}
-        if least is not None:
-            extra["candidates"] = findings.next_measurements(found, least)
+        which, extra["candidates"] = findings.next_measurements(found, least)
+        if which is not None:
+            extra["least"] = problem.base.experiment[0].free[which]
     responses = response_fit.collect(found, start, spread, **extra)
     return _with_responses(
         text,
