@@ -64,7 +64,7 @@ def fill(group: h5py.Group, found: Fit) -> None:
 def load(group: Any) -> Fit:
     """Read a fit from the group `fit`."""
     experiments, names, labels, before, designs = (
-        tuple(group[name].asstr()[:])
+        response_file.read_names(group[name])
         for name in ("experiment", "parameter", "label", "design", "fitted_design")
     )
     arrays = [

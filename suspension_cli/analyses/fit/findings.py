@@ -92,15 +92,16 @@ def data_information(problem: ResponseProblem, z: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class _Number:
+class NumberName:
     """How a number is printed: its name, its unit, and the factor to that unit."""
 
     name: str
     unit: str
     factor: float
 
-    def text(self, value: float, sign: str = "") -> str:
-        return f"{value * self.factor:{sign}.3g} {self.unit}"
+    def text(self, value: float) -> str:
+        """Write a change of the number with its unit."""
+        return f"{value * self.factor:.2g} {self.unit}"
 
 
 LENGTHS = (
@@ -147,8 +148,8 @@ def describe(problem: ResponseProblem, z: Array, names: Sequence[str]) -> tuple[
         weak, weak
     )
     sigma, scale = np.sqrt(np.diag(spread)), problem.scale[:p]
-    numbers = [_Number(short(name), *unit_of(name, float(z[n]))) for n, name in enumerate(names)]
-    combinations, taken = _combinations(spread, scale, z[:p], numbers)
+    numbers = [NumberName(short(name), *unit_of(name, float(z[n]))) for n, name in enumerate(names)]
+    together, taken = combinations(spread, scale, z[:p], numbers)
     good = [n for n in range(p) if sigma[n] <= KNOWN * scale[n] and n not in taken]
     poor = [n for n in range(p) if KNOWN * scale[n] < sigma[n] < UNKNOWN * scale[n]]
     rest = [n for n in range(p) if sigma[n] >= UNKNOWN * scale[n] and n not in taken]
@@ -158,7 +159,7 @@ def describe(problem: ResponseProblem, z: Array, names: Sequence[str]) -> tuple[
             "determined: "
             + ", ".join(f"{numbers[n].name} (to {numbers[n].text(sigma[n])})" for n in good)
         )
-    lines += combinations
+    lines += together
     poor = [n for n in poor if n not in taken]
     if poor:
         lines.append(
@@ -173,8 +174,8 @@ def describe(problem: ResponseProblem, z: Array, names: Sequence[str]) -> tuple[
     return tuple(lines)
 
 
-def _combinations(
-    spread: Array, scale: Array, value: Array, numbers: list[_Number]
+def combinations(
+    spread: Array, scale: Array, value: Array, numbers: list[NumberName]
 ) -> tuple[list[str], set[int]]:
     """Sentences on combinations of two or three numbers that alone are determined."""
     sigma = np.sqrt(np.diag(spread))
@@ -208,7 +209,7 @@ def _combinations(
     return lines, taken
 
 
-def _sentence(group: list[_Number], weight: Array, error: float, *, lengths: bool) -> str:
+def _sentence(group: list[NumberName], weight: Array, error: float, *, lengths: bool) -> str:
     names = [one.name for one in group]
     if lengths:
         words = f"{error * np.abs(weight).max() * 1e3:.2g} mm"

@@ -24,6 +24,7 @@ def minimise(
     bounds: tuple[Array, Array],
     *,
     tolerance: float = 1e-5,
+    relative: float = 1e-8,
     steps: int = 60,
 ) -> tuple[Array, float]:
     """Minimise the sum of squares of residuals.
@@ -35,9 +36,8 @@ def minimise(
         `residual` makes the search take a smaller step.
     start, scale : (P,) arrays
     bounds : pair of (P,) arrays
-    tolerance : float
-        Expected decrease of the sum of squares (and of its logarithm, over 1000) below which the
-        search ends.
+    tolerance, relative : float
+        Expected decrease of the sum of squares, and relative to it, below which the search ends.
     steps : int
         Most Gauss-Newton steps.
 
@@ -72,14 +72,14 @@ def minimise(
             if reached < cost:
                 better = True
                 break
-            if expected < tolerance + 1e-3 * tolerance * cost:
+            if expected < tolerance + relative * cost:
                 break
-            damping = max(4 * damping, 1e-6)
+            damping = max(10 * damping, 1e-6)
         if not better:
             break
         gained = cost - reached
         x, rest, cost = new, found, reached
         damping = max(damping / 5, 1e-10)
-        if max(gained, expected) < tolerance + 1e-3 * tolerance * cost:
+        if max(gained, expected) < tolerance + relative * cost:
             break
     return x, cost

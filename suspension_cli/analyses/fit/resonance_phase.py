@@ -26,6 +26,8 @@ EXPECTED = 0.5
 """Size of a resonance, as for `FAINT`, from which a peak is expected."""
 ROUGH = 0.02
 """Relative uncertainty of a frequency that was assigned over such a distance."""
+CLOSE = 1e-4
+"""Relative difference of frequencies at which resonances agree."""
 NEAR = 0.03
 """Typical error of a computed frequency."""
 FAINT = 0.02
@@ -151,14 +153,16 @@ def search(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> tuple
             break
         sharp = np.maximum(matched.sigma / matched.frequency, 0.1 * matched.damping)
         target = np.log(matched.frequency)
-        off = target - np.log(problem.frequencies(x)[0][matched.mode])
+        off = target - np.log(problem.frequencies(x)[matched.mode])
         off = np.nan_to_num(off, nan=1.0)
+        if (np.abs(off) < np.maximum(sharp, CLOSE)).all():
+            break
         sigma = np.maximum(sharp, floor) * np.sqrt(1 + (off / usual) ** 2)
         sigma[np.isin(matched.mode, problem.stiff)] = 1e3  # frequencies of their own
         x[:p] = _fit(problem, x[:p], (matched.mode, target, sigma), (center, width))
         matched = assign(problem, x, peaks)
     damping = dict(zip(matched.mode.tolist(), matched.damping.tolist(), strict=True))
-    frequency = problem.frequencies(x)[0]
+    frequency = problem.frequencies(x)
     for mode, measured in zip(matched.mode.tolist(), matched.frequency, strict=True):
         place = np.flatnonzero(problem.stiff == mode)
         if len(place):
@@ -180,7 +184,7 @@ def _fit(
     (modes, target, sigma), (center, width), p = measured, prior, len(x)
 
     def residual(v: Array) -> Array:
-        frequency = problem.frequencies(v)[0][modes]
+        frequency = problem.frequencies(v)[modes]
         with np.errstate(divide="ignore", invalid="ignore"):
             rows = (np.log(frequency) - target) / sigma
         if not np.isfinite(rows).all():
@@ -188,7 +192,7 @@ def _fit(
         return np.concatenate([rows, (v - center) / width])
 
     def jacobian(v: Array) -> Array:
-        frequency, slope = problem.frequencies(v)
+        frequency, slope = problem.frequencies(v), problem.frequency_slopes(v)
         rows = slope[modes] / (frequency[modes] * sigma)[:, None]
         return np.concatenate([rows, np.diag(1 / width)])
 

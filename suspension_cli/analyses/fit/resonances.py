@@ -60,22 +60,32 @@ def find_peaks(frequency: Array, value: Any, uncertainty: Array) -> list[Peak]:
     uncertainty : (f,) array
         Standard deviation of the real and of the imaginary part.
     """
-    from scipy.signal import find_peaks as maxima
-
     size = np.maximum(np.abs(value), uncertainty)
-    level = np.log(size)
-    places, found = maxima(level, prominence=PROMINENCE)
+    places, prominence = _maxima(np.log(size))
     noise = uncertainty[places] / size[places]
-    saddle = np.maximum(
-        level[found["left_bases"]] * 0 + (level[places] - found["prominences"]), -np.inf
-    )
-    noise = np.hypot(noise, np.minimum(uncertainty[places] / np.exp(saddle), 0.3))
+    noise = noise * np.hypot(1.0, np.minimum(np.exp(prominence), 0.3 / noise))
     result = []
-    for place in places[found["prominences"] > NOISE * noise]:
+    for place in places[prominence > NOISE * noise]:
         peak = _fit(frequency, value, uncertainty, float(frequency[place]))
         if peak is not None:
             result.append(peak)
     return result
+
+
+def _maxima(level: Array) -> tuple[Any, Array]:
+    """Places of the local maxima that are high enough, and their heights above their saddles."""
+    inner = (level[1:-1] > level[:-2]) & (level[1:-1] >= level[2:])
+    places, heights = [], []
+    for place in np.flatnonzero(inner) + 1:
+        higher = np.flatnonzero(level > level[place])
+        left, right = higher[higher < place], higher[higher > place]
+        first = left[-1] if len(left) else 0
+        last = right[0] if len(right) else len(level) - 1
+        saddle = max(level[first : place + 1].min(), level[place : last + 1].min())
+        if level[place] - saddle > PROMINENCE:
+            places.append(int(place))
+            heights.append(float(level[place] - saddle))
+    return np.array(places, dtype=int), np.array(heights)
 
 
 def _fit(frequency: Array, value: Any, uncertainty: Array, at: float) -> Peak | None:

@@ -72,6 +72,11 @@ def _join(one: Correction) -> str:
     )
 
 
+def read_names(dataset: Any) -> tuple[str, ...]:
+    """Read a list of texts, which may be empty."""
+    return tuple(dataset.asstr()[:]) if len(dataset) else ()
+
+
 def load(group: Any) -> ResponseFit:
     """Read what `fill` wrote."""
 
@@ -80,7 +85,7 @@ def load(group: Any) -> ResponseFit:
         return [line.split("\t") for line in text.split("\n")] if text else []
 
     def names(key: str) -> tuple[str, ...]:
-        return tuple(group[key].asstr()[:])
+        return read_names(group[key])
 
     arrays = (
         "of",

@@ -191,6 +191,10 @@ def solve(problem: ResponseProblem, start: Array | None = None) -> Solution:
     corrections, channels = wrong_channels.guess(problem, z)
     now = problem.with_channels(channels) if corrections else problem
     found = refine(now, onto(problem, now, z))
+    if found.misfit and corrections:
+        plain = refine(problem, z)
+        if plain.chi_squared < found.chi_squared:
+            found, corrections = plain, []
     for _ in range(ROUNDS):
         if not found.misfit:
             break
@@ -305,6 +309,7 @@ def _descend(problem: ResponseProblem, z: Array, steps: int) -> tuple[Array, flo
         problem.scale,
         (problem.low, problem.high),
         steps=steps,
+        relative=1e-3 if steps == QUICK else 1e-8,
     )
 
 
@@ -328,7 +333,7 @@ def collect(found: Solution, start: Array, covariance: Array, **findings: Any) -
     problem, p = found.problem, found.problem.numbers
     functions = problem.channels.function
     q = slice(p, p + len(problem.nuisances))
-    before_hz, after_hz = (problem.frequencies(z)[0][found.matched.mode] for z in (start, found.z))
+    before_hz, after_hz = (problem.frequencies(z)[found.matched.mode] for z in (start, found.z))
     names = labels(problem)
     matched = found.matched
     return ResponseFit(

@@ -86,6 +86,7 @@ class ResponseProblem:
     level: str
     stiff: Any = field(default_factory=lambda: np.zeros(0, dtype=int))
     _cache: dict[bytes, Prediction] = field(default_factory=dict)
+    _plants: dict[bytes, Plant] = field(default_factory=dict)
 
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
@@ -147,9 +148,14 @@ class ResponseProblem:
         return np.where(np.isfinite(sigma), sigma, np.where(size > 0, size, 1e-3))
 
     def _plant(self, x: Array) -> Plant:
-        item = self.base.experiment[0]
-        with item.faults():
-            return Plant.of(item.design(x), self.level)
+        key = x.tobytes()
+        if key not in self._plants:
+            while len(self._plants) > 1:
+                del self._plants[next(iter(self._plants))]
+            item = self.base.experiment[0]
+            with item.faults():
+                self._plants[key] = Plant.of(item.design(x), self.level)
+        return self._plants[key]
 
     def added(self, z: Array) -> tuple[Array, Array]:
         """Added dampings (r,) and changes of omega^2 (s,) of modes."""
@@ -172,8 +178,7 @@ class ResponseProblem:
 
     def _predict(self, z: Array) -> Prediction:
         plant = self._plant(z[: self.numbers])
-        overlap = (self.nominal.modes.shape @ plant.modal_forces.T) ** 2
-        order = pair_by_overlap(overlap)
+        order = self._order(plant)
         damping, stiffening = np.zeros((2, len(order)))
         damping[order[self.damped]], stiffening[order[self.stiff]] = self.added(z)
         values = self.nuisance_values(z)
@@ -287,19 +292,28 @@ class ResponseProblem:
         rows.append(np.diag(1 / width)[np.isfinite(width)])
         return np.concatenate(rows)
 
-    def frequencies(self, z: Array) -> tuple[Array, Array]:
-        """Frequencies (m,) of the modes in the order of the start, Hz, and derivatives (m, p).
+    def frequencies(self, z: Array) -> Array:
+        """Frequencies (m,) of the modes in the order of the start, Hz.
 
         Without changes of omega^2 that the design does not explain.
         """
         plant = self._plant(z[: self.numbers])
-        order = pair_by_overlap((self.nominal.modes.shape @ plant.modal_forces.T) ** 2)
+        return plant.modes.frequency[self._order(plant)]
+
+    def frequency_slopes(self, z: Array) -> Array:
+        """Derivatives of `frequencies` by the numbers of the design, (m, p)."""
+        plant = self._plant(z[: self.numbers])
+        order = self._order(plant)
         slope = np.zeros((len(order), self.numbers))
         for n, name in enumerate(self.base.experiment[0].free):
             change = derivatives.of(plant.base, name)
             if change is not None:
                 slope[:, n] = differentiate_frequencies(plant.modes, change)[order]
-        return plant.modes.frequency[order], np.nan_to_num(slope)
+        return np.nan_to_num(slope)
+
+    def _order(self, plant: Plant) -> Any:
+        """Mode of a design for each mode of the design at the start."""
+        return pair_by_overlap((self.nominal.modes.shape @ plant.modal_forces.T) ** 2)
 
     def with_channels(self, channels: Channels) -> ResponseProblem:
         """Replace sensors and actuators; unknowns stay as they are if the nuisances do."""
@@ -310,7 +324,7 @@ class ResponseProblem:
 
 def with_stiff_modes(problem: ResponseProblem, modes: Any) -> ResponseProblem:
     """Give some modes a change of omega^2 of their own."""
-    made = replace(problem, stiff=np.asarray(modes, dtype=int), _cache={})
+    made = replace(problem, stiff=np.asarray(modes, dtype=int), _cache={}, _plants={})
     made.__dict__["nominal"] = problem.nominal
     return made
 
@@ -329,7 +343,7 @@ def build(
     every = np.concatenate([grid for grid, _ in channels.grids])
     inside = (frequency > every.min() / BEYOND) & (frequency < every.max() * BEYOND)
     damped = np.flatnonzero(inside & _visible(made))
-    result = replace(made, damped=damped, _cache={})
+    result = replace(made, damped=damped, _cache={}, _plants={})
     result.__dict__["nominal"] = made.nominal
     return result
 
