@@ -341,7 +341,7 @@ def files(tmp_path):
 def test_command(files, tmp_path):
     """JSON, files and text of the command; results read back print and draw the same."""
     design, out = CONFIGS / "double.toml", tmp_path / "out"
-    result = run("fit", design, files, "--fidelity", "string", "--json", "--out", out)
+    result = run("fit", design, files, "--fidelity", "string", "--json", "--plot", "--out", out)
     document = strict_json(result.stdout)
     assert {one["name"] for one in document["channels"]} == {
         "sensor.s-x.gain",
