@@ -70,6 +70,9 @@ modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 optimise: $(READY) ## from vertical wires to a triple all of whose modes can be damped
 	$(BIN)/python -m tools.optimise
 
+simulated: $(READY) ## simulated measurements of an imperfect triple (measured/triple/)
+	$(BIN)/python -m tools.simulated_measurements
+
 inference: $(READY) ## what the paper does not print of Tables I and II
 	$(BIN)/python -m tools.inference
 

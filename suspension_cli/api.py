@@ -270,6 +270,7 @@ def response(
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
     frequency: Grid = "0.1:100:2000",
+    measured: Sequence[PathLike] = (),
     model: str = "auto",
     tolerance: float = 1e-3,
     allow_unstable: bool = False,
@@ -284,6 +285,10 @@ def response(
         Defaults: the support's x, x of the last stage.
     frequency : grid
         Hz.
+    measured : sequence of paths
+        Measured transfer functions to compare with: TOML files of measurements, or files of data
+        with one input and one output. Signals and frequencies are those of the measurements, beside
+        any that are given.
     model, tolerance
         As of `modes`.
     allow_unstable : bool
@@ -293,7 +298,8 @@ def response(
     -------
     Result
         With the attributes of `linear.response.Response`: `frequency` (f,) in Hz, `value`
-        (f, outputs, inputs), complex, in SI units.
+        (f, outputs, inputs), complex, in SI units. With `measured`, the attribute `measured` is a
+        tuple of `analyses.response.measured.Comparison`.
 
     Raises
     ------
@@ -314,6 +320,7 @@ def response(
         inputs=tuple(inputs),
         outputs=tuple(outputs),
         frequency=_grid(frequency),
+        measured=tuple(map(str, measured)),
         tolerance=tolerance,
         allow_unstable=allow_unstable,
     )

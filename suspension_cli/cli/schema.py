@@ -1,4 +1,4 @@
-"""`pendsus schema`: the JSON Schema of the design file."""
+"""`pendsus schema`: the JSON Schema of the design file, or of files of measurements."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ import click
 
 
 @click.command("schema")
-def command() -> None:
+@click.option("--measured", is_flag=True, help="Of files of measurements (docs/measurements.md).")
+def command(measured: bool) -> None:
     """Print the JSON Schema of the design file, for editors that complete and check TOML."""
     import json
 
-    from suspension_cli.design.schema import json_schema
+    if measured:
+        from suspension_cli.design.measured import json_schema
+    else:
+        from suspension_cli.design.schema import json_schema
 
     click.echo(json.dumps(json_schema(), indent=2))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -295,6 +295,14 @@ def read(file: str | Path, text: str | None = None) -> Measured:
         if found:
             raise InputError(found)
     return measured
+
+
+def json_schema() -> dict[str, Any]:
+    """Make the JSON Schema of files of measurements (draft 2020-12)."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "pendsus file of measurements",
+    } | msgspec.json.schema(Measured)
 
 
 def _check_experiments(measured: Measured) -> list[Fault]:

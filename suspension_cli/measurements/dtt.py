@@ -36,7 +36,7 @@ import numpy as np
 
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.measurements.columns import Points
+from suspension_cli.measurements.columns import Points, check_points
 
 Pair = tuple[str, str]
 """Channels (input, output)."""
@@ -111,7 +111,10 @@ class Dtt:
         order = np.argsort(frequency, kind="stable")
         order = order[frequency[order] > 0]
         unknown = np.full(len(order), np.nan)
-        return Points(frequency[order], value[order], unknown, coherence[order], averages)
+        points = Points(frequency[order], value[order], unknown, coherence[order], averages)
+        if len(order):
+            check_points(points, lambda n: f"point {order[n] + 1} of {pair[1]}/{pair[0]}")
+        return points
 
     def _from_spectra(self, pair: Pair) -> Trace:
         into, out = pair

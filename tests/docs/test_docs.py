@@ -310,9 +310,11 @@ def test_designs_in_toml_are_tables_of_the_format(document):
     """Every example in TOML parses, and its tables are known."""
     import tomllib
 
-    known = {"fit.md": measured.Measured, "optimise.md": goals.Goals}.get(
-        document.name, schema.Design
-    )
+    known = {
+        "fit.md": measured.Measured,
+        "measurements.md": measured.Measured,
+        "optimise.md": goals.Goals,
+    }.get(document.name, schema.Design)
     for block in blocks(document.read_text(), "toml"):
         assert set(tomllib.loads("\n".join(block))) <= set(known.__struct_fields__)
 

@@ -210,6 +210,13 @@ HEAD = "f,re,im\n"
             {"input_channel": "A"},
             "Result[0]: cannot be read (the stream has 48 bytes, 72 or 144 are needed)",
         ),
+        (
+            document(
+                result(0, "TransferFunction", 3, H, ["A", "B"], frequency=[1.0, 2.0, 2.0])
+            ),
+            {},
+            "point 3 of B/A: the frequency 2 Hz is given twice",
+        ),
     ],
 )  # fmt: skip
 def test_faulty_file(text, keys, says, tmp_path):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import find_peaks
 
+from suspension_cli.analyses.modes import damped
 from suspension_cli.design import measured as tables
 from suspension_cli.design.measured import Measured, TransferFunction
 from suspension_cli.errors import Fault, InputError, format_value
@@ -37,6 +38,8 @@ PROMINENCE = 2.0
 """Ratio of a measured peak to the minima beside it from which it counts as a resonance."""
 SIGNIFICANT = 5.0
 """Least height of a resonance above the minima beside it, standard deviations."""
+NOISY = 1 / 3
+"""Uncertainty relative to the value from which a point is no evidence of a deviation."""
 RESIDUE = 1e-4
 """Contribution of a mode relative to the largest, from which its pole can explain a peak."""
 SLIP = 1e3
@@ -102,6 +105,13 @@ class Comparison:
             return self.data.value / self.predicted
 
     @property
+    def clear(self) -> Any:
+        """Whether the uncertainty of each point is below `NOISY` of its value, (f,); or none is."""
+        with np.errstate(invalid="ignore"):
+            clear = ~(self.data.uncertainty > NOISY * np.abs(self.data.value))
+        return np.isfinite(self.ratio) & (clear | ~clear.any())
+
+    @property
     def median(self) -> float:
         """Median magnitude of the ratio; NaN where the model has no response."""
         size = np.abs(self.ratio)
@@ -109,10 +119,10 @@ class Comparison:
 
     @property
     def extreme(self) -> tuple[float, float]:
-        """Magnitude of the ratio that is farthest from 1 by its logarithm, and its frequency."""
+        """Magnitude of the clear ratio that is farthest from 1 (logarithm), and its frequency."""
         size = np.abs(self.ratio)
         with np.errstate(divide="ignore"):
-            far = np.where(np.isfinite(size), np.abs(np.log(size)), -1.0)
+            far = np.where(self.clear, np.abs(np.log(size)), -1.0)
         n = int(np.argmax(far))
         return float(size[n]), float(self.data.frequency[n])
 
@@ -237,7 +247,8 @@ def compare(model: LinearSystem, items: Sequence[Item], found: Response) -> tupl
         Of all signals, on a grid.
     """
     known = bodies_with_signals(model)
-    modes = eigenmodes.solve(replace(model, terms=()))
+    plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
+    modes = damped.solve(plain, eigenmodes.solve(plain))
     result = []
     for item in items:
         names = signals_of(item.tables)
@@ -286,8 +297,8 @@ def resonances(data: MeasuredResponse) -> Array:
     """Find resonances in a measured transfer function, Hz.
 
     Each is a local maximum that exceeds the minima beside it by `PROMINENCE` and, where
-    uncertainties are known, by `SIGNIFICANT` of them. Its frequency is that of the pole p of (a + b
-    s)/(s - p), fitted to the five points around it by linear least squares.
+    uncertainties are known, by `SIGNIFICANT` of them. Its frequency is the modulus of the pole p of
+    (a + b s)/(s - p), fitted to the five points around it by linear least squares.
     """
     size = np.abs(data.value)
     if len(size) < 3 or not (size > 0).all():
@@ -309,7 +320,7 @@ def _refined(data: MeasuredResponse, top: int) -> float:
     s = 1j * (f - centre) / centre  # a + b s + p h = s h
     matrix = np.stack([np.ones_like(s), s, h / scale], axis=1)
     fitted = np.linalg.lstsq(matrix, s * h / scale, rcond=None)[0]
-    at = centre * (1 + fitted[2].imag)
+    at = centre * np.hypot(1 + fitted[2].imag, fitted[2].real)
     between = data.frequency[top - 1] < at < data.frequency[top + 1]
     return float(at if between else centre)
 

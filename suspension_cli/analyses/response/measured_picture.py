@@ -38,13 +38,15 @@ def draw(measured: Sequence[Comparison], title: str, scale: str = "db") -> Figur
     with house_style():
         figure = new_figure(6.3, 6.2)
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=[2, 1, 1])
-        decibels = scale == "db"
+        decibels, units = scale == "db", {one.data.unit for one in measured}
         for n, one in enumerate(measured):
             colour = PALETTE[n % len(PALETTE)]
             _draw_model(upper, middle, one, scale, colour)
-            _draw_measured((upper, middle, lower), one, decibels, colour)
+            unit = one.data.unit if len(units) > 1 else ""
+            label = single_line(one.data.name, 60) + (f" ({unit})" if unit else "")
+            _draw_measured((upper, middle, lower), one, decibels, colour, label)
         lower.axhline(0 if decibels else 1, color=INK, linewidth=0.6)
-        upper.set_ylabel(_magnitude_label(measured, decibels))
+        upper.set_ylabel(_magnitude_label(units, decibels))
         middle.set_ylabel("phase (degrees)")
         middle.set_ylim(-190, 190)
         middle.set_yticks([-180, -90, 0, 90, 180])
@@ -53,6 +55,8 @@ def draw(measured: Sequence[Comparison], title: str, scale: str = "db") -> Figur
         lower.set_xscale("log")
         if not decibels:
             lower.set_yscale("log")
+        _limit(upper, [np.abs(_nearby(one)) for one in measured], decibels)
+        _limit(lower, [np.abs(one.ratio[one.clear]) for one in measured], decibels)
         for axes in (upper, middle, lower):
             axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
             axes.margins(x=0)
@@ -70,7 +74,7 @@ def _draw_model(upper: Axes, middle: Axes, one: Comparison, scale: str, colour: 
 
 
 def _draw_measured(
-    panels: tuple[Axes, Axes, Axes], one: Comparison, decibels: bool, colour: str
+    panels: tuple[Axes, Axes, Axes], one: Comparison, decibels: bool, colour: str, name: str
 ) -> None:
     """Draw points of magnitude, phase and ratio, with error bars where they are known."""
     data = one.data
@@ -85,9 +89,9 @@ def _draw_measured(
         (panels[1], phase, np.stack([np.degrees(relative)] * 2)),
         (panels[2], *_scaled(ratio, relative, decibels)),
     ):
-        label = single_line(data.name, 60) if axes is panels[0] else None
+        label = name if axes is panels[0] else None
         if few:
-            bars = np.where(errors < LONGEST * (1 if decibels else 1e99), errors, np.nan)
+            bars = np.where(np.isfinite(errors), errors, np.nan)
             axes.errorbar(
                 at,
                 values,
@@ -104,8 +108,22 @@ def _draw_measured(
             axes.plot(at, drawn, color=colour, linewidth=0.5, alpha=0.7, label=label)
 
 
-LONGEST = 180.0
-"""Error bars that are longer, in degrees or dB, are not drawn."""
+def _nearby(one: Comparison) -> Any:
+    """Measured values, and those of the model within the measured band."""
+    at, band = one.curve_frequency, one.data.frequency
+    return np.concatenate([one.data.value, one.curve[(at >= band[0]) & (at <= band[-1])]])
+
+
+def _limit(axes: Axes, sizes: Sequence[Any], decibels: bool) -> None:
+    """Set the vertical axis to magnitudes, whatever error bars extend to."""
+    whole = np.concatenate(sizes)
+    whole = whole[np.isfinite(whole) & (whole > 0)]
+    if not len(whole):
+        return
+    low, high = 20 * np.log10(whole.min()), 20 * np.log10(whole.max())
+    room = 0.06 * (high - low) + 1.0
+    ends = np.array([low - room, high + room])
+    axes.set_ylim(*(ends if decibels else 10 ** (ends / 20)))
 
 
 def _scaled(size: Any, relative: Any, decibels: bool) -> tuple[Any, Any]:
@@ -118,9 +136,8 @@ def _scaled(size: Any, relative: Any, decibels: bool) -> tuple[Any, Any]:
     return size, np.stack([size * below, size * above])
 
 
-def _magnitude_label(measured: Sequence[Comparison], decibels: bool) -> str:
-    units = {one.data.unit for one in measured}
-    unit = (units.pop() if len(units) == 1 else "") or "their units"
+def _magnitude_label(units: set[str], decibels: bool) -> str:
+    unit = next(iter(units)) if len(units) == 1 else ""
     if decibels:
-        return "magnitude (dB)" if unit == "m/m" else f"magnitude (dB re 1 {unit})"
-    return f"magnitude ({unit})"
+        return f"magnitude (dB re 1 {unit})" if unit not in ("", "m/m") else "magnitude (dB)"
+    return f"magnitude ({unit})" if unit else "magnitude"

@@ -1,0 +1,161 @@
+"""`pendsus response --measured`: measured over modelled transfer functions."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from suspension_cli.analyses.response import measured
+from suspension_cli.design.measured import Measured, Transducer, TransferFunction
+from suspension_cli.errors import PendsusWarning
+from suspension_cli.measurements import prediction
+from suspension_cli.measurements.transfer_function import MeasuredResponse
+from tests.support.commandline import run, strict_json
+from tests.support.paths import ROOT
+
+FOLDER = ROOT / "measured" / "triple"
+DESIGN = FOLDER / "triple.toml"
+TABLES = """
+transfer_function = [{ file = "a.csv", input = "coil", output = "osem", uncertainty = 0.01 }]
+[[sensor]]
+name = "osem"
+signal = "upper.x@0,0,0.01"
+gain = -2.0
+delay = 3e-3
+mix = { "upper.yaw" = 0.05 }
+[[actuator]]
+name = "coil"
+signal = "upper.force_x"
+gain = 1e-3
+mix = { "upper.torque_yaw" = 0.02 }
+"""
+
+
+@pytest.fixture(scope="module")
+def design():
+    return sus.read(DESIGN)
+
+
+def file_of(folder: Path, frequency, value, name: str = "a.csv") -> Path:
+    rows = zip(frequency, value, strict=True)
+    lines = [f"{f:.17g}, {h.real:.17g}, {h.imag:.17g}\n" for f, h in rows]
+    (folder / name).write_text("f, re, im\n" + "".join(lines))
+    return folder / name
+
+
+def test_prediction_of_readings(design):
+    """Gains, signs, delays and mixes against the formula, from responses to single signals."""
+    given = sus.response(
+        design,
+        inputs=["upper.force_x", "upper.torque_yaw"],
+        outputs=["upper.x@0,0,0.01", "upper.yaw"],
+        frequency=[0.7, 3.0],
+        model="string",
+    )
+    tf = TransferFunction(file="a", input="coil", output="osem")
+    osem = Transducer(
+        name="osem", signal="upper.x@0,0,0.01", gain=-2.0, delay=3e-3, mix={"upper.yaw": 0.05}
+    )
+    coil = Transducer(
+        name="coil", signal="upper.force_x", gain=1e-3, mix={"upper.torque_yaw": 0.02}
+    )
+    tables = Measured(transfer_function=[tf], sensor=[osem], actuator=[coil])
+    assert prediction.signals_of(tables) == (given.input, given.output)
+    h, f = given.value, given.frequency
+    total = h[:, 0, 0] + 0.02 * h[:, 0, 1] + 0.05 * (h[:, 1, 0] + 0.02 * h[:, 1, 1])
+    expected = -2e-3 * np.exp(-2j * np.pi * f * 3e-3) * total
+    assert np.allclose(prediction.predict(tables, tf, f, h), expected, rtol=1e-13)
+    batch = prediction.predict(tables, tf, f, np.stack([h, 2 * h]))
+    assert np.allclose(batch, [expected, 2 * expected], rtol=1e-13)
+
+
+def test_model_agrees_with_itself(design, tmp_path):
+    """Data made from the model by hand: ratio 1, chi^2 0, resonances at the poles."""
+    at = np.geomspace(0.3, 5.0, 400)
+    given = sus.response(
+        design,
+        inputs=["upper.force_x"],
+        outputs=["upper.x@0,0,0.01"],
+        frequency=at,
+        model="string",
+    )
+    file_of(tmp_path, at, given.value[:, 0, 0] * -2e-3 * np.exp(-2j * np.pi * at * 3e-3))
+    tables = TABLES.replace('mix = { "upper.torque_yaw" = 0.02 }', "")
+    (tmp_path / "m.toml").write_text(tables)
+    [one] = sus.response(design, measured=[tmp_path / "m.toml"], model="string").measured
+    assert np.allclose(one.ratio, 1, rtol=1e-9) and one.chi_squared < 1e-10
+    assert one.extreme[0] == pytest.approx(1)
+    assert [name.split()[1] for name in one.mode] == ["longitudinal"] * 3
+    assert np.allclose(one.shift, 0, atol=2e-3)  # yaw of the mix does not couple by symmetry
+
+
+def test_resonance_is_found_between_points():
+    """A pole of Q 30 on a grid coarser than its width, with 0.1 % noise."""
+    f = np.geomspace(0.5, 2.0, 60)
+    random = np.random.default_rng(2)
+    value = 1 / (1.0137**2 - f**2 + 1j * f * 1.0137 / 30)
+    value *= 1 + 1e-3 * (random.normal(size=60) + 1j * random.normal(size=60))
+    unknown = np.full(60, np.nan)
+    data = MeasuredResponse("a", "", "", f, value, unknown, unknown)
+    assert np.allclose(measured.resonances(data), [1.0137], rtol=2e-4)
+
+
+def test_command(tmp_path):
+    """The example: table, JSON, HDF5, and the picture redrawn from the file alone."""
+    words = ("response", DESIGN, "--measured", FOLDER / "measured.toml", "--fidelity", "beam")
+    done = run(*words, "--out", tmp_path, "--frequency", "0.3:6:200")
+    assert done.exit_code == 0 and "+1.00  test pitch in pitch" in done.stdout
+    assert "osem-x / coil-x (m/V)" in done.stdout
+    answer = strict_json(run(*words, "--json", "--out", tmp_path).stdout)
+    first = answer["measured"][0]
+    assert first["points"] == 240 and first["unit"] == "m/V" and first["name"] == "x"
+    assert first["median_ratio"] == pytest.approx(1.0, abs=0.02)
+    assert first["resonances"][1]["shift"] == pytest.approx(-0.0067, abs=2e-4)
+    with h5py.File(tmp_path / "triple-response.h5") as file:
+        group = file["response/measured/2"]
+        assert group.attrs["name"] == "pitch" and group["value"].shape == (160,)
+        assert group["model"].dims[0].label == "frequency"
+    again = sus.load(tmp_path / "triple-response.h5")
+    assert json.dumps(again.document()["measured"]) == json.dumps(answer["measured"])
+    assert len(again.plot(scale="absolute").axes) == 3
+
+
+def test_many_points_are_a_line_and_units_are_checked(design, tmp_path):
+    """400 points in um instead of m."""
+    at = np.geomspace(0.3, 5.0, 400)
+    signals = {"inputs": ["upper.force_x"], "outputs": ["upper.x"], "model": "string"}
+    given = sus.response(design, frequency=at, **signals)
+    file = file_of(tmp_path, at, 1e6 * given.value[:, 0, 0])
+    with pytest.warns(PendsusWarning, match=r"is the file in um\? then set gain = 1e-06"):
+        found = sus.response(design, measured=[file], **signals)
+    assert found.measured[0].median == pytest.approx(1e6)
+    assert found.measured[0].data.unit == "m/N" and np.isnan(found.measured[0].chi_squared)
+    assert not found.plot().axes[0].containers  # no error bars
+
+
+@pytest.mark.parametrize(
+    ("tables", "words", "says"),
+    [
+        (None, (), 'does not say what was driven and observed'),
+        (None, ("--input", "support.x", "--output", "uper.x"), 'did you mean \'upper\'?'),
+        (TABLES.replace("upper.yaw", "uper.yaw"), (), "{file}: output signal = "),
+        (TABLES.replace('"osem"', '"ossem"', 1), (), "names no [[sensor]]; did you mean 'osem'?"),
+        ('mode = [{ frequency = 1, uncertainty = 1 }]', (), "has no [[transfer_function]]"),
+        (TABLES.replace("a.csv", "b.csv"), (), "b.csv: cannot be read"),
+        (TABLES.replace('input = "coil"', 'input = "upper.x"'), (), "is an output; give"),
+    ],
+)  # fmt: skip
+def test_faulty_measurements(tables, words, says, tmp_path):
+    file = file_of(tmp_path, [1.0, 2.0], [1 + 1j, 2 + 1j])
+    if tables is not None:
+        file = tmp_path / "m.toml"
+        file.write_text(tables)
+    out = tmp_path / "out"
+    done = run("response", DESIGN, "--measured", file, *words, "--out", out)
+    assert done.exit_code == 2 and not out.exists() and done.stdout == ""
+    assert says.format(file=file) in done.stderr and done.stderr.count("\n") == 1
