@@ -1,4 +1,4 @@
-"""`pendsus fit`: numbers of designs learned from measured modes."""
+"""`pendsus fit`: numbers of designs learned from measured modes and transfer functions."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.measured import Measured
     from suspension_cli.design.reader import Source
     from suspension_cli.errors import InputError
+    from suspension_cli.measurements.transfer_function import MeasuredResponse
     from suspension_cli.models.auto import Decision
     from suspension_cli.models.registry import Choice
 
@@ -36,12 +37,12 @@ LARGEST = 6
 
 
 class FitAnalysis(Analysis):
-    """Fit numbers of designs to measured mode frequencies.
+    """Fit numbers of designs to measured mode frequencies and transfer functions.
 
-    MEASURED is a TOML file of frequencies with uncertainties and of the free numbers: of DESIGN, or
-    of several designs that it names itself, which may share numbers. Writes DIR/NAME-fit.h5 and
-    .png, and each fitted design as DIR/NAME-fitted.toml; NAME is the design's, or the stem of
-    MEASURED and the experiment's.
+    MEASURED is a TOML file of modes with uncertainties, or of files of transfer functions, and of
+    the free numbers: of DESIGN, or (modes alone) of several designs that it names itself, which may
+    share numbers. Writes DIR/NAME-fit.h5 and .png, and each fitted design as DIR/NAME-fitted.toml;
+    NAME is the design's, or the stem of MEASURED and the experiment's.
 
     Example: pendsus fit my.toml measured.toml
     """
@@ -63,6 +64,18 @@ class FitAnalysis(Analysis):
             show_default=True,
             help="Of the random numbers.",
         ),
+        option(
+            "--relative-uncertainty",
+            type=options.Finite(0.0, 10.0, min_open=True),
+            metavar="FRACTION",
+            help="Of transfer functions whose files give none.",
+        ),
+        option(
+            "--explain/--no-explain",
+            default=True,
+            show_default=True,
+            help="Rank single changes and the next measurements (transfer functions).",
+        ),
         options.ACCURACY,
         *options.WRITING,
     )
@@ -73,19 +86,27 @@ class FitAnalysis(Analysis):
         Options come from the first design, where defaults stand in the designs.
         """
         from suspension_cli.design import measured, reader
+        from suspension_cli.errors import Fault, InputError
+        from suspension_cli.measurements import read as read_measured
 
         *designs, file = files["files"]
         text = reader.read_text(file)
         given = measured.read(file, text)
+        if not given.parameter and not given.transfer_function:
+            raise InputError(
+                [Fault("parameter", "missing", "name the numbers to fit in [[parameter]]")], file
+            )
         runs = _designs(ask, designs, file, given)
         inputs = {"file": file, "text": text, "measured": given, "runs": runs}
+        if given.transfer_function:
+            functions = read_measured.read_all(given, file)
+            inputs["functions"] = _weighted(functions, runs[0].setting["relative_uncertainty"])
         return [dataclasses.replace(runs[0], inputs=inputs)]
 
     def solve(self, run: Run) -> Result:
         """Fit all designs together."""
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.fit import common_model
-        from suspension_cli.analyses.fit import solve as fit
         from suspension_cli.errors import attribute_faults_to
         from suspension_cli.models import registry
 
@@ -93,22 +114,18 @@ class FitAnalysis(Analysis):
         runs: list[Run] = run.inputs["runs"]
         file, joint = run.inputs["file"], given.experiment is not None
         designs = [one.source.file for one in runs]
+        if not given.parameter:
+            run.log.say(
+                "no [[parameter]]: all numbers of the design that building leaves open are free,"
+                " with default priors"
+            )
         sources = [one.source for one in runs]
         wanted, tolerance = run.setting["fidelity"], run.setting["tolerance"]
         decisions, begin = common_model.choose(wanted, sources, given, tolerance), None
         refits = 0
         while True:
             with attribute_faults_to(file), run.log.progress() as bar:
-                found = fit.solve(
-                    [source.text for source in sources],
-                    given,
-                    designs,
-                    level=decisions[0].choice.level,
-                    starts=run.setting["starts"],
-                    seed=run.setting["seed"],
-                    begin=begin,
-                    tell=bar,
-                )
+                found = _fit(run, decisions[0].choice.level, begin, bar)
             decisions, needed = _checked(wanted, sources, given, tolerance, found, decisions)
             if needed is None:
                 break
@@ -130,7 +147,7 @@ class FitAnalysis(Analysis):
         )
         _warn(data, choice, run.log)
         if run.setting.get("as_json", True):  # printed in the text
-            for line in misfit(data):
+            for line in _first_lines(data):
                 run.log.warn(line)
         extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
         return Result(self, run.source, choice, data, extra, command=run.command)
@@ -143,7 +160,7 @@ class FitAnalysis(Analysis):
         found: Fit = result.data
         who = found.experiment
         files = result.extra.get("designs", [None] * len(who))
-        return {
+        document: dict[str, Any] = {
             "experiments": [
                 {"name": name, "design": file} for name, file in zip(who, files, strict=True)
             ],
@@ -159,13 +176,28 @@ class FitAnalysis(Analysis):
             "singular_values": found.singular.tolist(),
             "directions": found.direction.tolist(),
         }
+        if found.responses is not None:
+            from suspension_cli.analyses.fit import response_text
+
+            document |= response_text.document(found.responses)
+        return document
 
     def text(self, result: Result) -> str:
         """Return what was learned, how modes lie, and what the data cannot tell apart."""
         found: Fit = result.data
         lines = [result.choice.line, ""]
-        lines += [*misfit(found), ""] if found.misfit else []
-        return "\n".join([*lines, _numbers(found), "", _residuals(found), "", *_known(found)])
+        first = _first_lines(found)
+        lines += [*first, ""] if first else []
+        lines += [_numbers(found), ""]
+        if found.label:
+            lines += [_residuals(found), ""]
+        if found.responses is None:
+            return "\n".join([*lines, *_known(found)])
+        from suspension_cli.analyses.fit import response_text
+
+        for part in response_text.report(found):
+            lines += [part, ""]
+        return "\n".join([*lines, *_end(found)])
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Write the group `fit`."""
@@ -185,7 +217,13 @@ class FitAnalysis(Analysis):
         from suspension_cli.drawing import style
 
         drawn = picture.draw(result.data, result.data.title)
-        return {"": style.name_model(drawn, result.choice)}
+        pages = {"": style.name_model(drawn, result.choice)}
+        if result.data.responses is not None:
+            from suspension_cli.analyses.fit import response_picture
+
+            drawn = response_picture.draw(result.data.responses, result.data.title)
+            pages["-responses"] = style.name_model(drawn, result.choice)
+        return pages
 
     def path(self, result: Result, folder: Path) -> Path:
         """Return the path of the results file, named after the design or the measurements."""
@@ -203,6 +241,50 @@ class FitAnalysis(Analysis):
             stored.save_design(made, found, n, Path(file).name, measured, result.command)
             paths.append(made)
         return paths
+
+
+def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list[MeasuredResponse]:
+    """Give values without an uncertainty a relative one."""
+    import numpy as np
+
+    if relative is None:
+        return functions
+    return [
+        dataclasses.replace(
+            item,
+            uncertainty=np.where(
+                np.isfinite(item.uncertainty),
+                item.uncertainty,
+                relative * np.maximum(np.abs(item.value), 1e-3 * np.median(np.abs(item.value))),
+            ),
+        )
+        for item in functions
+    ]
+
+
+def _fit(run: Run, level: str, begin: Any, bar: Any) -> Fit:
+    """Fit to modes, or to transfer functions (and modes)."""
+    from suspension_cli.analyses.fit import solve as fit
+
+    runs: list[Run] = run.inputs["runs"]
+    settings: dict[str, Any] = {
+        "level": level,
+        "starts": run.setting["starts"],
+        "seed": run.setting["seed"],
+        "begin": begin,
+        "tell": bar,
+    }
+    given, designs = run.inputs["measured"], [one.source.file for one in runs]
+    if given.transfer_function:
+        return fit.solve_responses(
+            runs[0].source.text,
+            given,
+            run.inputs["functions"],
+            designs[0],
+            explain=run.setting["explain"],
+            **settings,
+        )
+    return fit.solve([one.source.text for one in runs], given, designs, **settings)
 
 
 def _designs(
@@ -377,7 +459,12 @@ def misfit(found: Fit) -> list[str]:
         f" numbers do not explain the measurements; uncertainties are given {found.scale:.3g} times"
         " as large"
     ]
-    if found.exchange is None:
+    if found.responses is not None:
+        lines.append(
+            "neither an exchanged channel nor a sign mends it: free more numbers, give sensors and"
+            " actuators gain_uncertainty or mix_uncertainty, or check uncertainties"
+        )
+    elif found.exchange is None:
         lines.append(
             "no exchange of two labels mends it: free more numbers, or check designs, labels and"
             " uncertainties"
@@ -421,14 +508,30 @@ def _residuals(found: Fit) -> str:
     return tables.render(columns, rows)
 
 
-def _known(found: Fit) -> list[str]:
-    """Return chi^2, where searches ended, and which combinations the modes determine how well."""
+def _first_lines(found: Fit) -> list[str]:
+    """Return lines on a misfit, and on channels that are not what the file says."""
+    lines = misfit(found)
+    if found.responses is not None:
+        from suspension_cli.analyses.fit import response_text
+
+        lines += response_text.corrections(found.responses)
+    return lines
+
+
+def _end(found: Fit) -> list[str]:
+    """Return chi^2, and where searches ended."""
     lines = [f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
     if len(found.ends) > 1:
         same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
         rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
         lines.append(f"{same} of {len(found.ends)} searches ended there{rest}")
-    lines += [
+    return lines
+
+
+def _known(found: Fit) -> list[str]:
+    """Return chi^2, and which combinations the modes determine how well."""
+    lines = [
+        *_end(found),
         "",
         (
             "what the modes by themselves say, from best to worst known combination of relative"

@@ -9,6 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from suspension_cli.analyses.fit import response_file
 from suspension_cli.analyses.fit.solve import Fit
 from suspension_cli.analyses.fit.swapped_labels import Exchange
 from suspension_cli.errors import escape_unprintable
@@ -56,12 +57,14 @@ def fill(group: h5py.Group, found: Fit) -> None:
     add_dataset(group, "ends", found.ends, "1", searches)
     add_dataset(group, "singular_value", found.singular, "1", combination)
     add_dataset(group, "direction", found.direction, "1", combination, parameter)
+    if found.responses is not None:
+        response_file.fill(group.create_group("responses"), found.responses)
 
 
 def load(group: Any) -> Fit:
     """Read a fit from the group `fit`."""
     experiments, names, labels, before, designs = (
-        tuple(group[name].asstr()[:])
+        response_file.read_names(group[name])
         for name in ("experiment", "parameter", "label", "design", "fitted_design")
     )
     arrays = [
@@ -84,6 +87,7 @@ def load(group: Any) -> Fit:
             int(attrs["exchange_experiment"]), (first, second), float(attrs["exchange_chi_squared"])
         )
     return Fit(
+        responses=response_file.load(group["responses"]) if "responses" in group else None,
         exchange=exchanged,
         sigma=group["sigma"][:] / scaled,
         covariance=group["covariance"][:] / scaled**2,
@@ -107,7 +111,7 @@ def format_uncertainty(found: Fit, n: int) -> str:
     if found.at_bound[n]:
         return " at its bound"
     sigma = found.scale * found.sigma[n]
-    return f" +- {sigma:.2g}" if math.isfinite(sigma) else ", not determined by these modes"
+    return f" +- {sigma:.2g}" if math.isfinite(sigma) else ", not determined by these data"
 
 
 def save_design(
@@ -118,6 +122,8 @@ def save_design(
     together = f" together with {others}" if others else ""
     head = [f"{file}, fitted to {measured}{together} by pendsus {__version__}:"]
     head += ["MISFIT: these numbers do not explain the measurements"] * found.misfit
+    if found.responses is not None:
+        head += [one.text for one in found.responses.corrections]
     head += [f"  {command}", f"chi^2 = {found.chi_squared:.4g}, {found.freedom} degrees of freedom"]
     for n, name in enumerate(found.name):
         if found.shared[n, number]:

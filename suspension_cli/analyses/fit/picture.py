@@ -24,11 +24,12 @@ def draw(found: Fit, title: str) -> Figure:
     title : str
     """
     with house_style():
-        figure = new_figure(
-            8.4, max(2.6, 0.2 * len(found.label) + 1.3, 0.3 * len(found.name) + 1.3)
-        )
+        figure = new_figure(8.4, max(2.6, 0.2 * _rows(found) + 1.3, 0.3 * len(found.name) + 1.3))
         left, right = figure.subplots(1, 2, width_ratios=[1.4, 1])
-        _draw_modes(left, found)
+        if found.label:
+            _draw_modes(left, found)
+        else:
+            _draw_resonances(left, found)
         _draw_numbers(right, found)
         verdict = (
             f"{'MISFIT, ' if found.misfit else ''}$\\chi^2$ = {found.chi_squared:.3g} for"
@@ -37,6 +38,41 @@ def draw(found: Fit, title: str) -> Figure:
         figure.suptitle(f"{single_line(title, 70)}: {verdict}", x=0.01, ha="left", fontsize=9)
         figure.tight_layout()
         return figure
+
+
+def _rows(found: Fit) -> int:
+    if found.label or found.responses is None:
+        return len(found.label)
+    return len(found.responses.mode)
+
+
+def _draw_resonances(axes: Axes, found: Fit) -> None:
+    """Draw the resonances of measured transfer functions before and after the fit."""
+    assert found.responses is not None
+    table, rows = found.responses.resonance, np.arange(len(found.responses.mode))
+    axes.axvline(0.0, color=NOTE, linewidth=0.5)
+    for column, marker, colour, label in (
+        (2, "o", PALETTE[1], "before"),
+        (3, "D", PALETTE[0], "after"),
+    ):
+        axes.plot(
+            100 * (table[:, column] / table[:, 0] - 1),
+            rows,
+            marker,
+            markersize=3.5,
+            markeredgecolor=colour,
+            markerfacecolor="white" if marker == "o" else colour,
+            label=label,
+        )
+    names = zip(found.responses.mode, table[:, 0], table[:, 4], strict=True)
+    axes.set_yticks(
+        rows, [f"{single_line(name, 40)}  {f:.4g} Hz, Q {q:.3g}" for name, f, q in names]
+    )
+    axes.tick_params(axis="y", labelsize=6.5)
+    axes.set_ylim(max(len(rows), 1) - 0.4, -0.6)
+    axes.set_xlabel("resonance of the model less measured (%)")
+    axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.1, fontsize=6.5)
 
 
 def _draw_modes(axes: Axes, found: Fit) -> None:

@@ -102,7 +102,8 @@ def build_problem(
         If a design does not give a number, or a starting value lies outside its bounds.
     """
     free = measured.parameter
-    shared = np.array([measured.shares(n) for n in range(len(free))])
+    rows = [measured.shares(n) for n in range(len(free))]
+    shared = np.array(rows, dtype=bool).reshape(len(free), len(texts))
     start = _start(texts, measured, shared, level)
     low = np.array([-np.inf if item.lower is None else item.lower for item in free])
     high = np.array([np.inf if item.upper is None else item.upper for item in free])

@@ -1,4 +1,4 @@
-"""Least-squares fit of numbers of designs to measured mode frequencies.
+"""Least-squares fit of numbers of designs to measured mode frequencies and transfer functions.
 
 The fit minimises
 
@@ -18,14 +18,26 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
 import numpy as np
 
-from suspension_cli.analyses.fit import search, swapped_labels
+from suspension_cli.analyses.fit import (
+    channels,
+    default_numbers,
+    findings,
+    response_fit,
+    response_problem,
+    search,
+    swapped_labels,
+)
+from suspension_cli.analyses.fit.response_fit import ResponseFit, Solution
 from suspension_cli.analyses.fit.search import Problem
 from suspension_cli.analyses.fit.swapped_labels import Exchange
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured
+from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import named_results
+from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array, Index
 
@@ -81,6 +93,8 @@ class Fit:
         Text of the file of measured modes.
     title : str
         Title of the design, or of the measurements where there are several designs.
+    responses : ResponseFit or None
+        Measured transfer functions; None if modes alone were measured.
     """
 
     experiment: tuple[str, ...]
@@ -107,6 +121,7 @@ class Fit:
     design_before: tuple[str, ...] = ()
     measurements: str = ""
     title: str = ""
+    responses: ResponseFit | None = None
 
     @property
     def misfit(self) -> bool:
@@ -202,6 +217,154 @@ def solve(
     )
 
 
+def solve_responses(
+    text: str,
+    measured: Measured,
+    functions: Sequence[MeasuredResponse],
+    file: str = "",
+    *,
+    level: str = registry.STRING.name,
+    starts: int = 1,
+    seed: int = 1,
+    begin: Array | None = None,
+    explain: bool = True,
+    tell: Progress | None = None,
+) -> Fit:
+    """Fit numbers of one design to measured transfer functions, and to modes if there are any.
+
+    Parameters
+    ----------
+    text : str
+        The design as TOML.
+    measured : Measured
+        Free numbers (`default_numbers` if there are none), sensors and actuators, modes.
+    functions : sequence of MeasuredResponse
+    file : str
+        File of the design, for errors.
+    level : str
+        Name of a model that supports derivatives.
+    starts, seed, begin, tell :
+        See `solve`.
+    explain : bool
+        Whether to rank single changes and further measurements.
+
+    Raises
+    ------
+    InputError
+        If a function has no uncertainty, or names no signal of the design.
+    """
+    _check_uncertainties(functions)
+    if not measured.parameter:
+        measured = msgspec.structs.replace(measured, parameter=default_numbers.choose(text, level))
+    system = registry.by_name(level).system(reader.parse(text))
+    problem = response_problem.build(
+        text, measured, channels.build(measured, functions, system), file, level
+    )
+    p, started = problem.numbers, time.monotonic()
+    ends: list[Solution] = []
+    for x in search.starts(problem.base, starts, seed, begin):
+        ends.append(response_fit.solve(problem, np.concatenate([x, problem.start[p:]])))
+        if tell is not None:
+            tell(len(ends), starts, len(ends) / (time.monotonic() - started))
+    found = min(ends, key=lambda end: end.chi_squared)
+    start = response_fit.onto(problem, found.problem, problem.start)
+    spread = findings.covariance(found.problem, found.z)
+    extra: dict[str, Any] = {
+        "sentences": findings.describe(found.problem, found.z, problem.base.experiment[0].free)
+    }
+    least = findings.least_known(found.problem, spread)
+    if explain:
+        before, changes = findings.single_changes(found, text, measured, file, start)
+        extra |= {"chi_squared_before": before, "changes": changes}
+        which, extra["candidates"] = findings.next_measurements(found, least)
+        if which is not None:
+            extra["least"] = problem.base.experiment[0].free[which]
+    responses = response_fit.collect(found, start, spread, **extra)
+    return _with_responses(
+        text,
+        measured,
+        problem,
+        found,
+        spread,
+        np.sort([end.chi_squared for end in ends]),
+        responses,
+    )
+
+
+def _check_uncertainties(functions: Sequence[MeasuredResponse]) -> None:
+    bad = []
+    for n, item in enumerate(functions, 1):
+        sigma = np.asarray(item.uncertainty, dtype=float)
+        if not (np.isfinite(sigma) & (sigma > 0)).all():
+            bad.append(
+                Fault(
+                    f"transfer_function.{n}",
+                    f"{item.name} gives no uncertainty at some frequencies, without which values"
+                    " have no weight",
+                    "give uncertainty (a column, or 0.05 for 5 %), or coherence and averages; or"
+                    " fit with --relative-uncertainty 0.05",
+                )
+            )
+    if bad:
+        raise InputError(bad)
+
+
+def _with_responses(
+    text: str,
+    measured: Measured,
+    problem: response_problem.ResponseProblem,
+    found: Solution,
+    spread: Array,
+    ends: Array,
+    responses: ResponseFit,
+) -> Fit:
+    p, item = problem.numbers, problem.base.experiment[0]
+    value, covariance = found.z[:p], spread[:p, :p]
+    at_bound = np.isnan(np.diag(covariance))
+    relative = np.where(value != 0, np.abs(value), 1.0) / problem.scale[:p]
+    known = findings.data_information(found.problem, found.z) * np.outer(relative, relative)
+    squared, vectors = np.linalg.eigh(known)
+    singular, direction = np.sqrt(np.clip(squared, 0.0, None))[::-1], vectors.T[::-1]
+    labels: tuple[str, ...] = ()
+    modes = np.zeros((2, 0))
+    if item.mode:
+        modes = np.array([problem.base.predict(x)[0] for x in (problem.base.start, value)])
+        named = np.array(named_results.labels(item.nominal_modes))[item.assign_modes(value)]
+        labels = tuple(str(name) for name in named)
+    before, after = np.where(modes > 0, modes, np.nan)
+    return Fit(
+        experiment=(reader.parse(text).design.name,),
+        name=tuple(one.name for one in measured.parameter),
+        shared=problem.base.shared,
+        start=problem.base.start,
+        value=value,
+        sigma=np.sqrt(np.diag(covariance)),
+        covariance=covariance,
+        at_bound=at_bound,
+        of=np.zeros(len(labels), dtype=int),
+        label=labels,
+        measured=item.frequency,
+        uncertainty=item.uncertainty,
+        before=before,
+        after=after,
+        chi_squared=found.chi_squared,
+        freedom=found.freedom + int(np.isnan(np.diag(spread)).sum()),
+        singular=singular,
+        direction=_positive(direction),
+        design=(reader.write_toml(item.document(value)),),
+        ends=ends,
+        responses=responses,
+    )
+
+
+def _positive(direction: Array) -> Array:
+    """Combinations (s, p) with the sign that makes their largest coefficient positive."""
+    if not direction.size:
+        return direction
+    largest = direction[np.arange(len(direction)), np.abs(direction).argmax(1)]
+    return direction * np.where(largest < 0, -1.0, 1.0)[:, None]
+
+
 def _summarise(problem: Problem, measured: Measured, value: Array, ends: Array) -> Fit:
     residual, slope = problem.weighted(value)
     scale = np.where(value != 0, np.abs(value), 1.0)
@@ -248,10 +411,7 @@ def _summarise(problem: Problem, measured: Measured, value: Array, ends: Array) 
         chi_squared=float(residual @ residual),
         freedom=len(residual) - int(inner.sum()),
         singular=singular,
-        direction=direction
-        * np.where(
-            direction[np.arange(len(direction)), np.abs(direction).argmax(1)] < 0, -1.0, 1.0
-        )[:, None],
+        direction=_positive(direction),
         design=tuple(
             reader.write_toml(item.document(value[own]))
             for item, own in zip(every, problem.shared.T, strict=True)

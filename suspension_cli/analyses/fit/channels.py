@@ -1,0 +1,252 @@
+"""Readings of sensors per drive of actuators: matrices of channels, with nuisance parameters.
+
+A sensor reads g exp(-i omega tau) (signal + sum of m_j other_j), and an actuator that is driven by
+1 exerts as much of its force. With the responses H of signals, the readings per drive are
+P = S H A, where S and A are the matrices of sensors and actuators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from suspension_cli.design.faults import suggest
+from suspension_cli.design.measured import Measured, Transducer
+from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.linear import signals
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.measurements.transfer_function import MeasuredResponse
+from suspension_cli.scene.arrays import Array
+
+GAIN, DELAY, MIX = "gain", "delay", "mix"
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One unknown property of a sensor or an actuator, 0 at its nominal value.
+
+    Attributes
+    ----------
+    side : int
+        0 for a sensor, 1 for an actuator.
+    channel : str
+    kind : str
+        ``"gain"`` (relative), ``"delay"`` (s) or ``"mix"`` (amount of `other`).
+    sigma : float
+        Standard deviation of the prior around 0.
+    other : str
+        Signal that the channel contains beside its own.
+    """
+
+    side: int
+    channel: str
+    kind: str
+    sigma: float
+    other: str = ""
+
+    @property
+    def name(self) -> str:
+        """Key path: ``sensor.top-x.gain``, ``sensor.top-x.mix.top.y``."""
+        table = ("sensor", "actuator")[self.side]
+        return f"{table}.{self.channel}.{self.kind}" + (f".{self.other}" if self.other else "")
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Sensors and actuators of measured functions.
+
+    Attributes
+    ----------
+    transducer : pair of dict of Transducer
+        Sensors, then actuators, by name. A signal of the design that the file measures directly is
+        a transducer of its own name.
+    signal : pair of tuple of Signal
+        Signals that sensors and actuators contain.
+    function : tuple of MeasuredResponse
+        The measured functions.
+    """
+
+    transducer: tuple[dict[str, Transducer], dict[str, Transducer]]
+    signal: tuple[tuple[Signal, ...], tuple[Signal, ...]]
+    function: tuple[MeasuredResponse, ...]
+
+    @cached_property
+    def nuisances(self) -> tuple[Nuisance, ...]:
+        """Unknown properties that the file of measurements gives an uncertainty."""
+        found = []
+        for side, items in enumerate(self.transducer):
+            for name, item in items.items():
+                if item.gain_uncertainty is not None:
+                    found.append(Nuisance(side, name, GAIN, item.gain_uncertainty))
+                if item.delay_uncertainty is not None:
+                    found.append(Nuisance(side, name, DELAY, item.delay_uncertainty))
+                found += [
+                    Nuisance(side, name, MIX, sigma, other)
+                    for other, sigma in item.mix_uncertainty.items()
+                ]
+        return tuple(found)
+
+    @cached_property
+    def grids(self) -> tuple[tuple[Array, tuple[int, ...]], ...]:
+        """Frequencies that functions share, Hz, and the numbers of these functions."""
+        groups: dict[bytes, list[int]] = {}
+        for n, item in enumerate(self.function):
+            groups.setdefault(np.asarray(item.frequency, dtype=float).tobytes(), []).append(n)
+        return tuple(
+            (np.asarray(self.function[own[0]].frequency, dtype=float), tuple(own))
+            for own in groups.values()
+        )
+
+    def names(self, side: int) -> tuple[str, ...]:
+        """Names of the sensors (side 0) or the actuators (1)."""
+        return tuple(self.transducer[side])
+
+    def pair(self, n: int) -> tuple[int, int]:
+        """Sensor and actuator of a function."""
+        item = self.function[n]
+        return self.names(0).index(item.output), self.names(1).index(item.input)
+
+    def with_transducer(self, side: int, name: str, **change: Any) -> Channels:
+        """Replace properties of a sensor or an actuator."""
+        both = [dict(items) for items in self.transducer]
+        both[side][name] = msgspec.structs.replace(both[side][name], **change)
+        return replace(self, transducer=(both[0], both[1]))
+
+    def with_exchange(self, side: int, first: str, second: str) -> Channels:
+        """Exchange what two sensors or two actuators are connected to: signal and mix."""
+        items = self.transducer[side]
+        a, b = items[first], items[second]
+        one = self.with_transducer(side, first, signal=b.signal, mix=b.mix)
+        return one.with_transducer(side, second, signal=a.signal, mix=a.mix)
+
+    def matrices(
+        self, omega: Array, values: dict[Nuisance, float]
+    ) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        """Contents of each channel: (channel, signal) matrices, and factors (channel, f).
+
+        For the sensors and for the actuators.
+        """
+        found = []
+        for side, items in enumerate(self.transducer):
+            texts = [signal.text for signal in self.signal[side]]
+            content = np.zeros((len(items), len(texts)))
+            factor = np.empty((len(items), len(omega)), dtype=complex)
+            for row, (name, item) in enumerate(items.items()):
+                content[row, texts.index(item.signal)] += 1.0
+                for other, amount in item.mix.items():
+                    content[row, texts.index(other)] += amount
+                factor[row] = item.gain * np.exp(-1j * omega * item.delay)
+                for nuisance, value in values.items():
+                    if (nuisance.side, nuisance.channel) == (side, name):
+                        if nuisance.kind == GAIN:
+                            factor[row] *= 1 + value
+                        elif nuisance.kind == DELAY:
+                            factor[row] *= np.exp(-1j * omega * value)
+                        else:
+                            content[row, texts.index(nuisance.other)] += value
+            found.append((content, factor))
+        return found[0], found[1]
+
+    def combine(self, response: Any, omega: Array, values: dict[Nuisance, float]) -> Any:
+        """Readings per drive (f, sensor, actuator) from responses (f, o, i) of the signals."""
+        (sensors, read), (actuators, drive) = self.matrices(omega, values)
+        inner = response
+        if not _plain(sensors):
+            inner = sensors @ inner
+        if not _plain(actuators):
+            inner = inner @ actuators.T
+        return inner * read.T[:, :, None] * drive.T[:, None, :]
+
+    def differentiate(
+        self, response: Any, omega: Array, values: dict[Nuisance, float], nuisance: Nuisance
+    ) -> Any:
+        """Differentiate readings per drive (f, sensor, actuator) by a nuisance parameter."""
+        (sensors, read), (actuators, drive) = self.matrices(omega, values)
+        side, row = nuisance.side, self.names(nuisance.side).index(nuisance.channel)
+        own = (slice(None), row) if side == 0 else (slice(None), slice(None), row)
+        result = np.zeros((len(omega), len(sensors), len(actuators)), dtype=complex)
+        if nuisance.kind == MIX:
+            place = [signal.text for signal in self.signal[side]].index(nuisance.other)
+            if side == 0:
+                part = response[:, place] @ actuators.T
+            else:
+                part = response[:, :, place] @ sensors.T
+            both = read.T[:, :, None] * drive.T[:, None, :]
+            result[own] = part * both[own]
+            return result
+        whole = self.combine(response, omega, values)[own]
+        if nuisance.kind == GAIN:
+            result[own] = whole / (1 + values.get(nuisance, 0.0))
+        else:
+            result[own] = -1j * omega[:, None] * whole
+        return result
+
+
+def _plain(content: Any) -> bool:
+    """Whether every channel is one signal, in the order of the signals."""
+    return content.shape[0] == content.shape[1] and bool((content == np.eye(len(content))).all())
+
+
+def build(
+    measured: Measured, functions: Sequence[MeasuredResponse], system: LinearSystem
+) -> Channels:
+    """Find the signals of all measured functions in a design.
+
+    Raises
+    ------
+    InputError
+        If a function names no signal of the design and no sensor or actuator of the file.
+    """
+    known = signals.bodies_with_signals(system)
+    given = (
+        {item.name: item for item in measured.sensor},
+        {item.name: item for item in measured.actuator},
+    )
+    bad: dict[Fault, None] = {}
+    used: list[dict[str, Transducer]] = [{}, {}]
+    for n, item in enumerate(functions, 1):
+        for side, (key, name) in enumerate((("output", item.output), ("input", item.input))):
+            where = f"transfer_function.{n}.{key}"
+            if name in given[side]:
+                used[side][name] = given[side][name]
+                continue
+            try:
+                _parse(side, name, known)
+            except InputError as error:
+                table = ("sensor", "actuator")[side]
+                also = (
+                    f"name a [[{table}]] ({suggest(name, list(given[side]))})"
+                    if given[side]
+                    else (f"describe the channel by a [[{table}]]")
+                )
+                fault = error.faults[0]
+                bad[
+                    Fault(where, fault.problem, f"{fault.remedy}; or {also}", format_value(name))
+                ] = None
+            else:
+                used[side][name] = Transducer(name=name, signal=name)
+    texts: list[dict[str, Signal]] = [{}, {}]
+    for side, items in enumerate(used):
+        for name, item in items.items():
+            for text in (item.signal, *item.mix, *item.mix_uncertainty):
+                try:
+                    texts[side][text] = _parse(side, text, known)
+                except InputError as error:
+                    fault = error.faults[0]
+                    where = f"{('sensor', 'actuator')[side]}.{name}"
+                    bad[Fault(where, fault.problem, fault.remedy, format_value(text))] = None
+    if bad:
+        raise InputError(list(bad))
+    return Channels(
+        (used[0], used[1]), (tuple(texts[0].values()), tuple(texts[1].values())), tuple(functions)
+    )
+
+
+def _parse(side: int, text: str, known: tuple[str, ...]) -> Signal:
+    return (signals.parse_output, signals.parse_input)[side](text, known)

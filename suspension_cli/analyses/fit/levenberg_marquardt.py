@@ -1,0 +1,85 @@
+"""Bounded least squares for many residuals and few unknowns.
+
+Levenberg's and Marquardt's damped Gauss-Newton steps (Marquardt, J. SIAM 11, 431 (1963)), from the
+normal equations of scaled unknowns; unknowns at a bound against which they push stay there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from suspension_cli.errors import InputError
+from suspension_cli.scene.arrays import Array
+
+LARGEST_DAMPING = 1e12
+
+
+def minimise(
+    residual: Callable[[Array], Array],
+    jacobian: Callable[[Array], Array],
+    start: Array,
+    scale: Array,
+    bounds: tuple[Array, Array],
+    *,
+    tolerance: float = 1e-5,
+    relative: float = 1e-8,
+    steps: int = 60,
+) -> tuple[Array, float]:
+    """Minimise the sum of squares of residuals.
+
+    Parameters
+    ----------
+    residual, jacobian : callable
+        Of the unknowns (P,): residuals (r,), and their derivatives (r, P). An `InputError` of
+        `residual` makes the search take a smaller step.
+    start, scale : (P,) arrays
+    bounds : pair of (P,) arrays
+    tolerance, relative : float
+        Expected decrease of the sum of squares, and relative to it, below which the search ends.
+    steps : int
+        Most Gauss-Newton steps.
+
+    Returns
+    -------
+    (P,) array
+    float
+        Sum of squares there.
+    """
+    low, high = bounds
+    x = np.clip(start, low, high)
+    rest = residual(x)
+    cost, damping = float(rest @ rest), 1e-4
+    for _ in range(steps):
+        slope = jacobian(x) * scale
+        normal, gradient = slope.T @ slope, slope.T @ rest
+        free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
+        diagonal = np.diag(normal).copy()
+        diagonal[diagonal <= 0] = 1.0
+        better, new, found, reached, expected = False, x, rest, cost, 0.0
+        while damping < LARGEST_DAMPING:
+            left = normal + np.diag(damping * diagonal + 1e-14 * diagonal.max(initial=0.0))
+            step = np.zeros(len(x))
+            step[free] = -np.linalg.solve(left[np.ix_(free, free)], gradient[free])
+            expected = -float(2 * gradient @ step + step @ normal @ step)
+            new = np.clip(x + step * scale, low, high)
+            try:
+                found = residual(new)
+                reached = float(found @ found)
+            except (InputError, np.linalg.LinAlgError):
+                reached = np.inf
+            if reached < cost:
+                better = True
+                break
+            if expected < tolerance + relative * cost:
+                break
+            damping = max(10 * damping, 1e-6)
+        if not better:
+            break
+        gained = cost - reached
+        x, rest, cost = new, found, reached
+        damping = max(damping / 5, 1e-10)
+        if max(gained, expected) < tolerance + relative * cost:
+            break
+    return x, cost

@@ -1,0 +1,133 @@
+"""The group `fit/responses` of a results file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import h5py
+import numpy as np
+
+from suspension_cli.analyses.fit.response_fit import Candidate, ResponseFit, SingleChange
+from suspension_cli.analyses.fit.wrong_channels import Correction
+from suspension_cli.files.hdf5 import add_dataset, add_scale
+
+RESONANCE = ("measured", "sigma", "before", "after", "q", "functions")
+
+
+def fill(group: h5py.Group, found: ResponseFit) -> None:
+    """Write measured transfer functions and what was found."""
+    function = add_scale(group, "function", list(found.function), "name")
+    for name in ("input", "output"):
+        add_dataset(group, name, list(getattr(found, name)), "name", function)
+    value = add_scale(group, "number", np.arange(1, len(found.of) + 1), "1")
+    add_dataset(group, "of", found.of, "1", value)
+    add_dataset(group, "frequency", found.frequency, "Hz", value)
+    unit = "SI, reading over drive"
+    add_dataset(group, "uncertainty", found.uncertainty, unit, value)
+    for name in ("measured", "before", "after"):
+        add_dataset(group, name, getattr(found, name), unit, value)
+    nuisance = add_scale(group, "nuisance", list(found.nuisance), "name")
+    for name in ("value", "sigma", "prior"):
+        add_dataset(
+            group, f"nuisance_{name}", getattr(found, f"nuisance_{name}"), "1, s or SI", nuisance
+        )
+    mode = add_scale(group, "resonance_mode", list(found.mode), "name")
+    column = add_scale(group, "resonance_column", list(RESONANCE), "name")
+    add_dataset(group, "resonance", found.resonance, "Hz; 1 for q and functions", mode, column)
+    group.attrs["chi_squared_before"] = found.chi_squared_before
+    group.attrs["least_known"] = found.least
+    _texts(group, "sentence", list(found.sentences))
+    _texts(group, "correction", [_join(one) for one in found.corrections])
+    _texts(group, "stiffened", [_words(*one) for one in found.stiffened])
+    _texts(
+        group,
+        "single_change",
+        [_words(one.name, one.start, one.change, one.chi_squared) for one in found.changes],
+    )
+    _texts(
+        group,
+        "candidate",
+        [_words(one.input, one.output, *one.band, one.sigma) for one in found.candidates],
+    )
+
+
+def _texts(group: h5py.Group, name: str, texts: list[str]) -> None:
+    group.attrs[name] = "\n".join(texts)
+
+
+def _words(*parts: Any) -> str:
+    return "\t".join(repr(float(one)) if isinstance(one, float) else str(one) for one in parts)
+
+
+def _join(one: Correction) -> str:
+    side, channels = ("sensor", "actuator")[one.side], ",".join(one.channel)
+    return _words(
+        one.kind,
+        side,
+        channels,
+        float(one.factor),
+        int(one.known),
+        one.also,
+        float(one.chi_squared),
+    )
+
+
+def read_names(dataset: Any) -> tuple[str, ...]:
+    """Read a list of texts, which may be empty."""
+    return tuple(dataset.asstr()[:]) if len(dataset) else ()
+
+
+def load(group: Any) -> ResponseFit:
+    """Read what `fill` wrote."""
+
+    def rows(name: str) -> list[list[str]]:
+        text = str(group.attrs[name])
+        return [line.split("\t") for line in text.split("\n")] if text else []
+
+    def names(key: str) -> tuple[str, ...]:
+        return read_names(group[key])
+
+    arrays = (
+        "of",
+        "frequency",
+        "uncertainty",
+        "measured",
+        "before",
+        "after",
+        "nuisance_value",
+        "nuisance_sigma",
+        "nuisance_prior",
+        "resonance",
+    )
+    return ResponseFit(
+        function=names("function"),
+        input=names("input"),
+        output=names("output"),
+        nuisance=names("nuisance"),
+        mode=names("resonance_mode"),
+        corrections=tuple(
+            Correction(
+                kind,
+                int(side == "actuator"),
+                tuple(channels.split(",")),
+                float(factor),
+                known == "1",
+                also,
+                float(chi_squared),
+            )
+            for kind, side, channels, factor, known, also, chi_squared in rows("correction")
+        ),
+        stiffened=tuple((name, float(a), float(b)) for name, a, b in rows("stiffened")),
+        chi_squared_before=float(group.attrs["chi_squared_before"]),
+        changes=tuple(
+            SingleChange(name, float(start), float(change), float(chi_squared))
+            for name, start, change, chi_squared in rows("single_change")
+        ),
+        sentences=tuple(row[0] for row in rows("sentence")),
+        least=str(group.attrs["least_known"]),
+        candidates=tuple(
+            Candidate(drive, sensor, (float(a), float(b)), float(sigma))
+            for drive, sensor, a, b, sigma in rows("candidate")
+        ),
+        **{name: group[name][:] for name in arrays},
+    )

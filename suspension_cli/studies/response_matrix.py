@@ -1,0 +1,233 @@
+"""Responses of all outputs of a design to all inputs, with their derivatives by its numbers.
+
+With A x = f, y = C x and A = K + i K'' + i omega C - omega^2 M, a change of the matrices changes
+the responses by
+
+    dH = -Y^T dA X + dC X + Y^T dB,    A X = B,  A^T Y = C^T,
+
+so one factorisation per frequency serves all responses and all numbers. The matrices are solved in
+double precision as they are: to some 1e-9, far below the noise of measurements (`linear.response`
+has the last digits).
+
+Modes may be damped beyond the losses of the design: `damping` of mode k adds i omega omega_k
+damping_k M v_k v_k^T M, which lowers its Q to 1/damping_k and leaves all other modes as they are
+(modal damping; Ewins, Modal Testing (2000), section 2.6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design.schema import Design
+from suspension_cli.linear import eigenmodes, signals
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.scene.arrays import Array
+from suspension_cli.studies import derivatives, parameters
+from suspension_cli.studies.derivatives import Differentiable, Linear
+
+LOSSES = ("loss_angle", "loss")
+"""Keys whose numbers change only the frequency-dependent terms of models in which wires bend."""
+CHUNK = 1 << 21
+"""Elements of the dynamic matrices that are solved at once."""
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A design ready for responses at any frequency: its matrices and modes.
+
+    Attributes
+    ----------
+    design : Design
+    level : str
+        Name of a model that supports derivatives.
+    base : Differentiable
+    system : LinearSystem
+        Of the same design, in symmetry-adapted coordinates, with its terms.
+    modes : Modes
+        Without losses; shapes (m, N - 6) in the named coordinates.
+    """
+
+    design: Design
+    level: str
+    base: Differentiable
+    system: LinearSystem
+    modes: Modes
+
+    @staticmethod
+    def of(design: Design, level: str = registry.STRING.name) -> Plant:
+        """Find the equilibrium of a design, its matrices and its modes."""
+        system = registry.by_name(level).system(design)
+        modes = eigenmodes.solve(replace(system, terms=()))
+        return Plant(design, level, derivatives.prepared(design, level), system, modes)
+
+    @cached_property
+    def modal_forces(self) -> Array:
+        """Rows M v_k of the modes, (m, N - 6)."""
+        return self.modes.shape @ self.base.linear.mass[6:, 6:]
+
+    def row(self, signal: Signal) -> Array:
+        """Compute the linear form (N,) of a signal in the named coordinates."""
+        model = replace(self.base.model, orientation=self.base.linear.orientation)
+        return signals.linear_form(signal, model)
+
+    def row_change(self, change: Linear, signal: Signal) -> Array:
+        """Differentiate that form: points of signals move with their bodies."""
+        if not change.orientation.any():
+            return np.zeros(self.base.model.size)
+        turned = self.base.linear.orientation + 1j * parameters.STEP * change.orientation
+        form = signals.linear_form(signal, replace(self.base.model, orientation=turned))
+        return form.imag / parameters.STEP
+
+    def dispersive(self, omega: Array) -> Any:
+        """Frequency-dependent part of the stiffness (f, N, N) in the named coordinates, or None."""
+        if not self.system.terms:
+            return None
+        to_named = np.linalg.inv(self.system.basis)
+        result: Any = 0.0
+        for term in self.system.terms:
+            matrices = to_named.T @ np.asarray(term.all_matrices) @ to_named
+            functions = np.asarray(term.at(omega).all_functions())
+            result = result + np.tensordot(functions, matrices, axes=(0, 0))
+        return result
+
+    def respond(
+        self,
+        frequency: Array,
+        inputs: Sequence[Signal],
+        outputs: Sequence[Signal],
+        damping: Array | None = None,
+        stiffening: Array | None = None,
+    ) -> Responses:
+        """Solve for all responses, with the adjoint solutions that derivatives need.
+
+        Parameters
+        ----------
+        frequency : (f,) array
+            Hz.
+        inputs, outputs : sequences of Signal
+        damping : (m,) array, optional
+            Added damping 1/Q of each mode.
+        stiffening : (m,) array, optional
+            Relative change of omega^2 of each mode alone.
+        """
+        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        size = self.base.model.size
+        drive = np.array([self.row(signal) for signal in inputs]).reshape(-1, size)
+        rows = np.array([self.row(signal) for signal in outputs]).reshape(-1, size)
+        acts = np.array([signal.acts for signal in inputs], dtype=bool)
+        moves = np.where(acts, 0.0, drive.T)
+        moves[6:] = 0.0
+        forces = np.where(acts, drive.T, 0.0)[6:]
+        state = np.empty((len(omega), size, len(inputs)), dtype=complex)
+        adjoint = np.empty((len(omega), size - 6, len(outputs)), dtype=complex)
+        step = max(CHUNK // size**2, 1)
+        for begin in range(0, len(omega), step):
+            span = slice(begin, begin + step)
+            matrix = self._dynamic(omega[span], damping, stiffening)
+            root = np.sqrt(np.abs(np.einsum("fnn->fn", matrix[:, 6:, 6:])))
+            root[root == 0] = 1.0
+            own = matrix[:, 6:, 6:] / (root[:, :, None] * root[:, None, :])
+            right = forces - matrix[:, 6:, :6] @ moves[:6]
+            state[span, :6] = moves[:6]
+            state[span, 6:] = np.linalg.solve(own, right / root[..., None]) / root[..., None]
+            watch = rows[:, 6:].T / root[..., None]
+            adjoint[span] = np.linalg.solve(own.transpose(0, 2, 1), watch) / root[..., None]
+        return Responses(self, omega, tuple(inputs), tuple(outputs), rows, state, adjoint)
+
+    def _dynamic(self, omega: Array, damping: Array | None, stiffening: Array | None) -> Any:
+        linear, w = self.base.linear, omega[:, None, None]
+        matrix = linear.stiffness + 1j * (linear.loss + w * linear.damping) - w**2 * linear.mass
+        added = self.dispersive(omega)
+        if added is not None:
+            matrix = matrix + added
+        if damping is not None:
+            used = np.flatnonzero(damping)
+            rates = np.sqrt(np.clip(self.modes.omega_squared[used], 0.0, None)) * damping[used]
+            forces = self.modal_forces[used]
+            matrix[:, 6:, 6:] += 1j * w * ((forces.T * rates) @ forces)
+        if stiffening is not None and stiffening.any():
+            used = np.flatnonzero(stiffening)
+            forces = self.modal_forces[used]
+            added = (forces.T * (self.modes.omega_squared[used] * stiffening[used])) @ forces
+            matrix[:, 6:, 6:] += added
+        return matrix
+
+
+@dataclass(frozen=True)
+class Responses:
+    """Responses of outputs to inputs, (f, o, i), with what their derivatives need.
+
+    Attributes
+    ----------
+    plant : Plant
+    omega : (f,) array
+        rad/s.
+    inputs, outputs : tuple of Signal
+    rows : (o, N) array
+        Linear forms of the outputs.
+    state : (f, N, i) complex array
+        All coordinates for unit inputs.
+    adjoint : (f, N - 6, o) complex array
+        Solutions of the transposed equations for the outputs.
+    """
+
+    plant: Plant
+    omega: Array
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    rows: Array
+    state: Any
+    adjoint: Any
+
+    @cached_property
+    def value(self) -> Any:
+        """Responses (f, o, i), SI."""
+        return self.rows @ self.state
+
+    def derivative(self, change: Linear) -> Any:
+        """Differentiate all responses, (f, o, i), with respect to the number of a change."""
+        w = self.omega[:, None, None]
+        result = np.zeros((len(self.omega), len(self.outputs), len(self.inputs)), dtype=complex)
+        parts = (
+            (change.stiffness + 1j * change.loss, 1.0),
+            (change.damping, 1j * w),
+            (change.mass, -(w**2)),
+        )
+        for matrix, factor in parts:
+            touched = np.flatnonzero(matrix[6:].any(1))
+            from_ = np.flatnonzero(matrix[6:].any(0))
+            if len(touched):
+                moved = matrix[np.ix_(touched + 6, from_)] @ self.state[:, from_]
+                result -= factor * (self.adjoint[:, touched].transpose(0, 2, 1) @ moved)
+        if change.orientation.any():
+            rows = np.array([self.plant.row_change(change, signal) for signal in self.outputs])
+            result += rows @ self.state
+            pushed = np.array(
+                [self.plant.row_change(change, signal)[6:] * signal.acts for signal in self.inputs]
+            )
+            result += self.adjoint.transpose(0, 2, 1) @ pushed.T
+        return result
+
+    def damping_derivative(self, mode: int) -> Any:
+        """Differentiate all responses, (f, o, i), by the added damping of a mode."""
+        omega = float(np.sqrt(max(self.plant.modes.omega_squared[mode], 0.0)))
+        force = self.plant.modal_forces[mode]
+        seen = np.einsum("n,fno->fo", force, self.adjoint)
+        moved = np.einsum("n,fni->fi", force, self.state[:, 6:])
+        return -1j * omega * self.omega[:, None, None] * seen[:, :, None] * moved[:, None, :]
+
+    def stiffening_derivative(self, mode: int) -> Any:
+        """Differentiate all responses, (f, o, i), by the relative change of omega^2 of a mode."""
+        squared = float(self.plant.modes.omega_squared[mode])
+        force = self.plant.modal_forces[mode]
+        seen = np.einsum("n,fno->fo", force, self.adjoint)
+        moved = np.einsum("n,fni->fi", force, self.state[:, 6:])
+        return -squared * seen[:, :, None] * moved[:, None, :]

@@ -1,0 +1,376 @@
+"""Fits of transfer functions: derivatives, the truth within its region, wrong channels, rubbing
+wires, what is determined, what to measure next, and the command on files of data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from suspension_cli.analyses import registry as analyses
+from suspension_cli.analyses.fit import (
+    default_numbers,
+    findings,
+    resonances,
+    response_fit,
+    response_text,
+    wrong_channels,
+)
+from suspension_cli.analyses.fit import solve as fit
+from suspension_cli.design import paths, reader
+from suspension_cli.design.measured import Free, Measured, Transducer
+from suspension_cli.files.hdf5 import open_results
+from suspension_cli.linear import response, signals
+from suspension_cli.measurements.transfer_function import MeasuredResponse
+from suspension_cli.studies import derivatives
+from suspension_cli.studies.response_matrix import Plant
+from tests.support.commandline import assert_refused, run, strict_json
+from tests.support.golden import CONFIGS
+from tools import asbuilt_trials as trials
+
+DOUBLE = (CONFIGS / "double.toml").read_text()
+PLANE = ("x", "pitch")
+GRID = np.geomspace(0.2, 30.0, 120)
+
+
+def plane(seed, **how):
+    """A double pendulum measured in x and pitch alone."""
+    return trials.double(seed, **{"dofs": PLANE, "frequency": GRID} | how)
+
+
+@pytest.mark.parametrize(
+    ("name", "level"), [("quadruple", "beam"), ("imperfect", "string"), ("double", "string")]
+)
+def test_responses_and_their_derivatives(name, level):
+    """Those of `linear.response`; derivatives against central differences, points that turn with
+    their bodies and motions of the support included."""
+    text = (CONFIGS / f"{name}.toml").read_text()
+    plant = Plant.of(reader.parse(text), level)
+    known, body = signals.bodies_with_signals(plant.system), plant.system.body
+    inputs = [signals.parse_input(one, known) for one in ("support.x", f"{body[0]}.torque_pitch")]
+    outputs = [signals.parse_output(f"{body[-1]}.x@0.01,0,0.02", known)]
+    frequency = np.array([0.11, 0.83, 2.9, 7.7])
+    damping = np.linspace(0.001, 0.01, len(plant.modes.omega_squared))
+    undamped = plant.respond(frequency, inputs, outputs).value
+    expected = response.solve(plant.system, frequency, inputs, outputs).value
+    np.testing.assert_allclose(undamped, expected, rtol=1e-6)
+    found = plant.respond(frequency, inputs, outputs, damping)
+    path = f"stage.{body[-1]}.wires.l"
+    change = derivatives.of(plant.base, path)
+    assert change is not None
+    step = 1e-6
+    above, below = (
+        Plant.of(
+            reader.parse_with_overrides(
+                text, paths.settings({path: paths_value(text, path) + sign * step})
+            ),
+            level,
+        )
+        .respond(frequency, inputs, outputs)
+        .value
+        for sign in (1, -1)
+    )
+    slope = plant.respond(frequency, inputs, outputs).derivative(change)
+    size = np.abs(slope).max()
+    np.testing.assert_allclose(slope, (above - below) / (2 * step), atol=2e-4 * size)
+    for mode, kind in ((2, "damping"), (3, "stiffening")):
+        moves = [np.zeros_like(damping), np.zeros_like(damping)]
+        moves[kind == "stiffening"][mode] = 1e-6
+        both = [
+            plant.respond(
+                frequency, inputs, outputs, damping + sign * moves[0], sign * moves[1]
+            ).value
+            for sign in (1, -1)
+        ]
+        exact = getattr(found, f"{kind}_derivative")(mode)
+        difference = (both[0] - both[1]) / 2e-6
+        np.testing.assert_allclose(
+            exact, difference, atol=1e-4 * np.abs(exact).max() + 1e-6 * np.abs(undamped).max()
+        )
+
+
+def paths_value(text, path):
+    return paths.value_at(reader.read_toml("", text), path)
+
+
+def test_an_added_damping_is_that_q():
+    """Half the height of the peak is 1/(2 Q) of its frequency away, for that mode alone."""
+    plant = Plant.of(reader.parse(DOUBLE))
+    known, mode = signals.bodies_with_signals(plant.system), 5
+    name = f"{plant.modes.home[mode][0]}.{plant.modes.home[mode][1]}"
+    body, dof = name.split(".")
+    force = signals.FORCES[("x", "y", "z", "roll", "pitch", "yaw").index(dof)]
+    inputs, outputs = (
+        [signals.parse_input(f"{body}.{force}", known)],
+        [signals.parse_output(name, known)],
+    )
+    damping = np.zeros(len(plant.modes.omega_squared))
+    damping[mode] = 1e-3
+    center = plant.modes.frequency[mode]
+    grid = center * (1 + np.array([-0.5e-3, 0.0, 0.5e-3]))
+    size = np.abs(plant.respond(grid, inputs, outputs, damping).value[:, 0, 0])
+    np.testing.assert_allclose(size / size[1], [np.sqrt(0.5), 1, np.sqrt(0.5)], rtol=0.02)
+
+
+def test_peaks_of_one_function():
+    """Frequency, width and residue of two resonances with noise, within a few sigma."""
+    random, grid = np.random.default_rng(1), np.geomspace(0.5, 5.0, 300)
+    true = ((1.1, 0.01, 2.0), (2.3, 0.02, -1.0))
+    value = sum(r / ((2 * np.pi) ** 2 * (f**2 - grid**2 + 1j * grid * f * d)) for f, d, r in true)
+    sigma = 0.02 * np.abs(value)
+    noise = random.standard_normal((2, len(grid)))
+    found = resonances.find_peaks(grid, value + sigma * (noise[0] + 1j * noise[1]), sigma)
+    assert len(found) == 2
+    for peak, (f, damping, residue) in zip(found, true, strict=True):
+        assert abs(peak.frequency - f) < 4 * peak.sigma + 1e-4
+        assert peak.damping == pytest.approx(damping, rel=0.1)
+        assert peak.residue.real == pytest.approx(residue, rel=0.1)
+
+
+def test_the_truth_lies_in_the_95_percent_region_and_wrong_channels_are_found():
+    """8 builds with resonances up to tens of per cent off, each with a sensor or an actuator that
+    is inverted or scaled: `python -m tools.asbuilt_trials` does 200 with all 36 functions."""
+    distances = []
+    for seed in range(8):
+        given, true = plane(seed)
+        wrong = (trials.KINDS[seed % 2], seed // 2 % 2, ("sa"[seed // 2 % 2] + "-x",) * 2)
+        found = response_fit.solve(trials.spoil(given, *wrong).problem())
+        assert trials.is_found(found.corrections, *wrong), (seed, found.corrections)
+        distances.append(trials.distance(found, true))
+    assert sum(d < stats.chi2(6).ppf(0.95) for d in distances) >= 6
+    assert stats.kstest(distances, stats.chi2(6).cdf).pvalue > 0.02
+
+
+def test_channels_are_found_exchanged_and_left_alone_when_right():
+    for seed in range(6):
+        given, _ = trials.double(seed, frequency=np.geomspace(0.2, 30, 100))
+        side, letter = seed % 2, "sa"[seed % 2]
+        for names in ((f"{letter}-x", f"{letter}-y"), (f"{letter}-pitch", f"{letter}-roll")):
+            problem = trials.spoil(given, "exchange", side, names).problem()
+            found, _ = wrong_channels.guess(problem, problem.start)
+            assert trials.is_found(found, "exchange", side, names), (seed, found)
+        problem = given.problem()
+        assert wrong_channels.guess(problem, problem.start)[0] == []
+
+
+def test_a_quadruple_with_2_mm_among_20_numbers():
+    """All 36 functions at the top mass, calibrated to 5 %: d of the second stage."""
+    given, true = trials.quadruple(0, frequency=np.geomspace(0.2, 10.0, 150))
+    found = response_fit.solve(given.problem())
+    name = "stage.upper.wires.d"
+    n = list(true).index(name)
+    sigma = np.sqrt(findings.covariance(found.problem, found.z)[n, n])
+    assert found.problem.numbers == 20 and not found.misfit and not found.corrections
+    assert sigma < 0.1e-3 and abs(found.z[n] - true[name]) < 4 * sigma
+    assert trials.distance(found, true) < stats.chi2(20).ppf(0.999)
+
+
+def test_findings():
+    """One number is off: it is named, with what it explains; what is determined; what is next."""
+    given, _ = plane(0)
+    text, random = given.text, np.random.default_rng(2)
+    free = [*given.measured.parameter, Free(name="materials.c70steel.youngs_modulus")]
+    true = {"stage.upper.wires.d": 0.0041}
+    made = trials.simulate(text, true, free, random, stage="upper", dofs=PLANE, frequency=GRID)
+    found = fit.solve_responses(text, made.measured, made.functions)
+    responses = found.responses
+    assert responses is not None and not found.misfit and not responses.corrections
+    best = responses.changes[0]
+    assert best.name == "stage.upper.wires.d" and best.change == pytest.approx(2.1e-3, abs=2e-5)
+    assert best.chi_squared < 1.1 * found.chi_squared < 0.1 * responses.chi_squared_before
+    lines = response_text.report(found)
+    assert "upper.d +2.1 mm" in lines[3]
+    assert responses.candidates and responses.candidates[0].sigma < found.sigma.max()
+    assert "determined: " in lines[4] and "upper.d (to" in lines[4]
+    assert responses.least in found.name and "measure next" in lines[5]
+
+
+def test_only_a_sum_is_known():
+    """Of two heights that the data see together, the sentence says so; of E and r, E r^2."""
+    given, _ = plane(0)
+    problem = given.problem()
+    numbers = [findings.NumberName(name, "mm", 1e3) for name in ("a.d", "a.d_upper")]
+    spread = 1e-6 * np.array([[1.0, -0.999], [-0.999, 1.0]])
+    lines, taken = findings.combinations(spread, np.full(2, 1e-3), np.full(2, 1e-3), numbers)
+    assert lines == ["only the sum of a.d and a.d_upper is known (to 0.045 mm)"]
+    assert taken == {0, 1}
+    free = [
+        Free(name=name) for name in ("stage.test.wires.radius", "materials.c70steel.youngs_modulus")
+    ]
+    made = trials.simulate(
+        DOUBLE, {}, free, np.random.default_rng(0), stage="test", dofs=("z",), frequency=GRID
+    )
+    found = response_fit.solve(made.problem())
+    names = [one.name for one in free]
+    text = "; ".join(findings.describe(found.problem, found.z, names))
+    assert "c70steel.youngs_modulus" in text and problem.numbers == 6
+
+
+def test_a_rubbing_wire():
+    """Two modes too stiff and too lossy at once are named, and the geometry stays right."""
+    true = {"stage.upper.wires.d": 0.0025}
+    plant = Plant.of(reader.parse_with_overrides(DOUBLE, paths.settings(true)))
+    known = signals.bodies_with_signals(plant.system)
+    into, out = ["upper.force_x", "upper.torque_pitch"], ["upper.x", "upper.pitch"]
+    damping, stiffening = np.full(len(plant.modes.label), 1 / 200), np.zeros(len(plant.modes.label))
+    rubbing = [plant.modes.label.index(name) for name in ("upper longitudinal", "upper pitch")]
+    damping[rubbing], stiffening[rubbing] = 1 / 20, 0.08
+    value = plant.respond(
+        GRID,
+        [signals.parse_input(name, known) for name in into],
+        [signals.parse_output(name, known) for name in out],
+        damping,
+        stiffening,
+    ).value
+    random, functions = np.random.default_rng(3), []
+    for o, output in enumerate(out):
+        for i, drive in enumerate(into):
+            exact = value[:, o, i]
+            sigma = 0.03 * np.abs(exact) + 1e-3 * np.median(np.abs(exact))
+            noise = random.standard_normal((2, len(GRID)))
+            measured = exact + sigma * (noise[0] + 1j * noise[1])
+            functions.append(
+                MeasuredResponse("f", drive, output, GRID, measured, sigma, sigma * np.nan)
+            )
+    free = [
+        Free(name="stage.upper.wires.d", prior=2e-3, uncertainty=1e-3),
+        Free(name="stage.upper.wires.l", prior=0.3, uncertainty=1e-3),
+        Free(name="stage.test.wires.l", prior=0.28, uncertainty=1e-3),
+    ]
+    found = fit.solve_responses(DOUBLE, Measured(parameter=free), functions, explain=False)
+    assert found.responses is not None and not found.misfit
+    names = [name for name, _, _ in found.responses.stiffened]
+    assert sorted(names) == ["upper longitudinal", "upper pitch"]
+    for _, excess, q in found.responses.stiffened:
+        assert excess == pytest.approx(np.sqrt(1.08) - 1, rel=0.1)
+        assert q == pytest.approx(20, rel=0.1)
+    assert abs(found.value[0] - 2.5e-3) < 4 * found.sigma[0]
+    assert "RUBBING" in "\n".join(response_text.corrections(found.responses))
+
+
+def test_delays_and_mixing_are_fitted():
+    """A sensor that is late and turned, an actuator that leaks into another: found as such."""
+    given, _ = plane(1, calibration=0.0, noise=0.01)
+    late, turned, leak = 2e-3, 1e-3, 2e-3
+    sensors, actuators = (
+        [Transducer(name=one.name, signal=one.signal) for one in side]
+        for side in (given.measured.sensor, given.measured.actuator)
+    )
+    by_pair = {(one.output, one.input): one.value for one in given.functions}
+    turn = np.exp(-2j * np.pi * GRID * late)
+    functions = []
+    for one in given.functions:
+        value = by_pair[one.output, one.input]
+        if one.input == "a-x":
+            value = value + leak * by_pair[one.output, "a-pitch"]
+        functions.append(replace(one, value=value))
+    by_pair = {(one.output, one.input): one.value for one in functions}
+    functions = [
+        replace(one, value=turn * (one.value + turned * by_pair["s-pitch", one.input]))
+        if one.output == "s-x"
+        else one
+        for one in functions
+    ]
+    sensors[0] = Transducer(
+        name="s-x", signal="upper.x", delay_uncertainty=0.01, mix_uncertainty={"upper.pitch": 5e-3}
+    )
+    actuators[0] = Transducer(
+        name="a-x", signal="upper.force_x", mix_uncertainty={"upper.torque_pitch": 5e-3}
+    )
+    measured = Measured(parameter=given.measured.parameter, sensor=sensors, actuator=actuators)
+    found = fit.solve_responses(DOUBLE, measured, functions, explain=False).responses
+    assert found is not None
+    values = dict(zip(found.nuisance, found.nuisance_value, strict=True))
+    sigmas = dict(zip(found.nuisance, found.nuisance_sigma, strict=True))
+    for name, true in (
+        ("sensor.s-x.delay", late),
+        ("sensor.s-x.mix.upper.pitch", turned),
+        ("actuator.a-x.mix.upper.torque_pitch", leak),
+    ):
+        assert abs(values[name] - true) < 6 * sigmas[name] + 0.02 * true, name
+
+
+def test_factors_are_named():
+    assert "root of 10" in wrong_channels.name_factor(3.15)
+    assert "2 pi" in wrong_channels.name_factor(1 / 6.3)
+    assert wrong_channels.name_factor(1.7) == "1.7"
+
+
+def test_default_numbers_have_priors():
+    found = {item.name: item for item in default_numbers.choose(DOUBLE)}
+    assert found["stage.upper.wires.d"].uncertainty == 1e-3
+    assert found["stage.upper.body.mass"].uncertainty == pytest.approx(0.002 * 3.0)
+    assert "constants.gravity" not in found and "stage.upper.body.size.1" not in found
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A file of measurements with one CSV per function."""
+    made = trials.double(0, dofs=PLANE, frequency=np.geomspace(0.2, 30, 80))[0]
+    lines = []
+    for n, one in enumerate(made.functions):
+        rows = np.column_stack([one.frequency, one.value.real, one.value.imag, one.uncertainty])
+        np.savetxt(
+            tmp_path / f"{n}.csv",
+            rows,
+            delimiter=",",
+            header="frequency,real,imag,sigma",
+            comments="",
+        )
+        lines.append(
+            f'[[transfer_function]]\nname = "{one.name}"\nfile = "{n}.csv"\n'
+            f'input = "{one.input}"\noutput = "{one.output}"\nfrequency = "frequency"\n'
+            'real = "real"\nimaginary = "imag"\nuncertainty = "sigma"\n'
+        )
+    for table, items in (("sensor", made.measured.sensor), ("actuator", made.measured.actuator)):
+        lines += [
+            f'[[{table}]]\nname = "{one.name}"\nsignal = "{one.signal}"\ngain_uncertainty = 0.05\n'
+            for one in items
+        ]
+    lines += [
+        f'[[parameter]]\nname = "{name}"\nprior = {item.prior}\nuncertainty = {item.uncertainty}\n'
+        for name, item in ((one.name, one) for one in made.measured.parameter[:3])
+    ]
+    path = tmp_path / "measured.toml"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_command(files, tmp_path):
+    """JSON, files and text of the command; results read back print and draw the same."""
+    design, out = CONFIGS / "double.toml", tmp_path / "out"
+    result = run("fit", design, files, "--fidelity", "string", "--json", "--plot", "--out", out)
+    document = strict_json(result.stdout)
+    assert {one["name"] for one in document["channels"]} == {
+        "sensor.s-x.gain",
+        "sensor.s-pitch.gain",
+        "actuator.a-x.gain",
+        "actuator.a-pitch.gain",
+    }
+    assert len(document["transfer_functions"]) == 4 and document["resonances"]
+    assert document["single_changes"] and document["measure_next"] and document["determined"]
+    with open_results(out / "double-fit.h5") as file:
+        loaded = analyses.get("fit").load(file)
+    assert loaded.responses is not None
+    assert response_text.document(loaded.responses)["single_changes"] == document["single_changes"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "double-fit-responses.png",
+        "double-fit.h5",
+        "double-fit.png",
+        "double-fitted.toml",
+    ]
+
+
+def test_faults_of_the_command(files, tmp_path):
+    design, text = CONFIGS / "double.toml", files.read_text()
+    files.write_text(text.replace('uncertainty = "sigma"\n', ""))
+    for data in tmp_path.glob("*.csv"):
+        data.write_text(data.read_text().replace("sigma", "unknown"))
+    (line, *_) = assert_refused(run("fit", design, files, "--out", tmp_path / "out"), files)
+    assert "gives no uncertainty" in line and "--relative-uncertainty" in line
+    bare = tmp_path / "bare.toml"
+    bare.write_text('[[mode]]\nlabel = "test pitch"\nfrequency = 0.8\nuncertainty = 0.01\n')
+    (line,) = assert_refused(run("fit", design, bare, "--out", tmp_path / "out"), bare)
+    assert line.startswith("parameter: missing; name the numbers to fit")
