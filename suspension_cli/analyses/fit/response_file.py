@@ -11,6 +11,7 @@ from suspension_cli.analyses.fit.response_fit import Candidate, ResponseFit, Sin
 from suspension_cli.analyses.fit.wrong_channels import Correction
 from suspension_cli.files.hdf5 import add_dataset, add_scale
 
+VALUES = ("measured", "uncertainty", "before", "after")
 RESONANCE = ("measured", "sigma", "before", "after", "q", "functions")
 
 
@@ -23,9 +24,8 @@ def fill(group: h5py.Group, found: ResponseFit) -> None:
     add_dataset(group, "of", found.of, "1", value)
     add_dataset(group, "frequency", found.frequency, "Hz", value)
     unit = "SI, reading over drive"
-    add_dataset(group, "uncertainty", found.uncertainty, unit, value)
-    for name in ("measured", "before", "after"):
-        add_dataset(group, name, getattr(found, name), unit, value)
+    for name in VALUES:
+        add_dataset(group, f"response_{name}", getattr(found, name), unit, value)
     nuisance = add_scale(group, "nuisance", list(found.nuisance), "name")
     for name in ("value", "sigma", "prior"):
         add_dataset(
@@ -90,10 +90,6 @@ def load(group: Any) -> ResponseFit:
     arrays = (
         "of",
         "frequency",
-        "uncertainty",
-        "measured",
-        "before",
-        "after",
         "nuisance_value",
         "nuisance_sigma",
         "nuisance_prior",
@@ -130,4 +126,5 @@ def load(group: Any) -> ResponseFit:
             for drive, sensor, a, b, sigma in rows("candidate")
         ),
         **{name: group[name][:] for name in arrays},
+        **{name: group[f"response_{name}"][:] for name in VALUES},
     )

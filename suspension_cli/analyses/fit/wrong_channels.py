@@ -35,6 +35,8 @@ EXCHANGED = 0.25
 """Mean decrease of that difference, per function, from which an exchange is assumed."""
 SCALED = 0.4
 """ln of a factor from which it is assumed before a fit."""
+FACTOR_KNOWN = 0.5
+"""Relative uncertainty of a gain that is off by a factor: its calibration says nothing."""
 AGREEMENT = 0.3
 """Mean cosine of the phase between measured and computed values that counts as an agreement."""
 KNOWN_FACTORS = (
@@ -93,8 +95,8 @@ class Correction:
         name = self.channel[0]
         item = channels.transducer[self.side][name]
         change: dict[str, Any] = {"gain": item.gain * self.factor}
-        if self.kind == FACTOR and item.gain_uncertainty is None:
-            change["gain_uncertainty"] = 0.2
+        if self.kind == FACTOR:
+            change["gain_uncertainty"] = FACTOR_KNOWN
         return channels.with_transducer(self.side, name, **change)
 
     def undo(self, channels: Channels) -> Channels:
