@@ -891,19 +891,25 @@ def fit(
     *,
     starts: int = 1,
     seed: int = 1,
+    relative_uncertainty: float | None = None,
+    explain: bool = True,
     model: str = "auto",
     tolerance: float = 1e-3,
 ) -> Result:
-    """Infer numbers of designs from measured mode frequencies.
+    """Infer numbers of designs from measured mode frequencies and transfer functions.
 
     Parameters
     ----------
     measured : path
-        TOML file of frequencies with uncertainties and of the free numbers (docs/fit.md).
+        TOML file of modes or files of transfer functions, and of the free numbers (docs/fit.md).
     design : Design, optional
         The design that was measured; None where `measured` names designs itself.
     starts, seed : int
         Number of searches, all but the first from random numbers; their seed.
+    relative_uncertainty : float, optional
+        Of transfer functions whose files give none.
+    explain : bool
+        Whether to rank single changes and the next measurements (transfer functions).
     model, tolerance
         As of `modes`, for the measured modes; checked with the fitted numbers.
 
@@ -911,7 +917,7 @@ def fit(
     -------
     Result
         With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
-        `residual`, ...
+        `residual`, ...; for transfer functions `responses`.
 
     Raises
     ------
@@ -927,7 +933,16 @@ def fit(
     """
     designs = () if design is None else (design,)
     files = {"files": (*designs, str(measured))}
-    return _run("fit", files, model, starts=starts, seed=seed, tolerance=tolerance)
+    return _run(
+        "fit",
+        files,
+        model,
+        starts=starts,
+        seed=seed,
+        relative_uncertainty=relative_uncertainty,
+        explain=explain,
+        tolerance=tolerance,
+    )
 
 
 def optimise(

@@ -253,7 +253,7 @@ def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list
         dataclasses.replace(
             item,
             uncertainty=np.where(
-                np.isfinite(item.uncertainty),
+                np.isfinite(item.uncertainty) & (np.asarray(item.uncertainty) > 0),
                 item.uncertainty,
                 relative * np.maximum(np.abs(item.value), 1e-3 * np.median(np.abs(item.value))),
             ),

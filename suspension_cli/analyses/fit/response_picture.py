@@ -27,11 +27,12 @@ def draw(found: ResponseFit, title: str) -> Figure:
     rows = -(-len(order) // columns)
     with house_style():
         figure = new_figure(4.4 * columns, 2.9 * rows + 0.4)
-        grid = figure.add_gridspec(2 * rows, columns, height_ratios=[2.2, 1] * rows)
+        outer = figure.add_gridspec(rows, columns)
         for place, n in enumerate(order):
             row, column = divmod(place, columns)
-            top = figure.add_subplot(grid[2 * row, column])
-            below = figure.add_subplot(grid[2 * row + 1, column], sharex=top)
+            inner = outer[row, column].subgridspec(2, 1, height_ratios=[2.2, 1], hspace=0.1)
+            top = figure.add_subplot(inner[0])
+            below = figure.add_subplot(inner[1], sharex=top)
             _draw_one(top, below, found, int(n), float(ratio[n]), legend=place == 0)
         left = len(found.function) - len(order)
         which = (
@@ -66,12 +67,12 @@ def _draw_one(
         top.set_ylim(low / 3, high * 3)
     name = single_line(f"{found.function[n]}: {found.output[n]} / {found.input[n]}", 56)
     top.set_title(f"{name}, $\\chi^2$ per value {ratio:.3g}", fontsize=7, loc="left")
-    top.tick_params(labelbottom=False)
+    top.tick_params(which="both", labelbottom=False)
     top.grid(visible=True, color=PALE, linewidth=0.4)
     if legend:
         top.legend(fontsize=6.5)
     off = (found.after[own] - found.measured[own]) / found.uncertainty[own]
-    below.axhspan(-2, 2, color=PALE, linewidth=0)
+    below.axhspan(-2, 2, color=PALE, linewidth=0, alpha=0.5)
     below.semilogx(frequency, off.real, ".", markersize=2, color=PALETTE[0], label="real")
     below.semilogx(frequency, off.imag, ".", markersize=2, color=PALETTE[2], label="imaginary")
     largest = max(4.0, 1.1 * float(np.abs([off.real, off.imag]).max()))
@@ -80,4 +81,4 @@ def _draw_one(
     below.set_xlabel("frequency (Hz)")
     below.grid(visible=True, color=PALE, linewidth=0.4)
     if legend:
-        below.legend(fontsize=6, ncols=2, loc="upper right")
+        below.legend(fontsize=6, ncols=2, loc="lower right", borderaxespad=0.1)
