@@ -12,7 +12,7 @@ from collections.abc import Callable
 from suspension_cli.drawing.style import house_style, save
 from suspension_cli.files.atomic import write_bytes
 from tests.support.paths import ROOT
-from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal
+from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal, poses
 from tools.stability.draw import draw
 from tools.stability.row import BROKEN, SHIPPED, Row
 
@@ -22,6 +22,7 @@ ROWS: dict[str, Callable[[], Row]] = {
     "beam-functions": beams.row,
     "tiny-couplings": couplings.tiny,
     "large-perturbations": couplings.large,
+    "growing-pair": poses.row,
     "equal-modes": modal.equal_modes,
     "rigid-wires": modal.rigid_wires,
     "rigid-chain": modal.graded_chain,

@@ -17,7 +17,7 @@ from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tests.support.paths import ROOT
 from tools import atlas
-from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal
+from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal, poses
 from tools.stability.row import BROKEN, Row
 
 EPS = 2.0**-53
@@ -208,6 +208,14 @@ def test_heavy_wires():
     holds(row, 1e-6, "pendsus: violin")
     holds(row, 1e-3, "pendsus: auto")
     fails(row, wires=(1e-3, 0.1), a_third=(1e-3, 1.0))
+
+
+def test_poses_with_two_growing_modes():
+    """The pose of lowest energy is found, alone and in a batch, where Newton's method misses it."""
+    row = poses.row(np.array([1e-3, 0.7]))
+    holds(row, 1e-9, "pendsus: a build alone")
+    holds(row, 1e-9, "pendsus: among others")
+    fails(row, Newton=(1e-3, 0.7), one_linear=(1e-3, 0.7))
 
 
 def test_every_row_is_tested():
