@@ -21,7 +21,7 @@ from tools.stability.row import SHIPPED, Row
 TOO_LONG = 1e-4 * np.array([12, 14, 8, -3, 6, 6, -13, 14, -14, -8])
 """m by which the ten wires of the triple are too long: a build on which Newton's method alone ends
 where two modes grow."""
-FRACTION = np.array([0.001, 0.01, 0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+FRACTION = np.array([1e-4, 1e-3, 0.01, 0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 
 
 def build(fraction: float) -> Scene:
