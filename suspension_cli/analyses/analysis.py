@@ -187,7 +187,10 @@ class Result(Report):
 
     def figures(self, **setting: Any) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure."""
-        return self.analysis.figures(self, setting)
+        from suspension_cli.drawing.style import label_frequencies
+
+        figures = self.analysis.figures(self, setting)
+        return {end: label_frequencies(figure) for end, figure in figures.items()}
 
     def plot(self, **setting: Any) -> Figure:
         """Draw the picture that the command writes.

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.files.atomic import replace_file
@@ -89,6 +90,22 @@ def add_axes(figure: Figure, left: float, top: float, width: float, height: floa
     """Add axes at a place in inches from the left and from the top of the figure."""
     across, up = figure.get_size_inches()
     return figure.add_axes((left / across, 1 - (top + height) / up, width / across, height / up))
+
+
+class _Plain(LogFormatter):
+    """Labels of a logarithmic axis as people write them: 0.1, 0.6, 1, 10."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return f"{x:g}" if super().__call__(x, pos) else ""
+
+
+def label_frequencies(figure: Figure) -> Figure:
+    """Label logarithmic axes of frequencies with 0.1, 1, 10 instead of powers of ten."""
+    for axes in figure.axes:
+        if axes.get_xscale() == "log" and "Hz" in axes.get_xlabel():
+            axes.xaxis.set_major_formatter(_Plain(labelOnlyBase=False))
+            axes.xaxis.set_minor_formatter(_Plain(labelOnlyBase=False))
+    return figure
 
 
 def write_text(

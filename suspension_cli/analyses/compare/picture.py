@@ -116,7 +116,6 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
         panels[-1].set_xlabel("frequency (Hz)")
         for axes in panels:
             axes.set_xscale("log")
-            axes.xaxis.set_major_formatter("{x:g}")
             axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
             axes.margins(x=0)
         panels[0].legend(fontsize=7)
