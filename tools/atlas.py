@@ -41,7 +41,7 @@ HEAD = f"""# Where methods fail
 
 Each row drives one parameter to where methods are known to fail, and compares each with closed forms or arithmetic of 50 digits and more. A method has
 broken where it is wrong by more than {100 * BROKEN:g} %, from there on. ε is the rounding of double precision, 1.1 × 10⁻¹⁶. What fails here is written as
-people write it (`tools/stability/naive.py`, `tools/stability/energy.py`); what holds is the program, called through its public functions.
+people write it (`tools/stability/naive.py`, `tools/stability/energy.py`); the program itself is called through its public functions.
 `make stability` writes this page, `tests/linear/test_stability.py` pins every row.
 
 ![Relative error of each method along the parameter that drives it](stability.png)
@@ -90,7 +90,7 @@ def _describe_valid(row: Row, name: str) -> str:
     """Describe a method that is right at the last value: always, or beyond some value."""
     worst = int(row.error[name].argmax())
     return (
-        "holds"
+        "right throughout"
         if row.worst(name) <= BROKEN
         else f"off by {format_number(row.worst(name))} at {format_number(float(row.value[worst]))}, right beyond"
     )

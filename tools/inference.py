@@ -78,7 +78,7 @@ def table1() -> str:
         ),
         "",
     ]
-    lines += ["What rotation by itself asks of IZ:", ""]
+    lines += ["IZ from rotation alone:", ""]
     rows = []
     for n, (text, item) in enumerate(zip(texts, data.experiment or (), strict=True)):
         yaw = Measured(
@@ -136,7 +136,7 @@ def table2() -> str:
         "## Frequencies (Hz)",
         "",
         *_frequencies(found),
-        "## What the 18 frequencies by themselves tell apart",
+        "## What the 18 frequencies alone determine",
         "",
         *combinations(found),
     ]

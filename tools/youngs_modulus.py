@@ -145,7 +145,7 @@ def main() -> None:
         ),
         "",
     ]
-    lines += ["## Rigid frames: E of each case by itself, and one E for all", ""]
+    lines += ["## Rigid frames: E of each case alone, and one E for all", ""]
     rows = []
     for name, columns in COLUMNS.items():
         each, one = rigid(columns)

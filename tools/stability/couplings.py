@@ -76,7 +76,7 @@ def tiny(offset: Any = TINY) -> Row:
         }
         | {name: relative(values, reference) for name, values in methods.items()},
         finding=(
-            "A coupling of 10⁻¹⁰ is far below the rounding of lengths that are told by the"
+            "A coupling of 10⁻¹⁰ is far below the rounding of lengths computed from the"
             " coordinates of their ends, and difference quotients lose half of all digits before."
             " The program counts elongations from the nominal pose, in which nothing cancels, and"
             " keeps exact zeros where a symmetry forbids a coupling."

@@ -69,7 +69,7 @@ def roll_off(frequency: Any = FREQUENCY) -> Row:
             " product over zeros that are known only to the rounding of the largest one. Solving"
             " the stages one after the other multiplies their transmissions, and nothing cancels."
         ),
-        limit="none found; `export` tells the band in which a state space or zpk is right",
+        limit="none found; `export` prints the band in which a state space or zpk is right",
         mark={"highest mode": float(eigenmodes.solve(model).frequency[-1])},
     )
 

@@ -93,8 +93,8 @@ def soft_pitch(distance: Any = DISTANCE) -> Row:
             " stable from unstable down to 10⁻¹³ of that height."
         ),
         limit=(
-            "ε / distance, from 10⁻¹³ on told as rigid; `modes` warns where lowering wires by less"
-            " than 0.1 mm would tip a body over"
+            "ε / distance, from 10⁻¹³ on reported as rigid; `modes` warns where lowering wires by"
+            " less than 0.1 mm would tip a body over"
         ),
     )
 
@@ -130,13 +130,13 @@ def narrow(size: Any = SIZE) -> Row:
         value=np.asarray(size),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "Wires that end in the COM leave pitch free, and what holds it close by drowns in"
+            "Wires that end in the COM leave pitch free, and what restores it close by drowns in"
             " difference quotients of an energy whose other parts stay. In the program's closed"
             " forms of wires and weight each part shrinks with it, so that nothing cancels."
         ),
         limit=(
             "none found; `modes` warns where lowering wires by less than 0.1 mm would tip a body"
-            " over, and tells a mode that costs nothing as rigid"
+            " over, and reports a mode that costs no energy as rigid"
         ),
     )
 

@@ -62,7 +62,7 @@ def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
         error={name: np.array(values) for name, values in error.items()},
         finding=(
             "Eigenvalue solvers leave rounding errors of the largest ω² in the smallest. The"
-            " program projects on the soft modes and solves them again by themselves; where wires"
+            " program projects on the soft modes and solves them again alone; where wires"
             " lean, the sums in the stiffness matrix round the soft part away before any solver"
             " sees it, so what they round is kept and projected too."
         ),
@@ -134,11 +134,11 @@ def equal_modes(detuning: Any = DETUNING) -> Row:
         error={name: np.array(values) for name, values in error.items()},
         finding=(
             "Eigenvectors of nearly equal modes turn by rounding over the gap, so that labels"
-            " depend on the last bit. The program solves what a symmetry keeps apart by itself, and"
-            " gives modes that agree to 10⁻⁹ the basis that lives in as few coordinates as"
+            " depend on the last bit. The program solves what a symmetry keeps apart separately,"
+            " and gives modes that agree to 10⁻⁹ the basis that lives in as few coordinates as"
             " possible."
         ),
-        limit="modes that differ by less than 10⁻⁹ are told as degenerate",
+        limit="modes that differ by less than 10⁻⁹ are reported as degenerate",
     )
 
 
@@ -202,7 +202,7 @@ def quality(loss: Any = LOSS) -> Row:
         value=np.array(value),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "A pole holds 1/Q in its real part, below the rounding of its imaginary one as Q nears"
+            "A pole has 1/Q in its real part, below the rounding of its imaginary one as Q nears"
             " 10¹⁵, and the width of a resonance drowns sooner. The program takes the poles in the"
             " basis of the modes without loss, and their decay from what their motion dissipates:"
             " all digits at any Q."
