@@ -70,8 +70,9 @@ modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 optimise: $(READY) ## from vertical wires to a triple all of whose modes can be damped
 	$(BIN)/python -m tools.optimise
 
-simulated: $(READY) ## simulated measurements of an imperfect triple (measured/triple/)
+simulated: $(READY) ## simulated measurements of imperfect triples (measured/triple/, measured/diagnosis/)
 	$(BIN)/python -m tools.simulated_measurements
+	$(BIN)/python -m tools.simulated_diagnosis
 
 inference: $(READY) ## what the paper does not print of Tables I and II
 	$(BIN)/python -m tools.inference

@@ -1,8 +1,8 @@
-"""Run the commands and edits of docs/tutorial.md, in order, in a temporary folder.
+"""Run the commands and edits of docs/tutorial.md and docs/diagnosis.md in a temporary folder.
 
-`make tutorial` copies the output and pictures of the commands into the page;
-`tests/docs/test_tutorial.py` compares the two. A line `...` in the page stands for any number of
-lines.
+`make tutorial` copies the output and pictures of the commands into the pages;
+`tests/docs/test_tutorial.py` compares the two. A line `...` in a page stands for any number of
+lines; such an output is left as it is.
 """
 
 from __future__ import annotations
@@ -22,7 +22,12 @@ from click.testing import CliRunner
 from suspension_cli.cli.main import main as pendsus
 
 ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "tutorial.md"
+DOCS = ROOT / "docs"
+PAGES: dict[str, Path | None] = {
+    "tutorial": None,
+    "diagnosis": ROOT / "measured" / "diagnosis",
+}
+"""Names of the pages, and the folder of the files that each starts with."""
 PART = re.compile(
     r"^```(console|toml)\n(.*?)^```$|^!\[[^]]*\]\((images/[^)]*)\)$", re.MULTILINE | re.DOTALL
 )
@@ -51,10 +56,12 @@ class Step:
 
 
 @contextmanager
-def folder() -> Iterator[Path]:
-    """Work in a temporary folder; the working directory is restored afterwards."""
+def folder(files: Path | None = None) -> Iterator[Path]:
+    """Work in a temporary copy of a folder, or an empty one; the old one is restored afterwards."""
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as name:
+        if files is not None:
+            shutil.copytree(files, name, dirs_exist_ok=True)
         os.chdir(name)
         try:
             yield Path(name)
@@ -63,13 +70,17 @@ def folder() -> Iterator[Path]:
 
 
 def steps(page: str) -> Iterator[Step]:
-    """Run the steps of the page in the current folder."""
-    drawn = design = None
+    """Run the steps of the page in the current folder.
+
+    The picture `images/PAGE-KIND.png` is the last `NAME-KIND.png` that was written.
+    """
+    drawn: dict[str, Path] = {}
+    design = None
     for part in PART.finditer(page):
         if part[1] == "console":
             line = part[2].partition("\n")[0].removeprefix("$ ")
             printed = run_command(line)
-            drawn = next((Path(name) for name in re.findall(r"wrote (\S+\.png)", printed)), drawn)
+            drawn |= {kind_of(name): Path(name) for name in re.findall(r"wrote (\S+\.png)", printed)}
             design = design or next(
                 Path(word) for word in shlex.split(line) if word.endswith(".toml")
             )
@@ -79,8 +90,16 @@ def steps(page: str) -> Iterator[Step]:
             design.write_text(replace_last_table(design.read_text(), part[2]))
             yield Step("toml", part[2], part.span(2))
         else:
-            assert drawn is not None
-            yield Step("picture", part[3], part.span(3), drawn)
+            yield Step("picture", part[3], part.span(3), drawn[kind_of(part[3])])
+
+
+def kind_of(picture: str) -> str:
+    """Kind of a picture.
+
+    >>> kind_of("results/my-fit-responses.png")
+    'fit-responses.png'
+    """
+    return Path(picture).name.partition("-")[2]
 
 
 def replace_last_table(design: str, table: str) -> str:
@@ -97,19 +116,25 @@ def run_command(line: str) -> str:
 
 
 def main() -> None:
-    """Regenerate the page and its pictures."""
-    page = PAGE.read_text(encoding="utf-8")
+    """Regenerate the pages and their pictures."""
+    for name, files in PAGES.items():
+        regenerate(DOCS / f"{name}.md", files)
+
+
+def regenerate(file: Path, files: Path | None) -> None:
+    """Regenerate a page and its pictures."""
+    page = file.read_text(encoding="utf-8")
     pieces, done = [], 0
-    with folder():
+    with folder(files):
         for step in steps(page):
             if step.kind == "console" and "\n...\n" not in step.text:
                 pieces += [page[done : step.span[0]], str(step.found)]
                 done = step.span[1]
             elif step.kind == "picture":
-                target = PAGE.parent / step.text
+                target = file.parent / step.text
                 target.parent.mkdir(exist_ok=True)
                 shutil.copy(step.found, target)
-    PAGE.write_text("".join([*pieces, page[done:]]), encoding="utf-8")
+    file.write_text("".join([*pieces, page[done:]]), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
-"""The tutorial is what happens: each of its commands prints what the page shows, and draws the
-picture that follows."""
+"""The tutorials are what happens: each of their commands prints what the page shows, and draws
+the picture that follows."""
 
 from __future__ import annotations
 
@@ -50,51 +50,59 @@ def size(picture: Path) -> tuple[int, int]:
     return struct.unpack(">II", picture.read_bytes()[16:24])
 
 
+COMMANDS = {
+    "tutorial": {"new", "check", "draw", "info", "modes", "sweep", "response", "thermal", "plot"},
+    "diagnosis": {"response", "fit", "compare", "budget"},
+}
+PICTURES = {"tutorial": 5, "diagnosis": 2}
+
+
+@pytest.fixture(scope="module", params=tutorial.PAGES)
+def page(request):
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def steps(tmp_path_factory):
+def steps(page, tmp_path_factory):
     """What the page did, with its pictures out of the folder that is gone afterwards."""
     kept = []
-    with tutorial.folder():
-        for number, step in enumerate(tutorial.steps(tutorial.PAGE.read_text())):
+    with tutorial.folder(tutorial.PAGES[page]):
+        for number, step in enumerate(tutorial.steps(text_of(page))):
             copy = (
                 shutil.copy(step.found, tmp_path_factory.mktemp("drawn") / f"{number}.png")
                 if step.kind == "picture"
                 else step.found
             )
             kept.append((step, copy))
-        again = Path("results/my-thermal.png").read_bytes()  # which the page ends with
-        kept.append((tutorial.Step("again", "", (0, 0)), again))
+        if page == "tutorial":
+            again = Path("results/my-thermal.png").read_bytes()  # which the page ends with
+            kept.append((tutorial.Step("again", "", (0, 0)), again))
     return kept
 
 
-def test_every_command_prints_what_is_shown(steps):
+def text_of(page):
+    return (tutorial.DOCS / f"{page}.md").read_text(encoding="utf-8")
+
+
+def test_every_command_prints_what_is_shown(page, steps):
     commands = [step for step, _ in steps if step.kind == "console"]
-    assert {step.text.split()[2] for step in commands} >= {
-        "new",
-        "check",
-        "draw",
-        "info",
-        "modes",
-        "sweep",
-        "response",
-        "thermal",
-        "plot",
-    }
+    assert {step.text.split()[2] for step in commands} >= COMMANDS[page]
     for step in commands:
         assert matches(step.text.splitlines(), step.found.splitlines()), (
             f"run: make tutorial\n{step.text}\nfound:\n{step.found}"
         )
 
 
-def test_every_picture_is_drawn(steps):
+def test_every_picture_is_drawn(page, steps):
     pictures = [(step, Path(copy)) for step, copy in steps if step.kind == "picture"]
-    assert len(pictures) == 5
+    assert len(pictures) == PICTURES[page]
     for step, drawn in pictures:
         inches = [pixels / style.DPI for pixels in size(drawn)]
-        shown = [pixels / SHIPPED_DPI for pixels in size(tutorial.PAGE.parent / step.text)]
+        shown = [pixels / SHIPPED_DPI for pixels in size(tutorial.DOCS / step.text)]
         assert shown == pytest.approx(inches, rel=0.02), f"run: make tutorial ({step.text})"
 
 
+@pytest.mark.parametrize("page", ["tutorial"], indirect=True, scope="module")
 def test_the_picture_drawn_again_is_the_one_shown(steps):
     *_, (_, shown) = [
         (step, copy) for step, copy in steps if step.kind == "picture" and "thermal" in step.text
@@ -105,9 +113,10 @@ def test_the_picture_drawn_again_is_the_one_shown(steps):
 def test_pictures_are_all_used():
     used = {
         step.rpartition("/")[2]
-        for step in re.findall(r"\]\((images/[^)]*)\)", tutorial.PAGE.read_text())
+        for page in tutorial.PAGES
+        for step in re.findall(r"\]\((images/[^)]*)\)", text_of(page))
     }
-    assert {path.name for path in (tutorial.PAGE.parent / "images").iterdir()} == used
+    assert {path.name for path in (tutorial.DOCS / "images").iterdir()} == used
 
 
 @pytest.mark.parametrize(
