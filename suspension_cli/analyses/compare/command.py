@@ -8,9 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from suspension_cli.analyses import options, tables
+from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
 from suspension_cli.analyses.options import argument, option
 
@@ -20,19 +18,15 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.compare.solve import Comparison, Overlay
 
-MIXED = 0.9
-"""Overlap of two shapes below which the table says that the shape differs."""
-MANY = 20
-"""Changes of a design that are printed."""
-
 
 class CompareAnalysis(Analysis):
     """Compare designs, results and measurements: modes, responses, noises.
 
     Each ITEM is a design (.toml), a results file (.h5) of modes, response or thermal, or a
-    measurement (.toml with [[transfer_function]] or [[mode]], .csv, DTT .xml, HDF5). Modes are
-    paired by shape; responses and noises are overlaid, with their ratio to the first design or
-    result. Lists what differs between the designs. Writes DIR/NAME-and-NAME-compare.h5 and .png.
+    measurement (.toml with [[transfer_function]] or [[mode]], .csv, DTT .xml, HDF5). Prints the
+    numbers in which the designs differ, their modes paired by shape, and the ratios of responses
+    and noises to those of the first design or result. Designs are computed with control loops
+    open. Writes DIR/NAME-and-NAME-compare.h5 and .png.
 
     Example: pendsus compare my.toml new.toml --input support.x --output test.x
     """
@@ -46,21 +40,21 @@ class CompareAnalysis(Analysis):
             "inputs",
             multiple=True,
             metavar="SIGNAL",
-            help="Compare responses to this input (repeatable).",
+            help="Compare responses to this input, e.g. support.x (repeatable).",
         ),
         option(
             "--output",
             "outputs",
             multiple=True,
             metavar="SIGNAL",
-            help="Compare responses of this output (repeatable).",
+            help="Compare responses of this output, e.g. test.x (repeatable).",
         ),
         option(
             "--noise",
             "noises",
             multiple=True,
             metavar="SIGNAL",
-            help="Compare the thermal noise of this motion (repeatable).",
+            help="Compare the thermal noise of this motion, e.g. test.x (repeatable).",
         ),
         option(
             "--frequency",
@@ -91,6 +85,12 @@ class CompareAnalysis(Analysis):
         signals = run.setting["inputs"], run.setting["outputs"]
         items = [reading.resolve_signals(item, *signals) for item in run.inputs["items"]]
         found = compare.solve(items, run)
+        opened = [i.name for i in items if i.run and i.source and i.source.design.control]
+        if found.overlay and opened:
+            run.log.say(
+                f"control loops of {', '.join(opened)} are open; for closed loops compare results"
+                " of pendsus response --closed-loop"
+            )
         models = sorted({model for model in found.model if model})
         choice = Choice(", ".join(models), "as the designs need it")
         return Result(self, run.source, choice, found, command=run.command)
@@ -126,17 +126,9 @@ class CompareAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return what differs between the designs, the paired modes and the ratios."""
-        found: Comparison = result.data
-        kinds = zip(found.name, found.kind, found.model, strict=True)
-        lines = [
-            "; ".join(f"{n}: {k}" + (f", {m} model" if m else "") for n, k, m in kinds),
-            *_changes(found),
-        ]
-        if found.modes is not None:
-            lines += ["", _heading(found), _table(found)]
-        for overlay in found.overlay:
-            lines += ["", f"{overlay.name} ({overlay.unit})", *_ratios(found, overlay)]
-        return "\n".join(lines)
+        from suspension_cli.analyses.compare import text
+
+        return text.describe(result.data)
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Write the group `compare`."""
@@ -186,73 +178,6 @@ def _overlay(found: Comparison, overlay: Overlay) -> dict[str, Any]:
     head = {"output": overlay.output} | ({"input": overlay.input} if response else {})
     reference = found.name[overlay.curves[0].item]
     return head | {"unit": overlay.unit, "reference": reference, "curves": curves}
-
-
-def _changes(found: Comparison) -> list[str]:
-    designs = [n for n, kind in enumerate(found.kind) if kind != "measurement"]
-    lines = []
-    for n in designs[1:]:
-        changes = found.change[n]
-        lines += ["", f"from {found.name[designs[0]]} to {found.name[n]}"]
-        if not changes:
-            lines[-1] += ": the same suspension"
-            continue
-        rows = [(c.words, c.before, c.after) for c in changes[:MANY]]
-        lines.append(tables.render({"number": "", "before": "", "after": ""}, rows))
-        if len(changes) > MANY:
-            lines.append(f"  and {len(changes) - MANY} more, which --json lists")
-    return lines
-
-
-def _heading(found: Comparison) -> str:
-    assert found.modes is not None
-    poor = np.nansum(found.modes.overlap < MIXED)
-    if poor <= len(found.modes.label) / 2:
-        return "modes, paired by shape"
-    return "modes, paired by shape as far as possible: most shapes differ"
-
-
-def _table(found: Comparison) -> str:
-    assert found.modes is not None
-    modes, rows = found.modes, []
-    shown = [n for n in range(len(found.name)) if np.isfinite(modes.frequency[:, n]).any()]
-    first = shown[0]
-    few = (modes.overlap < MIXED).sum() <= len(modes.label) / 2
-    for m, label in enumerate(modes.label):
-        row: list[Any] = []
-        for n in shown:
-            row.append(modes.frequency[m, n])
-            if n != first:
-                row.append(100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1))
-        poor = [found.name[n] for n in shown if modes.overlap[m, n] < MIXED]
-        note = f"; another shape in {', '.join(poor)}" if poor and few else ""
-        rows.append((*row, label + note))
-    columns: dict[str, str] = {}
-    for n in shown:
-        columns[f"{found.name[n]}\nHz"] = "#.5g"
-        if n != first:
-            columns[f"{found.name[n]}\nchange %"] = "+.3g"
-    return tables.render(columns | {"mode": ""}, rows)
-
-
-def _ratios(found: Comparison, overlay: Overlay) -> list[str]:
-    reference = found.name[overlay.curves[0].item]
-    lines = []
-    for curve in overlay.curves[1:]:
-        size = np.abs(curve.ratio)
-        known = np.isfinite(size) & (size > 0)
-        head = f"  {found.name[curve.item]} / {reference}: "
-        if not known.any():
-            lines.append(head + "no frequency in common")
-            continue
-        f, size = curve.ratio_frequency[known], size[known]
-        worst = int(np.argmax(np.abs(np.log(size))))
-        lines.append(
-            f"{head}{np.median(size):.4g} in the median, {size[0]:.4g} at {f[0]:.4g} Hz,"
-            f" {size[-1]:.4g} at {f[-1]:.4g} Hz, farthest from 1: {size[worst]:.4g} at"
-            f" {f[worst]:.5g} Hz"
-        )
-    return lines or [f"  {reference} alone"]
 
 
 ANALYSIS = CompareAnalysis()

@@ -247,7 +247,8 @@ def solve_responses(
         np.eye(count) + h[:, :, None] * g[:, o:, i:], h[:, :, None] * np.eye(count)
     )
     value = g[:, :o, :i] - g[:, :o, i:] @ to_actuator @ g[:, o:, :i]
-    densities = np.stack([evaluate_noise(loop, frequency) for loop in plant.loops], axis=-1)
+    densities = np.array([evaluate_noise(loop, frequency) for loop in plant.loops])
+    densities = densities.reshape(count, len(frequency)).T
     noise = np.abs(g[:, :o, i:] @ to_actuator) * densities[:, None]
     # a force n at the actuators is u = n - H y: x = G_u (1 + H G_yu)^-1 n
     pushed = g[:, :o, i:] - g[:, :o, i:] @ to_actuator @ g[:, o:, i:]
