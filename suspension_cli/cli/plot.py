@@ -26,7 +26,10 @@ TOGETHER = options.option(
     help="Draw modes, responses or thermal noises of all files in one picture, as compare does.",
 )
 X_LIMITS = options.option(
-    "--x", "x_limits", metavar="LOW:HIGH", help="Limits of the horizontal axes, in their unit."
+    "--x",
+    "x_limits",
+    metavar="LOW:HIGH",
+    help="Limits of the first horizontal axis, in its unit, and of all with the same label.",
 )
 Y_LIMITS = options.option(
     "--y",
@@ -145,12 +148,14 @@ def _set_limits(
     axes = [one for one in figure.axes if one.axison and one.get_xlabel() + one.get_ylabel()]
     if not axes and (x or y):
         raise InputError([Fault("--x" if x else "--y", "this picture has no axes", "leave it out")])
-    for option, given, those in (("--x", x, axes), ("--y", y, axes[:1])):
+    first = next((one.get_xlabel() for one in axes if one.get_xlabel()), "")
+    alike = [one for one in axes if one.get_xlabel() in ("", first)]  # "": shared with one below
+    for option, given, those in (("--x", x, alike), ("--y", y, axes[:1])):
         for one in those if given else ():
             axis = one.xaxis if option == "--x" else one.yaxis
             if given and given[0] <= 0 and axis.get_scale() == "log":
-                problem = "is outside this logarithmic axis"
-                fault = Fault(option, problem, "begin above 0", format_value(given[0]))
+                problem = "is not on this axis, which is logarithmic"
+                fault = Fault(option, problem, "give limits above 0", format_value(given[0]))
                 raise InputError([fault])
             (one.set_xlim if option == "--x" else one.set_ylim)(*(given or ()))
 

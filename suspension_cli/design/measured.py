@@ -278,8 +278,9 @@ def read(file: str | Path, text: str | None = None) -> Measured:
             [
                 Fault(
                     "",
-                    "is a design, not a file of measured modes",
-                    "write pendsus fit DESIGN MEASURED",
+                    "is a design, not a file of measurements",
+                    "name the design first, then a TOML file with [[mode]] or"
+                    " [[transfer_function]]",
                 )
             ],
             str(file),

@@ -8,6 +8,7 @@ from typing import Any
 
 from msgspec import inspect
 
+from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Design
 
 DISPLAYED = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "Pa": ("GPa", 1e-9)}
@@ -32,10 +33,13 @@ def unit_of(path: str) -> str:
     >>> unit_of("stage.test.body.inertia.2"), unit_of("design.name")
     ('kg m^2', '')
     """
-    nodes = [_design()]
-    for key in path.split("."):
+    nodes, keys = [_design()], path.split(".")
+    for key in keys:
         nodes = [below for node in nodes for below in _children(node, key)]
-    return next((unit for node in nodes for unit in _units(node)), "")
+    known = next((unit for node in nodes for unit in _units(node)), "")
+    if not known and keys[-2:-1] == ["damping"] and keys[-1] in DOFS:
+        return "N s/m" if keys[-1] in DOFS[:3] else "N m s/rad"
+    return known
 
 
 def format_with_unit(path: str, value: float, digits: int = 4) -> str:

@@ -18,6 +18,8 @@ MAX_BYTES = 4_000_000
 
 TEMPLATES = ("single", "double", "triple", "quad", "blades")
 """Starting designs of `pendsus new`."""
+OTHER_KINDS = {"measurements": ("mode", "transfer_function"), "goals": ("goal",)}
+"""Tables of TOML files that are not designs."""
 _EXAMPLES = Path(__file__).parents[1] / "examples"
 
 _TOO_DEEP = Fault("", "tables or arrays are nested too deeply", "use fewer levels")
@@ -59,6 +61,7 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
     try:
         raw = _parse(_text(Path(file)))
         apply_overrides(raw, overrides)
+        _check_kind(raw)
         design = convert(raw)
     except InputError as error:
         raise error.in_file(name) from None
@@ -66,6 +69,16 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         return Source(design, write_toml(raw), name)
     except RecursionError:
         raise InputError([_TOO_DEEP], name) from None
+
+
+def _check_kind(raw: dict[str, Any]) -> None:
+    """Raise `InputError` for a file of measurements or goals given as a design."""
+    if "stage" in raw:
+        return
+    for kind, keys in OTHER_KINDS.items():
+        if found := [key for key in keys if key in raw]:
+            problem = f"is a file of {kind} (it has [[{found[0]}]]), not a design"
+            raise InputError([Fault("", problem, "name a design, a file with [[stage]], first")])
 
 
 def read_text(file: str | Path) -> str:

@@ -66,25 +66,25 @@ def local_control_signals(model: LinearSystem) -> tuple[list[str], list[str]]:
     return inputs, [f"{body}.{dof}" for body in dict.fromkeys((first, last)) for dof in DOFS]
 
 
-def parse_input(text: str, known: tuple[str, ...]) -> Signal:
+def parse_input(text: str, known: tuple[str, ...], option: str = "--input") -> Signal:
     """Parse an input: a motion of the support, or a force or torque."""
-    signal = parse(text, "--input", known)
+    signal = parse(text, option, known)
     if not signal.acts and signal.body != SUPPORT:
         remedy = f"give support.{DOFS[signal.dof]}, or {signal.body}.{FORCES[signal.dof]}"
         raise InputError(
-            [Fault("--input", "a motion of a stage is an output", remedy, format_value(text))]
+            [Fault(option, "a motion of a stage is an output", remedy, format_value(text))]
         )
     return signal
 
 
-def parse_output(text: str, known: tuple[str, ...]) -> Signal:
+def parse_output(text: str, known: tuple[str, ...], option: str = "--output") -> Signal:
     """Parse an output: a motion."""
-    signal = parse(text, "--output", known)
+    signal = parse(text, option, known)
     if signal.acts:
         raise InputError(
             [
                 Fault(
-                    "--output",
+                    option,
                     "a force is an input",
                     f"give {signal.body}.{DOFS[signal.dof]}",
                     format_value(text),
@@ -107,6 +107,11 @@ def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
     """
     name, at, where = text.partition("@")
     body, _, motion = name.rpartition(".")
+    if name in bodies:
+        remedy = f"write for example {name}.x; motions are {', '.join(DOFS)}"
+        raise InputError(
+            [Fault(option, "names a body, but no motion of it", remedy, format_value(text))]
+        )
     if body not in bodies:
         raise InputError(
             [

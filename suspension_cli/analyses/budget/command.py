@@ -253,11 +253,11 @@ def describe_ground(names: dict[str, str], highest: float) -> str:
         return "none"
     sources = dict.fromkeys(names.values())
     return "; ".join(
-        f"{', '.join(dof for dof, name in names.items() if name == source)}"
-        f" {escape_unprintable(source)}"
+        f"{escape_unprintable(source)} along"
+        f" {', '.join(dof for dof, name in names.items() if name == source)}"
         for source in sources
     ) + (
-        f" (above {HIGHEST:g} Hz with its acceleration at {HIGHEST:g} Hz)"
+        f" (above {HIGHEST:g} Hz, where it ends, with its acceleration at {HIGHEST:g} Hz)"
         if highest > HIGHEST and any(name in source for name in PETERSON for source in sources)
         else ""
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -58,18 +59,17 @@ def write_message(one: Budget) -> str:
     if np.isfinite(rms) and rms > 0:
         by = int(square.argmax())
         part = 100 * square[by] / square.sum()
-        text = f"{one.output} moves by {rms:.2g} {one.unit} RMS, by {one.cause[by]}"
-        if part < MOST:
-            text += f" for {part:.0f} % of the square"
+        most = "nearly all" if part >= MOST else f"{part:.0f} % of its square"
+        text = f"{one.output} moves by {rms:.2g} {one.unit} RMS, {most} due to {one.cause[by]}"
     elif np.isinf(rms):
-        text = f"{one.output} has an infinite RMS, by a resonance without loss"
+        text = f"{one.output} has an infinite RMS: a resonance without loss is driven"
     else:
         text = f"{one.output}"
     found = one.requirement
     if found is None:
         return text
     if found.met:
-        margin = f", least margin {found.margin:.3g}" if np.isfinite(found.margin) else ""
+        margin = f", smallest margin {found.margin:.3g}" if np.isfinite(found.margin) else ""
         return f"{text}; the requirement is met{margin} at {found.at:.3g} Hz"
     return f"{text}; the requirement is exceeded {found.excess:.2g} times at {found.at:.3g} Hz"
 
@@ -136,7 +136,9 @@ def _panel(axes: Axes, one: Budget, colours: dict[str, tuple[str, Any]]) -> None
     faint = [name for name in one.cause if name not in drawn]
     if faint:
         axes.annotate(
-            shorten(f"not drawn, below {FAINT:g} of the sum everywhere: {', '.join(faint)}", 130),
+            textwrap.fill(
+                f"not drawn, below {FAINT:g} of the sum everywhere: {', '.join(faint)}", 105
+            ),
             (0, 0),
             (0, -28),
             xycoords="axes fraction",

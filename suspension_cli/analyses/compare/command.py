@@ -23,9 +23,10 @@ class CompareAnalysis(Analysis):
     """Compare designs, results and measurements: modes, responses, noises.
 
     Each ITEM is a design (.toml), a results file (.h5) of modes, response or thermal, or a
-    measurement (.toml with [[transfer_function]] or [[mode]], .csv, DTT .xml, HDF5). Modes are
-    paired by shape; responses and noises are overlaid, with their ratio to the first design or
-    result. Lists what differs between the designs. Writes DIR/NAME-and-NAME-compare.h5 and .png.
+    measurement (.toml with [[transfer_function]] or [[mode]], .csv, DTT .xml, HDF5). Prints the
+    numbers in which the designs differ, their modes paired by shape, and the ratios of responses
+    and noises to those of the first design or result. Designs are computed with control loops
+    open. Writes DIR/NAME-and-NAME-compare.h5 and .png.
 
     Example: pendsus compare my.toml new.toml --input support.x --output test.x
     """
@@ -39,21 +40,21 @@ class CompareAnalysis(Analysis):
             "inputs",
             multiple=True,
             metavar="SIGNAL",
-            help="Compare responses to this input (repeatable).",
+            help="Compare responses to this input, e.g. support.x (repeatable).",
         ),
         option(
             "--output",
             "outputs",
             multiple=True,
             metavar="SIGNAL",
-            help="Compare responses of this output (repeatable).",
+            help="Compare responses of this output, e.g. test.x (repeatable).",
         ),
         option(
             "--noise",
             "noises",
             multiple=True,
             metavar="SIGNAL",
-            help="Compare the thermal noise of this motion (repeatable).",
+            help="Compare the thermal noise of this motion, e.g. test.x (repeatable).",
         ),
         option(
             "--frequency",
@@ -84,6 +85,12 @@ class CompareAnalysis(Analysis):
         signals = run.setting["inputs"], run.setting["outputs"]
         items = [reading.resolve_signals(item, *signals) for item in run.inputs["items"]]
         found = compare.solve(items, run)
+        opened = [i.name for i in items if i.run and i.source and i.source.design.control]
+        if found.overlay and opened:
+            run.log.say(
+                f"control loops of {', '.join(opened)} are open; for closed loops compare results"
+                " of pendsus response --closed-loop"
+            )
         models = sorted({model for model in found.model if model})
         choice = Choice(", ".join(models), "as the designs need it")
         return Result(self, run.source, choice, found, command=run.command)

@@ -1,4 +1,4 @@
-"""What is compared: designs, results files and measurements, told apart by their contents."""
+"""Reading of designs, results files and measurements that are compared."""
 
 from __future__ import annotations
 
@@ -120,8 +120,8 @@ def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
         for name, among in ((one.output, tables.sensor), (one.input, tables.actuator)):
             end = find_transducer(name, among)
             if end.mix:
-                problem = "mixes signals of the design, so it is not one of them"
-                remedy = "compare it by pendsus response DESIGN --measured FILE"
+                problem = "has a mix, so it reads several signals of the design at once"
+                remedy = "compare it with pendsus response DESIGN --measured FILE"
                 raise InputError([Fault("", problem, remedy, format_value(name))], str(path))
             ends[end.signal] = channel_weights(end, [end.signal], one.frequency)[:, 0]
         (output, sensed), (into, driven) = ends.items()
@@ -158,8 +158,8 @@ def _result(path: Path) -> Result | None:
 
 def _of_result(result: Result) -> Item:
     if result.analysis.name not in COMPARED:
-        problem = f"holds results of {result.analysis.command_name}, which are not compared"
-        names = ", ".join(COMPARED)
+        problem = f"has results of {result.analysis.command_name}, which are not compared"
+        names = f"{', '.join(COMPARED[:-1])} or {COMPARED[-1]}"
         fault = Fault("", problem, f"name results of {names}, or the designs themselves")
         raise InputError([fault], result.source.file)
     return Item(result.name, result.source, result=result)
@@ -184,7 +184,7 @@ def _with_own_names(items: list[Item], given: Sequence[Any]) -> list[Item]:
 
 
 def resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
-    """Say what bare data measure, by the signals of the command.
+    """Name the signals of data without names after those of the command.
 
     Raises
     ------

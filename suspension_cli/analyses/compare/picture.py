@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
@@ -43,6 +44,7 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         largest = float(np.nanmax(np.abs(change), initial=0.0))
         if largest > 5:
             axes.set_xscale("symlog", linthresh=1.0)
+            axes.xaxis.set_major_formatter("{x:+g}")
         axes.axvline(0, color=PALE, lw=0.8, zorder=0)
         axes.set_yticks(
             rows,
@@ -75,9 +77,12 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
     """Draw magnitudes (and phases of responses) over each other, and their ratio below."""
     response = overlay.kind == "response"
     with house_style():
-        figure = new_figure(6.3, 5.6 if response else 4.8)
-        heights = [2.2, 1, 1] if response else [2.2, 1]
-        panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+        compared = len(overlay.curves) > 1
+        heights = [2.2, *[1] * (response + compared)]
+        figure = new_figure(6.3, 2.4 + 0.8 * sum(heights[1:]) + 1.6)
+        panels = figure.subplots(
+            len(heights), 1, sharex=True, height_ratios=heights, squeeze=False
+        )[:, 0]
         for curve in overlay.curves:
             name = single_line(found.name[curve.item], 40)
             measured = found.kind[curve.item] == "measurement"
@@ -104,15 +109,8 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
             panels[1].set_ylabel("phase (degrees)")
             panels[1].set_ylim(-190, 190)
             panels[1].set_yticks([-180, -90, 0, 90, 180])
-        reference = single_line(found.name[overlay.curves[0].item], 24)
-        panels[-1].set_ylabel(f"ratio to\n{reference}")
-        sizes = [np.abs(curve.ratio) for curve in overlay.curves if len(curve.ratio)]
-        known = np.concatenate([s[np.isfinite(s) & (s > 0)] for s in sizes] or [np.ones(1)])
-        if len(known) and known.max() > 3 * known.min():
-            panels[-1].set_yscale("log")
-            panels[-1].yaxis.set_major_formatter("{x:g}")
-            panels[-1].yaxis.set_minor_formatter(NullFormatter())
-        panels[-1].axhline(1, color=PALE, lw=0.8, zorder=0)
+        if compared:
+            _finish_ratios(panels[-1], found, overlay)
         panels[-1].set_xlabel("frequency (Hz)")
         for axes in panels:
             axes.set_xscale("log")
@@ -124,6 +122,19 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
         figure.tight_layout(rect=(0, 0.015, 1, 1))
         figure.align_ylabels(panels)
         return figure
+
+
+def _finish_ratios(axes: Axes, found: Comparison, overlay: Overlay) -> None:
+    """Label the panel of ratios, with a logarithmic axis where they differ much."""
+    reference = single_line(found.name[overlay.curves[0].item], 24)
+    axes.set_ylabel(f"ratio to\n{reference}")
+    sizes = [np.abs(curve.ratio) for curve in overlay.curves if len(curve.ratio)]
+    known = np.concatenate([s[np.isfinite(s) & (s > 0)] for s in sizes] or [np.ones(1)])
+    if len(known) and known.max() > 3 * known.min():
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.axhline(1, color=PALE, lw=0.8, zorder=0)
 
 
 def _phase(value: Any) -> Any:

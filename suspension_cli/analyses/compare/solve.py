@@ -7,8 +7,9 @@ shapes of equal bodies. Violin modes are paired by their labels.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,7 @@ from suspension_cli.analyses.analysis import Log, Result, Run
 from suspension_cli.analyses.compare.design_changes import Change, find_changes
 from suspension_cli.analyses.compare.items import Item
 from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.errors import InputError
 from suspension_cli.grids import parse_grid
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap
@@ -370,9 +372,10 @@ def _noises(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]
         data.setdefault(out, {})
     overlays = []
     for out, curves in data.items():
-        solved = _results(
-            "thermal", items, run, models, outputs=(out,), frequency=_grid(items, curves, run)
-        )
+        with _option_named("--noise"):
+            solved = _results(
+                "thermal", items, run, models, outputs=(out,), frequency=_grid(items, curves, run)
+            )
         for n, result in solved.items():
             noise = result.data[0]
             nothing = np.full(len(noise.frequency), np.nan)
@@ -380,6 +383,20 @@ def _noises(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]
             units[out] = f"{noise.unit}/sqrt(Hz)"
         overlays.append(Overlay("noise", out, "", units[out], _with_ratios(items, curves)))
     return overlays
+
+
+@contextlib.contextmanager
+def _option_named(option: str) -> Iterator[None]:
+    """Attribute faults of `--output` to the option that gave the signal."""
+    try:
+        yield
+    except InputError as error:
+        named = {"--output": option}
+        faults = [
+            dataclasses.replace(fault, key=named.get(fault.key, fault.key))
+            for fault in error.faults
+        ]
+        raise InputError(faults, error.file) from None
 
 
 def _grid(items: Sequence[Item], curves: dict[int, Curve], run: Run) -> str:

@@ -34,12 +34,13 @@ def _changes(found: Comparison) -> list[str]:
     lines = []
     for n in designs[1:]:
         changes = found.change[n]
-        lines += ["", f"from {found.name[designs[0]]} to {found.name[n]}"]
+        lines += ["", f"numbers that differ between {found.name[designs[0]]} and {found.name[n]}"]
         if not changes:
-            lines[-1] += ": the same suspension"
+            lines[-1] += ": none"
             continue
         rows = [(c.words, c.before, c.after) for c in changes[:MANY]]
-        lines.append(tables.render({"number": "", "before": "", "after": ""}, rows))
+        heads = ["", found.name[designs[0]], found.name[n]]
+        lines.append(tables.render(dict.fromkeys(heads, ""), rows))
         if len(changes) > MANY:
             lines.append(f"  and {len(changes) - MANY} more, which --json lists")
     return lines
@@ -66,7 +67,7 @@ def _table(found: Comparison) -> str:
             if n != first:
                 row.append(100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1))
         poor = [found.name[n] for n in shown if modes.overlap[m, n] < MIXED]
-        note = f"; another shape in {', '.join(poor)}" if poor and few else ""
+        note = f"; shape differs in {', '.join(poor)}" if poor and few else ""
         rows.append((*row, label + note))
     columns: dict[str, str] = {}
     for n in shown:
@@ -89,8 +90,8 @@ def _ratios(found: Comparison, overlay: Overlay) -> list[str]:
         f, size = curve.ratio_frequency[known], size[known]
         worst = int(np.argmax(np.abs(np.log(size))))
         lines.append(
-            f"{head}{np.median(size):.4g} in the median, {size[0]:.4g} at {f[0]:.4g} Hz,"
+            f"{head}median {np.median(size):.4g}, {size[0]:.4g} at {f[0]:.4g} Hz,"
             f" {size[-1]:.4g} at {f[-1]:.4g} Hz, farthest from 1: {size[worst]:.4g} at"
             f" {f[worst]:.5g} Hz"
         )
-    return lines or [f"  {reference} alone"]
+    return lines or [f"  only {reference} has it: nothing to compare with"]

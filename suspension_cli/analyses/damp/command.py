@@ -27,9 +27,9 @@ class DampAnalysis(Analysis):
     """Close the loops of the design's [control] table.
 
     Prints poles with their Q, and margins of gain, phase and delay, of each loop and of all at
-    once; draws loop gains, the impulse response and the sensor noise at the test mass. A closed
-    loop that is unstable is reported first, with its growth rate; it has no margins. Writes
-    DIR/NAME-damp.h5 and .png.
+    once. Draws poles, loop gains (Bode and Nichols charts), and the impulse response and sensor
+    noise of one motion. An unstable closed loop is reported first, with its growth rate; it has no
+    margins. Writes DIR/NAME-damp.h5 and .png.
 
     Example: pendsus damp configs/triple-damped.toml
     """
@@ -40,14 +40,17 @@ class DampAnalysis(Analysis):
         option(
             "--output",
             metavar="SIGNAL",
-            help="The motion that is observed.  [default: x of the last stage]",
+            help=(
+                "Motion whose impulse response and sensor noise are computed."
+                "  [default: x of the last stage]"
+            ),
         ),
         option(
             "--impulse",
             metavar="SIGNAL",
             help=(
-                "The force that gives a unit impulse (1 N s)."
-                "  [default: the force on the observed motion]"
+                "Force or torque that gives an impulse of 1 N s or 1 N m s."
+                "  [default: that along --output]"
             ),
         ),
         option(

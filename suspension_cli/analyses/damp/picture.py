@@ -58,8 +58,10 @@ def _draw_impulse(axes: Axes, damped: LocalControl) -> None:
     axes.plot(damped.time, damped.undamped, color=PALE, label="loops open", linewidth=0.7)
     axes.plot(damped.time, damped.impulse, color=PALETTE[0], label="loops closed")
     axes.set_xlabel("time (s)")
-    axes.set_ylabel(f"{damped.output} (SI)")
-    axes.set_title(f"after a unit impulse of {damped.drive}", fontsize=7.5, loc="left")
+    dof = damped.drive.partition("@")[0].rpartition(".")[2]
+    unit = {"force": "N", "torque": "N m"}.get(dof.partition("_")[0]) or _unit(damped.drive)
+    axes.set_ylabel(f"{damped.output} ({_unit(damped.output)})")
+    axes.set_title(f"after an impulse of 1 {unit} s of {damped.drive}", fontsize=7.5, loc="left")
     axes.margins(x=0, y=0.2)
     axes.legend(ncols=2, loc="upper right", fontsize=6.5)
 
@@ -71,7 +73,7 @@ def _draw_gains(axes: Axes, damped: LocalControl) -> None:
         )
     axes.axhline(1.0, color=NOTE, linewidth=0.6, linestyle="--")
     axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel("loop gain, others closed")
+    axes.set_ylabel("|loop gain|, other loops closed")
     axes.margins(x=0)
     axes.legend(fontsize=6.5)
 
@@ -141,8 +143,12 @@ def _nichols(gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return phase, 20 * np.log10(np.maximum(np.abs(gain), np.finfo(float).tiny))
 
 
+def _unit(motion: str) -> str:
+    return "m" if motion.split("@")[0].endswith((".x", ".y", ".z")) else "rad"
+
+
 def _draw_noise(axes: Axes, damped: LocalControl) -> None:
-    unit = "m" if damped.output.split("@")[0].endswith((".x", ".y", ".z")) else "rad"
+    unit = _unit(damped.output)
     drawn = False
     for n, name in enumerate(damped.loop):
         if damped.noise[:, n].any():

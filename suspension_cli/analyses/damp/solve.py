@@ -114,7 +114,8 @@ def solve(
     found = find_poles(design, model)
     plant, constant, closed, opened = found.plant, found.constant, found.closed, found.open
     known = signals.bodies_with_signals(model)
-    observed, driven = signals.parse_output(output, known), signals.parse_input(drive, known)
+    observed = signals.parse_output(output, known)
+    driven = signals.parse_input(drive, known, "--impulse")
     answer = control.solve_responses(plant, frequency, [driven], [observed])
     corners = find_corner_frequencies(constant, closed)
     # a delay turns the gain at high frequencies without end; there it cannot matter

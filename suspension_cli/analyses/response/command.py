@@ -269,16 +269,16 @@ def _table(measured: Sequence[Comparison]) -> str:
     from suspension_cli.analyses import tables
 
     columns = {"points": ".0f", "|measured/model|\nmedian": "#.4g", "farthest\nfrom 1": "#.4g"}
-    columns |= {"at\nHz": "#.5g", "chi^2\nper number": "#.3g", "measured": ""}
+    columns |= {"at\nHz": "#.5g", "chi^2 per\nnumber": "#.3g", "measured": ""}
     rows = [
         (len(one.data.frequency), one.median, *one.extreme, one.chi_squared, _label(one))
         for one in measured
     ]
     lines = [tables.render(columns, rows)]
     columns = {"measured\nHz": "#.5g", "model\nHz": "#.5g", "shift\n%": "+.2f", "mode": ""}
-    many = len(measured) > 1
+    columns |= {"seen in": ""} if len(measured) > 1 else {}
     rows = [
-        (peak, pole, 100 * shift, f"{mode} in {one.data.name}" if many else mode)
+        (peak, pole, 100 * shift, mode, one.data.name)[: len(columns)]
         for one in measured
         for peak, pole, mode, shift in zip(one.peak, one.pole, one.mode, one.shift, strict=True)
     ]

@@ -185,6 +185,9 @@ def read_files(
             pairs = zip(given.transfer_function, found, strict=True)
             items += [Item(given, table, data, file) for table, data in pairs]
             continue
+        if not Path(file).exists() or Path(file).is_dir():
+            problem = "is a directory" if Path(file).is_dir() else "is missing"
+            raise InputError([Fault("", problem, "name a file of measurements")], file)
         if len(inputs) != 1 or len(outputs) != 1:
             problem = "does not say what was driven and observed"
             remedy = "give one --input and one --output, or a TOML file of measurements"

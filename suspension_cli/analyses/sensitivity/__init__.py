@@ -1,1 +1,1 @@
-"""Compute the effect of 1 % of every number of a design."""
+"""Compute the effect of 1 mm, 1 mrad or 1 % of every number of a design."""

@@ -23,8 +23,8 @@ LEAST = 0.0005
 class SensitivityAnalysis(Analysis):
     """Compute the effect of every number of a design on modes, responses and couplings.
 
-    That of 1 mm of lengths, 1 mrad of angles, and 1 % of all else. These are first derivatives,
-    with the change of the equilibrium. Writes DIR/NAME-sensitivity.h5 and .png.
+    Lengths are changed by 1 mm, angles by 1 mrad, all else by 1 %. The effects are first
+    derivatives, and include the change of the equilibrium. Writes DIR/NAME-sensitivity.h5 and .png.
 
     Example: pendsus sensitivity my.toml --result "test pitch"
     """
@@ -96,17 +96,19 @@ class SensitivityAnalysis(Analysis):
         """Return tables of the changes, some columns at a time."""
         import numpy as np
 
+        from suspension_cli.design.path_units import format_with_unit
+
         found: Sensitivity = result.data
         absolute = found.nominal == 0
         change = found.per_step
         shown = (abs(change) >= LEAST) | (absolute & (change != 0))
         shown &= np.isfinite(change)
-        taken = max(map(len, found.parameter), default=0) + 20
+        taken = max(map(len, found.parameter), default=0) + 26
         across = min(max((tables.width() - taken) // 9, 1), ACROSS)
         lines = [
             result.choice.line,
             "",
-            "change of a result in % (in its unit, where it is 0) per step of a number:",
+            "change of each result, in % (if it is 0: in its own unit), per 1 mm, 1 mrad or 1 %:",
         ]
         for start in range(0, len(found.result), across):
             here = range(start, min(start + across, len(found.result)))
@@ -119,7 +121,12 @@ class SensitivityAnalysis(Analysis):
                 ),
             ]
             rows = [
-                (name, value, f"1 {unit}", *(_cell(row[n], absolute[n]) for n in here))
+                (
+                    name,
+                    format_with_unit(name, value),
+                    f"1 {unit}",
+                    *(_cell(row[n], absolute[n]) for n in here),
+                )
                 for name, value, unit, row, some in zip(
                     found.parameter,
                     found.value,
@@ -130,7 +137,7 @@ class SensitivityAnalysis(Analysis):
                 )
                 if some.any()
             ]
-            columns = {"": "", "value": ".4g", "per": " "}
+            columns = {"": "", "value": " ", "per": " "}
             columns |= {f"[{n + 1}]\n{_unit(found, n)}": "+.3f" for n in here}
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)

@@ -7,6 +7,7 @@ from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.sensitivity.solve import Sensitivity
+from suspension_cli.design.path_units import format_with_unit
 from suspension_cli.drawing.style import INK, NOTE, house_style, new_figure, single_line
 
 LEAST = 0.005
@@ -61,8 +62,8 @@ def draw(found: Sensitivity, title: str) -> Figure:
         axes.set_yticks(
             range(len(rows)),
             [
-                f"{single_line(found.parameter[n], 48)}  {found.value[n]:.4g}  per {steps[n]}"
-                for n in rows
+                f"{single_line(name, 48)}  {format_with_unit(name, found.value[n])}  per {steps[n]}"
+                for n, name in ((n, found.parameter[n]) for n in rows)
             ],
             fontsize=6,
         )
@@ -85,7 +86,7 @@ def draw(found: Sensitivity, title: str) -> Figure:
         figure.text(
             0.01,
             0.008,
-            f"SI units; empty: less than {LEAST:g} %",
+            f"empty: less than {LEAST:g} %",
             fontsize=6,
             color=NOTE,
         )

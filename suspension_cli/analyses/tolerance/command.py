@@ -55,15 +55,15 @@ class ToleranceAnalysis(Analysis):
             type=click.FloatRange(0.0, min_open=True),
             default=1e-3,
             show_default=True,
-            help="Limit on the cross-coupling (the paper's 0.1 %).",
+            help="Limit on the cross-coupling, whose yield is printed.",
         ),
         option(
             "--require",
             multiple=True,
             metavar="TEXT",
             help=(
-                "A requirement on builds beside those of the design: 'test pitch in 0.5:0.7',"
-                " 'coupling < 1e-3', 'test static pitch < 2e-3', SI units (repeatable)."
+                "A requirement on builds, besides those of the design: 'test pitch in 0.5:0.7',"
+                " 'coupling < 1e-3', 'test static pitch < 2e-3'; Hz, m, rad (repeatable)."
             ),
         ),
         option(
@@ -71,14 +71,17 @@ class ToleranceAnalysis(Analysis):
             type=click.Choice(("random", "sobol")),
             default="random",
             show_default=True,
-            help="Independent builds, or 8 scrambled Sobol sequences, whose scatter gives errors.",
+            help=(
+                "Independent builds, or 8 scrambled Sobol sequences: smaller statistical errors"
+                " with as many builds."
+            ),
         ),
         option(
             "--sobol-indices",
             is_flag=True,
             help=(
-                "Sobol indices: the fraction of the variance of every result that each of k"
-                " tolerances causes, from (k + 2) N of the builds."
+                "Print Sobol indices: the fraction of the variance of every result that each of"
+                " the k tolerances causes. Takes (k + 2) N of --builds, N a power of two."
             ),
         ),
         *options.COUPLING,
@@ -197,12 +200,12 @@ def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:
     if groups:
         log.say(
             f"Sobol indices of {groups} tolerances: ({groups} + 2) x {rows:,} ="
-            f" {count:,} builds, a power of two per set"
+            f" {count:,} builds, as each of the {groups + 2} sets has a power of two"
         )
     elif job.method == sample_points.SOBOL:
         log.say(
-            f"Sobol sampling: {replicates} x {rows // replicates:,} = {count:,} builds, a power of"
-            " two per scrambled sequence"
+            f"Sobol sampling: {replicates} x {rows // replicates:,} = {count:,} builds, as each"
+            f" of the {replicates} sequences has a power of two"
         )
     return job
 

@@ -69,7 +69,7 @@ def draw(summary: Summary, title: str, ratio: str) -> Figure:
         for place, n in enumerate(required):
             row, column = divmod(place, ACROSS)
             _draw_required(figure.add_subplot(grid[len(heights) - last + row, column]), summary, n)
-        builds = f"{title}: {summary.good:,} builds"
+        builds = f"{title}: {min(summary.good, summary.independent):,} builds"
         if summary.joint is not None:
             builds += f"; {summary.joint.percent} meet all requirements"
         figure.suptitle(single_line(builds, 150), x=0.01, ha="left", fontsize=9)
@@ -177,7 +177,7 @@ def _draw_indices(axes: Axes, summary: Summary) -> None:
     axes.barh(rows, np.maximum(first[top], 0.0), color=PALETTE[2], height=0.35)
     axes.set_yticks(rows, [summary.group[n] for n in top], fontsize=6.5)
     axes.invert_yaxis()
-    axes.set_xlabel("Sobol indices of the coupling\n(total; green: alone)")
+    axes.set_xlabel("Sobol indices of the coupling\n(grey: total; green: alone; lines: std error)")
     axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
 
 
@@ -202,6 +202,7 @@ def _draw_required(axes: Axes, summary: Summary, number: int) -> None:
         axes.set_xlim(max(axes.get_xlim()[0], first - room), min(axes.get_xlim()[1], end + room))
     axes.set_title("\n".join(titles), loc="left", fontsize=6.5)
     axes.set_yticks([])
+    axes.set_ylabel("builds", fontsize=7)
     axes.set_xlabel(required.name[number] + (f" ({unit})" if unit != "1" else ""), fontsize=7)
 
 

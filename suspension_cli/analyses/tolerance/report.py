@@ -98,7 +98,10 @@ def text(summary: Summary) -> str:
     """Return the tables that the command prints, without the line of the model."""
     lines = [f"{summary.good:,} of {summary.builds:,} builds hang on taut wires"]
     if summary.independent < summary.builds:
-        lines.append(f"statistics are those of the {summary.independent:,} independent builds")
+        lines.append(
+            f"statistics are those of {summary.independent:,} independent builds; the others serve"
+            " the Sobol indices"
+        )
     lines += ["", _modes(summary), "", *_coupling(summary), "", *_statics(summary)]
     if summary.joint is not None:
         rows = [
@@ -121,7 +124,7 @@ def _modes(summary: Summary) -> str:
         what = _causes(summary, summary.mode_rank[n], summary.mode_slope[n], "Hz", 2)
         rows.append((nominal, quantiles[LOW], quantiles[HIGH], spread, label, what))
     columns = dict.fromkeys(("nominal\nHz", "5 %\nHz", "95 %\nHz"), "#.5g")
-    columns |= {"std\n%": ".2f", "mode": "", "what moves it most (rank correlation, change)": ""}
+    columns |= {"std\n%": ".2f", "mode": "", "depends most on (rank correlation, change)": ""}
     return tables.render(columns, rows)
 
 
@@ -137,7 +140,7 @@ def _coupling(summary: Summary) -> Iterator[str]:
         f" {low:.3g} to {high:.3g} %)"
     )
     what = _causes(summary, summary.signed_rank, summary.signed_slope, "", 5)
-    yield f"matters most: {what or 'no number significantly'}"
+    yield f"depends most on: {what or 'no number significantly'}"
 
 
 def _statics(summary: Summary) -> Iterator[str]:
@@ -155,8 +158,8 @@ def _statics(summary: Summary) -> Iterator[str]:
             rows.append((*(per * value for value in values), unit, name, what))
     if not rows:
         return
-    columns = dict.fromkeys(("mean", "+-", "std", "5 %", "95 %"), "#.3g")
-    columns |= {"unit": "", "from the pose as drawn": "", "what moves it most": ""}
+    columns = dict.fromkeys(("mean", "error\nof mean", "std", "5 %", "95 %"), "#.3g")
+    columns |= {"unit": "", "displacement from the pose as drawn": "", "depends most on": ""}
     yield tables.render(columns, rows)
 
 
@@ -167,7 +170,7 @@ def _what_matters(required: Spread, summary: Summary) -> Iterator[str]:
         end = "" if unit == "1" else unit
         if name not in (*summary.label, "coupling"):
             what = _causes(summary, required.rank[n], per * required.slope[n], end, 3)
-            yield f"  {name}: {what or 'no number moves it significantly'}"
+            yield f"  {name} depends most on: {what or 'no number significantly'}"
 
 
 def _causes(summary: Summary, rank: Array, slope: Array, unit: str, count: int) -> str:
@@ -185,7 +188,10 @@ def _indices(summary: Summary) -> Iterator[str]:
     assert summary.indices is not None
     wanted = ["coupling", *summary.required.name]
     places = [summary.indexed.index(name) for name in dict.fromkeys(wanted)]
-    yield "Sobol indices: fraction of the variance that a tolerance causes (alone), +- std error"
+    yield (
+        "Sobol indices: fraction of the variance that a tolerance causes with others (total) or"
+        " alone (first)"
+    )
     for place in places:
         total, first = summary.indices.total[:, place], summary.indices.first[:, place]
         rows = [
@@ -199,7 +205,7 @@ def _indices(summary: Summary) -> Iterator[str]:
             for n in np.argsort(-total, kind="stable")
             if total[n] > max(0.005, 2 * summary.indices.total_error[n, place])
         ]
-        columns = dict.fromkeys(("total", "+-", "first", "+- "), ".3f")
+        columns = dict.fromkeys(("total", "std error", "first", "std error "), ".3f")
         heading = f"  {summary.indexed[place]}"
         if rows:
             yield f"{heading}\n" + tables.render(columns | {"tolerance": ""}, rows)

@@ -69,8 +69,8 @@ KEY = (
         " loop. Grey strip: errors below 10⁻¹² are rounding."
     ),
     (
-        "Responses by methods: on the left the first, of 5 frequencies; on the right the next, of"
-        " 2000 others."
+        "Responses by methods: on the left the first response (5 frequencies), on the right the"
+        " next of the same system (2000 other frequencies)."
     ),
 )
 

@@ -36,7 +36,7 @@ QUESTIONS = {
 }
 NAMES = {
     "Response up to 50 Hz": "response up to 50 Hz",
-    "Response at 100 Hz and 1 kHz": "response to 1 kHz",
+    "Response at 100 Hz and 1 kHz": "response from 100 Hz",
 }
 TIMED = 200
 """Frequencies of the responses of models."""

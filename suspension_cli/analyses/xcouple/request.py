@@ -45,12 +45,13 @@ def parse_request(model: LinearSystem, setting: dict[str, Any]) -> CouplingReque
         )
     observed, _, point = (setting["observe"] or f"{model.body[-1]}@0,0,-0.001").partition("@")
     at = f"@{point}" if point else ""
+    over, under = (name if setting[name[2:]] else "--observe" for name in ("--over", "--under"))
     return CouplingRequest(
         wire=-1 if wire is None else labels.index(wire),
         body=model.body.index(body) + 1,
         hold=setting.get("hold", ""),
         input=signals.parse_input(setting["drive"], known),
-        over=signals.parse_output(setting["over"] or f"{observed}.x{at}", known),
-        under=signals.parse_output(setting["under"] or f"{observed}.z{at}", known),
+        over=signals.parse_output(setting["over"] or f"{observed}.x{at}", known, over),
+        under=signals.parse_output(setting["under"] or f"{observed}.z{at}", known, under),
         frequency=tuple(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0)),
     )

@@ -259,7 +259,7 @@ def test_what_control_leaves_alone(kind, tmp_path):
     [
         ({"sensor": "uper.x"}, "control.loop.loop-x.sensor", "names no body"),
         ({"sensor": "upper.q"}, "control.loop.loop-x.sensor", "names no motion or force"),
-        ({"sensor": "upper"}, "control.loop.loop-x.sensor", "names no body"),
+        ({"sensor": "upper"}, "control.loop.loop-x.sensor", "names a body, but no motion"),
         ({"sensor": "support.x"}, "control.loop.loop-x.sensor", "is not a motion of a stage"),
         ({"sensor": "upper.force_x"}, "control.loop.loop-x.sensor", "is not a motion of a stage"),
         ({"sensor": "upper.x@1,2"}, "control.loop.loop-x.sensor", "is no point"),

@@ -109,7 +109,7 @@ def test_command(tmp_path):
     """The example: table, JSON, HDF5, and the picture redrawn from the file alone."""
     words = ("response", DESIGN, "--measured", FOLDER / "measured.toml", "--fidelity", "beam")
     done = run(*words, "--out", tmp_path, "--frequency", "0.3:6:200")
-    assert done.exit_code == 0 and "+1.00  test pitch in pitch" in done.stdout
+    assert done.exit_code == 0 and "+1.00  test pitch           pitch\n" in done.stdout
     assert "osem-x / coil-x (m/V)" in done.stdout
     answer = strict_json(run(*words, "--json", "--out", tmp_path).stdout)
     first = answer["measured"][0]

@@ -178,7 +178,7 @@ def test_bad_grids(grid, file, out):
     ("option", "signal", "message"),
     [
         ("--input", "suport.x", "names no body"),
-        ("--input", "support", "names no body"),
+        ("--input", "support", "names a body, but no motion of it; write for example support.x"),
         ("--input", "", "names no body"),
         ("--input", "support.w", "names no motion or force"),
         ("--input", "upper.x", "a motion of a stage is an output"),
