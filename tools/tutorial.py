@@ -80,7 +80,9 @@ def steps(page: str) -> Iterator[Step]:
         if part[1] == "console":
             line = part[2].partition("\n")[0].removeprefix("$ ")
             printed = run_command(line)
-            drawn |= {kind_of(name): Path(name) for name in re.findall(r"wrote (\S+\.png)", printed)}
+            drawn |= {
+                kind_of(name): Path(name) for name in re.findall(r"wrote (\S+\.png)", printed)
+            }
             design = design or next(
                 Path(word) for word in shlex.split(line) if word.endswith(".toml")
             )

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from suspension_cli.analyses.compare.solve import Comparison, Overlay, PairedModes
 from suspension_cli.drawing.style import (
@@ -110,6 +110,8 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
         known = np.concatenate([s[np.isfinite(s) & (s > 0)] for s in sizes] or [np.ones(1)])
         if len(known) and known.max() > 3 * known.min():
             panels[-1].set_yscale("log")
+            if known.max() < 100 * known.min():
+                panels[-1].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
             panels[-1].yaxis.set_major_formatter("{x:g}")
             panels[-1].yaxis.set_minor_formatter(NullFormatter())
         panels[-1].axhline(1, color=PALE, lw=0.8, zorder=0)
@@ -122,8 +124,8 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
         panels[0].legend(fontsize=7)
         panels[0].set_title(overlay.name, loc="left", color=INK)
         figure.text(0.99, 0.005, _model_line(found), ha="right", va="bottom", size=6, color=NOTE)
+        figure.align_ylabels(panels)  # before the layout, which leaves room for them
         figure.tight_layout(rect=(0, 0.015, 1, 1))
-        figure.align_ylabels(panels)
         return figure
 
 
