@@ -107,7 +107,7 @@ docs: $(DOCS_READY) ## the site, into site/, with every link checked
 reference: $(READY) ## the tables of docs/ that the program itself knows: keys and options
 	$(BIN)/python -m tools.reference
 
-tutorial: $(READY) ## run the tutorial, and take in what it prints and draws
+tutorial: $(READY) ## run the tutorials, and take in what they print and draw
 	$(BIN)/python -m tools.tutorial
 
 bench: $(READY)  ## what things cost, as ratios to a floor measured in the same run

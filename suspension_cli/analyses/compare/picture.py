@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from suspension_cli.analyses.compare.solve import Comparison, Overlay, PairedModes
 from suspension_cli.drawing.style import (
@@ -132,6 +132,8 @@ def _finish_ratios(axes: Axes, found: Comparison, overlay: Overlay) -> None:
     known = np.concatenate([s[np.isfinite(s) & (s > 0)] for s in sizes] or [np.ones(1)])
     if len(known) and known.max() > 3 * known.min():
         axes.set_yscale("log")
+        if known.max() < 100 * known.min():
+            axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
     axes.axhline(1, color=PALE, lw=0.8, zorder=0)

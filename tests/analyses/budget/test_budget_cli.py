@@ -208,3 +208,15 @@ def test_an_unstable_loop(tmp_path):
     file, out = written(tmp_path, raw, "triple.toml"), tmp_path / "out"
     (line,) = assert_refused(run("budget", file, *LIGHT, "--out", out), file, out)
     assert line.startswith("control: makes the closed loop unstable: a pole at ")
+
+
+def test_a_design_without_loops(tmp_path):
+    """The ground times the response of the open system."""
+    file, grid = written(tmp_path, RAW, "triple.toml"), (0.5, 2.0, 7.0)
+    site = csv(tmp_path, "0.1,1e-6\n10,1e-6\n", "site.csv")
+    options = ("--output", "test.x", "--frequency", "0.5,2,7", "--ground", f"x={site}")
+    answer = asked(file, tmp_path, *options)
+    assert list(answer["contributions"]) == ["ground.x", "thermal"]
+    moved = sus.response(sus.read(file), outputs=["test.x"], frequency=grid, model="beam").value
+    expected = 1e-6 * np.abs(moved[:, 0, 0])
+    assert answer["contributions"]["ground.x"] == pytest.approx(expected, rel=1e-9)
