@@ -65,6 +65,7 @@ def _draw_one(
     low, high = size[size > 0].min(initial=np.inf), size.max()
     if low < high:
         top.set_ylim(low / 3, high * 3)
+    top.set_ylabel("magnitude")
     name = single_line(f"{found.function[n]}: {found.output[n]} / {found.input[n]}", 56)
     top.set_title(f"{name}, $\\chi^2$ per value {ratio:.3g}", fontsize=7, loc="left")
     top.tick_params(which="both", labelbottom=False)
@@ -72,7 +73,7 @@ def _draw_one(
     if legend:
         top.legend(fontsize=6.5)
     off = (found.after[own] - found.measured[own]) / found.uncertainty[own]
-    below.axhspan(-2, 2, color=PALE, linewidth=0, alpha=0.5)
+    below.axhspan(-2, 2, color=PALE, linewidth=0, alpha=0.5, label="2 $\\sigma$")
     below.semilogx(frequency, off.real, ".", markersize=2, color=PALETTE[0], label="real")
     below.semilogx(frequency, off.imag, ".", markersize=2, color=PALETTE[2], label="imaginary")
     largest = max(4.0, 1.1 * float(np.abs([off.real, off.imag]).max()))
@@ -81,4 +82,6 @@ def _draw_one(
     below.set_xlabel("frequency (Hz)")
     below.grid(visible=True, color=PALE, linewidth=0.4)
     if legend:
-        below.legend(fontsize=6, ncols=2, loc="lower right", borderaxespad=0.1)
+        below.legend(
+            fontsize=6, ncols=3, loc="upper right", bbox_to_anchor=(1, -0.25), borderaxespad=0
+        )

@@ -57,8 +57,8 @@ def report(found: Fit) -> list[str]:
 def _resonances(found: ResponseFit) -> str:
     columns = {
         "measured\nHz": "#.5g",
-        "before\n%": "+.2f",
-        "after\n%": "+.3f",
+        "model before\n%": "+.2f",
+        "model after\n%": "+.3f",
         "measured\nQ": ".3g",
         "in\nfunctions": "d",
         "resonance": "",
@@ -148,11 +148,12 @@ def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
     if not responses.changes or before < found.chi_squared + 4 * len(found.name):
         return [
             f"The design as given explains the measurements: chi^2 {before:.4g} with only sensors,"
-            f" actuators and losses fitted, {found.chi_squared:.4g} with all numbers"
+            f" actuators and losses fitted, {found.chi_squared:.4g} with all numbers and their"
+            " priors"
         ]
     lines = [
         "Single changes that explain most (sensors, actuators and losses fitted), against"
-        f" chi^2 {found.chi_squared:.4g} with all numbers:"
+        f" chi^2 {found.chi_squared:.4g} with all numbers and their priors:"
     ]
     for one in responses.changes:
         text = describe_change(one)
