@@ -44,7 +44,7 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         largest = float(np.nanmax(np.abs(change), initial=0.0))
         if largest > 5:
             axes.set_xscale("symlog", linthresh=1.0)
-            axes.xaxis.set_major_formatter("{x:+g}")
+            axes.xaxis.set_major_formatter(lambda x, _: f"{x:+g}" if x else "0")
         axes.axvline(0, color=PALE, lw=0.8, zorder=0)
         axes.set_yticks(
             rows,
