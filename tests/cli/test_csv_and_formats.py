@@ -110,13 +110,8 @@ def test_limits_of_one_quantity_leave_the_others():
     plot._set_limits(figure, (0.5, 5.0), None)
     assert first.get_xlim() == third.get_xlim() == (0.5, 5.0)
     assert second.get_xlim()[1] > 60
-    assert [
-        text.get_text() for text in first.get_xticklabels(which="minor") if text.get_text()
-    ] == [
-        "0.5",
-        "2",
-        "5",
-    ]
+    labels = {text.get_text() for text in first.get_xticklabels(which="minor")}
+    assert {"0.5", "2", "5"} <= labels and "3" not in labels
 
 
 def test_one_result_alone_is_not_together(folder, tmp_path):

@@ -65,7 +65,8 @@ def _table(found: Comparison) -> str:
         for n in shown:
             row.append(modes.frequency[m, n])
             if n != first:
-                row.append(100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1))
+                change = 100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1)
+                row.append(change or "0")
         poor = [found.name[n] for n in shown if modes.overlap[m, n] < MIXED]
         note = f"; shape differs in {', '.join(poor)}" if poor and few else ""
         rows.append((*row, label + note))
