@@ -88,7 +88,7 @@ def command(
         paths = [(folder or Path(file).parent) / Path(file).name for file in files]
     for result, path in zip(results, paths, strict=True):
         with _attributing_errors_to(result.source.file):
-            figures = result.figures() if together else {"": result.plot()}
+            figures = result.figures() or {"": result.plot()}  # refused if there is none
             for figure in figures.values():
                 _set_limits(figure, *limits)
             pictures = {end: encode(figure, picture_format) for end, figure in figures.items()}

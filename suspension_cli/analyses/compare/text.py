@@ -25,7 +25,8 @@ def describe(found: Comparison) -> str:
     if found.modes is not None:
         lines += ["", _heading(found), _table(found)]
     for overlay in found.overlay:
-        lines += ["", f"{overlay.name} ({overlay.unit})", *_ratios(found, overlay)]
+        kind = "thermal " if overlay.kind == "noise" else ""
+        lines += ["", f"{kind}{overlay.name} ({overlay.unit})", *_ratios(found, overlay)]
     return "\n".join(lines)
 
 
