@@ -88,7 +88,7 @@ def command(
         paths = [(folder or Path(file).parent) / Path(file).name for file in files]
     for result, path in zip(results, paths, strict=True):
         with _attributing_errors_to(result.source.file):
-            figures = result.figures() if together else {"": result.plot()}
+            figures = result.figures() or {"": result.plot()}  # refused if there is none
             for figure in figures.values():
                 _set_limits(figure, *limits)
             pictures = {end: encode(figure, picture_format) for end, figure in figures.items()}
@@ -154,10 +154,13 @@ def _set_limits(
         for one in those if given else ():
             axis = one.xaxis if option == "--x" else one.yaxis
             if given and given[0] <= 0 and axis.get_scale() == "log":
-                problem = "is not on this axis, which is logarithmic"
+                problem = "is not on this logarithmic axis"
                 fault = Fault(option, problem, "give limits above 0", format_value(given[0]))
                 raise InputError([fault])
             (one.set_xlim if option == "--x" else one.set_ylim)(*(given or ()))
+            if given and axis.get_scale() == "log" and 2 < given[1] / given[0] < 30:
+                axis.set_major_formatter("{x:g}")
+                axis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
 
 
 @contextlib.contextmanager

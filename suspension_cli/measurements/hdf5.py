@@ -11,6 +11,16 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.measurements.columns import Columns
 
 
+def is_results_file(path: Path) -> bool:
+    """Whether a file has results of pendsus."""
+    import h5py
+
+    if not h5py.is_hdf5(path):
+        return False
+    with h5py.File(path, "r") as file:
+        return file.attrs.get("format") == "pendsus"
+
+
 def read(path: Path) -> Columns:
     """List the one-dimensional datasets of numbers of a file, by their paths.
 

@@ -96,6 +96,10 @@ def read_bare(
     table = TransferFunction(file=path.name, input=input, output=output, **keys)
     with attribute_faults_to(str(path)):
         source = _open(path)
+        if not keys and hdf5.is_results_file(path):
+            problem = "is a results file of pendsus, not a measurement"
+            remedy = "compare it with pendsus compare DESIGN FILE"
+            raise InputError([Fault("", problem, remedy)])
         if not isinstance(source, Dtt) or table.input_channel or table.output_channel:
             return [_read(table, path.parent, {path: source})]
         pairs = source.pairs or [("", "")]  # none: the fault is found below

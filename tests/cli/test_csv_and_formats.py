@@ -6,8 +6,10 @@ import csv
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import suspension_cli as sus
+from suspension_cli.cli import plot
 from tests.support.commandline import assert_refused, run, written
 
 
@@ -96,6 +98,20 @@ def test_limits_that_make_no_sense(options, words, folder, tmp_path):
     assert done.exit_code == 2
     assert words in done.stderr
     assert not list(tmp_path.rglob("*.png"))
+
+
+def test_limits_of_one_quantity_leave_the_others():
+    """The poles' frequencies get the limits, the time of the impulse response does not."""
+    figure = Figure()
+    first, second, third = figure.subplots(3)
+    for axes, label in ((first, "frequency (Hz)"), (second, "time (s)"), (third, "frequency (Hz)")):
+        axes.semilogx([0.1, 100], [1, 2])
+        axes.set_xlabel(label)
+    plot._set_limits(figure, (0.5, 5.0), None)
+    assert first.get_xlim() == third.get_xlim() == (0.5, 5.0)
+    assert second.get_xlim()[1] > 60
+    labels = {text.get_text() for text in first.get_xticklabels(which="minor")}
+    assert {"0.5", "2", "5"} <= labels and "3" not in labels
 
 
 def test_one_result_alone_is_not_together(folder, tmp_path):

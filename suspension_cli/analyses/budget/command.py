@@ -119,7 +119,10 @@ class BudgetAnalysis(Analysis):
         found = budget.solve(noises, grid, resonance, requirements, added=added)
         for one in found:
             if np.isinf(one.rms).any():
-                run.log.warn(f"{one.output}: its RMS is infinite, by a resonance without loss")
+                run.log.warn(
+                    f"{one.output}: its RMS is infinite, as a resonance without loss is driven;"
+                    " give loss angles or dampers"
+                )
         return Result(self, run.source, choice, found, command=run.command)
 
     def parse_names(

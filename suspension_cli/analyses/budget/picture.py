@@ -48,7 +48,7 @@ def draw(budgets: list[Budget], title: str) -> Figure:
         for axes, one in zip(panels, budgets, strict=True):
             _panel(axes, one, colours)
         figure.suptitle(single_line(title, 80), x=0.01, ha="left", fontsize=9)
-        figure.tight_layout(rect=(0, 0, 0.86, 1))
+        figure.tight_layout(rect=(0, 0, 0.86, 1 - 0.08 / figure.get_figheight()))
         return figure
 
 

@@ -49,7 +49,10 @@ def demand_stable(found: Poles) -> None:
         f" {found.state[worst]} grows at {found.growth_rate[worst]:.4g} 1/s, and its motion has no"
         " spectrum"
     )
-    remedy = "lower the gain of the loops that drive it, or their phase lag there (pendsus damp)"
+    remedy = (
+        "check the sign of the loops that drive it, or lower their gain or phase lag there"
+        " (pendsus damp)"
+    )
     raise InputError([Fault("control", problem, remedy)])
 
 

@@ -157,7 +157,7 @@ class CompareAnalysis(Analysis):
 
     def path(self, result: Result, folder: Path) -> Path:
         """Return the path of the results file, named after the first two items."""
-        names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name) for name in result.data.name]
+        names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-") for name in result.data.name]
         more = f"-and-{len(names) - 2}-more" if len(names) > 2 else ""
         return folder / f"{names[0]}-and-{names[1]}{more}-{self.stem}.h5"
 

@@ -44,7 +44,7 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         largest = float(np.nanmax(np.abs(change), initial=0.0))
         if largest > 5:
             axes.set_xscale("symlog", linthresh=1.0)
-            axes.xaxis.set_major_formatter("{x:+g}")
+            axes.xaxis.set_major_formatter(lambda x, _: f"{x:+g}".replace("-", "−") if x else "0")
         axes.axvline(0, color=PALE, lw=0.8, zorder=0)
         axes.set_yticks(
             rows,
@@ -117,7 +117,8 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
             axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
             axes.margins(x=0)
         panels[0].legend(fontsize=7)
-        panels[0].set_title(overlay.name, loc="left", color=INK)
+        kind = "" if response else "thermal "
+        panels[0].set_title(kind + overlay.name, loc="left", color=INK)
         figure.text(0.99, 0.005, _model_line(found), ha="right", va="bottom", size=6, color=NOTE)
         figure.tight_layout(rect=(0, 0.015, 1, 1))
         figure.align_ylabels(panels)

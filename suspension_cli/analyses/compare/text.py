@@ -25,7 +25,8 @@ def describe(found: Comparison) -> str:
     if found.modes is not None:
         lines += ["", _heading(found), _table(found)]
     for overlay in found.overlay:
-        lines += ["", f"{overlay.name} ({overlay.unit})", *_ratios(found, overlay)]
+        kind = "thermal " if overlay.kind == "noise" else ""
+        lines += ["", f"{kind}{overlay.name} ({overlay.unit})", *_ratios(found, overlay)]
     return "\n".join(lines)
 
 
@@ -65,7 +66,8 @@ def _table(found: Comparison) -> str:
         for n in shown:
             row.append(modes.frequency[m, n])
             if n != first:
-                row.append(100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1))
+                change = 100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1)
+                row.append(change or "0")
         poor = [found.name[n] for n in shown if modes.overlap[m, n] < MIXED]
         note = f"; shape differs in {', '.join(poor)}" if poor and few else ""
         rows.append((*row, label + note))

@@ -200,7 +200,10 @@ def describe_growth(closed: Poles) -> tuple[str, str]:
         f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at"
         f" {closed.growth_rate[worst]:.4g} 1/s"
     )
-    return where + more, "lower the gain of the loops that drive it, or their phase lag there"
+    return (
+        where + more,
+        "check the sign of the loops that drive it, or lower their gain or phase lag there",
+    )
 
 
 def _all_motions(model: LinearSystem) -> list[signals.Signal]:

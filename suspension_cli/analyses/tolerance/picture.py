@@ -177,7 +177,7 @@ def _draw_indices(axes: Axes, summary: Summary) -> None:
     axes.barh(rows, np.maximum(first[top], 0.0), color=PALETTE[2], height=0.35)
     axes.set_yticks(rows, [summary.group[n] for n in top], fontsize=6.5)
     axes.invert_yaxis()
-    axes.set_xlabel("Sobol indices of the coupling\n(grey: total; green: alone; lines: std error)")
+    axes.set_xlabel("Sobol indices of the coupling\n(grey: total, with std error;\ngreen: alone)")
     axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
 
 

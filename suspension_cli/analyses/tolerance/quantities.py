@@ -273,6 +273,8 @@ def parse(
     else:
         [limit] = numbers
         if not limit > 0:
-            raise refused("limits a magnitude by no number above zero", "give a positive limit")
+            raise refused(
+                "limits a magnitude to a value that is not positive", "give a positive limit"
+            )
         low, high = (-math.inf, limit) if found[2] == "<" else (limit, math.inf)
     return Requirement(names.parse(found[1], option, ratios), low, high, not band)

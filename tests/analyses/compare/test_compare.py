@@ -143,7 +143,8 @@ def test_text_pictures_and_stored_comparison(folder, tmp_path):
     stem = "geo-silica-triple-and-b-and-1-more-compare"
     names = {path.name for path in tmp_path.iterdir()}
     assert {f"{stem}.h5", f"{stem}.svg", f"{stem}-test.x-support.x.svg"} <= names
-    assert any(name.endswith(".csv") for name in names)
+    ratios = (tmp_path / f"{stem}-overlay_1-curve_2-ratios.csv").read_text()
+    assert ratios.startswith("ratio_frequency (Hz),ratio real (1),ratio imag (1)\n0.3,")
     again = sus.load(tmp_path / f"{stem}.h5")
     assert str(again) == done.stdout.rstrip("\n")
 

@@ -142,6 +142,7 @@ def test_many_points_are_a_line_and_units_are_checked(design, tmp_path):
     ("tables", "words", "says"),
     [
         (None, (), 'does not say what was driven and observed'),
+        (DESIGN.read_text(), (), "is a design, not a file of measurements"),
         (None, ("--input", "support.x", "--output", "uper.x"), 'did you mean \'upper\'?'),
         (TABLES.replace("upper.yaw", "uper.yaw"), (), "{file}: output signal = "),
         (TABLES.replace('"osem"', '"ossem"', 1), (), "names no [[sensor]]; did you mean 'osem'?"),
@@ -159,3 +160,21 @@ def test_faulty_measurements(tables, words, says, tmp_path):
     done = run("response", DESIGN, "--measured", file, *words, "--out", out)
     assert done.exit_code == 2 and not out.exists() and done.stdout == ""
     assert says.format(file=file) in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_results_and_folders_are_no_measurements(design, tmp_path):
+    """Each is named for what it is, in one line."""
+    stored = tmp_path / "triple-response.h5"
+    sus.response(design, frequency=[1.0, 2.0], model="string").save(stored)
+    words = ("--input", "support.x", "--output", "test.x", "--out", tmp_path / "out")
+    for given, says in (
+        (stored, "is a results file of pendsus, not a measurement"),
+        (tmp_path, "is a directory"),
+        (tmp_path / "none.csv", "is missing"),
+    ):
+        done = run("response", DESIGN, "--measured", given, *words)
+        assert done.exit_code == 2 and f"{given}: {says}" in done.stderr
+    done = run("response", FOLDER / "measured.toml", "--out", tmp_path / "out")
+    assert done.exit_code == 2 and done.stderr.count("\n") == 1
+    assert "is a file of measurements (it has [[transfer_function]]), not a design" in done.stderr
+    assert not (tmp_path / "out").exists()

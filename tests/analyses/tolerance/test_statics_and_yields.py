@@ -179,7 +179,7 @@ BAD = [
     (("--require", "nonsense < 1"), "is no quantity of builds; give a mode's label"),
     (("--require", "upper longitudinal < 3"), "is the label of 2 modes"),
     (("--require", "test pitch in 0.7:0.5"), "is a reversed or empty band"),
-    (("--require", "coupling < -1e-3"), "limits a magnitude by no number above zero"),
+    (("--require", "coupling < -1e-3"), "limits a magnitude to a value that is not positive"),
     (("--require", "coupling < nan"), "has a limit that is not finite"),
     (("--require", "coupling < small"), "has a limit that is no number"),
     (("--require", "coupling"), "is no requirement; write 'QUANTITY in LEAST:LARGEST'"),
