@@ -264,7 +264,7 @@ def test_names_cover_no_line():
 def test_a_method_right_in_the_end_is_not_said_to_hold_all_the_way():
     error = {"pendsus": np.zeros(3), "bulge": np.array([0.0, 2 * BROKEN, 0.0]), "flat": np.zeros(3)}
     line = atlas.table_row(Row("t", "d", "q", np.array([1.0, 2.0, 3.0]), error, "", ""))
-    assert "bulge: off by 0.002 at 2, right beyond<br>flat: holds" in line
+    assert "bulge: off by 0.002 at 2, right beyond<br>flat: right throughout" in line
 
 
 def test_a_method_breaks_where_it_stays_broken():

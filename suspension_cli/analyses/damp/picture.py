@@ -59,7 +59,8 @@ def _draw_impulse(axes: Axes, damped: LocalControl) -> None:
     axes.plot(damped.time, damped.impulse, color=PALETTE[0], label="loops closed")
     axes.set_xlabel("time (s)")
     dof = damped.drive.partition("@")[0].rpartition(".")[2]
-    unit = {"force": "N", "torque": "N m"}.get(dof.partition("_")[0]) or _unit(damped.drive)
+    units = {"force_": "N", "torque_": "N m"}
+    unit = next((units[kind] for kind in units if dof.startswith(kind)), _unit(damped.drive))
     axes.set_ylabel(f"{damped.output} ({_unit(damped.output)})")
     axes.set_title(f"after an impulse of 1 {unit} s of {damped.drive}", fontsize=7.5, loc="left")
     axes.margins(x=0, y=0.2)
