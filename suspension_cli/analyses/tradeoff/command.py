@@ -58,7 +58,9 @@ class TradeoffAnalysis(Analysis):
         options.OVERRIDES,
         options.OUT,
         options.AS_JSON,
+        options.CSV,
         options.PLOT,
+        options.FORMAT,
         options.QUIET,
         options.VERBOSE,
     )
