@@ -25,6 +25,8 @@ def read(path: Path) -> Columns:
     """List the one-dimensional datasets of numbers of a file, by their paths.
 
     Complex numbers are stored as HDF5 compounds of ``r`` and ``i``, as h5py and MATLAB write them.
+    A series with attributes ``x0`` and ``dx``, as gwpy writes a FrequencySeries, gives a column
+    ``frequency`` too, and if it is the only dataset, ``value``.
 
     Raises
     ------
@@ -34,10 +36,14 @@ def read(path: Path) -> Columns:
     import h5py
 
     names: list[str] = []
+    series: list[tuple[str, float, float]] = []
 
     def visit(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and item.size and max(item.shape, default=0) == item.size:
             names.append(name)
+            if {"x0", "dx"} <= set(item.attrs):
+                start, step = (np.asarray(item.attrs[key]).item() for key in ("x0", "dx"))
+                series.append((name, start, step))
 
     try:
         with h5py.File(path, "r") as file:
@@ -50,9 +56,16 @@ def read(path: Path) -> Columns:
         problem = "has no one-dimensional dataset"
         raise InputError([Fault("", problem, "write frequency and value as datasets")])
 
+    stored = list(names)
+    if series and "frequency" not in names:
+        names += ["frequency", "value"] if len(stored) == 1 else ["frequency"]
+        stored += [series[0][0]] * (len(names) - len(stored))
+
     def column(position: int) -> Any:
         with h5py.File(path, "r") as file:
-            values = np.asarray(file[names[position]]).ravel()
+            values = np.asarray(file[stored[position]]).ravel()
+        if names[position] == "frequency" and stored[position] != "frequency":
+            return series[0][1] + series[0][2] * np.arange(len(values))
         if values.dtype.names and len(values.dtype.names) == 2:
             first, second = values.dtype.names
             values = values[first] + 1j * values[second]

@@ -263,3 +263,14 @@ unit = "V"
         measured.read(written(tmp_path, spoilt, "n.toml"))
     assert len(raised.value.faults) == 3
     assert "did you mean 'coil'?" in str(raised.value)
+
+
+def test_series_of_gwpy(tmp_path):
+    """A FrequencySeries is one dataset, whose attributes give the first frequency and the step."""
+    value = np.array([1 + 2j, 3 - 1j, 0.5j])
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        series = file.create_dataset("H1:SUS-ETMX_M0_DAMP_L_OUT", data=value)
+        series.attrs.update(x0=0.5, dx=0.25, unit="m", channel="H1:SUS-ETMX_M0_DAMP_L_OUT")
+    [one] = read_bare(tmp_path / "a.h5", input="upper.force_x", output="upper.x")
+    assert one.frequency.tolist() == [0.5, 0.75, 1.0]
+    assert one.value.tolist() == value.tolist()
