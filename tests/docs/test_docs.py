@@ -165,7 +165,7 @@ PARTS = {
         "--quantity",
         "coupling",
     ],
-    ("fit", "measured/triple/triple.toml", "measured/triple/measured.toml"): [
+    ("fit", "measured/diagnosis/triple.toml", "measured/diagnosis/first.toml"): [
         "--fidelity",
         "string",
         "--no-explain",
