@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from suspension_cli.errors import Fault, InputError, format_value
 
@@ -70,3 +71,16 @@ def _range(text: str, default: str) -> list[float]:
         raise ValueError("a log grid needs positive ends")
     ratio = math.log(last / first)
     return [first * math.exp(ratio * n / (count - 1)) for n in steps[:-1]] + [last]
+
+
+def decade_points(frequency: Any) -> list[int]:
+    """Find the points of a grid nearest to 1 Hz, 10 Hz, ...; its ends if there are none."""
+    import numpy as np
+
+    low, high = float(frequency.min()), float(frequency.max())
+    decades = [
+        10.0**n
+        for n in range(math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9) + 1)
+    ]
+    targets = decades or [low, high]
+    return list(dict.fromkeys(int(np.abs(np.log(frequency / at)).argmin()) for at in targets))

@@ -246,9 +246,9 @@ def main() -> None:
     options.add_argument("--trials", type=int, default=200)
     options.add_argument("--first", type=int, default=0, help="seed of the first trial")
     options.add_argument("--quadruple", action="store_true")
-    asked = options.parse_args()
-    if asked.quadruple:
-        given, true = quadruple(asked.first)
+    given_options = options.parse_args()
+    if given_options.quadruple:
+        given, true = quadruple(given_options.first)
         found = response_fit.solve(given.problem())
         sigma = np.sqrt(np.diag(of.covariance(found.problem, found.z)))
         print(f"chi^2 {found.chi_squared:.6g} for {found.freedom} degrees of freedom")
@@ -257,7 +257,7 @@ def main() -> None:
             print(f"{name:42s} {value:.6g} {found.z[n]:.6g} +- {sigma[n]:.2g} ({pull:+.1f} sigma)")
         return
     inside = named = 0
-    for seed in range(asked.first, asked.first + asked.trials):
+    for seed in range(given_options.first, given_options.first + given_options.trials):
         given, true = double(seed)
         random = np.random.default_rng([seed, 1])
         letter, side = ("s", "a")[seed // 3 % 2], seed // 3 % 2
@@ -266,8 +266,8 @@ def main() -> None:
         found = response_fit.solve(spoil(given, *wrong).problem())
         inside += distance(found, true) < stats.chi2(len(true)).ppf(0.95)
         named += is_found(found.corrections, *wrong)
-    print(f"true numbers in the 95 % region: {inside} of {asked.trials}")
-    print(f"wrong channels found: {named} of {asked.trials}")
+    print(f"true numbers in the 95 % region: {inside} of {given_options.trials}")
+    print(f"wrong channels found: {named} of {given_options.trials}")
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import html
+import importlib
 import math
 import warnings
 from abc import ABC, abstractmethod
@@ -280,12 +281,16 @@ class Analysis(ABC):
         """Return the table or summary that the command prints."""
 
     def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the result into the open results file."""
-        raise NotImplementedError
+        """Write the result into a group of the open results file, by `file.py` of the folder."""
+        self._stored().fill(file.create_group(self.name), result.data)
 
     def load(self, file: h5py.File) -> Any:
-        """Read `Result.data` from an open results file."""
-        raise NotImplementedError
+        """Read `Result.data` from an open results file, by `file.py` of the folder."""
+        return self._stored().load(file[self.name])
+
+    def _stored(self) -> Any:
+        """Import the module `file` of the analysis's folder."""
+        return importlib.import_module(f"suspension_cli.analyses.{self.name}.file")
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""

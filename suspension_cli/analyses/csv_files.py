@@ -18,6 +18,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.analyses.analysis import Result
+from suspension_cli.analyses.labelled import stored_group
 from suspension_cli.files.atomic import write_bytes
 
 FREQUENCIES = ("frequency", "ratio_frequency")
@@ -34,13 +35,8 @@ def write(result: Result, path: Path) -> list[Path]:
         Of the results file: NAME.h5 gives NAME.csv with the main results; arrays with other rows
         get files of their own, NAME-ROWS.csv.
     """
-    if result.file is not None:
-        with h5py.File(result.file, "r") as file:
-            found = dict(_tables(file[result.analysis.name]))
-    else:
-        with h5py.File("memory", "w", driver="core", backing_store=False) as file:
-            result.analysis.fill(file, result)
-            found = dict(_tables(file[result.analysis.name]))
+    with stored_group(result) as group:
+        found = dict(_tables(group))
     paths = []
     for n, (rows, text) in enumerate(found.items()):
         stem = f"{path.stem}-{rows}" if n else path.stem

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 import h5py
 import numpy as np
+
+
+@contextlib.contextmanager
+def stored_group(result: Any) -> Iterator[Any]:
+    """Open the HDF5 group of an `analysis.Result`: in its file, or as its file would have it."""
+    if result.file is not None:
+        with h5py.File(result.file, "r") as file:
+            yield file[result.analysis.name]
+    else:
+        with h5py.File("memory", "w", driver="core", backing_store=False) as file:
+            result.analysis.fill(file, result)
+            yield file[result.analysis.name]
 
 
 def to_xarray(result: Any) -> Any:
@@ -18,13 +32,8 @@ def to_xarray(result: Any) -> Any:
     """
     import xarray  # pyright: ignore[reportMissingImports]
 
-    if result.file is not None:
-        with h5py.File(result.file, "r") as file:
-            variables = _variables(file[result.analysis.name])
-    else:
-        with h5py.File("memory", "w", driver="core", backing_store=False) as file:
-            result.analysis.fill(file, result)
-            variables = _variables(file[result.analysis.name])
+    with stored_group(result) as group:
+        variables = _variables(group)
     about = {
         "design": result.name,
         "model": result.model,

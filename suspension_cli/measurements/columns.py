@@ -198,8 +198,8 @@ def read_points(columns: Columns, table: TransferFunction, unit: Mapping[str, st
     data = {role: np.asarray(columns.read(position)) for role, position in chosen.items()}
     lengths = {role: len(values) for role, values in data.items()}
     if len({*lengths.values()}) > 1:
-        told = ", ".join(f"{columns.names[chosen[role]]} {n}" for role, n in lengths.items())
-        raise InputError([Fault("", f"lengths differ: {told}", "give all one length")])
+        listed = ", ".join(f"{columns.names[chosen[role]]} {n}" for role, n in lengths.items())
+        raise InputError([Fault("", f"lengths differ: {listed}", "give all one length")])
     for role, values in data.items():
         _check_finite(values, columns, columns.names[chosen[role]])
         if role != "value" and np.iscomplexobj(values):

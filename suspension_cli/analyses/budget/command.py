@@ -13,7 +13,6 @@ from suspension_cli.analyses.options import option
 from suspension_cli.errors import escape_unprintable
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.budget.ground import Motion
@@ -141,14 +140,14 @@ class BudgetAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return a table per output: RMS and amplitude spectral densities by cause."""
-        from suspension_cli.analyses.thermal.command import told
+        from suspension_cli.grids import decade_points
 
         first = result.data[0]
         ground = describe_ground(_sources(first), float(first.frequency[-1]))
         lines = [result.choice.line, f"ground: {ground}"]
         for one in result.data:
             low, high = one.frequency[0], one.frequency[-1]
-            shown = told(one.frequency)
+            shown = decade_points(one.frequency)
             lines += [
                 "",
                 f"{one.output}, {low:.4g}" + (f" to {high:.4g}" if high > low else "") + " Hz",
@@ -174,18 +173,6 @@ class BudgetAnalysis(Analysis):
             if one.requirement is not None:
                 lines.append(f"  {describe_requirement(one.requirement)}")
         return "\n".join(lines)
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `budget`."""
-        from suspension_cli.analyses.budget import file as stored
-
-        stored.fill(file.create_group("budget"), result.data)
-
-    def load(self, file: h5py.File) -> list[Budget]:
-        """Read the group `budget`."""
-        from suspension_cli.analyses.budget import file as stored
-
-        return stored.load(file["budget"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw a panel per output."""

@@ -13,7 +13,6 @@ from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
 from suspension_cli.analyses.options import argument, option
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.compare.solve import Comparison, Overlay
@@ -129,18 +128,6 @@ class CompareAnalysis(Analysis):
         from suspension_cli.analyses.compare import text
 
         return text.describe(result.data)
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `compare`."""
-        from suspension_cli.analyses.compare import file as stored
-
-        stored.fill(file.create_group("compare"), result.data)
-
-    def load(self, file: h5py.File) -> Comparison:
-        """Read the group `compare`."""
-        from suspension_cli.analyses.compare import file as stored
-
-        return stored.load(file["compare"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw the changes of modes, and every response and noise with its ratio."""

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from suspension_cli.analyses.compare.solve import Comparison, Overlay, PairedModes
+from suspension_cli.analyses.response.picture import insert_gaps
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
@@ -144,8 +145,7 @@ def _phase(value: Any) -> Any:
     """Phase in degrees from -185 to 175, where -180 does not flip, with a gap where it wraps."""
     phase = np.degrees(np.angle(value))
     phase[phase > 175] -= 360
-    phase[1:][np.abs(np.diff(phase)) > 270] = np.nan
-    return phase
+    return insert_gaps(phase)
 
 
 def _model_line(found: Comparison) -> str:

@@ -16,7 +16,6 @@ from suspension_cli.analyses.options import option
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.damp.solve import LocalControl
@@ -214,18 +213,6 @@ class DampAnalysis(Analysis):
             "nearest to -1": ".3g",
         }
         return "\n".join([*lines, tables.render(columns, rows), *_all_at_once(answer)])
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `damp`."""
-        from suspension_cli.analyses.damp import file as stored
-
-        stored.fill(file.create_group("damp"), result.data)
-
-    def load(self, file: h5py.File) -> LocalControl:
-        """Read the group `damp`."""
-        from suspension_cli.analyses.damp import file as stored
-
-        return stored.load(file["damp"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw poles, impulse response, sensor noise, loop gains and their Nichols chart."""

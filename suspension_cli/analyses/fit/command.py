@@ -15,7 +15,6 @@ from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, plain
 from suspension_cli.analyses.options import argument, option
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.fit.solve import Fit
@@ -198,18 +197,6 @@ class FitAnalysis(Analysis):
         for part in response_text.report(found):
             lines += [part, ""]
         return "\n".join([*lines, *_end(found)])
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `fit`."""
-        from suspension_cli.analyses.fit import file as stored
-
-        stored.fill(file.create_group("fit"), result.data)
-
-    def load(self, file: h5py.File) -> Fit:
-        """Read the group `fit`."""
-        from suspension_cli.analyses.fit import file as stored
-
-        return stored.load(file["fit"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw modes before and after, and what was learned."""

@@ -10,7 +10,6 @@ from suspension_cli.analyses.analysis import Analysis, Result, Run, reading_all
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.linear.eigenmodes import Modes
@@ -154,18 +153,6 @@ class ModesAnalysis(Analysis):
         columns |= {"top mass\n%": ".1f", "mode, by share of kinetic energy": ""}
         title = result.title + (f"  [{result.name}]" if result.title != result.name else "")
         return "\n".join([title, result.choice.line, "", tables.render(columns, rows)])
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `modes`."""
-        from suspension_cli.analyses.modes import file as stored
-
-        stored.fill(file.create_group("modes"), result.data)
-
-    def load(self, file: h5py.File) -> Modes:
-        """Read the group `modes`."""
-        from suspension_cli.analyses.modes import file as stored
-
-        return stored.load(file["modes"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw every mode, and where wires have mass the Q of all."""

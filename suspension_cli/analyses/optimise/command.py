@@ -15,7 +15,6 @@ from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, as_numb
 from suspension_cli.analyses.options import argument, option
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.optimise.optimum import Optimum
@@ -162,18 +161,6 @@ class OptimiseAnalysis(Analysis):
             )
         lines += [f"UNKNOWN  {what}" for what in found.unknown]
         return "\n".join([*lines, "", _verdict(found), *_starts(found)])
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `optimise`."""
-        from suspension_cli.analyses.optimise import file as stored
-
-        stored.fill(file.create_group("optimise"), result.data)
-
-    def load(self, file: h5py.File) -> Optimum:
-        """Read the group `optimise`."""
-        from suspension_cli.analyses.optimise import file as stored
-
-        return stored.load(file["optimise"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw modes and limits before and after."""

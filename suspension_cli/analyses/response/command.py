@@ -13,7 +13,6 @@ from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, as_numb
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.response.closed_loop import ClosedTransfer
@@ -177,18 +176,6 @@ class ResponseAnalysis(Analysis):
                     line += f", largest {top} at {largest.frequency[o, i]:.6g} Hz"
                 lines.append(line)
         return "\n".join(lines)
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `response`."""
-        from suspension_cli.analyses.response import file as stored
-
-        stored.fill(file.create_group("response"), result.data)
-
-    def load(self, file: h5py.File) -> Response:
-        """Read the group `response`."""
-        from suspension_cli.analyses.response import file as stored
-
-        return stored.load(file["response"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw magnitude and phase."""

@@ -302,10 +302,10 @@ def slip(one: Comparison) -> str:
         return ""
     factor = 10.0 ** round(np.log10(median))
     unit = UNITS.get(factor)
-    told = f"is the file in {unit}? then " if unit else "check units and gains: "
+    advice = f"is the file in {unit}? then " if unit else "check units and gains: "
     return (
         f"{one.data.name}: measured magnitudes are {median:.3g} times those of the model (median);"
-        f" {told}set gain = {1 / factor:g} in its [[transfer_function]]"
+        f" {advice}set gain = {1 / factor:g} in its [[transfer_function]]"
     )
 
 

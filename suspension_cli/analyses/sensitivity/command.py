@@ -9,7 +9,6 @@ from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.sensitivity.solve import Sensitivity
@@ -141,18 +140,6 @@ class SensitivityAnalysis(Analysis):
             columns |= {f"[{n + 1}]\n{_unit(found, n)}": "+.3f" for n in here}
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `sensitivity`."""
-        from suspension_cli.analyses.sensitivity import file as stored
-
-        stored.fill(file.create_group("sensitivity"), result.data)
-
-    def load(self, file: h5py.File) -> Sensitivity:
-        """Read the group `sensitivity`."""
-        from suspension_cli.analyses.sensitivity import file as stored
-
-        return stored.load(file["sensitivity"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw a coloured table."""

@@ -9,9 +9,9 @@ import click
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, only_one
 from suspension_cli.analyses.options import option
+from suspension_cli.grids import decade_points
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.thermal.solve import Thermal
@@ -100,7 +100,7 @@ class ThermalAnalysis(Analysis):
             along = f" along a beam that rises by {1e6 * noise.tilt:.3g} urad" if noise.tilt else ""
             lines.append(f"{noise.output}{along}: thermal noise")
             rows = []
-            for n in told(noise.frequency):
+            for n in decade_points(noise.frequency):
                 power = noise.density[:, n]
                 order = sorted(range(len(power)), key=lambda s: -power[s])[:NAMED]
                 shares = (
@@ -116,18 +116,6 @@ class ThermalAnalysis(Analysis):
             }
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `thermal`."""
-        from suspension_cli.analyses.thermal import file as stored
-
-        stored.fill(file.create_group("thermal"), result.data)
-
-    def load(self, file: h5py.File) -> list[Thermal]:
-        """Read the group `thermal`."""
-        from suspension_cli.analyses.thermal import file as stored
-
-        return stored.load(file["thermal"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw amplitude spectral densities."""
@@ -223,21 +211,6 @@ def _demand_loss(noise: Thermal) -> None:
 
 def _percent(share: float) -> str:
     return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
-
-
-def told(frequency: Any) -> list[int]:
-    """Find the points of a grid nearest to 1 Hz, 10 Hz, ...; its ends if there are none."""
-    import math
-
-    import numpy as np
-
-    low, high = float(frequency.min()), float(frequency.max())
-    decades = [
-        10.0**n
-        for n in range(math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9) + 1)
-    ]
-    targets = decades or [low, high]
-    return list(dict.fromkeys(int(np.abs(np.log(frequency / at)).argmin()) for at in targets))
 
 
 ANALYSIS = ThermalAnalysis()

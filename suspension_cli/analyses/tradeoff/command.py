@@ -13,7 +13,6 @@ from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
-    import h5py
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.tradeoff.result import Entry, Panel, ResponseTimes, Tradeoff
@@ -109,18 +108,6 @@ class TradeoffAnalysis(Analysis):
         from suspension_cli.analyses.tradeoff import summary
 
         return summary.text(result.data)
-
-    def fill(self, file: h5py.File, result: Result) -> None:
-        """Write the group `tradeoff`."""
-        from suspension_cli.analyses.tradeoff import file as stored
-
-        stored.fill(file.create_group("tradeoff"), result.data)
-
-    def load(self, file: h5py.File) -> Tradeoff:
-        """Read the group `tradeoff`."""
-        from suspension_cli.analyses.tradeoff import file as stored
-
-        return stored.load(file["tradeoff"])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw errors against times."""

@@ -9,8 +9,8 @@ import pytest
 from suspension_cli.analyses.thermal import file as files
 from suspension_cli.analyses.thermal import picture
 from suspension_cli.analyses.thermal import solve as thermal
-from suspension_cli.analyses.thermal.command import told
 from suspension_cli.files.hdf5 import open_results
+from suspension_cli.grids import decade_points
 from suspension_cli.models import registry
 from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, run, strict_json, written
@@ -177,8 +177,8 @@ def test_text_for_people(file, out):
     ("frequency", "places"),
     [([2.0, 3.0], [0, 1]), ([5.0], [0]), ([1.0, 10.0, 100.0], [0, 1, 2]), ([100.0, 1.0], [1, 0])],
 )
-def test_frequencies_told(frequency, places):
-    assert told(np.array(frequency)) == places
+def test_frequencies_that_are_printed(frequency, places):
+    assert decade_points(np.array(frequency)) == places
 
 
 # refusals
