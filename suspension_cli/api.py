@@ -1079,7 +1079,8 @@ def info(
     """
     given = {"drive": input, "output": output, "frequency": _grid(frequency)}
     with _python_names():
-        setting = _setting("info", options.INFO, (), design, given | {"tolerance": tolerance})
+        given |= {"tolerance": tolerance}
+        setting = settings.of_design("info", options.INFO, (), design, given)
         return solve_info(design, setting, Log())
 
 
@@ -1122,7 +1123,8 @@ def _run(name: str, files: Design | dict[str, Any], model: str | None, **given: 
 
     def ask(file: Source | PathLike, overrides: tuple[str, ...] = ()) -> Run:
         design = file if isinstance(file, Source) else read(file, overrides)
-        setting = _setting(name, analysis.parameters, analysis.swept_names(), design, given)
+        extra = analysis.swept_names()
+        setting = settings.of_design(name, analysis.parameters, extra, design, given)
         command = f"suspension_cli.{name}()"
         return Run(design, setting, Log(), Path(folder.name), command)
 
@@ -1132,24 +1134,6 @@ def _run(name: str, files: Design | dict[str, Any], model: str | None, **given: 
             result = analysis.solve(run)
     object.__setattr__(result, "_folder", folder)  # keeps the file of a sweep until it is saved
     return result
-
-
-def _setting(
-    name: str,
-    parameters: Sequence[click.Parameter],
-    extra: tuple[str, ...],
-    design: Source,
-    given: dict[str, Any],
-) -> dict[str, Any]:
-    context = click.Command(name, params=list(parameters)).make_context(name, [])  # all defaults
-    for param in parameters:
-        value = given.get(param.name, context.params[param.name])
-        if value != context.params[param.name]:
-            context.set_parameter_source(param.name, click.core.ParameterSource.COMMANDLINE)
-            context.params[param.name] = param.type_cast_value(context, value)
-    context.params["as_json"] = True  # nothing is printed
-    table = design.design.analysis.get(name, {})
-    return settings.with_analysis_table(context, table, design.file, extra)
 
 
 @contextlib.contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,37 @@ def defaults(analysis: Analysis, given: dict[str, Any]) -> dict[str, Any]:
     """Return the settings of an analysis that another one runs: its defaults and those `given`."""
     command = click.Command(analysis.name, params=list(analysis.parameters))
     return command.make_context(analysis.name, []).params | given
+
+
+def of_design(
+    name: str,
+    parameters: Sequence[click.Parameter],
+    extra: tuple[str, ...],
+    source: Source,
+    given: dict[str, Any],
+) -> dict[str, Any]:
+    """Return settings: those `given`, else those of the design, else defaults.
+
+    Parameters
+    ----------
+    name : str
+        Of the command.
+    parameters : sequence of click.Parameter
+    extra : tuple of str
+        As of `with_analysis_table`.
+    source : Source
+    given : dict
+        A value that is the default of its option counts as not given.
+    """
+    context = click.Command(name, params=list(parameters)).make_context(name, [])  # all defaults
+    for param in parameters:
+        value = given.get(str(param.name), context.params[str(param.name)])
+        if value != context.params[str(param.name)]:
+            context.set_parameter_source(str(param.name), click.core.ParameterSource.COMMANDLINE)
+            context.params[str(param.name)] = param.type_cast_value(context, value)
+    context.params["as_json"] = True  # nothing is printed
+    table = source.design.analysis.get(name, {})
+    return with_analysis_table(context, table, source.file, extra)
 
 
 def with_analysis_table(

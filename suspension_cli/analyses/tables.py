@@ -2,17 +2,55 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 import shutil
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import Any
 
 LEAST = 24
 """Least width of a last column of text; in a narrower terminal lines are too long."""
 GLUE = "\ue000"
 """Stands for a space at which text is not folded."""
+PLACE = re.compile("\ue001(\\d+)\ue002")
+"""Stands for a table that was collected instead of rendered; with its number."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns and rows, as `render` takes them."""
+
+    columns: Mapping[str, str]
+    rows: Sequence[Sequence[Any]]
+
+    @property
+    def cells(self) -> list[list[str]]:
+        """Text of every cell, a list for each column."""
+        return [
+            [_cell(row[n], form) for row in self.rows]
+            for n, form in enumerate(self.columns.values())
+        ]
+
+
+_COLLECTED: ContextVar[list[Table] | None] = ContextVar("_COLLECTED", default=None)
+
+
+@contextlib.contextmanager
+def collecting() -> Iterator[list[Table]]:
+    """Collect tables instead of rendering them: `render` returns `PLACE` with their number.
+
+    Documents in other formats than text thus have the tables that commands print.
+    """
+    found: list[Table] = []
+    token = _COLLECTED.set(found)
+    try:
+        yield found
+    finally:
+        _COLLECTED.reset(token)
 
 
 def width() -> int:
@@ -38,28 +76,36 @@ def render(columns: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> str:
           0.790  yaw
          12.5    roll
     """
+    table = Table(columns, [*rows])
+    collected = _COLLECTED.get()
+    if collected is not None:
+        collected.append(table)
+        return f"\ue001{len(collected) - 1}\ue002"
+    return _text(table)
+
+
+def _text(table: Table) -> str:
     from rich.cells import cell_len
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Table as Grid
     from rich.text import Text
 
-    formats = columns.values()
-    text = [map(_cell, row, formats) for row in rows]
+    formats = table.columns.values()
     cells = [
         _align(head.split("\n"), column) if form else [head, *column]
-        for form, head, *column in zip(formats, columns, *text, strict=True)
+        for head, form, column in zip(table.columns, formats, table.cells, strict=True)
     ]
     widths = [2 + max(map(cell_len, "\n".join(column).split("\n"))) for column in cells]
     if not [*formats][-1]:
         widths[-1] = min(widths[-1], max(width() - 2 - sum(widths[:-1]), LEAST))
-    table = Table.grid()
+    grid = Grid.grid()
     for wide in widths:
-        table.add_column(width=wide)
+        grid.add_column(width=wide)
     for row in zip(*cells, strict=True):
-        table.add_row(*map(Text, row))
+        grid.add_row(*map(Text, row))
     console = Console(width=sum(widths), force_terminal=False, force_jupyter=False)
     with console.capture() as captured:
-        console.print(table)
+        console.print(grid)
     lines = captured.get().replace(GLUE, " ").splitlines()
     return "\n".join(f"  {line}".rstrip() for line in lines)
 

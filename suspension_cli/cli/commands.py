@@ -12,6 +12,7 @@ OTHERS = {
     "info": "Estimate how complete a model a design needs.",
     "check": "Check designs and list what their wires carry.",
     "draw": "Draw a design to scale, from the side and from the front.",
+    "report": "Write one HTML file of a design with all its analyses.",
     "new": "Start a design from a template or an example.",
     "schema": "Print the JSON Schema of the design file.",
     "plot": "Redraw the pictures of results files, alone or together.",

@@ -58,7 +58,7 @@ class _Bounds:
         return self.z[1] - self.z[0]
 
 
-def draw(design: Design, scene: Scene) -> Figure:
+def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
     """Draw a suspension to scale.
 
     Parameters
@@ -66,6 +66,8 @@ def draw(design: Design, scene: Scene) -> Figure:
     design : Design
     scene : Scene
         Of the design, without batch axes.
+    tabulate : bool
+        Whether to write the tables of dimensions, and the key, below the views.
 
     Returns
     -------
@@ -82,11 +84,10 @@ def draw(design: Design, scene: Scene) -> Figure:
         sketch = replace(bare, thick=SUPPORT / scale)
         bounds = _bounds(sketch)
         wide = SCALE + LEADERS + _names(scene) + LENGTHS + RIGHT + scale * bounds.width
-        unstretched = [tables.stages(design, scene), tables.wires(design, scene)]
-        unstretched = [table for table in unstretched if table is not None]
-        inner = max(wide, *(table.width for table in unstretched))
+        unstretched = tables.listed(design, scene) if tabulate else []
+        inner = max([wide, *(table.width for table in unstretched)])
         shown = [table.stretched(inner) for table in unstretched]
-        key = tables.key(scene)
+        key = tables.key(scene) if tabulate else []
         below = TOP + scale * bounds.height + FOOT
         figure = style.new_figure(
             inner + 2 * MARGIN,

@@ -86,6 +86,12 @@ def key(scene: Scene) -> list[str]:
     return [*KEY, *[BLADES] * bool(scene.blades.label), *[SPRINGS] * bool(scene.springs.label)]
 
 
+def listed(design: Design, scene: Scene) -> list[Table]:
+    """Tables below a drawing: stages, and wires outside symmetric sets."""
+    found = (stages(design, scene), wires(design, scene))
+    return [table for table in found if table is not None]
+
+
 def stages(design: Design, scene: Scene) -> Table:
     """Table of stages: mass, the body above, and the dimensions of the symmetric set of wires."""
     tree = any(stage.hangs_from is not None for stage in design.stage)

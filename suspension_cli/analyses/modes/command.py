@@ -159,7 +159,8 @@ class ModesAnalysis(Analysis):
         from suspension_cli.analyses.modes import picture, quality_picture
         from suspension_cli.equilibrium.nominal import expand
 
-        figures = {"": picture.draw(result.data, result.design, expand(result.design))}
+        pages = picture.draw_pages(result.data, result.design, expand(result.design))
+        figures = {f"-{n}" if n > 1 else "": page.figure for n, page in enumerate(pages, 1)}
         if result.data.wire:
             figures["-wires"] = quality_picture.draw(result.data, result.design)
         return figures

@@ -1,7 +1,8 @@
-"""Figure of mode shapes, one panel per mode."""
+"""Figures of mode shapes, one panel per mode."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +44,17 @@ MOST = 120
 """Largest number of modes drawn: the lowest ones."""
 SHOWN = 3
 """Largest number of energy bars per mode."""
+PAGE = 24
+"""Largest number of modes of one figure."""
+COLUMNS = 4
+"""Largest number of panels side by side where modes take several figures, for a page."""
+KINDS = {
+    "longitudinal and pitch": ("x", "pitch"),
+    "transverse and roll": ("y", "roll"),
+    "vertical and yaw": ("z", "yaw"),
+}
+"""Kinds of modes that share a figure, and their degrees of freedom: coupled even in a symmetric
+design, or few."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +77,24 @@ class Panel:
     sketch: Sketch
     low: Array
     high: Array
+
+
+@dataclass(frozen=True)
+class Page:
+    """One of several figures of modes.
+
+    Attributes
+    ----------
+    kind : str
+        Kind of its modes (`KINDS`); "" for all.
+    numbers : tuple of int
+        Its modes, from 0.
+    figure : Figure
+    """
+
+    kind: str
+    numbers: tuple[int, ...]
+    figure: Figure
 
 
 @dataclass(frozen=True)
@@ -103,41 +133,99 @@ def draw(modes: Modes, design: Design, scene: Scene) -> Figure:
         of the motion. The colour is that of the degree of freedom with most kinetic energy; the
         stronger it is, the larger the fraction of a body.
     """
+    return draw_pages(modes, design, scene, MOST)[0].figure
+
+
+def draw_pages(modes: Modes, design: Design, scene: Scene, most: int = PAGE) -> list[Page]:
+    """Draw the modes of a suspension on one figure, or on several where there are many.
+
+    Parameters
+    ----------
+    modes, design, scene
+        As of `draw`.
+    most : int
+        Largest number of modes of one figure. More are split by kind (`KINDS`), and the modes of
+        one kind, ascending, into figures of about equal numbers, which fit a page.
+    """
+    bodily = np.flatnonzero(modes.order == 0).tolist()
+    numbers = bodily[:MOST]
+    cut = len(numbers) < len(bodily)
+    note = f"The lowest {len(numbers)} of {len(bodily)} modes. " if cut else ""
     with style.house_style():
-        rest = Sketch(
-            design,
-            scene,
-            outlines(design, scene),
-            nominal_pose(scene),
-            THICK * suspension_size(scene),
-        )
-        bodily = np.flatnonzero(modes.order == 0).tolist()
-        panels = [_panel(modes, number, rest) for number in bodily[:MOST]]
-        frame = _frame(panels)
-        tall = float(np.clip((WIDTH - 0.1) * frame.height / frame.width, LOWEST, TALLEST))
-        pitch = HEAD + tall + FOOT + BARS + GAP
-        across = _choose_columns(len(panels), WIDTH + GAP, pitch)
-        figure = style.new_figure(
-            max(across * (WIDTH + GAP) + GAP, LEAST), TOP + -(-len(panels) // across) * pitch
-        )
-        _draw_heading(
-            figure,
-            design,
-            (
-                f"The lowest {len(panels)} of {len(bodily)} modes. "
-                if len(panels) < len(bodily)
-                else ""
-            ),
-        )
-        canvas = full_canvas(figure)
-        for n, panel in enumerate(panels):
-            left = GAP + (n % across) * (WIDTH + GAP)
-            top = figure.get_size_inches()[1] - TOP - (n // across) * pitch
-            _draw_title(canvas, left, top, modes, panel.number)
-            _draw_picture(canvas, (left, top - HEAD), tall, modes, panel, rest, frame)
-            _draw_bars(canvas, left, top - HEAD - tall - FOOT, modes, panel.number)
-        canvas.flush()
-        return figure
+        rest = _at_rest(design, scene)
+        panels = {number: _panel(modes, number, rest) for number in numbers}
+        frame = _frame([*panels.values()])
+        pages = [*_split(modes, numbers, most)]
+        return [
+            Page(
+                kind,
+                tuple(part),
+                _figure(
+                    modes,
+                    rest,
+                    [panels[n] for n in part],
+                    frame,
+                    kind,
+                    note,
+                    COLUMNS if kind else 0,
+                ),
+            )
+            for kind, part in pages
+        ]
+
+
+def _at_rest(design: Design, scene: Scene) -> Sketch:
+    thick = THICK * suspension_size(scene)
+    return Sketch(design, scene, outlines(design, scene), nominal_pose(scene), thick)
+
+
+def _split(modes: Modes, numbers: list[int], most: int) -> Iterator[tuple[str, list[int]]]:
+    """Split modes into pages of at most `most`, each with its kind; "" for all kinds."""
+    if len(numbers) <= most:
+        yield "", numbers
+        return
+    for title, dofs in KINDS.items():
+        kind = [number for number in numbers if modes.home[number][1] in dofs]
+        count = -(-len(kind) // most)
+        for page in range(count):
+            part = kind[page * len(kind) // count : (page + 1) * len(kind) // count]
+            yield title + (f", {page + 1} of {count}" if count > 1 else ""), part
+
+
+def _figure(
+    modes: Modes,
+    rest: Sketch,
+    panels: list[Panel],
+    frame: Frame,
+    kind: str,
+    note: str,
+    widest: int,
+) -> Figure:
+    """Draw panels on a figure: as wide as it suits, or at most `widest` on one for a page."""
+    tall = float(np.clip((WIDTH - 0.1) * frame.height / frame.width, LOWEST, TALLEST))
+    around = HEAD + FOOT + BARS + GAP
+    if widest:
+        rows = -(-len(panels) // widest)
+        across = -(-len(panels) // rows)
+        width = max(across * (WIDTH + GAP) + GAP, LEAST)
+        highest = (0.6 + 0.2 * rows) * width
+        tall = max(min(tall, (highest - TOP) / rows - around), LOWEST)
+    else:
+        across = _choose_columns(len(panels), WIDTH + GAP, tall + around)
+        width = max(across * (WIDTH + GAP) + GAP, LEAST)
+        rows = -(-len(panels) // across)
+    pitch = tall + around
+    figure = style.new_figure(width, TOP + rows * pitch)
+    _draw_heading(figure, rest.design, kind, note)
+    canvas = full_canvas(figure)
+    for n, panel in enumerate(panels):
+        left = GAP + (n % across) * (WIDTH + GAP)
+        top = figure.get_size_inches()[1] - TOP - (n // across) * pitch
+        _draw_title(canvas, left, top, modes, panel.number)
+        _draw_picture(canvas, (left, top - HEAD), tall, modes, panel, rest, frame)
+        _draw_bars(canvas, left, top - HEAD - tall - FOOT, modes, panel.number)
+    canvas.flush()
+    return figure
 
 
 def choose_view(modes: Modes, number: int, above: View) -> View:
@@ -235,8 +323,9 @@ def _choose_columns(count: int, width: float, tall: float) -> int:
     return min(range(1, count + 1), key=badness)
 
 
-def _draw_heading(figure: Figure, design: Design, shown: str) -> None:
-    style.write_title(figure, design.design.title, design.design.name)
+def _draw_heading(figure: Figure, design: Design, kind: str, note: str) -> None:
+    name = design.design.name
+    style.write_title(figure, design.design.title, f"{name}: {kind} modes" if kind else name)
     across, _ = figure.get_size_inches()
     swatches = [
         Patch(
@@ -261,7 +350,7 @@ def _draw_heading(figure: Figure, design: Design, shown: str) -> None:
         borderpad=0.2,
     )
     key = (
-        f"{shown}Colour: degree of freedom with most kinetic energy, stronger where a body has"
+        f"{note}Colour: degree of freedom with most kinetic energy, stronger where a body has"
         " more. Bars: fractions of it. Motions exaggerated."
     )
     style.write_text(figure, 0.2, 0.78, key, 7.5, NOTE)

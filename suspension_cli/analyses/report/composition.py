@@ -1,0 +1,201 @@
+"""A report in the making: what was requested, and the analyses that its sections run."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from suspension_cli.analyses import registry, settings, tables
+from suspension_cli.analyses.analysis import Log, Progress, Result, Run
+from suspension_cli.analyses.report import html
+
+if TYPE_CHECKING:
+    import contextlib
+
+    from suspension_cli.design.reader import Source
+    from suspension_cli.models.registry import Choice
+    from suspension_cli.scene.scene import Scene
+
+BUILDS = 1000
+"""Imperfect builds of which a report gives statistics."""
+
+
+class Omitted(Exception):
+    """A section does not apply to a design; the text says why."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """Contents of a report.
+
+    Attributes
+    ----------
+    sections : tuple of str
+        Names of sections; empty for all.
+    inputs, outputs : tuple of str
+        Signals of the responses; empty for those that `sections.response` chooses.
+    builds : int
+        Imperfect builds of the tolerances.
+    fidelity : str
+        Model of all analyses.
+    tolerance : float
+        Relative error that ``auto`` may leave.
+    overrides : tuple of str
+        Changes of the file that the source includes already, for the commands that are listed.
+    folder : Path or None
+        Where results files of earlier runs may be.
+    """
+
+    sections: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    builds: int = BUILDS
+    fidelity: str = "auto"
+    tolerance: float = 1e-3
+    overrides: tuple[str, ...] = ()
+    folder: Path | None = None
+
+
+class Warnings(Log):
+    """Log that keeps the warnings of one section, and passes each new one on."""
+
+    def __init__(self, outer: Log) -> None:
+        self.outer = outer
+        self.lines: list[str] = []
+        self.passed: set[str] = set()
+
+    def warn(self, text: str) -> None:
+        """Keep a warning."""
+        if text not in self.lines:
+            self.lines.append(text)
+        if text not in self.passed:
+            self.passed.add(text)
+            self.outer.warn(text)
+
+    def detail(self, text: str) -> None:
+        """Pass on a detail."""
+        self.outer.detail(text)
+
+    def progress(self) -> contextlib.AbstractContextManager[Progress]:
+        """Show the progress of a long computation."""
+        return self.outer.progress()
+
+    def take(self) -> list[str]:
+        """Return the warnings since the last call."""
+        lines, self.lines = self.lines, []
+        return lines
+
+
+@dataclass(frozen=True)
+class Part:
+    """One analysis of a report, for the table of its provenance.
+
+    Attributes
+    ----------
+    title : str
+        Of its section.
+    command : str
+        Command line that computes it again.
+    choice : Choice or None
+        Its model.
+    """
+
+    title: str
+    command: str
+    choice: Choice | None = None
+
+
+@dataclass
+class Composition:
+    """A report in the making.
+
+    Attributes
+    ----------
+    source : Source
+    scene : Scene
+        Of the design, without imperfections.
+    request : Request
+    log : Warnings
+    folder : Path
+        For the files of analyses that write while they compute.
+    parts : list of Part
+        Analyses so far.
+    title : str
+        Of the current section.
+    """
+
+    source: Source
+    scene: Scene
+    request: Request
+    log: Warnings
+    folder: Path
+    parts: list[Part] = field(default_factory=list)
+    title: str = ""
+
+    def list(self, name: str) -> None:
+        """List a command that analyses nothing among the parts."""
+        self.parts.append(Part(self.title, self.command(name)))
+
+    def note(self, command: str, choice: Choice) -> None:
+        """List a part that was computed before."""
+        self.parts.append(Part(self.title, command, choice))
+
+    def command(self, name: str, *options: str) -> str:
+        """Return the command line of a command with options."""
+        request = self.request
+        words = ["pendsus", name, self.file, *options]
+        for override in request.overrides:
+            words += ["--set", override]
+        return shlex.join(words)
+
+    @property
+    def file(self) -> str:
+        """File of the design in command lines: the user's if there is one."""
+        return self.source.file or f"{self.source.design.design.name}.toml"
+
+    def run(self, name: str, *options: str, **given: Any) -> Result:
+        """Run an analysis.
+
+        Parameters
+        ----------
+        name : str
+        *options : str
+            The same on the command line, as the report lists it.
+        **given
+            Settings, by the names of the parameters of the analysis.
+        """
+        analysis, request = registry.get(name), self.request
+        names = {param.name for param in analysis.parameters}
+        shared = {"fidelity": request.fidelity, "tolerance": request.tolerance}
+        usual = {"fidelity": "auto", "tolerance": 1e-3}
+        for key, value in shared.items():
+            if key in names and value != usual[key]:
+                given[key] = value
+                options = (*options, f"--{key}", str(value))
+        command = self.command(name, *options)
+        extra = analysis.swept_names()
+        setting = settings.of_design(name, analysis.parameters, extra, self.source, given)
+        one = Run(self.source, setting, self.log, self.folder, command)
+        with one.faults():
+            result = analysis.solve(one)
+        self.parts.append(Part(self.title, command, result.choice))
+        return result
+
+    def answer(self, result: Result) -> str:
+        """Return what the command of a result prints, as HTML."""
+        with tables.collecting() as found:
+            answer = str(result)
+        head = f"{result.title}  [{result.name}]"
+        lines = answer.split("\n")
+        if lines[0] in (head, result.title):
+            answer = "\n".join(lines[1:])
+        return html.prose(answer, found, result.choice.line)
+
+    def pictures(self, result: Result, caption: str, **setting: Any) -> str:
+        """Return the pictures of a result with one caption."""
+        return "".join(
+            html.picture(figure, caption, f"{self.title}: picture")
+            for figure in result.figures(**setting).values()
+        )

@@ -1,0 +1,247 @@
+"""HTML of a report: text, tables, pictures and the page around them.
+
+Plain string functions: the page has no layout that a template language would shorten. Everything
+is in the file: pictures are `data:` addresses, the style sheet is inline, and there is no script.
+"""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+from suspension_cli.analyses import tables
+from suspension_cli.analyses.tables import Table
+from suspension_cli.errors import escape_unprintable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LARGEST = 1_500_000
+"""Size in bytes above which a picture is embedded as PNG instead of SVG."""
+INCH = 96
+"""Pixels of a style sheet per inch."""
+NUMBER = re.compile(r"([-+]?)([\d,]+)(\.\d*)?(?:e([-+]\d+))?")
+"""A formatted number: sign, digits before the point, from the point on, exponent."""
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def text(value: object) -> str:
+    """Escape text for HTML."""
+    return escape(escape_unprintable(str(value)))
+
+
+def lines(value: str) -> str:
+    """Escape text of several lines for HTML."""
+    return "\n".join(map(text, value.split("\n")))
+
+
+def paragraph(content: str, kind: str = "") -> str:
+    """Return a paragraph of HTML, of a class of the style sheet."""
+    return f"<p{_attribute('class', kind)}>{content}</p>\n"
+
+
+def prose(answer: str, found: Sequence[Table], model: str = "") -> str:
+    """Return what a command prints as HTML.
+
+    Parameters
+    ----------
+    answer : str
+        Text that was made within `tables.collecting`.
+    found : sequence of Table
+        The tables collected then.
+    model : str
+        Line of the model, which is set apart.
+    """
+    parts: list[str] = []
+    for block in re.split(r"\n\s*\n", answer):
+        lines: list[str] = []
+        for line in map(str.strip, block.split("\n")):
+            place = tables.PLACE.fullmatch(line)
+            if place:
+                parts += [_lines(lines), table(found[int(place[1])])]
+                lines = []
+            elif line and line == model:
+                parts.append(paragraph(text(line), "model"))
+            elif line:
+                lines.append(line)
+        parts.append(_lines(lines))
+    return "".join(parts)
+
+
+def _lines(lines: Sequence[str]) -> str:
+    """Return lines of text as one paragraph; a line that ends with a semicolon goes on."""
+    joined = "".join(text(line) + (" " if line[-1] == ";" else "<br>") for line in lines)
+    return paragraph(joined.removesuffix("<br>")) if joined else ""
+
+
+def table(content: Table, caption: str = "") -> str:
+    """Return a table: numbers are aligned on the point, text on the left."""
+    heads, columns = [], []
+    for head, form, cells in zip(
+        content.columns, content.columns.values(), content.cells, strict=True
+    ):
+        side = "n" if form else "t"
+        name, _, unit = head.partition("\n")
+        below = f"<br><small>{text(unit.strip())}</small>" if unit else ""
+        heads.append(f'<th scope="col" class="{side}">{text(name)}{below}</th>')
+        plain = [cell.replace(tables.GLUE, "\u00a0") for cell in cells]
+        shown = _aligned(plain) if form else map(text, plain)
+        columns.append([f'<td class="{side}">{cell}</td>' for cell in shown])
+    rows = "".join(f"<tr>{''.join(row)}</tr>\n" for row in zip(*columns, strict=True))
+    title = f"<caption>{caption}</caption>" if caption else ""
+    return (
+        f'<div class="wide"><table>{title}\n<thead><tr>{"".join(heads)}</tr></thead>\n'
+        f"<tbody>\n{rows}</tbody></table></div>\n"
+    )
+
+
+def _aligned(cells: Sequence[str]) -> list[str]:
+    """Return numbers as HTML whose points are at one place: what follows has one width in all."""
+    parts = [NUMBER.fullmatch(cell) for cell in cells]
+    tails = [(part[3] or "", _power(part[4])) if part else ("", "") for part in parts]
+    # a digit is one ch wide; raised digits and the point are narrower
+    width = max(
+        (len(rest) + (2 + 0.7 * len(power) if power else 0) for rest, power in tails), default=0
+    )
+    style = f' style="width:{width:.3g}ch"' if width else ""
+    result = []
+    for cell, part, (rest, power) in zip(cells, parts, tails, strict=True):
+        if part is None:
+            result.append(text(cell.strip()))
+            continue
+        front = part[1].replace("-", "−") + part[2]
+        end = rest + (f"×10{power}" if power else "")
+        result.append(f"{front}<span{style}>{end}</span>" if style else front)
+    return result
+
+
+def _power(exponent: str | None) -> str:
+    return "" if exponent is None else str(int(exponent)).translate(RAISED)
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Write a number as people do: ``0.59``, ``1.2×10⁻¹¹``."""
+    found = NUMBER.fullmatch(f"{value:.{digits}g}")
+    if found is None:
+        return text(value)
+    power = f"×10{_power(found[4])}" if found[4] else ""
+    return found[1].replace("-", "−") + found[2] + (found[3] or "") + power
+
+
+def picture(figure: Figure, caption: str, alternative: str) -> str:
+    """Return a picture with its caption, embedded as SVG, or as PNG if that is too large.
+
+    Parameters
+    ----------
+    figure : Figure
+    caption : str
+        HTML.
+    alternative : str
+        Plain text that replaces the picture where it cannot be seen.
+    """
+    from suspension_cli.drawing.style import encode
+
+    kind, data = "svg+xml", encode(figure, "svg")
+    if len(data) > LARGEST:
+        kind, data = "png", encode(figure, "png")
+    across, up = (round(INCH * float(size)) for size in figure.get_size_inches())
+    return (
+        f'<figure><img width="{across}" height="{up}" alt="{text(alternative)}"'
+        f' src="data:image/{kind};base64,{base64.b64encode(data).decode()}">\n'
+        f"<figcaption>{caption}</figcaption></figure>\n"
+    )
+
+
+def section(name: str, title: str, content: str) -> str:
+    """Return a section under its heading, which the table of contents links to."""
+    return f'<section id="{text(name)}">\n<h2>{text(title)}</h2>\n{content}</section>\n'
+
+
+def contents(sections: Iterable[tuple[str, str]]) -> str:
+    """Return the table of contents of sections (name, title)."""
+    items = "".join(
+        f'<li><a href="#{text(name)}">{text(title)}</a></li>\n' for name, title in sections
+    )
+    return f'<nav aria-label="Contents">\n<ol>\n{items}</ol>\n</nav>\n'
+
+
+def page(title: str, header: str, body: str) -> str:
+    """Return the whole document."""
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="generator" content="pendsus">\n<link rel="icon" href="data:,">\n'
+        f"<title>{text(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
+        f"<header>\n{header}</header>\n{body}</main>\n</body>\n</html>\n"
+    )
+
+
+def _attribute(name: str, value: str) -> str:
+    return f' {name}="{text(value)}"' if value else ""
+
+
+STYLE = """
+:root { color-scheme: light; }
+* { box-sizing: border-box; }
+body { margin: 0; background: #fff; color: #222;
+  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", "Noto Sans",
+    "DejaVu Sans", Arial, sans-serif; }
+main { max-width: 58rem; margin: 0 auto; padding: 2.5rem 1.5rem 4rem; }
+h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .3rem; }
+h2 { font-size: 1.3rem; line-height: 1.25; margin: 3rem 0 .8rem; padding-top: .8rem;
+  border-top: 1px solid #c4c8cc; }
+p { max-width: 46rem; margin: .6rem 0; }
+.name, .model, .none, footer { color: #5f6770; }
+.model, .command { font-size: .85rem; }
+.none { font-style: italic; }
+.warning { border-left: 3px solid #d55e00; padding-left: .7rem; }
+.good { border-left: 3px solid #009e73; padding-left: .7rem; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; margin: 1rem 0; }
+dt { color: #5f6770; }
+dd { margin: 0; }
+nav ol { columns: 2; margin: 1.2rem 0 0; padding-left: 1.4rem; }
+a { color: #0072b2; text-decoration: none; }
+a:hover { text-decoration: underline; }
+.wide { overflow-x: auto; margin: 1rem 0; }
+table { border-collapse: collapse; font-size: .82rem; line-height: 1.35;
+  font-variant-numeric: tabular-nums lining-nums; }
+caption { text-align: left; font-weight: 600; padding: 0 0 .3rem; }
+thead th { border-bottom: 1px solid #222; border-top: 1px solid #222; vertical-align: bottom;
+  font-weight: 600; }
+tbody tr:last-child td { border-bottom: 1px solid #222; }
+th, td { padding: .14rem .9rem .14rem 0; vertical-align: baseline; }
+th:last-child, td:last-child { padding-right: 0; }
+th small { font-weight: 400; color: #5f6770; }
+.n { text-align: right; white-space: nowrap; }
+.n span { display: inline-block; text-align: left; }
+.t { text-align: left; }
+figure { margin: 1.4rem 0; }
+img { display: block; max-width: 100%; height: auto; margin: 0 auto; }
+figcaption { font-size: .88rem; color: #3d444b; margin: .5rem auto 0; max-width: 46rem; }
+pre, code { font-family: ui-monospace, "SF Mono", Consolas, "DejaVu Sans Mono", monospace;
+  font-size: .8rem; }
+code { overflow-wrap: anywhere; }
+pre { background: #f5f6f7; padding: 1rem; overflow-x: auto; line-height: 1.4; }
+@media (max-width: 40rem) { nav ol { columns: 1; } main { padding: 1.2rem 1rem 3rem; } }
+@media print {
+  @page { margin: 16mm 15mm; }
+  body { font-size: 10pt; }
+  main { max-width: none; padding: 0; }
+  h2 { margin-top: 1.6rem; break-after: avoid; }
+  p { orphans: 3; widows: 3; }
+  a { color: inherit; }
+  figure, tr { break-inside: avoid; }
+  thead { display: table-header-group; }
+  img { max-height: 225mm; width: auto; }
+  .wide { overflow: visible; }
+  table { font-size: 7.6pt; }
+  th, td { padding-right: .6rem; }
+  pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 7.5pt; padding: 0;
+    background: none; }
+  #design { break-before: page; }
+}
+"""
+"""Style sheet, of the colours of the pictures (`drawing.style`)."""

@@ -1,0 +1,407 @@
+"""Sections of a report: each runs an analysis, and captions its pictures with numbers of it."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses import tables
+from suspension_cli.analyses.report import html
+from suspension_cli.analyses.report.composition import Composition, Omitted
+from suspension_cli.conventions import DOFS
+from suspension_cli.errors import InputError
+from suspension_cli.version import __version__
+
+MODES_PER_PICTURE = 12
+"""Modes above which the pictures of modes are split by kind, so that they fit a page."""
+FLOW = (("x", ("x", "pitch")), ("y", ("y", "roll")), ("z", ("z",)), ("yaw", ("yaw",)))
+"""Motions of the support, and of the last stage, whose responses are shown by default."""
+
+Build = Callable[[Composition], Iterator[str]]
+"""Yields the HTML of a section, part by part."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a report."""
+
+    title: str
+    build: Build
+
+
+def header(report: Composition) -> str:
+    """Return the title of a design and where it is from."""
+    source = report.source
+    about = source.design.design
+    rows = [("File", html.text(report.file))]
+    if report.request.overrides:
+        rows.append(("Changed", "<br>".join(map(html.text, report.request.overrides))))
+    if about.reference:
+        rows.append(("Reference", html.text(about.reference)))
+    rows.append(("Computed by", f"pendsus {html.text(__version__)}"))
+    listed = "".join(f"<dt>{name}</dt><dd>{value}</dd>\n" for name, value in rows)
+    name = html.paragraph(html.text(about.name), "name") if about.title else ""
+    return f"<h1>{html.text(about.title or about.name)}</h1>\n{name}<dl>\n{listed}</dl>\n"
+
+
+def drawing(report: Composition) -> Iterator[str]:
+    """Drawing to scale."""
+    from suspension_cli.drawing import draw
+
+    design, scene = report.source.design, report.scene
+    figure = draw.draw(design, scene, tabulate=False)
+    stages = len(design.stage)
+    mass = float(scene.bodies.mass.sum())
+    depth = -float(scene.bodies.position[1:, 2].min())
+    what = f"{_count(stages, 'stage')} and {_count(len(scene.wires.label), 'wire')}"
+    caption = (
+        f"{what} to scale, side on and face on: {html.number(mass, 4)} kg hang on them, and the"
+        f" lowest centre of mass lies {html.number(depth, 4)} m below the suspension point."
+    )
+    if design.perturbation:
+        caption += f" {_count(len(design.perturbation), 'imperfection')} of the design: see below."
+    yield html.picture(figure, caption, f"Drawing of {design.design.name} to scale")
+    report.list("draw")
+
+
+def numbers(report: Composition) -> Iterator[str]:
+    """Dimensions of the stages, in the tables of the drawing."""
+    from suspension_cli.drawing import tables as drawn
+
+    for one in drawn.listed(report.source.design, report.scene):
+        heads = [re.sub(r"^(.*?) \((.*)\)$", "\\1\n\\2", _symbol(head)) for head in one.heads]
+        columns = {heads[0]: "", **dict.fromkeys(heads[1:], " ")}
+        rows = [[cell.replace("−", "-") for cell in row] for row in one.rows]
+        yield html.table(tables.Table(columns, rows), html.text(one.title))
+    keys = " ".join(_symbol(line) for line in drawn.key(report.scene)[: len(drawn.KEY)])
+    yield html.paragraph(html.text(keys), "model")
+    yield from _materials(report)
+
+
+def _symbol(text: str) -> str:
+    """Write symbols of formulas, ``$t_1$``, as plain text."""
+    return re.sub(
+        r"\$(\w)(?:_(\w))?\$",
+        lambda m: m[1] + {"1": "₁", "2": "₂", "u": "ᵤ", None: ""}[m[2]],
+        text,
+    )
+
+
+def _materials(report: Composition) -> Iterator[str]:
+    """Table of the diameters and materials of wires."""
+    rows = []
+    for stage in report.source.design.stage:
+        for part in (stage.wires, *stage.wire):
+            radius = getattr(part, "radius", None)
+            row = (
+                stage.name,
+                getattr(part, "material", None) or "-",
+                None if radius is None else 2e6 * radius,
+            )
+            if part is not None and row not in rows:
+                rows.append(row)
+    if rows:
+        columns = {"wires of": "", "material": "", "diameter\num": "#.4g"}
+        yield html.table(tables.Table(columns, rows), "Materials")
+
+
+def check(report: Composition) -> Iterator[str]:
+    """Loads of wires and blades, and warnings."""
+    from suspension_cli.analyses.check import solve
+
+    found = solve.solve(report.source)
+    report.list("check")
+    if not found.warnings:
+        yield html.paragraph("No warnings: every number is plausible.", "good")
+    for item in found.warnings:
+        yield html.paragraph(html.text(item.line), "warning")
+    with tables.collecting() as collected:
+        answer = str(found)
+    yield html.prose(answer.partition("\n")[2], collected)
+
+
+def modes(report: Composition) -> Iterator[str]:
+    """Table and pictures of the modes."""
+    from suspension_cli.analyses.modes import picture, quality_picture
+    from suspension_cli.equilibrium.nominal import expand
+
+    result = report.run("modes")
+    yield report.answer(result)
+    found = result.data
+    pages = picture.draw_pages(found, result.design, expand(result.design), most=MODES_PER_PICTURE)
+    for page in pages:
+        named = [(n, float(found.frequency[n])) for n in page.numbers if found.frequency[n] > 0]
+        kind = f"{page.kind.capitalize()} modes" if page.kind else "Modes"
+        span = ""
+        if named:
+            (low, least), (high, most) = named[0], named[-1]
+            span = (
+                f" from {html.number(least)} Hz ({found.label[low]}) to {html.number(most)} Hz"
+                f" ({found.label[high]})"
+            )
+        caption = (
+            f"{kind}{html.text(span)}: at rest in grey, displaced in the colour of the motion with"
+            " most kinetic energy; exaggerated."
+        )
+        yield html.picture(page.figure, caption, f"{kind}, drawn")
+    growing = int((found.growth_rate > 0).sum())
+    if growing:
+        yield html.paragraph(
+            f"{_count(growing, 'mode')} of this design {'grow' if growing > 1 else 'grows'}: it is"
+            " unstable.",
+            "warning",
+        )
+    if found.wire:
+        caption = "Q of all modes, those of the wires included."
+        yield html.picture(quality_picture.draw(found, result.design), caption, "Q of the modes")
+
+
+def response(report: Composition) -> Iterator[str]:
+    """Responses of the last stage to the support, loops closed if there are any."""
+    request, last = report.request, report.source.design.stage[-1].name
+    closed = report.source.design.control is not None
+    chosen: Sequence[tuple[tuple[str, ...], tuple[str, ...]]]
+    if request.inputs or request.outputs:
+        chosen = [(request.inputs or ("support.x",), request.outputs or (f"{last}.x",))]
+    else:
+        chosen = [((f"support.{i}",), tuple(f"{last}.{o}" for o in out)) for i, out in FLOW]
+    if closed:
+        yield html.paragraph("The loops of the design's [control] table are closed.")
+    for inputs, outputs in chosen:
+        options = [word for name in inputs for word in ("--input", name)]
+        options += [word for name in outputs for word in ("--output", name)]
+        given: dict[str, Any] = {"inputs": inputs, "outputs": outputs}
+        if closed:
+            options, given = [*options, "--closed-loop"], given | {"closed_loop": True}
+        result = report.run("response", *options, **given)
+        yield report.pictures(result, _response_caption(result))
+        yield html.paragraph(html.text(result.choice.line), "model")
+
+
+def _response_caption(result: Any) -> str:
+    data, largest, words = result.data, result.extra["largest"], []
+    first, last = data.frequency[0], data.frequency[-1]
+    for o, out in enumerate(data.output):
+        for i, into in enumerate(data.input):
+            size, unit = np.abs(data.value[:, o, i]), data.unit[o][i]
+            name = f"{html.text(out)} per {html.text(into)}"
+            if not size.any():
+                words.append(f"{name} is 0")
+                continue
+            peak = float(largest.size[o, i])
+            top = html.number(peak) if np.isfinite(peak) else "without limit (no loss)"
+            words.append(
+                f"{name} is {html.number(size[0])} {unit} at {html.number(first)} Hz, at most"
+                f" {top} (at {html.number(largest.frequency[o, i], 4)} Hz) and"
+                f" {html.number(size[-1])} at {html.number(last)} Hz"
+            )
+    return "; ".join(words) + "."
+
+
+def coupling(report: Composition) -> Iterator[str]:
+    """Couplings of every motion of the support to every motion of the last stage."""
+    result = report.run("xcouple", "--matrix", matrix=True)
+    yield report.answer(result)
+    data = result.data
+    size = np.abs(data.value[0]) * ~np.eye(len(DOFS), dtype=bool)
+    o, i = np.unravel_index(int(size.argmax()), size.shape)
+    name = f"{data.input[i]} to {data.output[o]}"
+    most = (
+        f"the largest to another coordinate, from {html.text(name)}, is"
+        f" {html.number(size[o, i])} {data.unit[o][i]}"
+        if size.any()
+        else "none leads to another coordinate"
+    )
+    caption = f"Motion of the last stage per motion of the support at {data.frequency[0]:g} Hz: "
+    yield report.pictures(result, f"{caption}{most}.")
+
+
+def thermal(report: Composition) -> Iterator[str]:
+    """Thermal noise of the last stage along the beam."""
+    result = report.run("thermal")
+    yield report.answer(result)
+    one = result.data[0]
+    at = int(np.abs(one.frequency - 10.0).argmin())
+    lead = int(one.density[:, at].argmax())
+    part = 100 * one.density[lead, at] / one.density[:, at].sum()
+    caption = (
+        f"Thermal noise of {html.text(one.output)}: {html.number(one.amplitude[at])}"
+        f" {one.unit}/√Hz at {html.number(one.frequency[at])} Hz, {part:.0f} % of its power from"
+        f" {html.text(one.source[lead])}."
+    )
+    yield report.pictures(result, caption)
+
+
+def budget(report: Composition) -> Iterator[str]:
+    """Motion of the last stage by cause."""
+    design = report.source.design
+    if design.control is None and "budget" not in design.analysis and not _requested(report):
+        raise Omitted(
+            "Left out, as the design has neither damping loops ([control]) nor an"
+            " [analysis.budget] table: the RMS would be that of its free resonances."
+            " --sections budget computes it."
+        )
+    result = report.run("budget")
+    yield report.answer(result)
+    words = []
+    for one in result.data:
+        squares = one.square[:, 0]
+        lead = one.cause[int(squares.argmax())]
+        words.append(
+            f"{html.text(one.output)} moves by {html.number(float(one.rms[0]))} {one.unit} RMS,"
+            f" mostly due to {html.text(lead)}"
+        )
+    low, high = result.data[0].frequency[[0, -1]]
+    caption = f"Between {low:g} and {high:g} Hz " + "; ".join(words) + "."
+    yield report.pictures(result, caption)
+
+
+def tolerance(report: Composition) -> Iterator[str]:
+    """Statistics of imperfect builds: of a results file of this design, or computed."""
+    if report.source.design.tolerance is None:
+        raise Omitted("Left out, as the design has no [tolerance] table.")
+    result = _stored(report, "tolerance")
+    if result is not None:
+        yield html.paragraph(
+            f"Read from {html.text(result.file.name)}, the results of an earlier run of this"
+            f" design: {html.text(result.command)}."
+        )
+    else:
+        count = report.request.builds
+        result = report.run("tolerance", "--builds", str(count), builds=count)
+    yield report.answer(result)
+    one = result.data
+    low, high = one.under_interval
+    yield report.pictures(
+        result,
+        f"Of {one.good:,} imperfect builds, {100 * one.under:.3g} % (95 % confidence:"
+        f" {100 * low:.3g} to {100 * high:.3g} %) have a coupling |{html.text(one.ratio)}| below"
+        f" {html.number(one.limit)} at {html.number(one.frequency)} Hz.",
+    )
+
+
+def _stored(report: Composition, name: str) -> Any:
+    """Return a result of the same design from an earlier run; None if there is none."""
+    from suspension_cli.analyses import registry
+    from suspension_cli.files.existing import read_design
+    from suspension_cli.files.hdf5 import open_results
+
+    folder, source = report.request.folder, report.source
+    if folder is None:
+        return None
+    path = folder / f"{source.design.design.name}-{name}.h5"
+    if read_design(path) != source.text:
+        return None
+    try:
+        with open_results(path) as file:
+            result = registry.loaded(file, str(path))
+    except InputError:  # of another version, or incomplete
+        return None
+    report.note(result.command, result.choice)
+    return result
+
+
+def damping(report: Composition) -> Iterator[str]:
+    """Poles and margins of the loops."""
+    if report.source.design.control is None:
+        raise Omitted("Left out, as the design has no damping loops ([control]).")
+    result = report.run("damp")
+    yield report.answer(result)
+    found = result.data
+    if not found.stable:
+        caption = "The closed loop is unstable: its poles in the right half plane grow."
+    else:
+        oscillating = (found.closed.q > 0.5) & np.isfinite(found.closed.q)
+        caption = (
+            f"{_count(len(found.loop), 'loop')}: of the poles below 5 Hz the least damped has Q"
+            f" {html.number(_largest_q(found.closed, oscillating))}"
+        )
+        if found.sensitivity is not None:
+            caption += (
+                f"; the sensitivity of all loops at once is at most"
+                f" {html.number(found.sensitivity.size)}, at"
+                f" {html.number(found.sensitivity.frequency)} Hz"
+            )
+        caption += "."
+    yield report.pictures(result, caption)
+
+
+def _largest_q(poles: Any, among: Any) -> float:
+    near = among & (poles.frequency < 5.0)
+    chosen = near if near.any() else among
+    return float(poles.q[chosen].max(initial=0.5))
+
+
+def provenance(report: Composition) -> list[str]:
+    """Return the last sections: how each part is computed again, and the design file."""
+    rows = []
+    for part in report.parts:
+        choice = part.choice
+        model = "" if choice is None else f"{choice.level}"
+        left = "" if choice is None else choice.neglected.partition(" (tolerance")[0]
+        error = 100 * choice.error if choice is not None else None
+        rows.append((part.title, model, error, left or "-", part.command))
+    body = "".join(
+        "<tr>"
+        f'<td class="t">{html.text(title)}</td><td class="t">{html.text(model)}</td>'
+        f'<td class="t">{html.text(left.removeprefix("neglected: "))}</td>'
+        f'<td class="t"><code>{html.text(command)}</code></td></tr>\n'
+        for title, model, _, left, command in rows
+    )
+    heads = "".join(
+        f'<th scope="col" class="t">{head}</th>'
+        for head in ("part", "model", "neglected, estimated", "command")
+    )
+    source, name = report.source, report.source.design.design.name
+    data = base64.b64encode(source.text.encode()).decode()
+    link = (
+        f'<a download="{html.text(name)}.toml" href="data:application/toml;base64,{data}">'
+        f"{html.text(name)}.toml</a>"
+    )
+    return [
+        html.section(
+            "provenance",
+            "Provenance",
+            html.paragraph(
+                f"Computed by pendsus {html.text(__version__)}. The same file, options and version"
+                " give this report again; each command computes one part, and writes its numbers."
+            )
+            + f'<div class="wide"><table>\n<thead><tr>{heads}</tr></thead>\n'
+            f"<tbody>\n{body}</tbody></table></div>\n",
+        ),
+        html.section(
+            "design",
+            "The design file",
+            html.paragraph(f"The whole design as computed: {link}.")
+            + f"<pre>{html.lines(source.text)}</pre>\n",
+        ),
+    ]
+
+
+def _requested(report: Composition) -> bool:
+    """Whether sections were chosen, so that no default decides."""
+    return bool(report.request.sections)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+SECTIONS = {
+    "drawing": Section("Drawing", drawing),
+    "numbers": Section("Main numbers", numbers),
+    "check": Section("Check", check),
+    "modes": Section("Modes", modes),
+    "response": Section("Responses", response),
+    "coupling": Section("Couplings", coupling),
+    "thermal": Section("Thermal noise", thermal),
+    "budget": Section("Motion by cause", budget),
+    "tolerance": Section("Tolerances", tolerance),
+    "damping": Section("Damping loops", damping),
+}
+"""Sections by the name that `--sections` takes, in order."""

@@ -1,0 +1,105 @@
+"""Composition of a report: its sections in order, each with the results of an analysis."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from suspension_cli.analyses import settings
+from suspension_cli.analyses.analysis import Log
+from suspension_cli.analyses.report import html
+from suspension_cli.analyses.report.composition import Composition, Omitted, Request, Warnings
+from suspension_cli.analyses.report.sections import SECTIONS, Build, header, provenance
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+
+if TYPE_CHECKING:
+    from suspension_cli.design.reader import Source
+
+
+def compose(source: Source, request: Request, log: Log) -> str:
+    """Compute the sections of a report and return its HTML.
+
+    Parameters
+    ----------
+    source : Source
+    request : Request
+    log : Log
+
+    Raises
+    ------
+    InputError
+        If a section or signal does not exist, or the design does not balance. What goes wrong in
+        one section otherwise is said in its place.
+    """
+    from suspension_cli.equilibrium.nominal import expand, expand_nominal
+
+    wanted = parse_sections(request.sections)
+    with attribute_faults_to(source.file):
+        scene = expand_nominal(source.design)
+        expand(source.design)
+    settings.check_tables(source.design.analysis, source.file)
+    _check_signals(source, request)
+    with tempfile.TemporaryDirectory(prefix="pendsus-") as folder, log.progress() as bar:
+        report = Composition(source, scene, request, Warnings(log), Path(folder))
+        body = []
+        for number, name in enumerate(wanted):
+            bar(number, len(wanted), 0.0)
+            report.title = SECTIONS[name].title
+            log.detail(f"report: {name}")
+            body.append(html.section(name, report.title, _content(report, SECTIONS[name].build)))
+        bar(len(wanted), len(wanted), 0.0)
+    body += provenance(report)
+    listed = [(name, SECTIONS[name].title) for name in wanted]
+    listed += [("provenance", "Provenance"), ("design", "The design file")]
+    design = source.design.design
+    return html.page(
+        design.title or design.name, header(report), html.contents(listed) + "".join(body)
+    )
+
+
+def _content(report: Composition, build: Build) -> str:
+    """Return the contents of a section: results, warnings, or why there are none."""
+    content = []
+    try:
+        content += build(report)
+    except Omitted as reason:
+        content.append(html.paragraph(html.text(reason), "none"))
+    except InputError as error:
+        lines = [fault.line("") for fault in error.faults]
+        content.append(html.paragraph(f"Not computed: {html.text('; '.join(lines))}.", "none"))
+        report.log.outer.warn(f"{report.title} not computed: {'; '.join(lines)}")
+    warnings = [html.paragraph(html.text(line), "warning") for line in report.log.take()]
+    return "".join([*warnings, *content])
+
+
+def parse_sections(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of sections, in the order of a report; all if none are given.
+
+    Raises
+    ------
+    InputError
+        If one does not exist.
+    """
+    from suspension_cli.design.faults import suggest
+
+    for name in names:
+        if name not in SECTIONS:
+            remedy = suggest(name, [*SECTIONS])
+            fault = Fault("--sections", "a report has no such section", remedy, format_value(name))
+            raise InputError([fault])
+    return tuple(name for name in SECTIONS if name in names or not names)
+
+
+def _check_signals(source: Source, request: Request) -> None:
+    """Raise `InputError` for signals that do not exist."""
+    if not request.inputs and not request.outputs:
+        return
+    from suspension_cli.linear import signals
+    from suspension_cli.models import registry as models
+
+    known = signals.bodies_with_signals(models.STRING.system(source.design))
+    for name in request.inputs:
+        signals.parse_input(name, known)
+    for name in request.outputs:
+        signals.parse_output(name, known)

@@ -1,0 +1,97 @@
+"""`pendsus report`: one HTML file of a design with all its analyses."""
+
+from __future__ import annotations
+
+import click
+
+from suspension_cli.analyses import options, settings
+from suspension_cli.cli import terminal
+from suspension_cli.cli.runner import Command
+
+SECTIONS = options.option(
+    "--sections",
+    metavar="NAME,...",
+    help=(
+        "Only these sections: drawing, numbers, check, modes, response, coupling, thermal, budget,"
+        " tolerance, damping.  [default: all that the design has]"
+    ),
+)
+INPUT = options.option(
+    "--input",
+    "inputs",
+    multiple=True,
+    metavar="SIGNAL",
+    help="Input of the responses (repeatable).  [default: the support's x, y, z and yaw]",
+)
+OUTPUT = options.option(
+    "--output",
+    "outputs",
+    multiple=True,
+    metavar="SIGNAL",
+    help="Output of the responses (repeatable).  [default: motions of the last stage]",
+)
+BUILDS = options.option(
+    "--builds",
+    type=click.IntRange(100, 1_000_000),
+    default=1000,
+    show_default=True,
+    help="Imperfect builds of the tolerances, where no results file of the design has them.",
+)
+
+
+@click.command(
+    "report",
+    cls=Command,
+    params=[
+        options.DESIGN,
+        SECTIONS,
+        INPUT,
+        OUTPUT,
+        BUILDS,
+        options.FIDELITY,
+        options.ACCURACY,
+        options.OVERRIDES,
+        options.OUT,
+        options.QUIET,
+        options.VERBOSE,
+    ],
+)
+def command(
+    design: str,
+    sections: str | None,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    builds: int,
+    fidelity: str,
+    tolerance: float,
+    overrides: tuple[str, ...],
+    out: str,
+    quiet: bool,
+    verbose: bool,
+) -> None:
+    """Write one HTML file of DESIGN with all its analyses: DIR/NAME-report.html.
+
+    It has the drawing, checks, modes, responses, couplings, noises, tolerances and damping loops,
+    and how to compute each again. It opens without network in any browser, and prints. Options of
+    each analysis are those of the design's [analysis] tables. A section that cannot be computed
+    says why.
+
+    Example: pendsus report my.toml
+    """
+    from pathlib import Path
+
+    from suspension_cli.analyses.report.composition import Request
+    from suspension_cli.analyses.report.solve import compose
+    from suspension_cli.design.reader import read
+    from suspension_cli.files.atomic import write_bytes
+
+    source = read(design, overrides)
+    names = tuple(filter(None, (name.strip() for name in (sections or "").split(","))))
+    request = Request(
+        names, inputs, outputs, builds, fidelity, tolerance, overrides, folder=Path(out)
+    )
+    page = compose(source, request, terminal.Voice(quiet=quiet, verbose=verbose))
+    path = settings.folder(out) / f"{source.design.design.name}-report.html"
+    write_bytes(path, page.encode())
+    if not quiet:
+        terminal.tell(f"wrote {path}")
