@@ -136,7 +136,9 @@ def draw(modes: Modes, design: Design, scene: Scene) -> Figure:
     return draw_pages(modes, design, scene, MOST)[0].figure
 
 
-def draw_pages(modes: Modes, design: Design, scene: Scene, most: int = PAGE) -> list[Page]:
+def draw_pages(
+    modes: Modes, design: Design, scene: Scene, most: int = PAGE, columns: int = 0
+) -> list[Page]:
     """Draw the modes of a suspension on one figure, or on several where there are many.
 
     Parameters
@@ -145,7 +147,10 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, most: int = PAGE) -> 
         As of `draw`.
     most : int
         Largest number of modes of one figure. More are split by kind (`KINDS`), and the modes of
-        one kind, ascending, into figures of about equal numbers, which fit a page.
+        one kind, ascending, into figures of about equal numbers.
+    columns : int
+        Largest number of panels side by side, so that a figure fits a page: `COLUMNS` where there
+        are several; 0 for as many as suit a single one.
     """
     bodily = np.flatnonzero(modes.order == 0).tolist()
     numbers = bodily[:MOST]
@@ -167,7 +172,7 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, most: int = PAGE) -> 
                     frame,
                     kind,
                     note,
-                    COLUMNS if kind else 0,
+                    columns or (COLUMNS if kind else 0),
                 ),
             )
             for kind, part in pages

@@ -25,17 +25,20 @@ INCH = 96
 """Pixels of a style sheet per inch."""
 NUMBER = re.compile(r"([-+]?)([\d,]+)(\.\d*)?(?:e([-+]\d+))?")
 """A formatted number: sign, digits before the point, from the point on, exponent."""
+LONGEST = 9
+"""Digits of a number that is written without exponent beside others that have none."""
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def text(value: object) -> str:
-    """Escape text for HTML."""
-    return escape(escape_unprintable(str(value)))
+    """Escape text for HTML, with signs that terminals may lack."""
+    plain = escape_unprintable(str(value))
+    return escape(plain.replace("sqrt(Hz)", "√Hz").replace("+-", "±"))
 
 
 def lines(value: str) -> str:
     """Escape text of several lines for HTML."""
-    return "\n".join(map(text, value.split("\n")))
+    return "\n".join(escape(escape_unprintable(line)) for line in value.split("\n"))
 
 
 def paragraph(content: str, kind: str = "") -> str:
@@ -87,8 +90,7 @@ def table(content: Table, caption: str = "") -> str:
         name, _, unit = head.partition("\n")
         below = f"<br><small>{text(unit.strip())}</small>" if unit else ""
         heads.append(f'<th scope="col" class="{side}">{text(name)}{below}</th>')
-        plain = [cell.replace(tables.GLUE, "\u00a0") for cell in cells]
-        shown = _aligned(plain) if form else map(text, plain)
+        shown = _aligned(cells) if form else map(_glued, cells)
         columns.append([f'<td class="{side}">{cell}</td>' for cell in shown])
     rows = "".join(f"<tr>{''.join(row)}</tr>\n" for row in zip(*columns, strict=True))
     title = f"<caption>{caption}</caption>" if caption else ""
@@ -98,37 +100,62 @@ def table(content: Table, caption: str = "") -> str:
     )
 
 
+def _glued(cell: str) -> str:
+    """Escape text in which `tables.GLUE` stands for a space at which no line breaks."""
+    return "\u00a0".join(map(text, cell.split(tables.GLUE)))
+
+
 def _aligned(cells: Sequence[str]) -> list[str]:
-    """Return numbers as HTML whose points are at one place: what follows has one width in all."""
+    """Return numbers as HTML whose points are at one place: what follows has one width in all.
+
+    Where only some have exponents, all are written without if they have few digits, else they are
+    aligned on the right.
+    """
     parts = [NUMBER.fullmatch(cell) for cell in cells]
-    tails = [(part[3] or "", _power(part[4])) if part else ("", "") for part in parts]
+    powers = [int(part[4]) for part in parts if part and part[4]]
+    mixed = bool(powers) and any(part and not part[4] for part in parts)
+    if mixed and all(0 <= power < LONGEST for power in powers):
+        return [
+            f"{float(cell):,.0f}".replace(",", "\u202f") if part and part[4] else _plain(cell)
+            for cell, part in zip(cells, parts, strict=True)
+        ]
+    if mixed:
+        return [_plain(cell) for cell in cells]
+    tails = [(part[3] or "", _exponent(part[4])) if part else ("", "") for part in parts]
     # a digit is one ch wide; raised digits and the point are narrower
     width = max(
-        (len(rest) + (2 + 0.7 * len(power) if power else 0) for rest, power in tails), default=0
+        (len(rest) + (1.4 + 0.6 * len(power) if power else 0) for rest, power in tails), default=0
     )
     style = f' style="width:{width:.3g}ch"' if width else ""
     result = []
-    for cell, part, (rest, power) in zip(cells, parts, tails, strict=True):
-        if part is None:
-            result.append(text(cell.strip()))
-            continue
-        front = part[1].replace("-", "−") + part[2]
-        end = rest + (f"×10{power}" if power else "")
-        result.append(f"{front}<span{style}>{end}</span>" if style else front)
+    for cell, part, tail in zip(cells, parts, tails, strict=True):
+        if part is None or not style:
+            result.append(_plain(cell))
+        else:
+            result.append(f"{_sign(part[1])}{part[2]}<span{style}>{''.join(tail)}</span>")
     return result
 
 
-def _power(exponent: str | None) -> str:
-    return "" if exponent is None else str(int(exponent)).translate(RAISED)
+def _plain(cell: str) -> str:
+    """Return one cell of a column of numbers as HTML."""
+    part = NUMBER.fullmatch(cell)
+    if part is None:
+        return text(cell.strip())
+    return f"{_sign(part[1])}{part[2]}{part[3] or ''}{_exponent(part[4])}"
+
+
+def _sign(sign: str) -> str:
+    return sign.replace("-", "−")
+
+
+def _exponent(power: str | None) -> str:
+    """Write a power of ten, ``×10⁻⁵`` for -05; "" for none."""
+    return "" if power is None else "×10" + str(int(power)).translate(RAISED)
 
 
 def number(value: float, digits: int = 3) -> str:
     """Write a number as people do: ``0.59``, ``1.2×10⁻¹¹``."""
-    found = NUMBER.fullmatch(f"{value:.{digits}g}")
-    if found is None:
-        return text(value)
-    power = f"×10{_power(found[4])}" if found[4] else ""
-    return found[1].replace("-", "−") + found[2] + (found[3] or "") + power
+    return _plain(f"{value:.{digits}g}")
 
 
 def picture(figure: Figure, caption: str, alternative: str) -> str:
@@ -219,8 +246,8 @@ th small { font-weight: 400; color: #5f6770; }
 .n span { display: inline-block; text-align: left; }
 .t { text-align: left; }
 figure { margin: 1.4rem 0; }
-img { display: block; max-width: 100%; height: auto; margin: 0 auto; }
-figcaption { font-size: .88rem; color: #3d444b; margin: .5rem auto 0; max-width: 46rem; }
+img { display: block; max-width: 100%; height: auto; }
+figcaption { font-size: .88rem; color: #3d444b; margin: .5rem 0 0; max-width: 46rem; }
 pre, code { font-family: ui-monospace, "SF Mono", Consolas, "DejaVu Sans Mono", monospace;
   font-size: .8rem; }
 code { overflow-wrap: anywhere; }
@@ -230,12 +257,17 @@ pre { background: #f5f6f7; padding: 1rem; overflow-x: auto; line-height: 1.4; }
   @page { margin: 16mm 15mm; }
   body { font-size: 10pt; }
   main { max-width: none; padding: 0; }
-  h2 { margin-top: 1.6rem; break-after: avoid; }
+  h1 { font-size: 1.6rem; }
+  h2 { margin-top: 1.2rem; break-after: avoid; }
+  figure { margin: .8rem 0; }
   p { orphans: 3; widows: 3; }
+  .model, .warning, p:has(+ .wide), p:has(+ figure) { break-after: avoid; }
   a { color: inherit; }
-  figure, tr { break-inside: avoid; }
+  figure, tr, .wide { break-inside: avoid; }
   thead { display: table-header-group; }
   img { max-height: 225mm; width: auto; }
+  #drawing img { max-height: 138mm; }
+  #response img { max-height: 96mm; }
   .wide { overflow: visible; }
   table { font-size: 7.6pt; }
   th, td { padding-right: .6rem; }

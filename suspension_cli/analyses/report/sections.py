@@ -106,7 +106,7 @@ def _materials(report: Composition) -> Iterator[str]:
             if part is not None and row not in rows:
                 rows.append(row)
     if rows:
-        columns = {"wires of": "", "material": "", "diameter\num": "#.4g"}
+        columns = {"wires of": "", "material": "", "diameter\nµm": ".4g"}
         yield html.table(tables.Table(columns, rows), "Materials")
 
 
@@ -133,7 +133,8 @@ def modes(report: Composition) -> Iterator[str]:
     result = report.run("modes")
     yield report.answer(result)
     found = result.data
-    pages = picture.draw_pages(found, result.design, expand(result.design), most=MODES_PER_PICTURE)
+    scene = expand(result.design)
+    pages = picture.draw_pages(found, result.design, scene, MODES_PER_PICTURE, picture.COLUMNS)
     for page in pages:
         named = [(n, float(found.frequency[n])) for n in page.numbers if found.frequency[n] > 0]
         kind = f"{page.kind.capitalize()} modes" if page.kind else "Modes"
@@ -149,13 +150,6 @@ def modes(report: Composition) -> Iterator[str]:
             " most kinetic energy; exaggerated."
         )
         yield html.picture(page.figure, caption, f"{kind}, drawn")
-    growing = int((found.growth_rate > 0).sum())
-    if growing:
-        yield html.paragraph(
-            f"{_count(growing, 'mode')} of this design {'grow' if growing > 1 else 'grows'}: it is"
-            " unstable.",
-            "warning",
-        )
     if found.wire:
         caption = "Q of all modes, those of the wires included."
         yield html.picture(quality_picture.draw(found, result.design), caption, "Q of the modes")
@@ -170,6 +164,7 @@ def response(report: Composition) -> Iterator[str]:
         chosen = [(request.inputs or ("support.x",), request.outputs or (f"{last}.x",))]
     else:
         chosen = [((f"support.{i}",), tuple(f"{last}.{o}" for o in out)) for i, out in FLOW]
+    line = ""
     if closed:
         yield html.paragraph("The loops of the design's [control] table are closed.")
     for inputs, outputs in chosen:
@@ -179,8 +174,10 @@ def response(report: Composition) -> Iterator[str]:
         if closed:
             options, given = [*options, "--closed-loop"], given | {"closed_loop": True}
         result = report.run("response", *options, **given)
+        if result.choice.line != line:
+            line = result.choice.line
+            yield html.paragraph(html.text(line), "model")
         yield report.pictures(result, _response_caption(result))
-        yield html.paragraph(html.text(result.choice.line), "model")
 
 
 def _response_caption(result: Any) -> str:

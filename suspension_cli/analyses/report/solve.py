@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
 
 
+UNSTABLE = ", or give --allow-unstable"
+"""End of a message about a command whose option a report lacks."""
+
+
 def compose(source: Source, request: Request, log: Log) -> str:
     """Compute the sections of a report and return its HTML.
 
@@ -66,10 +70,12 @@ def _content(report: Composition, build: Build) -> str:
     except Omitted as reason:
         content.append(html.paragraph(html.text(reason), "none"))
     except InputError as error:
-        lines = [fault.line("") for fault in error.faults]
+        lines = [fault.line("").removesuffix(UNSTABLE) for fault in error.faults]
         content.append(html.paragraph(f"Not computed: {html.text('; '.join(lines))}.", "none"))
         report.log.outer.warn(f"{report.title} not computed: {'; '.join(lines)}")
-    warnings = [html.paragraph(html.text(line), "warning") for line in report.log.take()]
+    name = f"{report.source.design.design.name}: "
+    lines = [line.removeprefix(name) for line in report.log.take()]
+    warnings = [html.paragraph(html.text(line), "warning") for line in lines]
     return "".join([*warnings, *content])
 
 
