@@ -296,6 +296,10 @@ class Analysis(ABC):
         """Draw the pictures: the end of each file name (before its ending), and the figure."""
         return {}
 
+    def animations(self, result: Result, setting: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
+        """Yield the end of each file name and the bytes of moving pictures (GIF)."""
+        return iter(())
+
     def swept_names(self) -> tuple[str, ...]:
         """Return the keys of `[analysis.NAME]` that are no options: parameters with their grids."""
         return ()

@@ -44,6 +44,8 @@ def command(analysis: Analysis) -> click.Command:
 
 def run(analysis: Analysis, ctx: click.Context) -> None:
     """Run an analysis with the options of its command."""
+    from suspension_cli.files.atomic import write_bytes
+
     analysis.prepare()
     given = ctx.params
     voice = terminal.Voice(quiet=given["quiet"], verbose=given["verbose"])
@@ -68,6 +70,10 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
             for end, figure in result.figures(**one.setting).items():
                 form = one.setting.get("picture_format", "png")
                 draw(figure, path.with_name(f"{path.stem}{end}.{form}"), voice)
+        for end, data in result.analysis.animations(result, one.setting):
+            moving = path.with_name(f"{path.stem}{end}")
+            write_bytes(moving, data)
+            voice.say(f"wrote {moving}")
         if not given["as_json"]:
             terminal.put(("\n" if number else "") + str(result))
     if given["as_json"]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
@@ -34,7 +34,9 @@ class ModesAnalysis(Analysis):
     modes are listed with the others. On beam and violin every mode has its Q and its dilution
     factor.
 
-    Example: pendsus modes my.toml --max-frequency 500
+    With --animate modes also move: DIR/NAME-modes-3.gif shows one period of mode 3.
+
+    Examples: pendsus modes my.toml --max-frequency 500, pendsus modes my.toml --animate 3
     """
 
     name = "modes"
@@ -52,6 +54,14 @@ class ModesAnalysis(Analysis):
             is_flag=True,
             help=f"Compute all modes of wires with mass, be they more than {MOST}.",
         ),
+        option(
+            "--animate",
+            metavar="MODES",
+            help=(
+                "Write moving pictures (GIF) of modes: numbers or labels, separated by commas, or"
+                " all."
+            ),
+        ),
         options.ACCURACY,
         *options.WRITING,
     )
@@ -68,6 +78,7 @@ class ModesAnalysis(Analysis):
         from suspension_cli.analyses.check.lossless import find_lossless
 
         choice, undamped, modes = _solve(run)
+        _animated(modes, run.setting)  # refuse unknown modes before anything is written
         lossless = find_lossless(run.design, choice.level)
         _warn_of_series(run, choice, modes)
         warnings.warn_of_modes(run.design, choice.model, undamped, run.log)
@@ -164,6 +175,26 @@ class ModesAnalysis(Analysis):
         if result.data.wire:
             figures["-wires"] = quality_picture.draw(result.data, result.design)
         return figures
+
+    def animations(self, result: Result, setting: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
+        """Draw one period of every mode of --animate."""
+        chosen = _animated(result.data, setting)
+        if chosen:
+            from suspension_cli.analyses.modes import animation
+            from suspension_cli.equilibrium.nominal import expand
+
+            scene = expand(result.design)
+            for n in chosen:
+                yield f"-{n + 1}.gif", animation.animate(result.data, n, result.design, scene)
+
+
+def _animated(modes: Modes, setting: dict[str, Any]) -> list[int]:
+    """Return the modes (from 0) that --animate names."""
+    if not setting.get("animate"):
+        return []
+    from suspension_cli.analyses.modes import animation
+
+    return animation.parse(modes, setting["animate"])
 
 
 def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:

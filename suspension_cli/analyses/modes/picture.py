@@ -12,14 +12,14 @@ from matplotlib.patches import Patch
 from suspension_cli.conventions import DOF_NAMES, DOFS
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, parts, style
-from suspension_cli.drawing.bodies import outlines, suspension_size
+from suspension_cli.drawing.bodies import Outline, outlines, suspension_size
 from suspension_cli.drawing.canvas import Canvas, full_canvas
 from suspension_cli.drawing.geometry import FACE, SIDE, View
 from suspension_cli.drawing.parts import Look, Sketch
 from suspension_cli.drawing.style import DOF_COLOUR, INK, NOTE, PALE
 from suspension_cli.linear.eigenmodes import Modes, describe, place
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.pose import nominal_pose
+from suspension_cli.scene.pose import Pose, nominal_pose
 from suspension_cli.scene.scene import Scene
 
 WIDTH = 1.85
@@ -46,6 +46,8 @@ SHOWN = 3
 """Largest number of energy bars per mode."""
 PAGE = 24
 """Largest number of modes of one figure."""
+HIGHEST = 1.4
+"""Largest ratio of height to width of a figure for a page."""
 COLUMNS = 4
 """Largest number of panels side by side where modes take several figures, for a page."""
 KINDS = {
@@ -147,7 +149,7 @@ def draw_pages(
         As of `draw`.
     most : int
         Largest number of modes of one figure. More are split by kind (`KINDS`), and the modes of
-        one kind, ascending, into figures of about equal numbers.
+        one kind, ascending, into figures of about equal numbers that fit a page.
     columns : int
         Largest number of panels side by side, so that a figure fits a page: `COLUMNS` where there
         are several; 0 for as many as suit a single one.
@@ -157,10 +159,12 @@ def draw_pages(
     cut = len(numbers) < len(bodily)
     note = f"The lowest {len(numbers)} of {len(bodily)} modes. " if cut else ""
     with style.house_style():
-        rest = _at_rest(design, scene)
-        panels = {number: _panel(modes, number, rest) for number in numbers}
-        frame = _frame([*panels.values()])
-        pages = [*_split(modes, numbers, most)]
+        rest = sketch_at_rest(design, scene)
+        panels = {number: make_panel(modes, number, rest) for number in numbers}
+        common = measure_frame([*panels.values()])
+        pages = [("", numbers)]
+        if len(numbers) > most:
+            pages = [*_split(modes, numbers, _choose_number(common))]
         return [
             Page(
                 kind,
@@ -169,7 +173,7 @@ def draw_pages(
                     modes,
                     rest,
                     [panels[n] for n in part],
-                    frame,
+                    common,
                     kind,
                     note,
                     columns or (COLUMNS if kind else 0),
@@ -179,41 +183,46 @@ def draw_pages(
         ]
 
 
-def _at_rest(design: Design, scene: Scene) -> Sketch:
+def sketch_at_rest(design: Design, scene: Scene) -> Sketch:
+    """Make the sketch of a design at rest."""
     thick = THICK * suspension_size(scene)
     return Sketch(design, scene, outlines(design, scene), nominal_pose(scene), thick)
 
 
+def _choose_number(common: Frame) -> int:
+    """Choose the number of modes of a page on which pictures need not shrink."""
+    highest = HIGHEST * (COLUMNS * (WIDTH + GAP) + GAP)
+    pitch = choose_height(common) + HEAD + FOOT + BARS + GAP
+    return COLUMNS * max(int((highest - TOP) / pitch), 1)
+
+
 def _split(modes: Modes, numbers: list[int], most: int) -> Iterator[tuple[str, list[int]]]:
-    """Split modes into pages of at most `most`, each with its kind; "" for all kinds."""
-    if len(numbers) <= most:
-        yield "", numbers
-        return
+    """Split modes by kind, and a kind into pages of at most `most`, each with its title."""
     for title, dofs in KINDS.items():
         kind = [number for number in numbers if modes.home[number][1] in dofs]
         count = -(-len(kind) // most)
         for page in range(count):
             part = kind[page * len(kind) // count : (page + 1) * len(kind) // count]
-            yield title + (f", {page + 1} of {count}" if count > 1 else ""), part
+            yield title + (f" modes, {page + 1} of {count}" if count > 1 else " modes"), part
 
 
 def _figure(
     modes: Modes,
     rest: Sketch,
     panels: list[Panel],
-    frame: Frame,
+    common: Frame,
     kind: str,
     note: str,
     widest: int,
 ) -> Figure:
     """Draw panels on a figure: as wide as it suits, or at most `widest` on one for a page."""
-    tall = float(np.clip((WIDTH - 0.1) * frame.height / frame.width, LOWEST, TALLEST))
+    tall = choose_height(common)
     around = HEAD + FOOT + BARS + GAP
     if widest:
         rows = -(-len(panels) // widest)
         across = -(-len(panels) // rows)
         width = max(across * (WIDTH + GAP) + GAP, LEAST)
-        highest = (0.6 + 0.2 * rows) * width
+        highest = (1.2 if rows <= 2 else HIGHEST) * width
         tall = max(min(tall, (highest - TOP) / rows - around), LOWEST)
     else:
         across = _choose_columns(len(panels), WIDTH + GAP, tall + around)
@@ -223,14 +232,48 @@ def _figure(
     figure = style.new_figure(width, TOP + rows * pitch)
     _draw_heading(figure, rest.design, kind, note)
     canvas = full_canvas(figure)
-    for n, panel in enumerate(panels):
+    for n, one in enumerate(panels):
         left = GAP + (n % across) * (WIDTH + GAP)
         top = figure.get_size_inches()[1] - TOP - (n // across) * pitch
-        _draw_title(canvas, left, top, modes, panel.number)
-        _draw_picture(canvas, (left, top - HEAD), tall, modes, panel, rest, frame)
-        _draw_bars(canvas, left, top - HEAD - tall - FOOT, modes, panel.number)
+        draw_panel(canvas, (left, top), tall, modes, one, rest, common)
     canvas.flush()
     return figure
+
+
+def choose_height(common: Frame) -> float:
+    """Choose the height of pictures of a frame whose size is not bound by a page, in."""
+    return float(np.clip((WIDTH - 0.1) * common.height / common.width, LOWEST, TALLEST))
+
+
+def draw_panel(
+    canvas: Canvas,
+    corner: tuple[float, float],
+    tall: float,
+    modes: Modes,
+    panel: Panel,
+    rest: Sketch,
+    frame: Frame,
+) -> None:
+    """Draw the title, the picture and the energy bars of a mode.
+
+    Parameters
+    ----------
+    canvas : Canvas
+        In inches.
+    corner : (float, float)
+        Upper left corner, in.
+    tall : float
+        Height of the picture, in.
+    modes : Modes
+    panel : Panel
+    rest : Sketch
+        The suspension at rest.
+    frame : Frame
+    """
+    left, top = corner
+    _draw_title(canvas, left, top, modes, panel.number)
+    _draw_picture(canvas, (left, top - HEAD), tall, modes, panel, rest, frame)
+    _draw_bars(canvas, left, top - HEAD - tall - FOOT, modes, panel.number)
 
 
 def choose_view(modes: Modes, number: int, above: View) -> View:
@@ -286,10 +329,12 @@ def _format_percent(fraction: float) -> str:
     return f"{percent:.1f} %" if percent >= 0.05 else "< 0.1 %"
 
 
-def _panel(modes: Modes, number: int, rest: Sketch) -> Panel:
+def make_panel(modes: Modes, number: int, rest: Sketch, pose: Pose | None = None) -> Panel:
+    """Make the panel of a mode, displaced to a pose; by default that of `geometry.mode_pose`."""
     scene, bodies = rest.scene, rest.outlines
     view = choose_view(modes, number, geometry.from_above(scene, bodies))
-    pose = geometry.mode_pose(scene, modes.coordinate, modes.shape[number])
+    if pose is None:
+        pose = geometry.mode_pose(scene, modes.coordinate, modes.shape[number])
     sketch = replace(rest, pose=pose)
     (x0, y0, z0), (x1, y1, z1) = parts.support_box(rest)
     plate = [
@@ -302,7 +347,8 @@ def _panel(modes: Modes, number: int, rest: Sketch) -> Panel:
     return Panel(number, view, sketch, points.min(0), points.max(0))
 
 
-def _frame(panels: list[Panel]) -> Frame:
+def measure_frame(panels: list[Panel]) -> Frame:
+    """Measure the common scale and height of panels."""
     upright = [float(panel.high[1]) for panel in panels if panel.view.normal != 2]
     high = max(upright, default=0.0)
     heights = [
@@ -330,7 +376,7 @@ def _choose_columns(count: int, width: float, tall: float) -> int:
 
 def _draw_heading(figure: Figure, design: Design, kind: str, note: str) -> None:
     name = design.design.name
-    style.write_title(figure, design.design.title, f"{name}: {kind} modes" if kind else name)
+    style.write_title(figure, design.design.title, f"{name}: {kind}" if kind else name)
     across, _ = figure.get_size_inches()
     swatches = [
         Patch(
@@ -406,6 +452,7 @@ def _draw_picture(
     )
     parts.draw_support(canvas, view, rest)
     parts.draw_suspension(canvas, view, rest, still)
+    _draw_references(canvas, view, rest)
     parts.draw_suspension(canvas, view, panel.sketch, moving)
     _draw_crosses(canvas, view, panel.sketch, colour)
     canvas.text(
@@ -420,19 +467,36 @@ def _draw_picture(
 
 
 def _draw_crosses(canvas: Canvas, view: View, sketch: Sketch, colour: str) -> None:
-    """Draw a cross through each displaced body, to show rotations even of a circle."""
+    """Draw a cross through each displaced body, and in a circle a mark on the rim.
+
+    They show rotations; `_draw_references` shows where the marks are at rest.
+    """
     for n, body in enumerate(sketch.outlines, 1):
         for axis in range(3):
             if axis != view.normal:
                 arm = 0.3 * np.eye(3)[axis] * body.half
-                canvas.line(
-                    view.see(
-                        geometry.position_of(sketch.scene, sketch.pose, n, np.stack([-arm, arm]))
-                    ),
-                    colour,
-                    0.7,
-                    4,
-                )
+                line = geometry.position_of(sketch.scene, sketch.pose, n, np.stack([-arm, arm]))
+                canvas.line(view.see(line), colour, 0.7, 4)
+        if body.axis == view.normal:
+            rim = _rim(body, view)
+            for low, width in ((0.0, 0.7), (0.82, 2.4)):
+                line = np.stack([low * rim, rim])
+                line = geometry.position_of(sketch.scene, sketch.pose, n, line)
+                canvas.line(view.see(line), colour, width, 4)
+
+
+def _draw_references(canvas: Canvas, view: View, rest: Sketch) -> None:
+    """Draw, in every circle, the radius to the place of the mark on its rim at rest."""
+    for n, body in enumerate(rest.outlines, 1):
+        if body.axis == view.normal:
+            line = np.stack([np.zeros(3), _rim(body, view)])
+            line = geometry.position_of(rest.scene, rest.pose, n, line)
+            canvas.line(view.see(line), NOTE, 0.5, 3.5, (0, (2, 2)))
+
+
+def _rim(body: Outline, view: View) -> Array:
+    """Point (3,) on the rim of a circle, in the body's frame, m."""
+    return np.eye(3)[0 if view.normal == 2 else 2] * body.half
 
 
 def _draw_bars(canvas: Canvas, left: float, top: float, modes: Modes, number: int) -> None:

@@ -137,7 +137,7 @@ def modes(report: Composition) -> Iterator[str]:
     pages = picture.draw_pages(found, result.design, scene, MODES_PER_PICTURE, picture.COLUMNS)
     for page in pages:
         named = [(n, float(found.frequency[n])) for n in page.numbers if found.frequency[n] > 0]
-        kind = f"{page.kind.capitalize()} modes" if page.kind else "Modes"
+        kind = page.kind.capitalize() or "Modes"
         span = ""
         if named:
             (low, least), (high, most) = named[0], named[-1]
