@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,11 +29,14 @@ class Outline:
         The axis (0, 1, 2) of a cylinder; None for a box.
     inner : float
         Radius of a cylinder's bore, m.
+    turn : (3, 3) array or None
+        Rotation matrix from the shape to the frame of the body; None for none.
     """
 
     half: Array
     axis: int | None = None
     inner: float = 0.0
+    turn: Array | None = None
 
     def section(self, normal: int) -> Array:
         """Section of the body through its COM, across an axis.
@@ -56,7 +59,7 @@ class Outline:
             u, v = np.array([1.0, -1.0, -1.0, 1.0, 1.0]), np.array([1.0, 1.0, -1.0, -1.0, 1.0])
         line = np.zeros((len(u), 3))
         line[:, first], line[:, second] = u * self.half[first], v * self.half[second]
-        return line
+        return line if self.turn is None else line @ self.turn.T
 
     def bore(self, normal: int) -> Array | None:
         """Edge (p, 3) of a cylinder's bore, m, in a section across its axis; else None."""
@@ -67,6 +70,8 @@ class Outline:
     def nearest(self, point: Any) -> Array:
         """Points (..., 3) of the body nearest to given points (..., 3), in its frame, m."""
         point = np.asarray(point, dtype=float)
+        if self.turn is not None:
+            return replace(self, turn=None).nearest(point @ self.turn) @ self.turn.T
         result = np.clip(point, -self.half, self.half)
         if self.axis is not None:
             across = [axis for axis in range(3) if axis != self.axis]

@@ -8,13 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import annotate, parts, style, tables
+from suspension_cli.drawing import annotate, imperfect, parts, style, tables
 from suspension_cli.drawing.annotate import Plan
 from suspension_cli.drawing.bodies import outlines
 from suspension_cli.drawing.canvas import Canvas, full_canvas
 from suspension_cli.drawing.geometry import FACE, SIDE, View
+from suspension_cli.drawing.imperfect import Exaggerated
 from suspension_cli.drawing.parts import Look, Sketch
-from suspension_cli.drawing.style import INK, NOTE, PALETTE
+from suspension_cli.drawing.style import INK, NOTE, PALE, PALETTE
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import nominal_pose
 from suspension_cli.scene.scene import Scene
@@ -65,7 +66,7 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
     ----------
     design : Design
     scene : Scene
-        Of the design, without batch axes.
+        Of the design, without imperfections and batch axes.
     tabulate : bool
         Whether to write the tables of dimensions, and the key, below the views.
 
@@ -74,15 +75,18 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
     Figure
         Side view (x-z) and face view (y-z) on one scale in metres, with names, masses and the
         dimensions for which there is room; below them tables of the dimensions of every stage and
-        of every wire outside symmetric sets.
+        of every wire outside symmetric sets. A design with imperfections is drawn with them,
+        exaggerated by a factor that is written above, in front of the design without, in grey;
+        dimensions are those without.
     """
     with style.house_style():
         tallest = 3.9 + 0.6 * min(len(design.stage), 8)
         bare = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), 0.0)
-        bounds = _bounds(bare)
+        flawed = imperfect.exaggerate(bare)
+        bounds = _bounds(bare, flawed)
         scale = min(tallest / max(bounds.height, 1e-9), WIDEST / max(bounds.width, 1e-9))
         sketch = replace(bare, thick=SUPPORT / scale)
-        bounds = _bounds(sketch)
+        bounds = _bounds(sketch, flawed)
         wide = SCALE + LEADERS + _names(scene) + LENGTHS + RIGHT + scale * bounds.width
         unstretched = tables.listed(design, scene) if tabulate else []
         inner = max([wide, *(table.width for table in unstretched)])
@@ -93,10 +97,10 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
             inner + 2 * MARGIN,
             below + sum(table.height + 0.1 for table in shown) + 0.15 * len(key) + 0.2,
         )
-        style.write_title(figure, design.design.title, design.design.name)
+        style.write_title(figure, design.design.title, design.design.name + _remark(flawed))
         plan = _plan(figure, sketch, bounds, scale, MARGIN + (inner - wide) / 2)
         canvas = full_canvas(figure)
-        _views(canvas, plan)
+        _views(canvas, plan, flawed)
         _axes(figure, plan, bounds)
         top = float(figure.get_size_inches()[1]) - below
         for table in shown:
@@ -114,11 +118,20 @@ def _names(scene: Scene) -> float:
     return 0.55 + 0.085 * min(max(len(name) for name in scene.bodies.name), 18)
 
 
-def _bounds(sketch: Sketch) -> _Bounds:
+def _remark(flawed: Exaggerated | None) -> str:
+    """Say how much imperfections are exaggerated, for the heading."""
+    if flawed is None:
+        return ""
+    size = f"{flawed.factor:,.6g} times larger" if flawed.factor != 1 else "to scale"
+    return f": imperfections drawn {size}; grey: without them"
+
+
+def _bounds(sketch: Sketch, flawed: Exaggerated | None) -> _Bounds:
     """Bounds of everything that is drawn, including the support."""
     box = np.array(parts.support_box(sketch))
-    side = np.concatenate([sketch.points(SIDE), SIDE.see(box)])
-    face = np.concatenate([sketch.points(FACE), FACE.see(box)])
+    drawn = [sketch, *([flawed.sketch] if flawed else [])]
+    side = np.concatenate([*(one.points(SIDE) for one in drawn), SIDE.see(box)])
+    face = np.concatenate([*(one.points(FACE) for one in drawn), FACE.see(box)])
 
     def span(values: Array) -> tuple[float, float]:
         return float(values.min()), float(values.max())
@@ -148,16 +161,22 @@ def _colours(scene: Scene) -> tuple[str, ...]:
     return tuple(PALETTE[n % len(PALETTE)] for n in range(len(scene.bodies.name)))
 
 
-def _views(canvas: Canvas, plan: Plan) -> None:
+def _views(canvas: Canvas, plan: Plan, flawed: Exaggerated | None) -> None:
     colours = _colours(plan.sketch.scene)
     look = Look(colours, tuple(style.with_opacity(colour, 0.13) for colour in colours), INK, 0.9, 2)
+    count = len(colours)
+    still = Look((PALE,) * count, (style.with_opacity(PALE, 0.2),) * count, PALE, 0.9, 1)
+    sketch = flawed.sketch if flawed else plan.sketch
     for view in (plan.side, plan.face):
         parts.draw_support(canvas, view, plan.sketch)
-        parts.draw_suspension(canvas, view, plan.sketch, look)
+        if flawed:
+            parts.draw_suspension(canvas, view, plan.sketch, still)
+        parts.draw_suspension(canvas, view, sketch, look)
+        if flawed:
+            imperfect.draw_marks(canvas, view, flawed, look.order + 0.5)
+        centres = sketch.scene.bodies.position + sketch.pose.shift
         for n, colour in enumerate(colours, 1):
-            parts.draw_com_mark(
-                canvas, view.see(plan.sketch.scene.bodies.position[n]), 0.05, colour
-            )
+            parts.draw_com_mark(canvas, view.see(centres[n]), 0.05, colour)
     annotate.draw_axes_of_symmetry(canvas, plan)
     annotate.draw_dimensions(canvas, plan)
     annotate.write_names(canvas, plan, colours)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import SetGeometry, set_geometry
 from suspension_cli.design.schema import Design, Stage
+from suspension_cli.drawing import imperfect
 from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.style import (
     INK,
@@ -87,8 +88,8 @@ def key(scene: Scene) -> list[str]:
 
 
 def listed(design: Design, scene: Scene) -> list[Table]:
-    """Tables below a drawing: stages, and wires outside symmetric sets."""
-    found = (stages(design, scene), wires(design, scene))
+    """Tables below a drawing: stages, wires outside symmetric sets, imperfections."""
+    found = (stages(design, scene), wires(design, scene), flaws(design))
     return [table for table in found if table is not None]
 
 
@@ -196,6 +197,20 @@ def wires(design: Design, scene: Scene) -> Table | None:
         "tension (N)",
     )
     return Table(title, heads, (1.35, *(0.92,) * 6, 0.9, 0.9), rows[:MOST_WIRES])
+
+
+def flaws(design: Design) -> Table | None:
+    """Table of the imperfections of a design; None if there are none."""
+    rows = [
+        (single_line(part, 20), quantity, value)
+        for part, quantity, value in imperfect.describe(design)
+    ]
+    if not rows:
+        return None
+    title = "Imperfections (offsets and rotations along and about x, y, z)"
+    if len(rows) > MOST_WIRES:
+        title += f"; the first {MOST_WIRES} of {len(rows)}"
+    return Table(title, ("part", "imperfection", "value"), (1.35, 4.0, 2.2), rows[:MOST_WIRES])
 
 
 def write(

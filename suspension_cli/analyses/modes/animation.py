@@ -207,9 +207,10 @@ def _gif(images: list[Image.Image]) -> bytes:
     return stream.getvalue()
 
 
-def _with_white(palette: Image.Image) -> Image.Image:
-    """Make the brightest colour of a palette, which is the paper's, white."""
-    colours = np.array(palette.getpalette()).reshape(-1, 3)
-    colours[colours.sum(1).argmax()] = 255
-    palette.putpalette(colours.ravel().tolist())
-    return palette
+def _with_white(image: Image.Image) -> Image.Image:
+    """Return the palette of an image, with exact white for the paper in its corner."""
+    colours = np.array(image.getpalette()).reshape(-1, 3)
+    colours[image.getpixel((0, 0))] = 255
+    result = Image.new("P", (1, 1))
+    result.putpalette(colours.ravel().tolist())
+    return result

@@ -64,7 +64,10 @@ def drawing(report: Composition) -> Iterator[str]:
         f" lowest centre of mass lies {html.number(depth, 4)} m below the suspension point."
     )
     if design.perturbation:
-        caption += f" {_count(len(design.perturbation), 'imperfection')} of the design: see below."
+        caption += (
+            f" The {_count(len(design.perturbation), 'imperfect part')} are drawn as the heading of"
+            " the picture says."
+        )
     yield html.picture(figure, caption, f"Drawing of {design.design.name} to scale")
     report.list("draw")
 
