@@ -16,6 +16,7 @@ __all__ = [
     "PendsusWarning",
     "Result",
     "__version__",
+    "animate",
     "budget",
     "check",
     "compare",
@@ -31,6 +32,7 @@ __all__ = [
     "optimise",
     "parse",
     "read",
+    "report",
     "response",
     "sensitivity",
     "sweep",
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
     from suspension_cli.api import (
         Design,
+        animate,
         budget,
         check,
         compare,
@@ -60,6 +63,7 @@ if TYPE_CHECKING:
         optimise,
         parse,
         read,
+        report,
         response,
         sensitivity,
         sweep,

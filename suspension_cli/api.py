@@ -1107,6 +1107,107 @@ def draw(design: Design) -> Any:
         return drawing.draw(design.design, expand_nominal(design.design))
 
 
+def animate(result: Result, mode: int | str, path: PathLike) -> Path:
+    """Write one period of a mode as a moving picture (GIF) that repeats.
+
+    Parameters
+    ----------
+    result : Result
+        Of `modes`.
+    mode : int or str
+        Number of the mode, from 1, or its label.
+    path : path
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If there is no such mode, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.modes(sus.template("single"), model="string")
+    >>> sus.animate(found, "test yaw", "yaw.gif")  # doctest: +SKIP
+    PosixPath('yaw.gif')
+    """
+    from suspension_cli.analyses.modes import animation
+    from suspension_cli.equilibrium.nominal import expand
+    from suspension_cli.files.atomic import write_bytes
+
+    with _python_names():
+        number = animation.parse(result.data, str(mode), "mode")[0]
+        scene = expand(result.design)
+        moving = animation.animate(result.data, number, result.design, scene)
+        write_bytes(Path(path), moving, key="path")
+    return Path(path)
+
+
+def report(
+    design: Design,
+    path: PathLike,
+    *,
+    sections: Sequence[str] = (),
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    builds: int = 1000,
+    model: str = "auto",
+    tolerance: float = 1e-3,
+) -> Path:
+    """Write one HTML file of a design with all its analyses, which opens without network.
+
+    Parameters
+    ----------
+    design : Design
+    path : path
+        Of the file; results files of the design beside it are used where they save time.
+    sections : sequence of str
+        ``"drawing"``, ``"numbers"``, ``"check"``, ``"modes"``, ``"response"``, ``"coupling"``,
+        ``"thermal"``, ``"budget"``, ``"tolerance"``, ``"damping"``; default: all.
+    inputs, outputs : sequences of str
+        Signals of the responses. Defaults: motions of the support and of the last stage.
+    builds : int
+        Imperfect builds of a design with tolerances.
+    model, tolerance
+        As of `modes`, for every analysis.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If a section or signal does not exist, the design does not balance, or the file cannot be
+        written. What goes wrong in one section otherwise is said in its place.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> sus.report(sus.example("double"), "double.html")  # doctest: +SKIP
+    PosixPath('double.html')
+    """
+    from suspension_cli.analyses.report.composition import Request
+    from suspension_cli.analyses.report.solve import compose
+    from suspension_cli.files.atomic import write_bytes
+
+    request = Request(
+        tuple(sections),
+        tuple(inputs),
+        tuple(outputs),
+        builds,
+        model,
+        tolerance,
+        folder=Path(path).parent,
+    )
+    with _python_names():
+        write_bytes(Path(path), compose(design, request, Log()).encode(), key="path")
+    return Path(path)
+
+
 def _grid(values: Grid) -> str:
     """Return a grid as its text; every number keeps all its digits."""
     if isinstance(values, str):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
@@ -19,13 +19,12 @@ from suspension_cli.drawing.parts import Sketch
 from suspension_cli.drawing.style import NOTE
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from suspension_cli.scene.arrays import Array
 
 FRAMES = 24
 """Frames of one period, an even number: the way back shows those of the way there."""
@@ -125,11 +124,11 @@ def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
         panels = [_panel(modes, number, rest, scale.factor * size) for size in there]
         low = np.min([panel.low for panel in panels], axis=0)
         high = np.max([panel.high for panel in panels], axis=0)
-        images = [
-            _image(_figure(modes, rest, replace(panel, low=low, high=high), scale.note))
+        frames = [
+            _pixels(_figure(modes, rest, replace(panel, low=low, high=high), scale.note))
             for panel in panels
         ]
-    return _gif([*images, *images[-2:0:-1]])
+    return _gif([*frames, *frames[-2:0:-1]])
 
 
 def _choose_scale(modes: Modes, number: int, scene: Scene) -> _Scale:
@@ -176,29 +175,26 @@ def _figure(modes: Modes, rest: Sketch, panel: Panel, note: str) -> Figure:
     return figure
 
 
-def _image(figure: Figure) -> Image.Image:
-    """Draw a figure into memory."""
-    canvas = figure.canvas
+def _pixels(figure: Figure) -> Array:
+    """Draw a figure into memory: colours (height, width, 3)."""
+    canvas: Any = figure.canvas
     canvas.draw()
-    pixels: Array = np.asarray(canvas.buffer_rgba())  # pyright: ignore[reportAttributeAccessIssue]
-    return Image.fromarray(pixels[..., :3].copy())
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
-def _gif(images: list[Image.Image]) -> bytes:
-    """Encode images with one palette as GIF that repeats without end."""
-    width, height = images[0].size
-    half = images[: len(images) // 2 + 1]
-    both = Image.new("RGB", (width, height * len(half)))
-    for n, image in enumerate(half):
-        both.paste(image, (0, n * height))
-    palette = _with_white(both.quantize(COLOURS, dither=Image.Dither.NONE))
-    frames = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+def _gif(frames: list[Array]) -> bytes:
+    """Encode frames (height, width, 3) with one palette as GIF that repeats without end."""
+    half = frames[: len(frames) // 2 + 1]
+    several = Image.fromarray(np.concatenate(half)).quantize(COLOURS, dither=Image.Dither.NONE)
+    palette = np.array(several.getpalette()).reshape(-1, 3)
+    palette[np.abs(palette - 255).sum(1).argmin()] = 255  # the paper
+    images = [_with_palette(frame, palette) for frame in frames]
     stream = io.BytesIO()
-    frames[0].save(
+    images[0].save(
         stream,
         format="GIF",
         save_all=True,
-        append_images=frames[1:],
+        append_images=images[1:],
         duration=DURATION,
         loop=0,
         optimize=False,
@@ -207,10 +203,12 @@ def _gif(images: list[Image.Image]) -> bytes:
     return stream.getvalue()
 
 
-def _with_white(image: Image.Image) -> Image.Image:
-    """Return the palette of an image, with exact white for the paper in its corner."""
-    colours = np.array(image.getpalette()).reshape(-1, 3)
-    colours[image.getpixel((0, 0))] = 255
-    result = Image.new("P", (1, 1))
-    result.putpalette(colours.ravel().tolist())
-    return result
+def _with_palette(frame: Array, palette: Array) -> Image.Image:
+    """Replace each colour by the nearest of a palette (k, 3), which Pillow finds only nearly."""
+    codes = frame.astype(np.int64) @ (1 << 16, 1 << 8, 1)
+    found, place = np.unique(codes, return_inverse=True)
+    colours = np.stack([found >> 16, (found >> 8) & 255, found & 255], axis=1)
+    nearest = ((colours[:, None] - palette) ** 2).sum(-1).argmin(1)
+    image = Image.fromarray(nearest[place].reshape(codes.shape).astype(np.uint8))
+    image.putpalette(palette.ravel().tolist())
+    return image

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import shlex
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +14,6 @@ from suspension_cli.analyses.analysis import Log, Progress, Result, Run
 from suspension_cli.analyses.report import html
 
 if TYPE_CHECKING:
-    import contextlib
-
     from suspension_cli.design.reader import Source
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.scene import Scene
@@ -78,9 +78,11 @@ class Warnings(Log):
         """Pass on a detail."""
         self.outer.detail(text)
 
-    def progress(self) -> contextlib.AbstractContextManager[Progress]:
+    @contextlib.contextmanager
+    def progress(self) -> Iterator[Progress]:
         """Show the progress of a long computation."""
-        return self.outer.progress()
+        with self.outer.progress() as bar:
+            yield bar
 
     def take(self) -> list[str]:
         """Return the warnings since the last call."""

@@ -1,0 +1,255 @@
+"""The report of a design: one file that is whole, valid HTML, and says what its analyses say."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+
+import pytest
+
+import suspension_cli as sus
+from suspension_cli.analyses import tables
+from suspension_cli.analyses.report import html
+from suspension_cli.analyses.report.sections import SECTIONS
+from tests.support.commandline import run
+from tests.support.paths import CONFIGS
+
+QUICK = ("--fidelity", "string", "-q")
+VOID = {"meta", "link", "img", "br", "hr"}
+
+
+class Page(HTMLParser):
+    """What a test asks of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.images: list[dict[str, str | None]] = []
+        self.headings: list[int] = []
+        self.tags: set[str] = set()
+        self.text = ""
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.tags.add(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+        self.ids += [given["id"]] if "id" in given else []
+        self.links += [given[name] for name in ("href", "src") if name in given]
+        self.images += [given] if tag == "img" else []
+        self.headings += [int(tag[1])] if re.fullmatch("h[1-6]", tag) else []
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A report of a damped design with an imperfection, on the quickest model."""
+    folder = tmp_path_factory.mktemp("report")
+    text = (CONFIGS / "double.toml").read_text() + LOOP
+    file = folder / "double.toml"
+    file.write_text(text)
+    words = ("--fidelity", "beam", "-q", "--input", "support.x")
+    done = run("report", file, "--out", folder, *words)
+    assert done.exit_code == 0, done.stderr
+    return folder / "double-report.html"
+
+
+LOOP = """
+[[control.loop]]
+name = "x"
+sensor = "upper.x"
+actuator = "upper.force_x"
+gain = 1e5
+zeros = [0.0]
+poles = [20.0, 20.0]
+[[perturbation]]
+wire = "test.1"
+upper_offset = [1e-4, 0.0, 0.0]
+"""
+
+
+@pytest.fixture(scope="module")
+def page(written):
+    return Page(written.read_text(encoding="utf-8"))
+
+
+def test_page_stands_alone(page):
+    """No script, nothing from outside, every link leads somewhere."""
+    assert not page.tags & {"script", "iframe", "object", "embed"}
+    for link in page.links:
+        assert link.startswith(("data:", "#")), link
+        assert not link.startswith("#") or link[1:] in page.ids
+
+
+def test_ids_and_headings(page):
+    assert len(set(page.ids)) == len(page.ids)
+    assert page.ids == [*SECTIONS, "provenance", "design"]
+    assert page.headings[0] == 1
+    assert page.headings.count(1) == 1
+    assert all(b - a <= 1 for a, b in zip(page.headings, page.headings[1:], strict=False))
+
+
+def test_pictures_are_valid_and_described(page):
+    assert len(page.images) >= 6
+    for image in page.images:
+        assert image["alt"]
+        kind, data = re.fullmatch("data:image/(svg[+]xml|png);base64,(.*)", image["src"]).groups()
+        whole = base64.b64decode(data, validate=True)
+        if kind == "png":
+            assert whole.startswith(b"\x89PNG")
+        else:
+            root = ET.parse(io.BytesIO(whole)).getroot()
+            assert root.tag.endswith("svg")
+            ratio = float(root.get("width")[:-2]) / float(root.get("height")[:-2])
+            assert ratio == pytest.approx(int(image["width"]) / int(image["height"]), rel=0.01)
+
+
+def test_says_what_it_is_of(page, written):
+    text = page.text
+    assert f"pendsus {sus.__version__}" in text
+    assert str(written.with_name("double.toml")) in text
+    assert "upper_offset" in text  # the design
+    assert "Not computed" not in text
+    assert "Left out, as the design has no [tolerance] table" in text
+    assert f"pendsus modes {written.with_name('double.toml')} --fidelity beam" in text
+    assert re.search(r"20\d\d-\d\d-\d\d", text) is None  # no date
+
+
+def test_modes_are_those_of_the_command(page):
+    """The same columns as the table in the terminal."""
+    design = sus.parse((CONFIGS / "double.toml").read_text() + LOOP)
+    found = sus.modes(design, model="beam")
+    for name, frequency in zip(found.label, found.frequency, strict=True):
+        assert f"{frequency:#.5g}" in page.text
+        assert name.rpartition(" ")[2] in page.text
+
+
+def test_unstable_design_says_why(tmp_path):
+    done = run(
+        *("report", CONFIGS / "double.toml", "--out", tmp_path, *QUICK),
+        *("--set", "stage.test.wires.d=-0.05", "--sections", "modes, thermal,check"),
+    )
+    assert done.exit_code == 0
+    page = Page((tmp_path / "double-report.html").read_text())
+    assert page.ids == ["check", "modes", "thermal", "provenance", "design"]
+    assert re.search("Not computed: stage: the equilibrium is unstable: .* 1/s; make it", page.text)
+    assert "--allow-unstable" not in page.text
+    assert "Thermal noise not computed" in done.stderr
+
+
+def test_same_bytes_again(tmp_path):
+    design = sus.example("double")
+    path = tmp_path / "a.html"
+    first = sus.report(design, path, sections=["drawing", "check"]).read_bytes()
+    assert sus.report(design, path, sections=["drawing", "check"]).read_bytes() == first
+    assert [one.name for one in tmp_path.iterdir()] == ["a.html"]
+
+
+def test_tolerances_are_read_if_computed_before(tmp_path):
+    config = CONFIGS / "triple-tolerance.toml"
+    words = ("--out", tmp_path, *QUICK, "--builds", "100")
+    assert run("tolerance", config, *words, "--no-plot", "--workers", "1").exit_code == 0
+    assert run("report", config, *words, "--sections", "tolerance").exit_code == 0
+    text = Page((tmp_path / "triple-tolerance-report.html").read_text()).text
+    assert "Read from triple-tolerance-tolerance.h5" in text
+    assert "100 of 100 builds hang on taut wires" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--sections", "modse"), '--sections = "modse": a report has no such section; did you'),
+        (("--input", "tets.x"), '--input = "tets.x": names no body'),
+        (("--set", "stage.test.wires.l=-1"), "stage.test.wires.l"),
+    ],
+)
+def test_bad_input_writes_nothing(words, line, tmp_path):
+    done = run("report", CONFIGS / "double.toml", "--out", tmp_path / "out", *words)
+    assert done.exit_code == 2
+    assert line in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_api_names_its_arguments(tmp_path):
+    with pytest.raises(sus.InputError, match=r"sections = .*no such section"):
+        sus.report(sus.example("double"), tmp_path / "a.html", sections=["modse"])
+    with pytest.raises(sus.InputError, match=r"path = .*cannot be written"):
+        sus.report(sus.example("double"), tmp_path / "no" / "a.html", sections=["check"])
+
+
+def cells(columns, rows):
+    """Text of the cells of a table as HTML, by row."""
+    made = html.table(tables.Table(columns, rows))
+    return [
+        [re.sub("<.*?>", "", cell) for cell in re.findall("<td.*?>(.*?)</td>", row)]
+        for row in made.split("<tbody>")[1].split("</tr>")[:-1]
+    ]
+
+
+def test_tables_have_readable_numbers():
+    columns = {"name": "", "Q": ".4g", "noise\nm/sqrt(Hz)": ".2e", "x": ".1f"}
+    rows = [("a <b> 3 %", 6762, 1.25e-21, None), ("c", 3.074e5, 2e-9, -2.5)]
+    assert cells(columns, rows) == [
+        ["a &lt;b&gt; 3\u00a0%", "6762", "1.25×10⁻²¹", "-"],
+        ["c", "307\u202f400", "2.00×10⁻⁹", "−2.5"],
+    ]
+    assert "m/√Hz" in html.table(tables.Table(columns, rows))
+
+
+def test_numbers_are_aligned_on_the_point():
+    """What follows the point has one width in all rows, whatever the font's digits are."""
+    made = html.table(tables.Table({"x": "#.4g"}, [(0.1234,), (123.4,), (12.34,)]))
+    widths = re.findall(r'<span style="width:(.*?)ch">(.*?)</span>', made)
+    assert widths == [("5", ".1234"), ("5", ".4"), ("5", ".34")]
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+PROBE = """<script>
+const broken = [];
+addEventListener("error", e => broken.push("error " + e.message));
+addEventListener("load", () => {
+  for (const img of document.images)
+    if (!img.complete || !img.naturalWidth) broken.push("image " + img.alt);
+  const wide = document.documentElement.scrollWidth > innerWidth ? ["page too wide"] : [];
+  const found = [document.images.length, ...broken, ...wide].join("|");
+  document.body.setAttribute("data-found", found);
+});
+</script></head>"""
+"""Added to a copy of the page: reports what the browser could not show."""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed (Debian package chromium)")
+def test_opens_in_a_browser_without_network(page, written, tmp_path):
+    probe = tmp_path / "probe.html"
+    probe.write_text(written.read_text(encoding="utf-8").replace("</head>", PROBE))
+    done = subprocess.run(
+        [
+            *(CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"),
+            *("--enable-logging=stderr", "--window-size=1000,800"),
+            *("--virtual-time-budget=10000", "--host-resolver-rules=MAP * ~NOTFOUND"),
+            *(f"--user-data-dir={tmp_path / 'profile'}", probe.as_uri()),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    found = re.search('data-found="(.*?)"', done.stdout)
+    assert found is not None, done.stderr[-2000:]
+    assert found[1] == str(len(page.images))
+    assert "CONSOLE" not in done.stderr
