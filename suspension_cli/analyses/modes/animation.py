@@ -210,5 +210,5 @@ def _with_palette(frame: Array, palette: Array) -> Image.Image:
     colours = np.stack([found >> 16, (found >> 8) & 255, found & 255], axis=1)
     nearest = ((colours[:, None] - palette) ** 2).sum(-1).argmin(1)
     image = Image.fromarray(nearest[place].reshape(codes.shape).astype(np.uint8))
-    image.putpalette(palette.ravel().tolist())
+    image.putpalette(palette.astype(np.uint8).tobytes())
     return image

@@ -142,14 +142,14 @@ def test_modes_are_those_of_the_command(page):
 def test_unstable_design_says_why(tmp_path):
     done = run(
         *("report", CONFIGS / "double.toml", "--out", tmp_path, *QUICK),
-        *("--set", "stage.test.wires.d=-0.05", "--sections", "modes, thermal,check"),
+        *("--set", "stage.test.wires.d=-0.05", "--sections", "modes, response,check"),
     )
     assert done.exit_code == 0
     page = Page((tmp_path / "double-report.html").read_text())
-    assert page.ids == ["check", "modes", "thermal", "provenance", "design"]
+    assert page.ids == ["check", "modes", "response", "provenance", "design"]
     assert re.search("Not computed: stage: the equilibrium is unstable: .* 1/s; make it", page.text)
     assert "--allow-unstable" not in page.text
-    assert "Thermal noise not computed" in done.stderr
+    assert "Responses not computed" in done.stderr
 
 
 def test_same_bytes_again(tmp_path):
