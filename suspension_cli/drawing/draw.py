@@ -113,6 +113,13 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         return figure
 
 
+def exaggeration(design: Design, scene: Scene) -> float | None:
+    """Factor by which `draw` exaggerates imperfections; None if nothing is displaced."""
+    bare = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), 0.0)
+    flawed = imperfect.exaggerate(bare)
+    return flawed.factor if flawed else None
+
+
 def _names(scene: Scene) -> float:
     """Width of the bodies' names between the views, in."""
     return 0.55 + 0.085 * min(max(len(name) for name in scene.bodies.name), 18)

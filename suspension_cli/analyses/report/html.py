@@ -140,7 +140,7 @@ def _plain(cell: str) -> str:
     """Return one cell of a column of numbers as HTML."""
     part = NUMBER.fullmatch(cell)
     if part is None:
-        return text(cell.strip())
+        return _glued(cell.strip())
     return f"{_sign(part[1])}{part[2]}{part[3] or ''}{_exponent(part[4])}"
 
 
@@ -260,14 +260,14 @@ pre { background: #f5f6f7; padding: 1rem; overflow-x: auto; line-height: 1.4; }
   h1 { font-size: 1.6rem; }
   h2 { margin-top: 1.2rem; break-after: avoid; }
   figure { margin: .8rem 0; }
-  p { orphans: 3; widows: 3; }
+  p { break-inside: avoid; }
   .model, .warning, p:has(+ .wide), p:has(+ figure) { break-after: avoid; }
   a { color: inherit; }
   figure, tr, .wide { break-inside: avoid; }
   thead { display: table-header-group; }
   img { max-height: 225mm; width: auto; }
-  #drawing img { max-height: 138mm; }
-  #response img { max-height: 96mm; }
+  #drawing img { max-height: 126mm; }
+  #response img { max-height: 88mm; }
   .wide { overflow: visible; }
   table { font-size: 7.6pt; }
   th, td { padding-right: .6rem; }

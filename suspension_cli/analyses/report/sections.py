@@ -64,10 +64,10 @@ def drawing(report: Composition) -> Iterator[str]:
         f" lowest centre of mass lies {html.number(depth, 4)} m below the suspension point."
     )
     if design.perturbation:
-        caption += (
-            f" The {_count(len(design.perturbation), 'imperfect part')} are drawn as the heading of"
-            " the picture says."
-        )
+        names = dict.fromkeys(str(item.wire or item.body) for item in design.perturbation)
+        factor = draw.exaggeration(design, scene)
+        size = "displace nothing" if factor is None else f"are drawn {factor:,.6g} times larger"
+        caption += f" Imperfections of {html.text(', '.join(names))} {size}."
     yield html.picture(figure, caption, f"Drawing of {design.design.name} to scale")
     report.list("draw")
 
@@ -78,7 +78,7 @@ def numbers(report: Composition) -> Iterator[str]:
 
     for one in drawn.listed(report.source.design, report.scene):
         heads = [re.sub(r"^(.*?) \((.*)\)$", "\\1\n\\2", _symbol(head)) for head in one.heads]
-        columns = {heads[0]: "", **dict.fromkeys(heads[1:], " ")}
+        columns = {head: " " if "\n" in head or head == "wires" else "" for head in heads}
         rows = [[cell.replace("−", "-") for cell in row] for row in one.rows]
         yield html.table(tables.Table(columns, rows), html.text(one.title))
     keys = " ".join(_symbol(line) for line in drawn.key(report.scene)[: len(drawn.KEY)])
@@ -96,21 +96,30 @@ def _symbol(text: str) -> str:
 
 
 def _materials(report: Composition) -> Iterator[str]:
-    """Table of the diameters and materials of wires."""
+    """Table of the materials and diameters of wires."""
     rows = []
     for stage in report.source.design.stage:
         for part in (stage.wires, *stage.wire):
-            radius = getattr(part, "radius", None)
-            row = (
-                stage.name,
-                getattr(part, "material", None) or "-",
-                None if radius is None else 2e6 * radius,
-            )
-            if part is not None and row not in rows:
-                rows.append(row)
+            if part is not None:
+                row = (stage.name, part.material or "-", _diameter(part))
+                rows += [row] if row not in rows else []
     if rows:
         columns = {"wires of": "", "material": "", "diameter\nµm": ".4g"}
         yield html.table(tables.Table(columns, rows), "Materials")
+
+
+def _diameter(part: Any) -> float | str | None:
+    """Diameter in µm, as a range where it varies; width and thickness of a ribbon."""
+    if part.radius is not None:
+        return 2e6 * part.radius
+    shape = getattr(part, "section", None)
+    if shape is not None:
+        return " × ".join(f"{1e6 * size:.4g}" for size in (shape.width, shape.thickness))
+    radii = [np.ravel(one.radius) for one in getattr(part, "sections", None) or ()]
+    if not radii or any(None in one for one in radii):
+        return None
+    low, high = (2e6 * size for size in (np.min(np.hstack(radii)), np.max(np.hstack(radii))))
+    return low if low == high else f"{low:.4g} to {high:.4g}"
 
 
 def check(report: Composition) -> Iterator[str]:

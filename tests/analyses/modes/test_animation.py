@@ -86,7 +86,7 @@ def test_unknown_mode_writes_nothing(mode, line, tmp_path):
 
 
 def test_modes_of_wires_are_refused():
-    found = sus.modes(sus.example("geo-silica-triple"), max_frequency=320.0)
+    found = sus.modes(sus.read(SINGLE), max_frequency=600.0)
     number = int(np.flatnonzero(found.order > 0)[0]) + 1
     with pytest.raises(sus.InputError, match="mode of wires alone"):
         sus.animate(found, number, "never.gif")
