@@ -278,6 +278,8 @@ def test_the_command(tmp_path):
             tmp_path,
             "--frequency",
             "1,2",
+            "--duration",
+            "1",
         ).stdout
     )
     [z] = [margin for margin in answer["margins"] if margin["loop"] == "z"]
