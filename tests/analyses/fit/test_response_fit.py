@@ -157,7 +157,7 @@ def test_channels_are_found_exchanged_and_left_alone_when_right():
 
 def test_a_quadruple_with_2_mm_among_20_numbers():
     """All 36 functions at the top mass, calibrated to 5 %: d of the second stage."""
-    given, true = trials.quadruple(0, frequency=np.geomspace(0.2, 10.0, 100))
+    given, true = trials.quadruple(0, frequency=np.geomspace(0.2, 10.0, 150))
     found = response_fit.solve(given.problem())
     name = "stage.upper.wires.d"
     n = list(true).index(name)
