@@ -29,7 +29,7 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.studies import derivatives, parameters
 from suspension_cli.studies.derivatives import Differentiable, Linear
 
@@ -111,7 +111,7 @@ class Plant:
         return result
 
     @cached_property
-    def _dispersive_elements(self) -> tuple[Array, Array, Array]:
+    def _dispersive_elements(self) -> tuple[Index, Index, Array]:
         """Rows and columns (e,) of elements that depend on frequency, weights (e, n) in them."""
         to_named = np.linalg.inv(self.system.basis)
         matrices = np.concatenate(

@@ -149,7 +149,7 @@ def commands(lines: list[str]) -> list[str]:
     return [line for line in lines if re.match(r"(\.venv/bin/)?pendsus ", line)]
 
 
-AMOUNTS = {"--builds": "20", "--starts": "1", "--max-frequency": "100", "--repeat": "2"}
+AMOUNTS = {"--builds": "20", "--starts": "1", "--max-frequency": "30", "--repeat": "2"}
 """Options that say how much of the same is done: less of it does."""
 
 
@@ -165,6 +165,7 @@ PARTS = {
         "--quantity",
         "coupling",
     ],
+    ("fit", "measured/husman2000/table1.toml", "--json"): ["--fidelity", "string"],
     ("tradeoff", "my.toml"): ["--quantity", "modes", "--quantity", "response"],
 }
 """Options that shorten a line whose whole computation is tested elsewhere."""

@@ -392,7 +392,9 @@ def test_the_command(tmp_path):
     before = png.read_bytes()
     assert run("plot", png.with_suffix(".h5")).exit_code == 0
     assert png.read_bytes() == before
-    answer = strict_json(run("sensitivity", file, "--out", tmp_path, "--json", "--fidelity", "string").stdout)
+    answer = strict_json(
+        run("sensitivity", file, "--out", tmp_path, "--json", "--fidelity", "string").stdout
+    )
     with h5py.File(png.with_suffix(".h5")) as stored:
         np.testing.assert_array_equal(
             stored["sensitivity/derivative"][:], np.array(answer["derivative"], dtype=float)
