@@ -175,6 +175,7 @@ FEWER = {
     "budget": {"--frequency": f"0.1:100:{POINTS}", "--fidelity": "string"},
     "response": {"--frequency": f"0.1:100:{POINTS}", "--fidelity": "string"},
     "thermal": {"--frequency": f"0.1:100:{POINTS}"},
+    "report": {"--sections": "drawing,check", "--fidelity": "string"},
 }
 """Options of a command that are given where a line does not: the command is tested elsewhere."""
 
