@@ -174,6 +174,8 @@ def response(report: Composition) -> Iterator[str]:
     chosen: Sequence[tuple[tuple[str, ...], tuple[str, ...]]]
     if request.inputs or request.outputs:
         chosen = [(request.inputs or ("support.x",), request.outputs or (f"{last}.x",))]
+    elif {"input", "output"} & {*report.source.design.analysis.get("response", {})}:
+        chosen = [((), ())]  # the design chooses
     else:
         chosen = [((f"support.{i}",), tuple(f"{last}.{o}" for o in out)) for i, out in FLOW]
     line = ""
