@@ -24,7 +24,6 @@ tops' joint, which a counterweight below the feet brings about.
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -52,6 +51,9 @@ FLEXURE = Annotated[float, of_unit("N m/rad", "", gt=0, le=1e15)]
 AXIAL_STIFFNESS = 1e8
 """Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
 long."""
+TURN = 5040
+"""Parts of a turn, to which angles are rounded if they are as near as 1e-13 rad: a multiple of most
+numbers of legs."""
 ROUND_ROD = 1.3
 """Bending over torsional stiffness of a round rod, E I / (G J) = 1 + nu at Poisson's ratio 0.3."""
 
@@ -179,12 +181,18 @@ def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
 
 
 def _direction(angle: Any) -> tuple[Any, Any]:
-    """Cosine and sine, rounded so that mirror images on a circle have equal coordinates."""
+    """Cosine and sine; of fractions of a turn those of mirror images are equal but for the sign."""
     if isinstance(angle, complex):  # a derivative by a complex step
         x, y = _direction(angle.real)
         return complex(x, -y * angle.imag), complex(y, x * angle.imag)
-    whole = cmath.rect(1.0, angle)
-    return round(whole.real, 15) + 0.0, round(whole.imag, 15) + 0.0
+    steps = angle / (2 * math.pi) * TURN
+    if abs(steps - round(steps)) > 1e-10:
+        return math.cos(angle), math.sin(angle)
+    step, quarter = round(steps) % TURN, TURN // 4
+    quadrant, rest = divmod(step, quarter)
+    x, y = math.cos(2 * math.pi * rest / TURN), math.cos(2 * math.pi * (quarter - rest) / TURN)
+    x, y = (1.0, 0.0) if rest == 0 else (x, y)
+    return ((x, y), (-y, x), (-x, -y), (y, -x))[quadrant]
 
 
 def offset(legs: InvertedPendulum) -> tuple[float, float, float]:
