@@ -39,7 +39,7 @@ from suspension_cli.design.units import (
 from suspension_cli.errors import Fault, format_value
 
 SUFFIX = "-keystone"
-LATERAL, TILT = 1e8, 1e5
+LATERAL, TILT = 1e7, 1e4
 """Default stiffness of a keystone across the vertical, N/m, and against rotation, N m/rad: far above
 that of any wire."""
 STEEL = 7900.0
