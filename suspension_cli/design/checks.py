@@ -133,16 +133,7 @@ def _check_suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault
             "has neither wires nor springs",
             "add [stage.wires], [[stage.wire]], [[stage.spring]] or [stage.inverted_pendulum]",
         )
-    if legs is not None:
-        if stage.wires is not None or stage.wire:
-            yield Fault(
-                f"{path}.inverted_pendulum",
-                "conflicts with wires: a stage either stands on legs or hangs on wires",
-                "keep one of the two",
-            )
-        yield from check_legs(legs, f"{path}.inverted_pendulum")
-    if stage.filter is not None:
-        yield from check_filter(stage.filter, f"{path}.filter")
+    yield from _check_tower(stage, path)
     if stage.wires is None and stage.position is None and legs is None:
         yield Fault(
             f"{path}.position", "missing", "give the nominal COM from the COM above, [x, y, z] in m"
@@ -174,6 +165,20 @@ def _check_suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault
         yield from wire_checks.check_blade(design, blade, where)
         if not any(wire.blade == blade.name for wire in stage.wire):
             yield Fault(where, "carries no wire", f'name it in a wire: blade = "{blade.name}"')
+
+
+def _check_tower(stage: Stage, path: str) -> Iterator[Fault]:
+    legs = stage.inverted_pendulum
+    if legs is not None:
+        if stage.wires is not None or stage.wire:
+            yield Fault(
+                f"{path}.inverted_pendulum",
+                "conflicts with wires: a stage either stands on legs or hangs on wires",
+                "keep one of the two",
+            )
+        yield from check_legs(legs, f"{path}.inverted_pendulum")
+    if stage.filter is not None:
+        yield from check_filter(stage.filter, f"{path}.filter")
 
 
 def _check_wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault]:

@@ -40,8 +40,8 @@ from suspension_cli.errors import Fault, format_value
 
 SUFFIX = "-keystone"
 LATERAL, TILT = 1e7, 1e4
-"""Default stiffness of a keystone across the vertical, N/m, and against rotation, N m/rad: far above
-that of any wire."""
+"""Default stiffness of a keystone across the vertical, N/m, and against rotation, N m/rad: far
+above that of any wire."""
 STEEL = 7900.0
 """Density of a keystone whose moments of inertia are not given, kg/m^3."""
 
@@ -110,7 +110,7 @@ class Filter(Table, frozen=True):
     ] = LATERAL
     tilt_stiffness: Annotated[
         float,
-        of_unit("N m/rad", "stiffness of the blades against rotation", gt=0, le=1e15),
+        of_unit("N m/rad", "stiffness of the blades against rotation, N m/rad", gt=0, le=1e15),
     ] = TILT
     saturation: (
         Annotated[
@@ -141,7 +141,9 @@ class Filter(Table, frozen=True):
         Annotated[LossAngle, Meta(description="loss angle of the blades' stiffness in rad")] | None
     ) = None
     q: (
-        Annotated[float, of_unit("1", "instead: Q of the vertical mode, 1/loss_angle", gt=0, le=1e12)]
+        Annotated[
+            float, of_unit("1", "instead: Q of the vertical mode, 1/loss_angle", gt=0, le=1e12)
+        ]
         | None
     ) = None
     modulus_slope: Annotated[
@@ -154,7 +156,8 @@ class Filter(Table, frozen=True):
         ),
     ] = 0.0
     thermal_expansion: Annotated[
-        Expansion, Meta(description="expansion of the blades in 1/K, adds to the slope in the shift")
+        Expansion,
+        Meta(description="expansion of the blades in 1/K, adds to the slope in the shift"),
     ] = 0.0
 
 

@@ -112,14 +112,16 @@ class InvertedPendulum(Table, frozen=True):
     ) = None
     top_stiffness: Annotated[
         float,
-        of_unit("N m/rad", "bending stiffness of the joint at the top of a leg", ge=0, le=1e15),
+        of_unit(
+            "N m/rad", "bending stiffness of the joint at the top of a leg, N m/rad", ge=0, le=1e15
+        ),
     ] = 0.0
     yaw_stiffness: (
         Annotated[
             float,
             of_unit(
                 "N m/rad",
-                "torsional stiffness of a leg; default that of a round rod, stiffness / 1.3",
+                "torsional stiffness of a leg, N m/rad; default that of a round rod, stiffness/1.3",
                 ge=0,
                 le=1e15,
             ),
@@ -134,7 +136,7 @@ class InvertedPendulum(Table, frozen=True):
         Annotated[
             float,
             of_unit(
-                "m", "height of the COM of a leg above its foot; default half", ge=-1e5, le=1e5
+                "m", "height of the COM of a leg above its foot, m; default half", ge=-1e5, le=1e5
             ),
         ]
         | None
@@ -328,7 +330,7 @@ def check_legs(legs: InvertedPendulum, path: str) -> Iterator[Fault]:
         yield Fault(path, both, "give exactly one: points, or count with radius")
     elif legs.count is not None and legs.radius is None:
         yield Fault(f"{path}.radius", "missing", "give the radius of the circle of legs in m")
-    if legs.points is not None:
+    if legs.points is not None and legs.count is None:
         for key, value in (("radius", legs.radius), ("phase", legs.phase), ("top", legs.top)):
             if value:
                 yield Fault(

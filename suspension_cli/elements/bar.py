@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     """Gravitational energy (...) of all bars relative to the nominal pose, J."""
     bars = scene.bars
-    rise = pose.shift[..., bars.body, 2] + (
-        (pose.turn[..., bars.body, :, :] @ bars.point[..., None])[..., 2, 0]
+    rise = (
+        pose.shift[..., bars.body, 2]
+        + ((pose.turn[..., bars.body, :, :] @ bars.point[..., None])[..., 2, 0])
     )
     return scene.gravity * (bars.loads * rise).sum((-2, -1))
 
@@ -54,7 +55,10 @@ def mass_matrix(
     bars = scene.bars
     first, second = (
         point_jacobian(
-            numbering, pose, bars.body[:, end], pose.arms(bars.body[:, end], bars.point[..., end, :])
+            numbering,
+            pose,
+            bars.body[:, end],
+            pose.arms(bars.body[:, end], bars.point[..., end, :]),
         )
         for end in (0, 1)
     )

@@ -1,4 +1,4 @@
-"""Forces and stiffness of the legs of inverted pendulums of one build, as a loop that numba compiles.
+"""Forces and stiffness of the legs of inverted pendulums of one build, as a compiled loop.
 
 The formulas are those of `string` (with a negative tension) and `bar`. Each leg has the bodies of
 the spring of its flexures, so its numbers stand behind those of that spring in one row.

@@ -151,9 +151,7 @@ def move_com(scene: Scene, number: int, offset: Any) -> Scene:
         bars=replace(
             scene.bars,
             point=scene.bars.point
-            - np.where(
-                (scene.bars.body == number)[..., None], shift[..., None, None, :], 0.0
-            ),
+            - np.where((scene.bars.body == number)[..., None], shift[..., None, None, :], 0.0),
         ),
     )
 

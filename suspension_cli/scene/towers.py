@@ -96,7 +96,10 @@ def balance_legs(part: StagePart, load: Array, gravity: float, weight: float) ->
             Spring(stiffness=matrix, at=tuple(point.tolist()), loss_angle=numbers.loss)
         )
     faults = tensions.report_imbalance(
-        left_over, weight, key, "hang the load at the height of the legs' circle, or below its centre"
+        left_over,
+        weight,
+        key,
+        "hang the load at the height of the legs' circle, or below its centre",
     )
     return faults or [
         Fault(

@@ -158,9 +158,10 @@ def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[F
         numbers = filter_statics(table, carried, float(scene.gravity))
         load = float(scene.springs.preload[spring, 2])
         stiffness = float(scene.springs.stiffness[spring, 2, 2])
-        point = pose.shift[upper] + pose.arms(
-            np.array([upper]), scene.springs.upper_point[spring][None]
-        )[0]
+        point = (
+            pose.shift[upper]
+            + pose.arms(np.array([upper]), scene.springs.upper_point[spring][None])[0]
+        )
         own = pose.shift[number] + scene.springs.upper_point[spring]
         force = load * (table.modulus_slope + 2 * table.thermal_expansion)
         found.append(
