@@ -200,7 +200,7 @@ def filter_statics(table: Filter, carried: Any, gravity: Any) -> FilterStatics:
         assert table.frequency is not None
         stiffness = (2 * math.pi * table.frequency) ** 2 * (whole - coupling)
     loss = 1 / table.q if table.q is not None else table.loss_angle or 0.0
-    return FilterStatics(carried, load, stiffness, coupling, whole - coupling, loss.real)
+    return FilterStatics(carried, load, stiffness, coupling, whole - coupling, loss)
 
 
 def keystone_inertia(keystone: Keystone) -> list[Any]:

@@ -307,7 +307,7 @@ def leg_statics(legs: InvertedPendulum, load: Any, gravity: Any) -> LegStatics:
     yaw = flexure / ROUND_ROD if legs.yaw_stiffness is None else legs.yaw_stiffness
     loss = legs.loss_angle or 0.0
     if legs.q is not None:
-        loss = max(stiffness.real, 0.0) / elastic.real / legs.q.real
+        loss = stiffness / elastic / legs.q if stiffness.real > 0 else 0.0
     return LegStatics(
         count=count,
         flexure=flexure,

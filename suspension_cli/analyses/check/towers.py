@@ -1,4 +1,4 @@
-"""Statics of inverted pendulums and filters: load, softening, tipping, saturation, working point."""
+"""Statics of inverted pendulums and filters: load, tipping, saturation, working point."""
 
 from __future__ import annotations
 

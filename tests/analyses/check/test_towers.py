@@ -64,6 +64,7 @@ def test_a_warning_says_what_and_what_to_do(settings, says):
     assert any(says in line for line in lines), lines
 
 
+@pytest.mark.filterwarnings("ignore:.*unstable")
 def test_tipping_is_a_finding():
     text = GOOD.replace("frequency = 0.06", "stiffness = 600.0")
     found = solve.solve(reader.Source(reader.parse(text), text, "t.toml"))
