@@ -13,7 +13,7 @@ import numpy as np
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.drawing.bodies import Outline, suspension_size
 from suspension_cli.elements.string import tip_deflection
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 
@@ -173,7 +173,7 @@ def legs(scene: Scene, pose: Pose) -> Array:
     return np.stack([foot, position_of(scene, pose, struts.lower, struts.lower_point)], axis=1)
 
 
-def free_springs(scene: Scene) -> Array:
+def free_springs(scene: Scene) -> Index:
     """Numbers (k,) of the springs that are drawn: all but the flexures of legs."""
     legged = {
         (body, *top)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from suspension_cli.design.derive import body_inertia, body_mass
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Springs, Wires
+from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Springs, Wires, no_struts
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,8 @@ def pack(design: Design, parts: list[StagePart]) -> Scene:
         wires=_wires(parts),
         blades=_blades(parts),
         springs=_springs(parts),
-        **_struts_and_bars(parts),
+        struts=_struts(parts),
+        bars=_bars(parts),
     )
 
 
@@ -176,35 +177,37 @@ def _wires(parts: list[StagePart]) -> Wires:
     )
 
 
-def _struts_and_bars(parts: list[StagePart]) -> dict[str, Wires | Bars]:
-    """Struts and bars of the parts, by their field of the scene, where there are any."""
-    result: dict[str, Wires | Bars] = {}
-    struts = [(n, part, strut) for n, part in enumerate(parts, 1) for strut in part.struts]
-    if struts:
-        span = np.array([strut.span for _, _, strut in struts])
-        result["struts"] = Wires(
-            label=tuple(strut.label for _, _, strut in struts),
-            upper=np.array([part.parent for _, part, _ in struts], dtype=np.intp),
-            lower=np.array([n for n, _, _ in struts], dtype=np.intp),
-            blade=np.full(len(struts), -1),
-            upper_point=np.array([strut.upper_point for _, _, strut in struts]),
-            lower_point=np.array([strut.lower_point for _, _, strut in struts]),
-            span=span,
-            length=np.sqrt((span**2).sum(-1)),
-            tension=-np.concatenate([part.thrust for part in parts]),
-            stiffness=np.array([strut.stiffness for _, _, strut in struts]),
-            torsion=np.zeros(len(struts)),
-            loss=np.zeros(len(struts)),
-        )
-    bars = [(n, part, bar) for n, part in enumerate(parts, 1) for bar in part.bars]
-    if bars:
-        result["bars"] = Bars(
-            label=tuple(bar.label for _, _, bar in bars),
-            body=np.array([(part.parent, n) for n, part, _ in bars], dtype=np.intp),
-            point=np.array([(bar.upper, bar.lower) for _, _, bar in bars]),
-            inertia=np.array([bar.inertia for _, _, bar in bars]),
-        )
-    return result
+def _struts(parts: list[StagePart]) -> Wires:
+    rows = [(n, part, strut) for n, part in enumerate(parts, 1) for strut in part.struts]
+    if not rows:
+        return no_struts()
+    span = np.array([strut.span for _, _, strut in rows])
+    return Wires(
+        label=tuple(strut.label for _, _, strut in rows),
+        upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
+        lower=np.array([n for n, _, _ in rows], dtype=np.intp),
+        blade=np.full(len(rows), -1),
+        upper_point=np.array([strut.upper_point for _, _, strut in rows]),
+        lower_point=np.array([strut.lower_point for _, _, strut in rows]),
+        span=span,
+        length=np.sqrt((span**2).sum(-1)),
+        tension=-np.concatenate([part.thrust for part in parts]),
+        stiffness=np.array([strut.stiffness for _, _, strut in rows]),
+        torsion=np.zeros(len(rows)),
+        loss=np.zeros(len(rows)),
+    )
+
+
+def _bars(parts: list[StagePart]) -> Bars:
+    rows = [(n, part, bar) for n, part in enumerate(parts, 1) for bar in part.bars]
+    if not rows:
+        return Bars()
+    return Bars(
+        label=tuple(bar.label for _, _, bar in rows),
+        body=np.array([(part.parent, n) for n, part, _ in rows], dtype=np.intp),
+        point=np.array([(bar.upper, bar.lower) for _, _, bar in rows]),
+        inertia=np.array([bar.inertia for _, _, bar in rows]),
+    )
 
 
 def _blades(parts: list[StagePart]) -> Blades:

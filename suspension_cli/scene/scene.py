@@ -155,10 +155,15 @@ class Springs:
     loss: Float[np.ndarray, " spring"]
 
 
-def _no_struts() -> Wires:
+def no_struts() -> Wires:
     """Struts of a scene without any."""
     none, points, values = np.zeros(0, dtype=np.intp), np.zeros((0, 3)), np.zeros(0)
-    return Wires((), none, none, none, *(points,) * 3, *(values,) * 5)
+    return Wires(
+        label=(),
+        **dict.fromkeys(("upper", "lower", "blade"), none),
+        **dict.fromkeys(("upper_point", "lower_point", "span"), points),
+        **dict.fromkeys(("length", "tension", "stiffness", "torsion", "loss"), values),
+    )
 
 
 @dataclass(frozen=True)
@@ -245,7 +250,7 @@ class Scene:
     wires: Wires
     blades: Blades
     springs: Springs
-    struts: Wires = field(default_factory=_no_struts)
+    struts: Wires = field(default_factory=no_struts)
     bars: Bars = field(default_factory=Bars)
     drawn: Scene | None = None
     fibres: Fibres | None = None

@@ -9,6 +9,8 @@ rotation of the stage less that lean bends the joint at the top.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from suspension_cli.design.filters import filter_statics
@@ -19,7 +21,7 @@ from suspension_cli.design.inverted_pendulum import (
     tops,
 )
 from suspension_cli.design.keystones import Keystone, filter_of
-from suspension_cli.design.schema import Design, Spring, Stage
+from suspension_cli.design.schema import Design, Spring
 from suspension_cli.errors import Fault
 from suspension_cli.scene import tensions
 from suspension_cli.scene.arrays import Array
@@ -120,14 +122,14 @@ def stage_legs(part: StagePart, load: float, gravity: float) -> LegStatics:
     return leg_statics(legs, load - own, gravity)
 
 
-def flexure_matrix(length: float, numbers: LegStatics) -> list[list[float]]:
+def flexure_matrix(length: float, numbers: LegStatics) -> list[Any]:
     """Stiffness (6 rows of 6) of the flexures of one leg against the strain of its spring.
 
     k |delta|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-delta_y, delta_x) / L.
     """
     foot, top = numbers.flexure / length**2, numbers.top / length**2
     mixed = numbers.top / length
-    result: list[list[float]] = [[0.0] * 6 for _ in range(6)]
+    result: list[Any] = [[0.0] * 6 for _ in range(6)]
     result[0][0] = result[1][1] = foot + top
     result[3][3] = result[4][4] = numbers.top
     result[5][5] = numbers.yaw
@@ -180,8 +182,3 @@ def hold_keystone(design: Design, part: StagePart, load: Array, gravity: float) 
             )
         ]
     return []
-
-
-def stages_with_legs(design: Design) -> list[Stage]:
-    """Stages that are inverted pendulums."""
-    return [stage for stage in design.stage if stage.inverted_pendulum is not None]
