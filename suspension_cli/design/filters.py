@@ -89,7 +89,7 @@ class Filter(Table, frozen=True):
     stiffness: (
         Annotated[
             Stiffness,
-            Meta(description="instead: vertical stiffness of all blades there, N/m"),
+            Meta(description="vertical stiffness of all blades there, N/m, instead of frequency"),
         ]
         | None
     ) = None
@@ -130,7 +130,7 @@ class Filter(Table, frozen=True):
             float,
             of_unit(
                 "kg",
-                "instead: inertia of the blades that couples both bodies; negative for a wand",
+                "inertia of the blades that couples both bodies, kg, instead of saturation",
                 ge=-1e6,
                 le=1e6,
             ),
@@ -141,10 +141,7 @@ class Filter(Table, frozen=True):
         Annotated[LossAngle, Meta(description="loss angle of the blades' stiffness in rad")] | None
     ) = None
     q: (
-        Annotated[
-            float, of_unit("1", "instead: Q of the vertical mode, 1/loss_angle", gt=0, le=1e12)
-        ]
-        | None
+        Annotated[float, of_unit("1", "Q of the vertical mode, 1/loss_angle", gt=0, le=1e12)] | None
     ) = None
     modulus_slope: Annotated[
         ModulusSlope,

@@ -103,8 +103,8 @@ class InvertedPendulum(Table, frozen=True):
             Frequency,
             Meta(
                 description=(
-                    "instead: lateral frequency with the load, Hz, everything that hangs moving"
-                    " with the stage"
+                    "lateral frequency with the load, Hz, instead of stiffness; everything that"
+                    " hangs moves with the stage"
                 )
             ),
         ]
@@ -161,7 +161,7 @@ class InvertedPendulum(Table, frozen=True):
             float,
             of_unit(
                 "1",
-                "instead: Q of the lateral mode with the load, which dilutes the loss",
+                "Q of the lateral mode with the load, instead of loss_angle",
                 gt=0,
                 le=1e12,
             ),

@@ -152,7 +152,7 @@ class Springs:
     stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
     damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
     preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2))
-    loss: Float[np.ndarray, " spring"]
+    loss: Inexact[np.ndarray, " spring"]
 
 
 def no_struts() -> Wires:

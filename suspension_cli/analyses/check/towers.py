@@ -298,10 +298,10 @@ def find_implausible_towers(
             else f"is near tipping: its load of {leg.load:.6g} N is {100 * leg.margin:.2g} % below"
             f" the critical load of {leg.critical:.6g} N"
         )
-        length = stages[leg.stage].inverted_pendulum
-        assert length is not None
-        least = leg.flexure + (leg.load - leg.critical) * length.length / len(leg.thrust)
-        remedy = f"give flexures stiffer than {least:.6g} N m/rad, or take off load"
+        table = stages[leg.stage].inverted_pendulum
+        assert table is not None
+        least = leg.flexure + (leg.load - leg.critical) * table.length / len(leg.thrust)
+        remedy = f"take off load, or give flexures well above {least:.6g} N m/rad"
         yield ImplausibleNumber(Fault(key, state, remedy))
     for own in filters:
         if abs(own.sag) <= WORKING_RANGE:
