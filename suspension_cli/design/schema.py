@@ -238,8 +238,8 @@ class Stage(Table, frozen=True):
             Name,
             Meta(
                 description=(
-                    '"support" or an earlier stage, which makes a tree; default the stage before'
-                    f" ({NAMES})"
+                    '"support" or an earlier stage, which makes a tree; default the stage before,'
+                    f" or the keystone of its filter ({NAMES})"
                 )
             ),
         ]
@@ -251,7 +251,7 @@ class Stage(Table, frozen=True):
             Meta(
                 description=(
                     "nominal COM from the COM above (or support point), m; implied by a symmetric"
-                    " set, needed otherwise"
+                    " set or an inverted pendulum, needed otherwise"
                 )
             ),
         ]

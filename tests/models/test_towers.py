@@ -258,6 +258,12 @@ def test_frequency_is_that_of_the_flexures_less_the_load():
     np.testing.assert_allclose(found.frequency[:2], expected, rtol=1e-9)
 
 
+def test_legs_resist_yaw_by_torsion_and_by_leaning():
+    found = sus.modes(alone(stiffness=600.0, yaw_stiffness=40.0), model="string")
+    expected = np.sqrt((3 * 40.0 + 0.6**2 * lateral(600.0)) / 40.0) / (2 * np.pi)
+    np.testing.assert_allclose(found.frequency[2], expected, rtol=1e-9)
+
+
 def test_measured_frequency_sets_the_flexures():
     found = sus.modes(alone(frequency=0.06, leg_mass=3.0), model="string")
     np.testing.assert_allclose(found.frequency[:2], 0.06, rtol=1e-9)
