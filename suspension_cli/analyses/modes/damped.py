@@ -1,27 +1,8 @@
 """Modes with dampers and losses of any size, as poles of a suspension.
 
-A pole s = sigma + i omega has a shape x with Z(s) x = 0,
-
-    Z(s) = K + s C + s^2 M + L(omega),
-
-K, C, M symmetric and L the stiffness that loss angles add (i phi K, ...) at the frequency omega =
-Im s of the mode. A loss angle is the phase lag of an oscillation, so L(0) = 0.
-
-In the basis of the undamped modes (omega_j, x_j, of unit modal mass) and of the massless directions
-e_j of unit stiffness,
-
-    (k_j + s^2 m_j) y_j + sum over k of G_jk(s) y_k = 0,      G = X^T (s C + L) X,    k_j =
-    omega_j^2 or 1,    m_j = 1 or 0,
-
-which is exact, as the basis is complete. The stiffness is diagonal in it, so that of a stiff wire
-adds no rounding error to the loss of a soft mode. With S the modes that losses couple strongly (one
-alone, or several close together) and the others R eliminated,
-
-    -s^2 = an eigenvalue of  k_S + G_SS - G_SR (k_R + s^2 m_R + G_RR)^-1 G_RS,
-
-and a Q of 1e12 keeps all its digits. Where damping is strong the poles start from the eigenvalues
-of the quadratic problem (Tisseur and Meerbergen, SIAM Review 43, 235 (2001)) and are refined in the
-same equation, with S the mode that moves most.
+A pole s = sigma + i omega has a shape x with Z(s) x = 0, Z the dynamic stiffness (`modal_basis`).
+Weakly damped modes are followed from the undamped ones (`weak_damping`), the others start from a
+quadratic eigenvalue problem (`strong_damping`).
 
 A pole that oscillates has the frequency |s| / 2 pi and Q = Im s / (-2 Re s), which is pi times the
 number of oscillations in which the amplitude of a ring-down falls to 1/e. For m x'' + k (1 + i phi)
@@ -30,12 +11,13 @@ x = 0, Q = 1 / (2 tan(atan(phi) / 2)), 10.025 for phi = 0.1.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from suspension_cli.analyses.modes import strong_damping, weak_damping
+from suspension_cli.analyses.modes.modal_basis import Basis
 from suspension_cli.linear import eigenmodes as undamped
 from suspension_cli.linear import quality
 from suspension_cli.linear.eigenmodes import Modes
@@ -43,86 +25,10 @@ from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array, Index
 
-LIGHT = 0.02
-"""Fraction of omega^2 up to which losses change the equation of a light mode, whose pole is
-followed from the undamped one."""
-WIDE = 0.3
-"""Largest relative difference of omega^2 of modes that are followed together."""
-COUPLED = 0.05
-"""Coupling of two modes by losses, over the difference of their equations, above which they are
-solved together."""
-ROUNDING = 1e-10
-"""Coupling of two modes by losses, over their own losses, that is a rounding error: it would mix
-modes of one frequency."""
-TOGETHER = 1e-6
-"""Difference of the equations of two modes, over their losses, below which they are solved
-together."""
-NEGLIGIBLE = 1e-18
-"""Relative contribution of another mode to the losses of a mode that is left out."""
-MEMORY = 2_000_000
-"""Elements of G evaluated at once."""
-STEPS = 30
-"""Most steps of any iteration."""
-CONVERGED = 4 * np.finfo(float).eps
-"""Relative change at which an iteration ends."""
-NOISE = 1e-9
-"""Relative change below which an iteration that no longer improves has ended."""
-STRAYED = 0.5
-"""Relative distance from its start beyond which a pole counts as another one."""
 ALIKE = 1e-12
 """Relative difference of omega^2 that may be a rounding error."""
 UNDAMPED = 1e-24
 """Fraction of the largest damping below which a rigid mode counts as undamped."""
-RESISTED = 1e-12
-"""Fraction of the largest damping of rigid modes below which a combination counts as undamped."""
-REAL = 1e-13
-"""Imaginary part over modulus of a pole of the real problem that is a rounding error."""
-
-
-@dataclass(frozen=True)
-class Basis:
-    """Equations of motion in the basis of undamped modes and massless directions.
-
-    Attributes
-    ----------
-    stiffness, inertia : (n,) arrays
-        k_j and m_j: omega_j^2 and 1 of a mode, 1 (or -1) and 0 of a massless direction.
-    viscous : (n, n) array
-        X^T C X, 1/s.
-    place : (n,) int array
-        Numbers of these coordinates among those of `elastic`.
-    elastic : callable
-        X^T L(omega) X (m, n, n), complex, as a function of omega (m,) above 0, rad/s, and of places
-        (n,).
-    """
-
-    stiffness: Array
-    inertia: Array
-    viscous: Array
-    place: Index
-    elastic: Callable[[Array, Index], Any]
-
-    def losses(self, s: Any) -> Any:
-        """G (m, n, n) at s (m,), rad/s; without loss angles where s is real."""
-        s = np.asarray(s, dtype=complex)
-        result = s[:, None, None] * self.viscous
-        oscillates = s.imag > 0
-        if oscillates.any():
-            result[oscillates] = result[oscillates] + self.elastic(s.imag[oscillates], self.place)
-        size = np.sqrt(np.abs(np.diagonal(result, axis1=1, axis2=2)))
-        return np.where(
-            np.abs(result) > ROUNDING * size[:, :, None] * size[:, None, :], result, 0.0
-        )
-
-    def within(self, some: Index) -> Basis:
-        """Restrict to coordinates that losses do not couple to the others."""
-        return Basis(
-            self.stiffness[some],
-            self.inertia[some],
-            self.viscous[np.ix_(some, some)],
-            self.place[some],
-            self.elastic,
-        )
 
 
 @dataclass(frozen=True)
@@ -160,11 +66,13 @@ def find_poles(basis: Basis) -> Poles:
 
 def _find_coupled_poles(basis: Basis) -> Poles:
     """Find the poles of modes that losses couple."""
-    groups, light = _group_modes(basis)
-    values, motions = _follow_poles(basis, [group for group in groups if light[group].all()])
+    groups, light = weak_damping.group_modes(basis)
+    values, motions = weak_damping.follow_poles(
+        basis, [group for group in groups if light[group].all()]
+    )
     if light[basis.inertia > 0].all() and not basis.viscous[basis.inertia == 0].any():
         return Poles(values, motions)
-    strong, moving = _solve_strong(basis, values)
+    strong, moving = strong_damping.solve_strong(basis, values)
     return Poles(np.concatenate([values, strong]), np.concatenate([motions, moving]))
 
 
@@ -176,305 +84,7 @@ def _split_coupled(basis: Basis) -> list[Index]:
         if (omega > 0).any()
         else np.array([1j])
     )
-    return _connected_groups((basis.losses(probes) != 0).any(0))
-
-
-def _connected_groups(linked: Any) -> list[Index]:
-    """Connected groups of a graph, from its adjacency matrix (n, n)."""
-    reached = linked | linked.T | np.eye(len(linked), dtype=bool)
-    while (further := reached.astype(float) @ reached > 0).sum() > reached.sum():
-        reached = further
-    first = reached.argmax(1)
-    return [np.flatnonzero(first == number) for number in np.unique(first)]
-
-
-def _chunks(basis: Basis, count: int) -> list[slice]:
-    """Split `count` poles into parts whose G fits into memory."""
-    most = max(1, MEMORY // len(basis.stiffness) ** 2)
-    return [slice(start, start + most) for start in range(0, count, most)]
-
-
-def _group_modes(basis: Basis) -> tuple[list[Index], Any]:
-    """Group modes that losses couple strongly; which modes are light, bool (n,)."""
-    massive = np.flatnonzero(basis.inertia > 0)
-    n = len(basis.stiffness)
-    start = np.where(basis.inertia > 0, 1j * np.sqrt(np.maximum(basis.stiffness, 0.0)), 0.0)
-    # G_jk and G_kk at mode j
-    rows, own = np.zeros((n, n), dtype=complex), np.zeros((n, n), dtype=complex)
-    for part in _chunks(basis, n):
-        losses = basis.losses(start[part])
-        rows[part] = losses[np.arange(len(losses)), np.arange(n)[part]]
-        own[part] = np.diagonal(losses, axis1=1, axis2=2)
-    here = basis.stiffness + own - np.outer(basis.stiffness, basis.inertia)  # equation k at mode j
-    coupling, size, apart = (
-        np.abs(rows),
-        np.abs(np.diag(rows)),
-        np.abs(here - np.diag(here)[:, None]),
-    )
-    linked = (coupling > COUPLED * apart) | (apart < TOGETHER * np.add.outer(size, size))
-    linked[:, basis.inertia == 0] = linked[basis.inertia == 0] = False
-    groups = [group for group in _connected_groups(linked) if np.isin(group, massive).all()]
-    light = np.zeros(n, dtype=bool)
-    for group in groups:
-        others = np.setdiff1d(np.arange(n), group)
-        for j in group:
-            residual = coupling[j, others] ** 2 / np.maximum(
-                np.abs(here[j, others]), np.finfo(float).tiny
-            )
-            spread = np.abs(basis.stiffness[group] - basis.stiffness[j]).max()
-            light[j] = (
-                coupling[j, group].sum() + residual.sum() < LIGHT * basis.stiffness[j]
-                and spread < WIDE * basis.stiffness[j]
-            )
-    return groups, light
-
-
-def _condense(
-    basis: Basis, group: Index, s: complex, losses: Any, least: float = 0.0
-) -> tuple[Any, Any, Index]:
-    """Eliminate all modes but a group: G_SS - G_SR (k_R + s^2 m_R + G_RR)^-1 G_RS.
-
-    Parameters
-    ----------
-    group : (g,) int array
-    s : complex
-    losses : (n, n) array
-        G at s.
-    least : float
-        Modes whose relative contribution is below it are left out.
-
-    Returns
-    -------
-    matrix : (g, g) array
-    follow : (r, g) array
-        Motion of the eliminated modes with the group.
-    others : (r,) int array
-        The eliminated modes.
-    """
-    own, column = losses[np.ix_(group, group)], losses[:, group]
-    diagonal = basis.stiffness + s**2 * basis.inertia + np.diagonal(losses)
-    part = (np.abs(column) ** 2).max(1) > least * np.abs(diagonal) * np.abs(own).max()
-    part[group] = False
-    others = np.flatnonzero(part)
-    rest = losses[np.ix_(others, others)].copy()
-    np.fill_diagonal(rest, diagonal[others])
-    follow = -np.linalg.solve(rest, column[others])
-    return own + losses[np.ix_(group, others)] @ follow, follow, others
-
-
-def _follow_poles(basis: Basis, groups: list[Index]) -> tuple[Any, Any]:
-    """Follow the poles and shapes of groups of light modes from the undamped ones.
-
-    Pole by pole, with losses evaluated for all of them together.
-    """
-    group = [own for own in groups for _ in own]
-    member = np.array([k for own in groups for k in range(len(own))], dtype=np.intp)
-    middle = np.array([basis.stiffness[own].mean() for own in group])
-    shift, change = np.zeros(len(group), dtype=complex), np.full(len(group), np.inf)
-    motions = np.zeros((len(group), len(basis.stiffness)), dtype=complex)
-    running = np.arange(len(group))
-    for step in range(STEPS):
-        going = []
-        for part in _chunks(basis, len(running)):
-            s = 1j * np.sqrt(middle[running[part]] + shift[running[part]])
-            for n, at, losses in zip(running[part], s, basis.losses(s), strict=True):
-                own = group[n]
-                matrix, follow, others = _condense(basis, own, at, losses, NEGLIGIBLE)
-                small = np.abs(matrix) < ROUNDING * np.abs(matrix).max()
-                every, vectors = np.linalg.eig(
-                    np.diag(basis.stiffness[own] - middle[n]) + np.where(small, 0.0, matrix)
-                )
-                # with equal eigenvalues, each mode continues from its own shape
-                which = (
-                    member[n]
-                    if step == 0
-                    else int(np.abs(motions[n, own].conj() @ vectors).argmax())
-                )
-                moved, last = abs(every[which] - shift[n]), change[n]
-                shift[n], change[n] = every[which], moved
-                motions[n] = 0.0
-                motions[n, own], motions[n, others] = vectors[:, which], follow @ vectors[:, which]
-                if step == 0 or CONVERGED * abs(shift[n]) < moved < last:
-                    going.append(n)
-        running = np.array(going, dtype=np.intp)
-        if not len(running):
-            break
-    return 1j * np.sqrt(middle + shift), motions
-
-
-def _solve_strong(basis: Basis, light: Any) -> tuple[Any, Any]:
-    """Solve for poles and shapes of all modes but the light ones, whose poles are given."""
-    from scipy.optimize import linear_sum_assignment
-
-    starts, motions = _solve_quadratic(basis, np.zeros(basis.viscous.shape))
-    kept = ~_mark_rigid(basis, starts)
-    oscillates = np.flatnonzero(kept & (starts.imag > 0))
-    kept[oscillates[linear_sum_assignment(np.abs(starts[oscillates] - light[:, None]))[1]]] = False
-    starts, motions = starts[kept], motions[kept]
-    kept = ~_mark_counterparts(starts)
-    rigid = np.eye(len(basis.stiffness), dtype=complex)[
-        (basis.inertia > 0) & (basis.stiffness == 0)
-    ]
-    starts, motions = (
-        np.concatenate([starts[kept], np.zeros(len(rigid))]),
-        np.concatenate([motions[kept], rigid]),
-    )
-    oscillates = np.flatnonzero(starts.imag > 0)
-    if len(oscillates):
-        lossy, moving = _solve_quadratic(
-            basis, basis.elastic(starts[oscillates].imag, basis.place).mean(0)
-        )
-        if len(light):
-            other = np.ones(len(lossy), dtype=bool)
-            other[linear_sum_assignment(np.abs(lossy - light[:, None]))[1]] = False
-            lossy, moving = lossy[other], moving[other]
-        rows, columns = linear_sum_assignment(np.abs(lossy - starts[oscillates][:, None]))
-        starts[oscillates[rows]], motions[oscillates[rows]] = lossy[columns], moving[columns]
-    refined = [
-        _refine_in_basis(basis, start, motion)
-        for start, motion in zip(starts, motions, strict=True)
-    ]
-    return np.array([value for value, _ in refined], dtype=complex), np.array(
-        [motion for _, motion in refined]
-    ).reshape(-1, len(basis.stiffness))
-
-
-def _solve_quadratic(basis: Basis, loss: Any) -> tuple[Any, Any]:
-    """Poles and shapes of the quadratic eigenvalue problem with a constant loss L (n, n).
-
-    Those with Im s >= 0; with a loss, Im s > 0.
-    """
-    from scipy.linalg import eig
-
-    massive = np.flatnonzero(basis.inertia > 0)
-    n, m = len(basis.stiffness), len(massive)
-    rate = float(np.sqrt(np.abs(basis.stiffness[massive]).max()) or 1.0)
-    select = np.eye(n)[massive]
-    left = np.block(
-        [
-            [-np.diag(basis.stiffness) - loss, np.zeros((n, m))],
-            [np.zeros((m, n)), np.eye(m) * rate**2],
-        ]
-    )
-    right = np.block(
-        [[basis.viscous * rate, select.T * rate**2], [select * rate**2, np.zeros((m, m))]]
-    )
-    found: Any = eig(left, right, homogeneous_eigvals=True)
-    (top, bottom), vectors = found
-    finite = np.abs(bottom) > 1e-12 * np.abs(top)
-    values = rate * top[finite] / bottom[finite]
-    motions = vectors[:n, finite].T
-    # real poles of the real problem are exactly real, except close pairs
-    values = np.where(np.abs(values.imag) <= REAL * np.abs(values), values.real, values)
-    kept = values.imag > 0 if loss.any() else values.imag >= 0
-    return values[kept], motions[kept].astype(complex)
-
-
-def _mark_rigid(basis: Basis, values: Any) -> Any:
-    """Mark the poles (p,) that are 0 but for rounding.
-
-    Two per rigid mode, less one per combination of rigid modes that a damper acts on.
-    """
-    rigid = np.flatnonzero((basis.inertia > 0) & (basis.stiffness == 0))
-    out = np.zeros(len(values), dtype=bool)
-    if len(rigid):
-        damping = basis.viscous[np.ix_(rigid, rigid)]
-        left = 2 * len(rigid) - int(
-            np.linalg.matrix_rank(damping, tol=RESISTED * np.abs(damping).max(), hermitian=True)
-        )
-        for n in np.argsort(np.abs(values), kind="stable"):
-            if left <= 0:
-                break
-            out[n] = True
-            left -= 1 + int(values[n].imag > 0)
-    return out
-
-
-def _mark_counterparts(values: Any) -> Any:
-    """Mark the real poles (p,) that are decaying counterparts of growing ones."""
-    out = np.zeros(len(values), dtype=bool)
-    real = values.imag == 0
-    for growing in np.flatnonzero(real & (values.real > 0)):
-        decaying = np.flatnonzero(real & (values.real < 0) & ~out)
-        if len(decaying):
-            out[decaying[np.abs(values[decaying] + values[growing]).argmin()]] = True
-    return out
-
-
-def _refine_in_basis(basis: Basis, start: complex, motion: Any) -> tuple[complex, Any]:
-    """Refine a pole and its shape by the secant method in the equation of the leading mode."""
-    lead = np.array([int(np.where(basis.inertia > 0, np.abs(motion), -1.0).argmax())])
-    if not np.abs(motion[lead[0]]) > 0 or start == 0:
-        return start, motion
-
-    def equation(s: complex) -> tuple[complex, Any]:
-        matrix, follow, others = _condense(basis, lead, s, basis.losses(np.array([s]))[0])
-        moving = np.zeros(len(motion), dtype=complex)
-        moving[lead], moving[others] = 1.0, follow[:, 0]
-        value = basis.stiffness[lead[0]] + s**2 + matrix[0, 0]
-        return (value.real if s.imag == 0 else value), moving
-
-    before, now = start * (1 + 1e-6), start
-    residual = equation(before)[0]
-    for _ in range(STEPS):
-        value, _ = equation(now)
-        if value in (0, residual):
-            break
-        step = -value * (now - before) / (value - residual)
-        before, residual, now = now, value, now + step
-        if abs(now - start) > STRAYED * abs(start) or (now.imag > 0) != (start.imag > 0):
-            return start, motion
-        if abs(step) <= CONVERGED * abs(now):
-            break
-    return now, equation(now)[1]
-
-
-def refine_pole(dynamic: Callable[[Any, bool], Any], start: complex, motion: Any) -> complex:
-    """Refine a pole of any system by the secant method in 1 / (b^T Z(s)^-1 b), which is 0 at poles.
-
-    Parameters
-    ----------
-    dynamic : callable
-        Z (m, A + t, A + t) at s (m,), with or without loss angles; the support's six coordinates
-        first, forces that serve as coordinates last.
-    start : complex
-        rad/s; real for a motion that does not oscillate.
-    motion : (A,) array or None
-        Approximate shape, used for b; None excites all coordinates alike.
-
-    Returns
-    -------
-    complex
-        rad/s; the start where the iteration leaves its neighbourhood.
-    """
-    oscillates = start.imag > 0
-    size = np.abs(np.diagonal(dynamic(np.array([start * 1.03 + 0j]), oscillates)[0, 6:, 6:]))
-    scale = 1 / np.sqrt(np.where(size > 0, size, 1.0))
-    push = np.ones(len(scale))
-    if motion is not None:
-        push = np.pad(motion[6:], (0, len(scale) - len(motion) + 6)) / scale
-
-    def inverse(s: complex) -> complex:
-        matrix = dynamic(np.array([s + 0j]), oscillates)[0, 6:, 6:] * scale[:, None] * scale
-        result = 1 / (push @ np.linalg.solve(matrix, push))
-        return result if oscillates else result.real
-
-    before, now = start * (1 + 1e-6), start
-    residual, last = inverse(before), np.inf
-    for _ in range(STEPS):
-        value = inverse(now)
-        if value in (0, residual):
-            break
-        step = -value * (now - before) / (value - residual)
-        before, residual, now = now, value, now + step
-        if abs(now - start) > STRAYED * abs(start) or (now.imag > 0) != oscillates:
-            return start
-        if abs(step) <= CONVERGED * abs(now) or (
-            abs(step) < NOISE * abs(now) and 2 * abs(step) >= last
-        ):
-            break
-        last = abs(step)
-    return now
+    return weak_damping.connected_groups((basis.losses(probes) != 0).any(0))
 
 
 def solve(model: LinearSystem, found: Modes) -> Modes:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.damp import closed_loop_poles, control
+from suspension_cli.analyses.damp.control_statespace import build_closed_loop
 from suspension_cli.design import loop_filters
 from suspension_cli.linear import eigenmodes, poles
 from tests.analyses.damp.test_control import LEAD, loop, plant, simple
@@ -20,7 +21,8 @@ MP.dps = 50
 
 def found_of(closed):
     return closed_loop_poles.refine(
-        poles.poles(control.build_closed_loop(closed, [], plants.all_motions(closed.model))), closed
+        poles.poles(build_closed_loop(closed, [], plants.all_motions(closed.model))),
+        closed,
     )
 
 
