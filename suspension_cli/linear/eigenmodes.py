@@ -114,7 +114,7 @@ class Modes:
         return not bool((self.omega_squared < 0).any())
 
     @property
-    def shares(self) -> Array:
+    def fractions(self) -> Array:
         """Fraction of kinetic energy in each motion of `place`, (m, N - 6 + k)."""
         return np.concatenate(
             [self.energy.reshape(len(self.energy), -1), self.tip_energy, self.wire_energy], axis=1
@@ -129,7 +129,7 @@ class Modes:
     def home(self) -> list[tuple[str, str]]:
         """Body (blade, wires) and degree of freedom with most of each mode's kinetic energy."""
         # of fractions equal but for rounding (two equal bodies, two blades), the first
-        first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in self.shares]
+        first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in self.fractions]
         return [place(self.place[i]) for i in first]
 
     @property
@@ -141,7 +141,7 @@ class Modes:
         ]
 
     @property
-    def top_share(self) -> Array:
+    def top_fraction(self) -> Array:
         """Fraction (m,) of each mode's kinetic energy in the top mass, from which it is damped."""
         return self.energy[:, 0].sum(-1)
 
@@ -151,7 +151,7 @@ class Modes:
         low, high = DAMPING_BAND
         words = []
         for square, frequency, fraction in zip(
-            self.omega_squared, self.frequency, self.top_share, strict=True
+            self.omega_squared, self.frequency, self.top_fraction, strict=True
         ):
             if square < 0 or not frequency > 0:
                 words.append(
@@ -395,7 +395,7 @@ def _q_and_dilution(model: LinearSystem, shapes: Array, values: Array) -> tuple[
     ) if model.terms else np.full(len(omega), np.nan)
 
 
-def fix_signs(shapes: Array, shares: Array) -> Array:
+def fix_signs(shapes: Array, fractions: Array) -> Array:
     """Choose the sign of shapes (m, N) in which the coordinate of largest energy is positive."""
-    leading = shapes[np.arange(len(shapes)), 6 + shares.argmax(1)]
+    leading = shapes[np.arange(len(shapes)), 6 + fractions.argmax(1)]
     return shapes * np.where(leading < 0, -1.0, 1.0)[:, None]

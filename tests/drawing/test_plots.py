@@ -60,9 +60,9 @@ def test_every_mode_has_its_panel(name):
 
 def test_the_largest_share_comes_first_under_a_mode():
     _, _, found = solved(SINGLE)
-    n = int(np.argmin(found.shares.max(1)))
+    n = int(np.argmin(found.fractions.max(1)))
     assert re.fullmatch(r"test \w+ \d+ %", modes.format_caption(found, n))
-    assert f"{100 * found.shares[n].max():.0f} %" in modes.format_caption(found, n)
+    assert f"{100 * found.fractions[n].max():.0f} %" in modes.format_caption(found, n)
 
 
 def test_unstable_and_rigid_modes_say_so():

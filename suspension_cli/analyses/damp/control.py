@@ -4,8 +4,8 @@ Each loop applies u = -H(f) (y + n) with its sensor's motion y and noise n. A se
 ``reference = "support"`` measures the motion of the body relative to the support structure, taken
 as rigid up to the sensor, and the actuator pushes against this structure. Closed-loop responses
 follow from the open-loop ones, which are solved directly: x = G_e e + G_u u,
-u = -(1 + H G_yu)^-1 H (G_ye e + n). Poles follow from the state space (`control_statespace`) and are
-refined in `closed_loop_poles`.
+u = -(1 + H G_yu)^-1 H (G_ye e + n). Poles follow from the state space (`control_statespace`)
+and are refined in `closed_loop_poles`.
 """
 
 from __future__ import annotations

@@ -93,8 +93,8 @@ def test_modes_are_orthogonal_and_their_energy_is_all_there(seed):
     design = scenes.design_of(random_design(seed))
     model = registry.VIOLIN.system(design)
     found = wire_modes.solve(model, 1.3 * _first_violin(model))
-    assert found.shares.sum(1) == pytest.approx(1.0, abs=1e-9)
-    assert (found.shares > -1e-12).all()
+    assert found.fractions.sum(1) == pytest.approx(1.0, abs=1e-9)
+    assert (found.fractions > -1e-12).all()
     assert (found.order > 0).any()
     bodies = eigenmodes.solve(registry.BEAM.system(design))
     # the mass of wires, at most 1 % of the bodies'
@@ -118,7 +118,7 @@ def test_q_is_the_width_of_the_resonance(which):
         [signals.parse_output("mass1.x", known)],
     )
     violin = np.flatnonzero(
-        (found.order == 1) & (found.shares[:, list(found.place).index("mass1.x")] > 1e-8)
+        (found.order == 1) & (found.fractions[:, list(found.place).index("mass1.x")] > 1e-8)
     )
     number = (
         int(np.flatnonzero([home == ("mass1", "x") for home in found.home])[0])

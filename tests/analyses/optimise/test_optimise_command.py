@@ -41,11 +41,11 @@ def test_the_story_of_section_5a(made):
     assert sorted(mode["dof"] for mode in fast) == ["roll", "yaw", "z"]
     left = [mode for mode in after["modes"] if mode["verdict"] != "can be damped"]
     assert sorted(mode["dof"] for mode in left) == ["roll", "z"] and all(
-        mode["frequency_hz"] > 20 and mode["top_mass_share"] < 1e-3 for mode in left
+        mode["frequency_hz"] > 20 and mode["top_mass_fraction"] < 1e-3 for mode in left
     )
     damped = [mode for mode in after["modes"] if mode not in left]
     assert len(damped) == 16 and all(
-        0.5 <= mode["frequency_hz"] <= 5 and mode["top_mass_share"] >= 0.05 for mode in damped
+        0.5 <= mode["frequency_hz"] <= 5 and mode["top_mass_fraction"] >= 0.05 for mode in damped
     )
     assert answer["goals_met"] and all(limit["met"] for limit in answer["limits"])
     told = sorted(mode["after_hz"] for mode in answer["modes"])

@@ -131,7 +131,7 @@ def test_the_share_in_the_top_mass_is_how_fast_a_mode_is_damped_from_there():
     )
     poles = poles[poles.imag > 0]
     found = eigenmodes.solve(model)
-    for omega, share in zip(2 * np.pi * found.frequency, found.top_share, strict=True):
+    for omega, share in zip(2 * np.pi * found.frequency, found.top_fraction, strict=True):
         near = poles[np.abs(poles.imag / omega - 1) < 1e-7]
         assert np.abs(-near.real / (beta / 2) - share).min() < 1e-6
 

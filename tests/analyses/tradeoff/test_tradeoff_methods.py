@@ -1,5 +1,5 @@
 """What `pendsus tradeoff` compares: references in 50 digits against independent ones, methods and
-rungs against each other."""
+models against each other."""
 
 from __future__ import annotations
 
@@ -345,11 +345,11 @@ def test_batches_of_modes_are_those_of_their_members(name, request, monkeypatch)
     own modes."""
     one = request.getfixturevalue(name)
     monkeypatch.setattr(eigenmodes_compared, "scatter_factors", lambda: np.ones(3))
-    for rung, batch in (
+    for model, batch in (
         ("string", eigenmodes_compared.string_batch),
         ("beam", eigenmodes_compared.beam_batch),
     ):
-        wanted = eigenmodes_compared.solve_blocks(one, rung).omega_squared
+        wanted = eigenmodes_compared.solve_blocks(one, model).omega_squared
         np.testing.assert_allclose(
             batch(one)().omega_squared, np.broadcast_to(wanted, (3, len(wanted))), rtol=1e-10
         )
@@ -423,7 +423,7 @@ def test_newton_steps_converge(double):
         assert full[part] < 1e-12 < twice[part] < 0.1 * linear[part]
 
 
-# Modes by rung.
+# Modes by model.
 
 
 def test_modes_are_paired_by_shape(double):

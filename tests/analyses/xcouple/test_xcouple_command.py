@@ -160,7 +160,7 @@ def test_every_dataset_has_units_and_scales(tmp_path):
         "10,50",
     )
     with h5py.File(tmp_path / f"{NAME}.h5") as stored:
-        assert (stored.attrs["format"], stored.attrs["format_version"]) == ("pendsus", 1)
+        assert (stored.attrs["format"], stored.attrs["format_version"]) == ("pendsus", 2)
         assert tomllib.loads(stored.attrs["design"]) == RAW
         group = stored["xcouple"]
         assert list(group.attrs["axis_order"]) == ["k", "stage.test.wires.s"]
