@@ -1,5 +1,5 @@
 """`pendsus check` doubts numbers that no suspension has, and trusts those that are shipped. Every
-expected number is worked out here."""
+expected number is computed here."""
 
 from __future__ import annotations
 
@@ -364,7 +364,7 @@ def test_nonsense_is_noticed(slip, tmp_path):
 
 
 @pytest.mark.parametrize("slip", ["length", "tip in g", "unstable"])
-def test_nonsense_is_told_and_only_strict_fails(slip, tmp_path):
+def test_nonsense_is_reported_and_only_strict_fails(slip, tmp_path):
     name, edits, _ = NONSENSE[slip]
     result, answer, lines = checked(tmp_path, edited(raw(name), edits))
     assert result.exit_code == 0 and len(answer["warnings"]) == len(lines) > 0

@@ -136,7 +136,7 @@ def test_without_loops_it_is_the_q_of_modes():
     np.testing.assert_allclose(found.q[order], expected.q, rtol=1e-6)
 
 
-def test_damp_tells_them(tmp_path):
+def test_damp_reports_them(tmp_path):
     stage = {
         "name": "test",
         "body": {"mass": 3.0, "inertia": [0.1] * 3},

@@ -211,7 +211,7 @@ def test_table_for_people(tmp_path):
 
 
 def test_a_loop_that_drives_itself(tmp_path):
-    """Found unstable, told so, and still written: a finding about the loops, not a fault of the
+    """Found unstable, reported, and still written: a finding about the loops, not a fault of the
     file."""
     file = written(tmp_path, damped(["x", "yaw"], damper=-1.0), "triple.toml")
     result = run(
@@ -297,7 +297,7 @@ def test_bad_options(options, tmp_path):
     assert len(assert_refused(run("damp", file, "--json", "--out", out, *options), file, out)) == 1
 
 
-def test_an_unstable_plant_may_be_asked_for(tmp_path):
+def test_an_unstable_plant_may_be_requested(tmp_path):
     result = run(
         "damp",
         written(tmp_path, damped()),

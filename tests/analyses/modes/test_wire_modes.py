@@ -65,7 +65,7 @@ def test_frequencies_are_those_of_finite_elements(seed):
     assert found[:6] == pytest.approx(expected[:6], rel=2e-4)
 
 
-def test_pairs_that_all_but_agree_are_told_apart():
+def test_nearly_equal_pairs_are_resolved():
     """Violin modes of one wire in two planes whose thickness differs by a part in 1e9."""
     raw = scenes.fibred(scenes.chain(np.random.default_rng(5), 1), 5e8, ribbons=True)
     side = 3e-4

@@ -156,7 +156,7 @@ def test_more_builds_keep_the_earlier_ones(tmp_path):
             assert few[f"tolerance/{name}"][:].tobytes() == many[f"tolerance/{name}"][:30].tobytes()
 
 
-def test_failures_are_told(tmp_path):
+def test_failures_are_reported(tmp_path):
     file = scattered(tmp_path, wire=[{"stage": "test", "length": {"normal": 3e-3}}])
     result = run(
         "tolerance", file, "--builds", "40", "--out", tmp_path, "--workers", "1", "--no-plot"
@@ -332,7 +332,7 @@ def test_the_default_is_what_the_builds_need(tmp_path):
     assert np.abs(old - new).max() / np.abs(new).max() == pytest.approx(error[1], rel=0.5)
 
 
-def test_rungs_that_random_builds_do_not_have(tmp_path):
+def test_models_that_random_builds_do_not_have(tmp_path):
     [line] = assert_refused(
         run("tolerance", TRIPLE, "--fidelity", "violin", "--out", tmp_path / "out"),
         TRIPLE,

@@ -117,7 +117,7 @@ def test_sessions_time_a_first_response_and_the_next_ones(monkeypatch):
     assert slow[0, 1] == pytest.approx(6.0) and np.isnan(slow[1:]).all()
 
 
-def test_what_does_not_hold_is_left_out_with_a_reason(monkeypatch):
+def test_invalid_methods_are_left_out_with_a_reason(monkeypatch):
     """Strings known by k alone: no model with bending, no thermal noise; explicit wires: no force
     model."""
     hurry(monkeypatch)
@@ -194,14 +194,14 @@ def test_builds_without_equilibrium_are_reported_with_the_model(monkeypatch):
     assert imperfect_builds.incomparable(good) == ""
 
 
-def test_every_rung_has_its_place():
+def test_every_model_is_compared():
     for item in COMPARISONS:
         if item.compares == "models":
             assert [method.model for method in item.methods] == list(MODEL_NAMES)
     assert set(QUANTITIES) == {"modes", "response", "thermal", "coupling", "equilibrium"}
 
 
-def test_what_hangs_on_springs_alone_has_every_rung(monkeypatch):
+def test_bodies_on_springs_alone_have_every_model(monkeypatch):
     hurry(monkeypatch)
     spring = {
         "stiffness": [100.0, 200.0, 300.0, 1.0, 2.0, 3.0],

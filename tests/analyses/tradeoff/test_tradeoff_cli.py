@@ -113,8 +113,8 @@ def test_json(answer):
         )
 
 
-def test_rungs_and_methods_are_told_apart(answer):
-    """Rungs against the top one, which is right to rounding; methods on one model; what does not
+def test_models_and_methods_are_compared_separately(answer):
+    """Models against the top one, which is right to rounding; methods on one model; what does not
     hold is named with its reason."""
     for item in answer["comparisons"]:
         models = [entry["model"] for entry in item["entries"]]
@@ -144,7 +144,7 @@ def test_rungs_and_methods_are_told_apart(answer):
     assert list(response["entries"][0]["error"]) == ["1 Hz", "10 Hz", "50 Hz", "100 Hz", "1 kHz"]
 
 
-def test_results_file_holds_all_that_json_tells(answer, found, out):
+def test_results_file_has_all_of_the_json(answer, found, out):
     assert (found.repeat, len(found.panels)) == (2, len(answer["comparisons"]))
     for panel, item in zip(found.panels, answer["comparisons"], strict=True):
         assert (panel.quantity, panel.compares, panel.reference) == (
@@ -152,12 +152,14 @@ def test_results_file_holds_all_that_json_tells(answer, found, out):
             item["compares"],
             item["reference"],
         )
-        for entry, told in zip(panel.entries, item["entries"], strict=True):
-            assert dict(zip(panel.component, entry.error.tolist(), strict=True)) == told["error"]
+        for entry, reported in zip(panel.entries, item["entries"], strict=True):
+            assert (
+                dict(zip(panel.component, entry.error.tolist(), strict=True)) == reported["error"]
+            )
             assert (entry.once.tolist(), entry.batch.tolist(), entry.vectorised) == (
-                told["once_s"],
-                told["batch_s"],
-                told["vectorised"],
+                reported["once_s"],
+                reported["batch_s"],
+                reported["vectorised"],
             )
         assert [(left.model, left.method, left.reason) for left in panel.left] == [
             tuple(left.values()) for left in item["left_out"]

@@ -138,8 +138,8 @@ ERRORS = relative(FREQUENCIES)
 
 
 def test_responses_of_a_quadruple(quadruple):
-    """The solved ones have all digits; a modal sum has lost what the stability atlas tells: 1e-7 at
-    50 Hz, everything at 1 kHz."""
+    """The solved ones have all digits; a modal sum has lost the digits listed in the stability
+    atlas: 1e-7 at 50 Hz, everything at 1 kHz."""
     model = quadruple.model("string")
     known = signals.bodies_with_signals(model)
     forms = quadruple.forms(model)
@@ -184,7 +184,7 @@ def test_responses_of_a_single_pendulum_agree(single):
 
 
 def test_modal_sum_with_losses_that_do_not_couple():
-    """One loss angle of all wires of a stage whose motion along x is a mode by itself, and a damper
+    """One loss angle of all wires of a stage whose motion along x is a mode alone, and a damper
     on it."""
     wires = {"count": 4, "l": 0.3, "s": 0.05, "t1": 0.05, "t2": 0.05, "d": 0.0, "k": 1e4}
     raw = scenes.raw_of(
