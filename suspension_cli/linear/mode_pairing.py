@@ -28,7 +28,7 @@ def pair_by_overlap(overlap: Any) -> Any:
     if not overlap.size:
         return np.full(len(overlap), -1)
     choice = overlap.argmax(1)
-    if len(np.unique(choice)) == len(choice):  # no sum exceeds that of the row maxima
+    if len(set(choice.tolist())) == len(choice):  # no sum exceeds that of the row maxima
         return choice
     from scipy.optimize import linear_sum_assignment
 

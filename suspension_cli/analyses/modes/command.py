@@ -192,7 +192,7 @@ def _solve(run: Run) -> tuple[Choice, Modes, Modes]:
     """
     import numpy as np
 
-    from suspension_cli.analyses.modes import damped, wire_modes
+    from suspension_cli.analyses.modes import damped
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import auto, registry
     from suspension_cli.models.quantity_of_interest import Frequencies
@@ -217,8 +217,12 @@ def _solve(run: Run) -> tuple[Choice, Modes, Modes]:
             return choice, found, listed
         listed = listed.up_to(highest)
         if not len(listed.q):
+            from suspension_cli.analyses.modes import wire_modes
+
             raise wire_modes.no_mode_error(highest)
         return choice, found, listed
+    from suspension_cli.analyses.modes import wire_modes
+
     if level == registry.AUTO and highest is None:
         # the mass of wires lowers all frequencies: those of the bodies lie below the highest
         # one without it

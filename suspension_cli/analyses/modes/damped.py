@@ -78,12 +78,9 @@ def _find_coupled_poles(basis: Basis) -> Poles:
 
 def _split_coupled(basis: Basis) -> list[Index]:
     """Split coordinates into groups that losses do not couple."""
-    omega = np.sqrt(np.abs(basis.stiffness[basis.inertia > 0]))
-    probes = (
-        1j * np.unique(np.quantile(omega[omega > 0], [0.0, 0.5, 1.0]))
-        if (omega > 0).any()
-        else np.array([1j])
-    )
+    omega = np.sort(np.sqrt(np.abs(basis.stiffness[basis.inertia > 0])))
+    omega = omega[omega > 0]
+    probes = 1j * (omega[[0, len(omega) // 2, -1]] if len(omega) else np.ones(1))
     return weak_damping.connected_groups((basis.losses(probes) != 0).any(0))
 
 

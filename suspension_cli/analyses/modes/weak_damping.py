@@ -52,7 +52,7 @@ def group_modes(basis: Basis) -> tuple[list[Index], Any]:
     groups = [group for group in connected_groups(linked) if np.isin(group, massive).all()]
     light = np.zeros(n, dtype=bool)
     for group in groups:
-        others = np.setdiff1d(np.arange(n), group)
+        others = np.delete(np.arange(n), group)
         for j in group:
             residual = coupling[j, others] ** 2 / np.maximum(
                 np.abs(here[j, others]), np.finfo(float).tiny
@@ -111,7 +111,7 @@ def connected_groups(linked: Any) -> list[Index]:
     while (further := reached.astype(float) @ reached > 0).sum() > reached.sum():
         reached = further
     first = reached.argmax(1)
-    return [np.flatnonzero(first == number) for number in np.unique(first)]
+    return [np.flatnonzero(first == number) for number in sorted(set(first.tolist()))]
 
 
 def _chunks(basis: Basis, count: int) -> list[slice]:
