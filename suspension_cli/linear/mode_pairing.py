@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
 
-def pair_by_overlap(overlap: Any) -> Any:
+
+def pair_by_overlap(overlap: Any) -> Int[np.ndarray, " row"]:
     """Pair rows with columns one to one for the largest sum of overlaps.
 
     Parameters
@@ -38,7 +41,9 @@ def pair_by_overlap(overlap: Any) -> Any:
     return choice
 
 
-def pair_by_shape(before: Any, after: Any) -> tuple[Any, Any]:
+def pair_by_shape(
+    before: Float[np.ndarray, "mode coordinate"], after: Float[np.ndarray, "mode coordinate"]
+) -> tuple[Int[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
     """Pair the modes of two designs by the overlap of their shapes.
 
     Parameters
@@ -58,7 +63,11 @@ def pair_by_shape(before: Any, after: Any) -> tuple[Any, Any]:
     return choice, overlap[np.arange(len(choice)), choice]
 
 
-def body_overlap(rows: Any, columns: Any, mass: Any) -> Any:
+def body_overlap(
+    rows: Inexact[np.ndarray, "row _"],
+    columns: Inexact[np.ndarray, "column _"],
+    mass: Float[np.ndarray, "moving moving"],
+) -> Float[np.ndarray, "row column"]:
     """Overlaps |u^T M v| (m, n) of mode shapes in the motion of the bodies alone.
 
     These coordinates are common to models with different coordinates of blade tips or wires.

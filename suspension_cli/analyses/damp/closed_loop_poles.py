@@ -188,7 +188,7 @@ class _Block:
             model.mass[rows],
             model.stiffness[rows],
             damping,
-            np.zeros(damping.shape) if model.lossy is None else model.lossy[rows].imag,
+            np.zeros(damping.shape) if model.lossy is None else np.imag(model.lossy[rows]),
             tuple(term.within(group) for term in model.terms),
             # the first, empty block: block_diag() of nothing has a row
             tuple(block_diag(np.zeros((0, 0)), *(one[n] for one in filters)) for n in range(4)),

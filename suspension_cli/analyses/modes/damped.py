@@ -134,7 +134,7 @@ def _build_basis(
     constant = (
         np.zeros((len(moves),) * 2)
         if model.lossy is None
-        else 1j * (moves @ model.lossy[square].imag @ moves.T)
+        else 1j * (moves @ np.imag(model.lossy[square]) @ moves.T)
     )
 
     def losses(omega: Array, place: Index) -> Any:
