@@ -29,8 +29,8 @@ class Submatrix:
     """Submatrix of the dynamic stiffness K + i omega C - omega^2 M; arrays (r, s)."""
 
     stiffness: Inexact[np.ndarray, "row column"]
-    mass: Float[np.ndarray, "row column"]
-    damping: Float[np.ndarray, "row column"]
+    mass: Inexact[np.ndarray, "row column"]
+    damping: Inexact[np.ndarray, "row column"]
 
     def at(
         self, omega: Float[np.ndarray, " frequency"], square: Float[np.ndarray, " frequency"]
@@ -216,9 +216,7 @@ class CondensedBlock:
         return factors.solve_columns(right_sides, moves.shape[1])
 
 
-def _repeat(
-    values: Inexact[np.ndarray, "*axes 1"], count: int
-) -> Inexact[np.ndarray, "*axes count"]:
+def _repeat(values: Inexact[np.ndarray, "*axes _"], count: int) -> Inexact[np.ndarray, "*axes _"]:
     """Repeat values (..., 1) that do not depend on frequency: (..., count)."""
     return (
         values
@@ -373,7 +371,7 @@ def _relative_to_static(
 
 def _eliminate_tips(
     model: LinearSystem,
-    full: Inexact[np.ndarray, "own 6+own"],
+    full: Inexact[np.ndarray, "all all"],
     block: Int[np.ndarray, " own"],
     massless: Bool[np.ndarray, " own"],
     basis: Float[np.ndarray, "6+own 6+own"] | None,

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Float, Inexact
 
 CUT = 134217729.0
 """2^27 + 1, the factor of `cut`."""
@@ -95,8 +95,8 @@ class DoubleDouble:
 
 
 def two_sum(
-    a: Float[np.ndarray, "*#shape"], b: Float[np.ndarray, "*#shape"]
-) -> tuple[Float[np.ndarray, "*shape"], Float[np.ndarray, "*shape"]]:
+    a: Inexact[np.ndarray, "*#shape"], b: Inexact[np.ndarray, "*#shape"]
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
     """Add doubles: the rounded sum and its exact error."""
     total = a + b
     b_rounded = total - a

@@ -48,14 +48,12 @@ class Tensions:
     number: int
     odd: Float[np.ndarray, "row coordinate"]
     even: Float[np.ndarray, "row coordinate"]
-    count: Int[np.ndarray, " row"]
+    count: Float[np.ndarray, " row"]
     scale: float
 
     def rows(
         self, now: EvaluatedWires
-    ) -> tuple[
-        Inexact[np.ndarray, "row coordinate frequency"], Inexact[np.ndarray, "row frequency"]
-    ]:
+    ) -> tuple[Inexact[np.ndarray, "row coordinate frequency"], Inexact[np.ndarray, "row _"]]:
         """Rows of the tensions at f frequencies: (r, 6 + c, f) off and (r, f) on the diagonal."""
         _, mixed, odd = now.stretching
         across = (

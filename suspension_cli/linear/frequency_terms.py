@@ -135,14 +135,14 @@ class WireTerm:
     @cached_property
     def distinct(
         self,
-    ) -> dict[str, tuple[Float[np.ndarray, "_ _ coordinate"], Int[np.ndarray, " _"]]]:
+    ) -> dict[str, tuple[Float[np.ndarray, "_ _ coordinate"], Float[np.ndarray, " _"]]]:
         """Forms (r, c, N) that differ by more than sign, and the number (r,) of wires of each."""
         return {part: _distinct(forms) for part, forms in self.forms.items()}
 
     @cached_property
     def distinct_at_rest(
         self,
-    ) -> dict[str, tuple[Float[np.ndarray, "_ _ coordinate"], Int[np.ndarray, " _"]]]:
+    ) -> dict[str, tuple[Float[np.ndarray, "_ _ coordinate"], Float[np.ndarray, " _"]]]:
         """As `distinct`, with the support, the first 6 coordinates, at rest."""
         moving = np.arange(len(self.allowed)) >= 6
         return {part: _distinct(forms * moving) for part, forms in self.forms.items()}
@@ -165,7 +165,7 @@ class WireTerm:
 
 def _distinct(
     forms: Float[np.ndarray, "wire end coordinate"],
-) -> tuple[Float[np.ndarray, "row end coordinate"], Int[np.ndarray, " row"]]:
+) -> tuple[Float[np.ndarray, "row end coordinate"], Float[np.ndarray, " row"]]:
     shape = forms.shape[1:]
     rows, members = distinct(forms.reshape(len(forms), shape[0] * shape[1]))
     count = np.array([len(wires) for wires in members], dtype=float)

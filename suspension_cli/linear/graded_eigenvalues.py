@@ -133,7 +133,7 @@ def rigid(
     values: Float[np.ndarray, "*batch mode"],
     error: Float[np.ndarray, "*batch mode"],
     tension: Float[np.ndarray, "*batch"] | float,
-) -> Bool[np.ndarray, "*batch mode"]:
+) -> Float[np.ndarray, "*batch mode"]:
     """Set eigenvalues (..., m) of rigid modes to exactly 0.
 
     A mode is rigid if its omega^2 is a rounding error of its terms.

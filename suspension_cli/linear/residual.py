@@ -210,8 +210,9 @@ def _grouped(
 
 
 def _ungrouped(
-    values: Float[np.ndarray, "group input row width"], count: int
-) -> Float[np.ndarray, "row input count"]:
+    values: Float[np.ndarray, "group input row width"] | Bool[np.ndarray, "group input row width"],
+    count: int,
+) -> Float[np.ndarray, "row input count"] | Bool[np.ndarray, "row input count"]:
     """Arrange (g, k, n, width) as (n, k, count)."""
     return values.transpose(2, 1, 0, 3).reshape(*values.shape[2:0:-1], -1)[..., :count]
 
@@ -262,7 +263,7 @@ def _multiply_in_slices(
     return product, terms
 
 
-def _scale(values: Float[np.ndarray, "*batch last"]) -> Float[np.ndarray, "*batch 1"]:
+def _scale(values: Float[np.ndarray, "*batch last"]) -> Float[np.ndarray, ...]:
     """Powers of 2 above the absolute values of the last axis; 1 if all are 0."""
     return np.ldexp(1.0, np.frexp(np.abs(values).max(-1))[1])
 
@@ -275,7 +276,7 @@ def _first_bits(values: Float[np.ndarray, "*batch"], bits: int) -> Float[np.ndar
     return result
 
 
-def _power(omega: Float[np.ndarray, " frequency"], power: int) -> tuple[Any, Any]:
+def _power(omega: Float[np.ndarray, "*shape"], power: int) -> tuple[Any, Any]:
     """Raise omega to a power of 0, 1 or 2 in double-double."""
     return two_product(omega, omega) if power == 2 else (omega if power else 1.0, 0.0)
 

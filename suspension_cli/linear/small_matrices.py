@@ -74,8 +74,8 @@ def dense(
 
 
 def solve_each(
-    matrix: Inexact[np.ndarray, "*batch size size"], right: Inexact[np.ndarray, "*batch size input"]
-) -> Inexact[np.ndarray, "*batch size input"]:
+    matrix: Inexact[np.ndarray, "*batch size size"], right: Inexact[np.ndarray, ...]
+) -> Inexact[np.ndarray, ...]:
     """Solve stacked systems (..., n, n) for (..., n, i); NaN where they are singular."""
     try:
         return np.linalg.solve(matrix, right)

@@ -207,7 +207,7 @@ def residual_coupling(
 
 
 def resonances(
-    stiffness: Float[np.ndarray, "kept kept"], mass: Float[np.ndarray, "kept kept"]
+    stiffness: Float[np.ndarray, "kept 6+kept"], mass: Float[np.ndarray, "kept 6+kept"]
 ) -> Float[np.ndarray, " mode"]:
     """Undamped resonances, ascending, in rad/s; 0 for rigid or unstable modes."""
     heavy = (mass[:, 6:] != 0).any(1)

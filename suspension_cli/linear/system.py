@@ -14,7 +14,7 @@ from suspension_cli.linear.stretching import Separated, Stretching
 from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Int
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class LinearSystem:
     stiffness: Float[np.ndarray, "*#batch coordinate coordinate"]
     damping: Float[np.ndarray, "*#batch coordinate coordinate"]
     lossy: Complex[np.ndarray, "*#batch coordinate coordinate"] | None = None
-    low: Float[np.ndarray, "coordinate coordinate"] | None = None
+    low: Inexact[np.ndarray, "coordinate coordinate"] | None = None
     stretched: Stretching | None = None
     separated: Separated | None = None
     orientation: Float[np.ndarray, "*#batch _ 3 3"] | None = None

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,8 +21,10 @@ from suspension_cli.linear import eigenmodes, frequency_dependent
 from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
 from suspension_cli.linear.mode_count import Progress
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import Fibre
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
 
 CUT = (3 - 5**0.5) / 2
 """Fraction of a wire above the cut: the golden section is far from all nodes of low order."""
@@ -50,9 +52,11 @@ class CutWires:
     stage: str
     whole: TautWire
     pieces: tuple[TautWire, TautWire]
-    ends: dict[str, Any]
+    ends: dict[str, Float[np.ndarray, "wire _ coordinate"]]
 
-    def piece_ends(self, part: str) -> tuple[Any, Any]:
+    def piece_ends(
+        self, part: str
+    ) -> tuple[Float[np.ndarray, "wire end coordinate"], Float[np.ndarray, "wire end coordinate"]]:
         """Motion of the ends of the upper and of the lower piece: (w, 2 p, A) each."""
         p = COORDINATES[part] // 2
         return self.ends[part][:, : 2 * p], self.ends[part][:, p:]
@@ -107,8 +111,13 @@ def _cut_fibre(fibre: Fibre) -> tuple[Fibre, Fibre]:
 
 
 def dynamic_stiffness(
-    model: LinearSystem, wires: list[CutWires], size: int, omega: Any, *, lossy: bool = False
-) -> Any:
+    model: LinearSystem,
+    wires: list[CutWires],
+    size: int,
+    omega: Inexact[np.ndarray, " frequency"],
+    *,
+    lossy: bool = False,
+) -> Inexact[np.ndarray, "frequency all all"]:
     """Dynamic stiffness (m, A + t, A + t) of the larger system and the tensions of its pieces.
 
     At omega (m,), rad/s. Where omega is complex, with dampers, and with loss angles if `lossy`.
@@ -136,7 +145,7 @@ def dynamic_stiffness(
         own += 1j * omega[:, None, None] * damped.damping_matrix(model)
         for term in model.terms:
             if isinstance(term, LossTerm) and term.elastic and lossy:
-                own += 1j * term.angle(omega.real)[:, None, None] * term.matrix
+                own += 1j * term.angle(np.real(omega))[:, None, None] * term.matrix
     for cut in wires:
         for part in PARTS:
             for wire, ends in zip(cut.pieces, cut.piece_ends(part), strict=True):
@@ -155,8 +164,17 @@ def dynamic_stiffness(
 
 
 def _tensions(
-    cut: CutWires, wire: TautWire, ends: Any, omega: Any, *, lossy: bool
-) -> tuple[Any, Any, Any]:
+    cut: CutWires,
+    wire: TautWire,
+    ends: Float[np.ndarray, "wire end coordinate"],
+    omega: Inexact[np.ndarray, " frequency"],
+    *,
+    lossy: bool,
+) -> tuple[
+    Inexact[np.ndarray, "wire coordinate frequency"],
+    Inexact[np.ndarray, " frequency"],
+    Inexact[np.ndarray, "frequency coordinate coordinate"],
+]:
     """Stiffness with the tensions of one piece of every wire as coordinates (`linear.stretching`).
 
     Returns
@@ -178,7 +196,10 @@ def _tensions(
     return across, -(scale**2) / stiffness[1, 1], beside[:, None, None] * (even.T @ even)
 
 
-def _assemble(ends: Any, stiffness: Any) -> Any:
+def _assemble(
+    ends: Float[np.ndarray, "wire end coordinate"],
+    stiffness: Inexact[np.ndarray, "end end frequency"],
+) -> Inexact[np.ndarray, "frequency coordinate coordinate"]:
     """Sum of E^T F E (m, A, A) over wires, of E (w, a, A) and F (a, a, m)."""
     rows = np.einsum("abm,wbA->mwaA", stiffness, ends)
     count, width = ends.shape[0] * ends.shape[1], ends.shape[2]
@@ -186,8 +207,12 @@ def _assemble(ends: Any, stiffness: Any) -> Any:
 
 
 def solve_shapes(
-    model: LinearSystem, wires: list[CutWires], size: int, omega: Array, progress: Progress
-) -> Array:
+    model: LinearSystem,
+    wires: list[CutWires],
+    size: int,
+    omega: Float[np.ndarray, " mode"],
+    progress: Progress,
+) -> Float[np.ndarray, "mode coordinate"]:
     """Solve for shapes (m, A): null vectors of the larger system, with the support at rest."""
     result = np.zeros((len(omega), size))
     start, began = 0, time.monotonic()
@@ -216,7 +241,9 @@ def solve_shapes(
     return result
 
 
-def piece_motions(cut: CutWires, shapes: Array) -> list[dict[str, Any]]:
+def piece_motions(
+    cut: CutWires, shapes: Float[np.ndarray, "mode coordinate"]
+) -> list[dict[str, Float[np.ndarray, "_ wire mode"]]]:
     """Even and odd motion (c, w, m) of both pieces of every wire in shapes (m, A), by part."""
     pieces: list[dict[str, Any]] = [{}, {}]
     for part in PARTS:

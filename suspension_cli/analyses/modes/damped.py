@@ -12,7 +12,7 @@ x = 0, Q = 1 / (2 tan(atan(phi) / 2)), 10.025 for phi = 0.1.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Int
 
 ALIKE = 1e-12
 """Relative difference of omega^2 that may be a rounding error."""
@@ -43,8 +46,8 @@ class Poles:
         In the coordinates of the basis.
     """
 
-    value: Any
-    motion: Any
+    value: Complex[np.ndarray, " pole"]
+    motion: Complex[np.ndarray, "pole coordinate"]
 
 
 def find_poles(basis: Basis) -> Poles:
@@ -76,7 +79,7 @@ def _find_coupled_poles(basis: Basis) -> Poles:
     return Poles(np.concatenate([values, strong]), np.concatenate([motions, moving]))
 
 
-def _split_coupled(basis: Basis) -> list[Index]:
+def _split_coupled(basis: Basis) -> list[Int[np.ndarray, " _"]]:
     """Split coordinates into groups that losses do not couple."""
     omega = np.sort(np.sqrt(np.abs(basis.stiffness[basis.inertia > 0])))
     omega = omega[omega > 0]
@@ -120,8 +123,11 @@ def solve(model: LinearSystem, found: Modes) -> Modes:
 
 
 def _build_basis(
-    model: LinearSystem, group: Index, squared: Array, shapes: Array
-) -> tuple[Basis, Array]:
+    model: LinearSystem,
+    group: Int[np.ndarray, " own"],
+    squared: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "mode own"],
+) -> tuple[Basis, Float[np.ndarray, "all own"]]:
     """Transform a block to its modes (m, c) and massless directions; with the basis (n, c)."""
     light = group[model.massless[group]]
     own, directions = np.linalg.eigh(model.stiffness[np.ix_(light, light)])
@@ -157,7 +163,11 @@ def _build_basis(
     ), moves
 
 
-def _decouple(squared: Array, shapes: Array, stiffness: Array) -> Array:
+def _decouple(
+    squared: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "mode own"],
+    stiffness: Float[np.ndarray, "own own"],
+) -> Float[np.ndarray, "mode own"]:
     """Decouple shapes (m, c) of modes that are nearly degenerate in omega^2.
 
     `eigenmodes.solve` gives combinations that move few coordinates, which the stiffness couples.
@@ -175,7 +185,7 @@ def _decouple(squared: Array, shapes: Array, stiffness: Array) -> Array:
     return result
 
 
-def damping_matrix(model: LinearSystem) -> Array:
+def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordinate"]:
     """Damping matrix C (N, N) of dampers and of gas around bodies, N s/m."""
     return model.damping + sum(
         (term.matrix for term in model.terms if isinstance(term, LossTerm) and not term.elastic),
@@ -183,7 +193,7 @@ def damping_matrix(model: LinearSystem) -> Array:
     )
 
 
-def _mark_lossy(basis: Basis) -> Any:
+def _mark_lossy(basis: Basis) -> Bool[np.ndarray, " coordinate"]:
     """Mark the coordinates (n,) of a basis that losses act on.
 
     On rigid modes only dampers act; massless coordinates always count.
@@ -200,7 +210,13 @@ def _mark_lossy(basis: Basis) -> Any:
     )
 
 
-def _recompute_decay(model: LinearSystem, value: Any, motion: Any) -> tuple[Any, Any, Array]:
+def _recompute_decay(
+    model: LinearSystem,
+    value: Complex[np.ndarray, " pole"],
+    motion: Complex[np.ndarray, "pole coordinate"],
+) -> tuple[
+    Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"], Float[np.ndarray, " pole"]
+]:
     """Recompute the decay of poles (p,) from the dissipation of their shapes (p, N).
 
     x^H Z x = 0 has the imaginary part x^H Im(L) x + omega x^H C x + 2 sigma omega x^H M x = 0, in
@@ -215,35 +231,50 @@ def _recompute_decay(model: LinearSystem, value: Any, motion: Any) -> tuple[Any,
         Twice the energy in lossy elements.
     """
     motion = motion / np.sqrt(np.abs(_quadratic_form(model.mass, motion)))[:, None]
-    lost, elastic = _dissipated(model, value.imag, motion)
-    oscillates = value.imag > 0
-    omega = np.where(oscillates, value.imag, 1.0)
+    lost, elastic = _dissipated(model, np.imag(value), motion)
+    oscillates = np.imag(value) > 0
+    omega = np.where(oscillates, np.imag(value), 1.0)
     sigma = np.where(lost > quality.NOTHING * omega**2, -lost / (2 * omega), 0.0)
-    return np.where(oscillates, sigma + 1j * value.imag, value), motion, elastic
+    return np.where(oscillates, sigma + 1j * np.imag(value), value), motion, elastic
 
 
-def _quadratic_form(matrix: Array, motion: Any) -> Any:
+def _quadratic_form(
+    matrix: Float[np.ndarray, "coordinate coordinate"],
+    motion: Complex[np.ndarray, "pole coordinate"],
+) -> Float[np.ndarray, " pole"]:
     """x^H A x (p,) of shapes x (p, N), for a real symmetric A (N, N)."""
-    return sum(np.einsum("mi,ij,mj->m", part, matrix, part) for part in (motion.real, motion.imag))
+    real, imag = np.real(motion), np.imag(motion)
+    return np.einsum("mi,ij,mj->m", real, matrix, real) + np.einsum(
+        "mi,ij,mj->m", imag, matrix, imag
+    )
 
 
-def _dissipated(model: LinearSystem, omega: Array, motion: Any) -> tuple[Array, Array]:
+def _dissipated(
+    model: LinearSystem,
+    omega: Float[np.ndarray, " pole"],
+    motion: Complex[np.ndarray, "pole coordinate"],
+) -> tuple[Float[np.ndarray, " pole"], Float[np.ndarray, " pole"]]:
     """x^H Im(Z) x (p,) of complex shapes (p, N), and that with every loss angle 1 rad."""
     parts = [
         quality.dissipation(model, omega, part, quality.end_motions(model, part))
-        for part in (motion.real, motion.imag)
+        for part in (np.real(motion), np.imag(motion))
     ]
     return parts[0][0] + parts[1][0], parts[0][1] + parts[1][1]
 
 
 def _build_modes(
-    model: LinearSystem, found: Modes, plain: Any, value: Any, motion: Any, elastic: Array
+    model: LinearSystem,
+    found: Modes,
+    plain: Bool[np.ndarray, " mode"],
+    value: Complex[np.ndarray, " pole"],
+    motion: Complex[np.ndarray, "pole coordinate"],
+    elastic: Float[np.ndarray, " pole"],
 ) -> Modes:
     """Build the modes, ascending, from the undamped ones to keep (`plain`) and from poles."""
-    oscillates = value.imag > 0
-    decay = np.where(np.abs(value) > 0, np.maximum(-value.real, 0.0), 0.0)
+    oscillates = np.imag(value) > 0
+    decay = np.where(np.abs(value) > 0, np.maximum(-np.real(value), 0.0), 0.0)
     squared = np.where(
-        oscillates, np.abs(value) ** 2, np.where(value.real > 0, -(value.real**2), 0.0)
+        oscillates, np.abs(value) ** 2, np.where(np.real(value) > 0, -(np.real(value) ** 2), 0.0)
     )
     shape = real_shapes(motion)
     energy, tips = mean_energies(model, motion)
@@ -266,7 +297,9 @@ def _build_modes(
     return merge_modes(found, plain, new)
 
 
-def mean_energies(model: LinearSystem, motion: Any) -> tuple[Array, Array]:
+def mean_energies(
+    model: LinearSystem, motion: Complex[np.ndarray, "pole coordinate"]
+) -> tuple[Float[np.ndarray, "pole moving"], Float[np.ndarray, "pole tip"]]:
     """Fractions of the mean kinetic energy of complex shapes (p, N), as
     `eigenmodes.energy_fractions`.
 
@@ -282,7 +315,7 @@ def mean_energies(model: LinearSystem, motion: Any) -> tuple[Array, Array]:
             np.zeros((len(motion), model.size - 6 * len(model.body) - 6)),
         ],
     )
-    for part in (motion.real, motion.imag):
+    for part in (np.real(motion), np.imag(motion)):
         weight = np.einsum("mi,ij,mj->m", part, model.mass, part)
         moves = weight > 0
         total += np.where(moves, weight, 0.0)
@@ -293,7 +326,7 @@ def mean_energies(model: LinearSystem, motion: Any) -> tuple[Array, Array]:
     return fractions[0] / total[:, None], fractions[1] / total[:, None]
 
 
-def merge_modes(found: Modes, kept: Any, new: dict[str, Any]) -> Modes:
+def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, Any]) -> Modes:
     """Merge some of the modes found with new ones, by omega^2, then by decay if overdamped.
 
     Modes of one frequency keep their order.
@@ -317,13 +350,15 @@ def merge_modes(found: Modes, kept: Any, new: dict[str, Any]) -> Modes:
     return replace(found, **{name: values[order] for name, values in both.items()})
 
 
-def quality_factor(value: Any) -> Any:
+def quality_factor(value: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " pole"]:
     """Q (p,) of poles: Im s / (-2 Re s); infinite without decay, 0 where nothing oscillates."""
-    decays = value.real < 0
-    return np.where(decays, value.imag / (-2 * np.where(decays, value.real, -1.0)), np.inf)
+    decays = np.real(value) < 0
+    return np.where(decays, np.imag(value) / (-2 * np.where(decays, np.real(value), -1.0)), np.inf)
 
 
-def real_shapes(motion: Any) -> Array:
+def real_shapes(
+    motion: Complex[np.ndarray, "pole coordinate"],
+) -> Float[np.ndarray, "pole coordinate"]:
     """Real shapes (p, N): complex ones at the phase of largest displacement, of the same norm."""
     turn = np.angle((motion**2).sum(1)) / 2
     shape = (motion * np.exp(-1j * turn)[:, None]).real

@@ -23,11 +23,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.scene.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Inexact, Int
 
 ROUNDING = 1e-10
 """Coupling of two modes by losses, over their own losses, that is a rounding error: it would mix
@@ -55,25 +58,29 @@ class Basis:
         (n,).
     """
 
-    stiffness: Array
-    inertia: Array
-    viscous: Array
-    place: Index
+    stiffness: Float[np.ndarray, " coordinate"]
+    inertia: Float[np.ndarray, " coordinate"]
+    viscous: Float[np.ndarray, "coordinate coordinate"]
+    place: Int[np.ndarray, " coordinate"]
     elastic: Callable[[Array, Index], Any]
 
-    def losses(self, s: Any) -> Any:
+    def losses(
+        self, s: Inexact[np.ndarray, " frequency"]
+    ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
         """G (m, n, n) at s (m,), rad/s; without loss angles where s is real."""
         s = np.asarray(s, dtype=complex)
         result = s[:, None, None] * self.viscous
-        oscillates = s.imag > 0
+        oscillates = np.imag(s) > 0
         if oscillates.any():
-            result[oscillates] = result[oscillates] + self.elastic(s.imag[oscillates], self.place)
+            result[oscillates] = result[oscillates] + self.elastic(
+                np.imag(s)[oscillates], self.place
+            )
         size = np.sqrt(np.abs(np.diagonal(result, axis1=1, axis2=2)))
         return np.where(
             np.abs(result) > ROUNDING * size[:, :, None] * size[:, None, :], result, 0.0
         )
 
-    def within(self, some: Index) -> Basis:
+    def within(self, some: Int[np.ndarray, " some"]) -> Basis:
         """Restrict to coordinates that losses do not couple to the others."""
         return Basis(
             self.stiffness[some],
@@ -85,8 +92,16 @@ class Basis:
 
 
 def condense(
-    basis: Basis, group: Index, s: complex, losses: Any, least: float = 0.0
-) -> tuple[Any, Any, Index]:
+    basis: Basis,
+    group: Int[np.ndarray, " group"],
+    s: complex,
+    losses: Complex[np.ndarray, "coordinate coordinate"],
+    least: float = 0.0,
+) -> tuple[
+    Complex[np.ndarray, "group group"],
+    Complex[np.ndarray, "other group"],
+    Int[np.ndarray, " other"],
+]:
     """Eliminate all modes but a group: G_SS - G_SR (k_R + s^2 m_R + G_RR)^-1 G_RS.
 
     Parameters

@@ -8,11 +8,14 @@ other modes eliminated (`modal_basis`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.analyses.modes.modal_basis import CONVERGED, STEPS, Basis, condense
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Inexact
 
 NOISE = 1e-9
 """Relative change below which an iteration that no longer improves has ended."""
@@ -24,13 +27,15 @@ REAL = 1e-13
 """Imaginary part over modulus of a pole of the real problem that is a rounding error."""
 
 
-def solve_strong(basis: Basis, light: Any) -> tuple[Any, Any]:
+def solve_strong(
+    basis: Basis, light: Complex[np.ndarray, " light"]
+) -> tuple[Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
     """Solve for poles and shapes of all modes but the light ones, whose poles are given."""
     from scipy.optimize import linear_sum_assignment
 
     starts, motions = _solve_quadratic(basis, np.zeros(basis.viscous.shape))
     kept = ~_mark_rigid(basis, starts)
-    oscillates = np.flatnonzero(kept & (starts.imag > 0))
+    oscillates = np.flatnonzero(kept & (np.imag(starts) > 0))
     kept[oscillates[linear_sum_assignment(np.abs(starts[oscillates] - light[:, None]))[1]]] = False
     starts, motions = starts[kept], motions[kept]
     kept = ~_mark_counterparts(starts)
@@ -61,7 +66,9 @@ def solve_strong(basis: Basis, light: Any) -> tuple[Any, Any]:
     ).reshape(-1, len(basis.stiffness))
 
 
-def _solve_quadratic(basis: Basis, loss: Any) -> tuple[Any, Any]:
+def _solve_quadratic(
+    basis: Basis, loss: Inexact[np.ndarray, "coordinate coordinate"]
+) -> tuple[Inexact[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
     """Poles and shapes of the quadratic eigenvalue problem with a constant loss L (n, n).
 
     Those with Im s >= 0; with a loss, Im s > 0.
@@ -92,7 +99,7 @@ def _solve_quadratic(basis: Basis, loss: Any) -> tuple[Any, Any]:
     return values[kept], motions[kept].astype(complex)
 
 
-def _mark_rigid(basis: Basis, values: Any) -> Any:
+def _mark_rigid(basis: Basis, values: Inexact[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
     """Mark the poles (p,) that are 0 but for rounding.
 
     Two per rigid mode, less one per combination of rigid modes that a damper acts on.
@@ -108,22 +115,24 @@ def _mark_rigid(basis: Basis, values: Any) -> Any:
             if left <= 0:
                 break
             out[n] = True
-            left -= 1 + int(values[n].imag > 0)
+            left -= 1 + int(np.imag(values[n]) > 0)
     return out
 
 
-def _mark_counterparts(values: Any) -> Any:
+def _mark_counterparts(values: Inexact[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
     """Mark the real poles (p,) that are decaying counterparts of growing ones."""
     out = np.zeros(len(values), dtype=bool)
-    real = values.imag == 0
-    for growing in np.flatnonzero(real & (values.real > 0)):
-        decaying = np.flatnonzero(real & (values.real < 0) & ~out)
+    real = np.imag(values) == 0
+    for growing in np.flatnonzero(real & (np.real(values) > 0)):
+        decaying = np.flatnonzero(real & (np.real(values) < 0) & ~out)
         if len(decaying):
             out[decaying[np.abs(values[decaying] + values[growing]).argmin()]] = True
     return out
 
 
-def _refine_in_basis(basis: Basis, start: complex, motion: Any) -> tuple[complex, Any]:
+def _refine_in_basis(
+    basis: Basis, start: complex, motion: Complex[np.ndarray, " coordinate"]
+) -> tuple[complex, Complex[np.ndarray, " coordinate"]]:
     """Refine a pole and its shape by the secant method in the equation of the leading mode."""
     lead = np.array([int(np.where(basis.inertia > 0, np.abs(motion), -1.0).argmax())])
     if not np.abs(motion[lead[0]]) > 0 or start == 0:
@@ -151,7 +160,11 @@ def _refine_in_basis(basis: Basis, start: complex, motion: Any) -> tuple[complex
     return now, equation(now)[1]
 
 
-def refine_pole(dynamic: Callable[[Any, bool], Any], start: complex, motion: Any) -> complex:
+def refine_pole(
+    dynamic: Callable[[Any, bool], Any],
+    start: complex,
+    motion: Complex[np.ndarray, " coordinate"] | None,
+) -> complex:
     """Refine a pole of any system by the secant method in 1 / (b^T Z(s)^-1 b), which is 0 at poles.
 
     Parameters

@@ -6,12 +6,14 @@ by iterating the equation of the group, with all other modes eliminated (`modal_
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.modes.modal_basis import CONVERGED, ROUNDING, STEPS, Basis, condense
-from suspension_cli.scene.arrays import Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Int
 
 LIGHT = 0.02
 """Fraction of omega^2 up to which losses change the equation of a light mode, whose pole is
@@ -30,7 +32,9 @@ MEMORY = 2_000_000
 """Elements of G evaluated at once."""
 
 
-def group_modes(basis: Basis) -> tuple[list[Index], Any]:
+def group_modes(
+    basis: Basis,
+) -> tuple[list[Int[np.ndarray, " _"]], Bool[np.ndarray, " coordinate"]]:
     """Group modes that losses couple strongly; which modes are light, bool (n,)."""
     massive = np.flatnonzero(basis.inertia > 0)
     n = len(basis.stiffness)
@@ -65,7 +69,9 @@ def group_modes(basis: Basis) -> tuple[list[Index], Any]:
     return groups, light
 
 
-def follow_poles(basis: Basis, groups: list[Index]) -> tuple[Any, Any]:
+def follow_poles(
+    basis: Basis, groups: list[Int[np.ndarray, " _"]]
+) -> tuple[Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
     """Follow the poles and shapes of groups of light modes from the undamped ones.
 
     Pole by pole, with losses evaluated for all of them together.
@@ -105,7 +111,9 @@ def follow_poles(basis: Basis, groups: list[Index]) -> tuple[Any, Any]:
     return 1j * np.sqrt(middle + shift), motions
 
 
-def connected_groups(linked: Any) -> list[Index]:
+def connected_groups(
+    linked: Bool[np.ndarray, "coordinate coordinate"],
+) -> list[Int[np.ndarray, " _"]]:
     """Connected groups of a graph, from its adjacency matrix (n, n)."""
     reached = linked | linked.T | np.eye(len(linked), dtype=bool)
     while (further := reached.astype(float) @ reached > 0).sum() > reached.sum():

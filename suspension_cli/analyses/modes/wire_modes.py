@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.mode_count import Progress, silent
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
@@ -142,8 +145,15 @@ def _lowest_frequency(static: Modes) -> float:
 
 
 def _kinetic_energies(
-    model: LinearSystem, wires: list[CutWires], omega: Array, shapes: Array
-) -> tuple[Array, Array, list[tuple[CutWires, str, Array]]]:
+    model: LinearSystem,
+    wires: list[CutWires],
+    omega: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "mode coordinate"],
+) -> tuple[
+    Float[np.ndarray, " mode"],
+    Float[np.ndarray, "mode moving"],
+    list[tuple[CutWires, str, Float[np.ndarray, " mode"]]],
+]:
     """Twice the kinetic energy over omega^2 of shapes (m, A).
 
     Returns
@@ -174,8 +184,8 @@ def _kinetic_energies(
 
 
 def _sum_by_name(
-    kinds: list[tuple[CutWires, str, Array]], total: Array
-) -> tuple[Array, tuple[str, ...]]:
+    kinds: list[tuple[CutWires, str, Float[np.ndarray, " mode"]]], total: Float[np.ndarray, " mode"]
+) -> tuple[Float[np.ndarray, "mode motion"], tuple[str, ...]]:
     """Sum energies by stage and part of the motion of wires: (m, k), and their names (k).
 
     Motions without energy in any mode are left out.
@@ -188,13 +198,17 @@ def _sum_by_name(
     return np.array([wire[name] for name in names]).reshape(-1, len(total)).T, names
 
 
-def _leading_blocks(model: LinearSystem, shapes: Array) -> Any:
+def _leading_blocks(
+    model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
+) -> Int[np.ndarray, " mode"]:
     """Number (m,) of the block that each mode moves most; 0 for modes that move no body."""
     size = np.array([np.abs(shapes[:, group]).sum(1) for group in model.blocks])
     return size.argmax(0)
 
 
-def _half_waves(found: Modes, kinds: list[tuple[CutWires, str, Array]]) -> Any:
+def _half_waves(
+    found: Modes, kinds: list[tuple[CutWires, str, Float[np.ndarray, " mode"]]]
+) -> Int[np.ndarray, " mode"]:
     """Number of half waves (m,) along the wires of each wire mode; 0 of other modes.
 
     That of the nearest resonance between fixed ends, of the kind of wire that moves most.
@@ -219,7 +233,7 @@ def _half_waves(found: Modes, kinds: list[tuple[CutWires, str, Array]]) -> Any:
     return result
 
 
-def _fix_signs(shape: Array) -> Array:
+def _fix_signs(shape: Float[np.ndarray, "mode coordinate"]) -> Float[np.ndarray, "mode coordinate"]:
     """Give shapes the sign in which their largest coordinate is positive."""
     if not shape.size:
         return shape
@@ -248,9 +262,9 @@ def _refine_overdamped(static: Modes, dynamic: Dynamic) -> Modes:
 def _build_basis(
     model: LinearSystem,
     moved: list[tuple[TautWire, dict[str, Any]]],
-    omega: Array,
-    shapes: Array,
-    lost: Array,
+    omega: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "mode coordinate"],
+    lost: Float[np.ndarray, " mode"],
 ) -> Basis:
     """Transform the system to its modes (m, A) of unit modal mass, with losses `lost` (m,).
 
@@ -285,7 +299,7 @@ def _build_basis(
     return Basis(omega**2, np.ones(len(omega)), viscous, np.arange(len(omega)), losses)
 
 
-def _split_modes(omega: Array) -> list[slice]:
+def _split_modes(omega: Float[np.ndarray, " mode"]) -> list[slice]:
     """Split consecutive modes (m,) at wide gaps into parts that are solved together."""
     result, start = [], 0
     while len(omega) - start > TOGETHER:
@@ -300,8 +314,8 @@ def _solve_damped(
     found: Modes,
     model: LinearSystem,
     moved: list[tuple[TautWire, dict[str, Any]]],
-    shapes: Array,
-    lost: Array,
+    shapes: Float[np.ndarray, "mode coordinate"],
+    lost: Float[np.ndarray, " mode"],
     dynamic: Dynamic,
 ) -> Modes:
     """Solve for modes with all losses, except overdamped ones, from the undamped modes."""
@@ -316,7 +330,11 @@ def _solve_damped(
 
 
 def _solve_damped_part(
-    found: Modes, model: LinearSystem, basis: Basis, shapes: Array, dynamic: Dynamic
+    found: Modes,
+    model: LinearSystem,
+    basis: Basis,
+    shapes: Float[np.ndarray, "mode coordinate"],
+    dynamic: Dynamic,
 ) -> Modes:
     """Solve for modes with all losses from some of the undamped modes.
 
@@ -326,12 +344,12 @@ def _solve_damped_part(
     if not len(lossy):
         return found
     here = damped.find_poles(basis.within(lossy))
-    oscillates = here.value.imag > 0
+    oscillates = np.imag(here.value) > 0
     value = here.value[oscillates]
     amplitude = np.zeros((len(value), len(found.q)), dtype=complex)
     amplitude[:, lossy] = here.motion[oscillates]
     amplitude /= np.sqrt((np.abs(amplitude) ** 2).sum(1))[:, None]
-    for n in np.flatnonzero(np.abs(value.real) > LOSSY * np.abs(value)):
+    for n in np.flatnonzero(np.abs(np.real(value)) > LOSSY * np.abs(value)):
         value[n] = strong_damping.refine_pole(dynamic, value[n], amplitude[n] @ shapes)
     weight, lead = np.abs(amplitude) ** 2, np.abs(amplitude).argmax(1)
     energy, tips = damped.mean_energies(model, amplitude @ shapes[:, : model.size])
@@ -349,7 +367,7 @@ def _solve_damped_part(
         "dilution": 1 / (weight @ (1 / found.dilution)),
         "wire_energy": wires,
         "order": found.order[lead],
-        "decay_rate": -value.real,
+        "decay_rate": -np.real(value),
     }
     return damped.merge_modes(found, ~np.isfinite(found.q), new)
 
