@@ -263,7 +263,7 @@ def _multiply_in_slices(
     return product, terms
 
 
-def _scale(values: Float[np.ndarray, "*batch last"]) -> Float[np.ndarray, ...]:
+def _scale(values: Float[np.ndarray, "*batch last"]) -> Float[np.ndarray, "*shape"]:
     """Powers of 2 above the absolute values of the last axis; 1 if all are 0."""
     return np.ldexp(1.0, np.frexp(np.abs(values).max(-1))[1])
 

@@ -74,8 +74,8 @@ def dense(
 
 
 def solve_each(
-    matrix: Inexact[np.ndarray, "*batch size size"], right: Inexact[np.ndarray, ...]
-) -> Inexact[np.ndarray, ...]:
+    matrix: Inexact[np.ndarray, "*batch size size"], right: Inexact[np.ndarray, "*shape"]
+) -> Inexact[np.ndarray, "*shape"]:
     """Solve stacked systems (..., n, n) for (..., n, i); NaN where they are singular."""
     try:
         return np.linalg.solve(matrix, right)
