@@ -6,6 +6,7 @@ the range of that ratio and its limit.
 
 from __future__ import annotations
 
+import os
 import statistics
 import subprocess
 import sys
@@ -65,8 +66,9 @@ def judge(name: str, value: float, limit: float) -> str:
 
 
 def shell(*command: str) -> Work:
-    """Make a work that runs a process."""
-    return lambda: subprocess.run(command, check=True, capture_output=True)
+    """Make a work that runs a process, with compiled modules kept as pip leaves them."""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    return lambda: subprocess.run(command, check=True, capture_output=True, env=environment)
 
 
 def main() -> None:

@@ -48,7 +48,7 @@ def listed(found: dict[str, Any], before: dict[str, Any], after: dict[str, Any])
     for mode in found["modes"]:
         mine = fresh[min(fresh, key=lambda f: abs(f - mode["after_hz"]))]
         was = min(drawn, key=lambda f: abs(f - mode["before_hz"]))
-        share = 100 * mode["top_mass_share_after"]
+        share = 100 * mode["top_mass_fraction_after"]
         lines.append(
             f"| {mode['name']} | {was:.3f} | {mine['frequency_hz']:.3f} | {share:.1f} % |"
             f" {mine['verdict']} | {mine['label']} |"

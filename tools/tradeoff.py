@@ -44,7 +44,7 @@ CHARTS = {
 }
 """Designs that are shown in full, and their charts."""
 REPEAT = 7
-COMPARES = {"rungs": "models", "methods": "methods"}
+COMPARES = {"models": "models", "methods": "methods"}
 BUDGET = 0.2
 """Processor time for the samples of a time, s; more than by default in `pendsus tradeoff`."""
 
@@ -126,9 +126,9 @@ def overview(key: str, title: str, found: dict[str, Tradeoff]) -> list[str]:
         name: next(panel for panel in one.panels if panel.key == key) for name, one in found.items()
     }
     compares = next(iter(panels.values())).compares
-    if compares == "rungs":
-        found_on = {entry.rung for panel in panels.values() for entry in panel.entries}
-        every = [rung for rung in MODEL_NAMES if rung in found_on]
+    if compares == "models":
+        found_on = {entry.model for panel in panels.values() for entry in panel.entries}
+        every = [model for model in MODEL_NAMES if model in found_on]
     else:
         every = list(
             dict.fromkeys(entry.method for panel in panels.values() for entry in panel.entries)
@@ -190,7 +190,7 @@ def full(panel: Panel) -> list[str]:
     reasons: dict[str, list[str]] = {}
     for item in panel.left:
         reasons.setdefault(item.reason, []).append(
-            item.rung if panel.compares == "rungs" else item.method
+            item.model if panel.compares == "models" else item.method
         )
     lines += [f"Left out: {', '.join(names)} ({reason})." for reason, names in reasons.items()]
     return [*lines, ""] if reasons else lines
@@ -198,7 +198,7 @@ def full(panel: Panel) -> list[str]:
 
 def responses(each: ResponseTimes) -> list[str]:
     """Tabulate the times of a first response and the next ones."""
-    models = each.compares == "rungs"
+    models = each.compares == "models"
     heads = [f"{count:,} frequencies" for count in COUNTS] + ([] if models else ["error"])
     lines = [
         f"### First and next responses: {'models' if models else 'methods'}",
@@ -217,7 +217,7 @@ def responses(each: ResponseTimes) -> list[str]:
             for n in range(len(COUNTS))
         ]
         cells += [] if models else [format_error(entry.error)]
-        lines.append(f"| {entry.rung if models else entry.method} | {' | '.join(cells)} |")
+        lines.append(f"| {entry.model if models else entry.method} | {' | '.join(cells)} |")
     return [*lines, ""]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import html
 import importlib
 import math
 import warnings
@@ -126,6 +125,8 @@ class Report(ABC):
         return f"<pendsus {type(self).__name__.lower()} of {self.name}>"
 
     def _repr_html_(self) -> str:
+        import html
+
         return f"<pre>{html.escape(str(self))}</pre>"
 
 

@@ -279,7 +279,7 @@ def add_derivatives(
     jacobian = _jacobian(scene, pose, now)
     transposed = np.swapaxes(jacobian, -1, -2)
     forces, stiffness = (transposed @ first[..., None])[..., 0], transposed @ second @ jacobian
-    for pair in np.unique(np.stack([wires.upper, wires.lower]), axis=1).T:
+    for pair in sorted(set(zip(wires.upper.tolist(), wires.lower.tolist(), strict=True))):
         own = (wires.upper == pair[0]) & (wires.lower == pair[1])
         force, matrix = forces[..., own, :12].sum(-2), stiffness[..., own, :12, :12].sum(-3)
         for i, one in enumerate(pair):

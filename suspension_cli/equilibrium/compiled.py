@@ -90,7 +90,7 @@ def pack(scene: Scene, numbering: Layout) -> Packed:
     )
     flex = bending.wire_resistance(scene)
     if flex is not None and flex.bend is None:
-        flex = Flex(flex.upper, flex.lower, np.zeros((1, 2, 3)), flex.twist)
+        flex = Flex(flex.upper, flex.lower, np.zeros((flex.twist.shape[-1], 2, 3)), flex.twist)
     batch, held = scene.batch, _table(scene.batch, springs, SPRING)
     if scene.struts.label:
         held = np.concatenate([held, pack_legs(scene)], axis=-1)

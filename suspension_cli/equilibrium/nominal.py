@@ -187,7 +187,7 @@ def _blade_loads(scene: Scene, pose: Pose) -> Array:
     to_body = np.swapaxes(pose.rotation, -1, -2)
     weight = blades.tip_mass[:, None] * np.array([0.0, 0.0, scene.gravity])
     result = (to_body[blades.body] @ weight[..., None])[..., 0]
-    for body in np.unique(wires.lower[wires.blade >= 0]):
+    for body in sorted(set(wires.lower[wires.blade >= 0].tolist())):
         own = np.flatnonzero(wires.lower == body)
         wrenches = tensions.wire_wrenches(now.direction[own], now.lower_arm[own])
         along = (to_body[wires.upper[own]] @ now.direction[own][..., None])[..., 0]

@@ -20,7 +20,7 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.version import __version__
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 """Raised when a reader of older files would misunderstand a new one."""
 
 
@@ -138,7 +138,7 @@ def _foreign(file: h5py.File) -> str:
         return "is not in a known format (its attributes cannot be read)"
     if not isinstance(known, str) or known != "pendsus":
         return "is not in a known format (not a pendsus file)"
-    if not isinstance(version, np.integer) or not 0 < version <= FORMAT_VERSION:
+    if not isinstance(version, np.integer) or version != FORMAT_VERSION:
         return f"is not in a known format (version {format_value(version)})"
     return ""
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.linear import eigenmodes, graded_eigenvalues
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array, Index
+from suspension_cli.scene.arrays import Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 @dataclass(frozen=True)
@@ -24,8 +28,8 @@ class Spectrum:
         squares are fractions of the kinetic energy. 0 for coordinates without inertia.
     """
 
-    omega_squared: Array
-    shape: Array
+    omega_squared: Float[np.ndarray, "build mode"]
+    shape: Float[np.ndarray, "build mode coordinate"]
 
 
 def solve(model: LinearSystem) -> Spectrum:
@@ -63,7 +67,9 @@ def solve(model: LinearSystem) -> Spectrum:
     return result
 
 
-def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> tuple[Array, Array]:
+def _solve_blocks(
+    model: LinearSystem, blocks: tuple[Index, ...]
+) -> tuple[Float[np.ndarray, "build mode"], Float[np.ndarray, "build mode coordinate"]]:
     values, shapes = [], []
     tension = graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
     for block in blocks:

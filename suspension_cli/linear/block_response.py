@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,7 +23,9 @@ from suspension_cli.linear.blocks import CondensedBlock, SupportForces
 from suspension_cli.linear.double_double import DoubleDouble, two_product, two_sum
 from suspension_cli.linear.residual import FINE, Equations, Loads
 from suspension_cli.linear.small_matrices import dense
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
 
 CONVERGED = 1e-10
 """Relative correction of a coordinate below which no second correction is needed."""
@@ -54,15 +56,15 @@ class Request:
         Response of the outputs to the support's own motion, added to that of the block.
     """
 
-    outputs: Any
-    moves: Any
-    forces: Any
-    direct: Any
+    outputs: Float[np.ndarray, "output coordinate"]
+    moves: Float[np.ndarray, "6 input"]
+    forces: Float[np.ndarray, "coordinate input"]
+    direct: Float[np.ndarray, "output input"]
 
 
 def solve_responses(
-    block: CondensedBlock, omega: Array, request: Request
-) -> Iterator[tuple[slice, Any]]:
+    block: CondensedBlock, omega: Float[np.ndarray, " frequency"], request: Request
+) -> Iterator[tuple[slice, list[Inexact[np.ndarray, "input _"]]]]:
     """Solve for the responses of a block in consecutive ranges of ascending frequencies (rad/s).
 
     Yields
@@ -89,18 +91,18 @@ def solve_responses(
 def _solve_range(
     block: CondensedBlock,
     drive: SupportForces,
-    omega: Array,
+    omega: Float[np.ndarray, " frequency"],
     request: Request,
     loads: Loads,
     offset: Any,
-) -> list[Any]:
+) -> list[Inexact[np.ndarray, "input frequency"]]:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         factors = block.factor(omega)
         v = block.solve(factors, omega, request.moves, request.forces, drive)
         correction = factors.solve(drive.equations.residual(omega, loads, v))
         change = _relative(correction, v)
         inaccurate, moderate = ~(change < CONVERGED), change < ONCE_MORE
-        again = (inaccurate & moderate).any(0).nonzero()[0]
+        again = np.flatnonzero(np.any(inaccurate & moderate, axis=0))
         if len(again):
             high, low = two_sum(v[..., again], correction[..., again])
             second = factors.some(again).solve(
@@ -125,26 +127,31 @@ def _solve_range(
     return values
 
 
-def _relative(correction: Any, values: Any) -> Any:
+def _relative(
+    correction: Inexact[np.ndarray, "coordinate input frequency"],
+    values: Inexact[np.ndarray, "coordinate input frequency"],
+) -> Float[np.ndarray, "input frequency"]:
     """Largest relative correction (k, f) of any coordinate."""
     return (np.abs(correction) / np.maximum(np.abs(values), TINY)).max(0)
 
 
-def _static_offset(block: CondensedBlock, request: Request, *, relative: bool) -> tuple[Any, Any]:
+def _static_offset(
+    block: CondensedBlock, request: Request, *, relative: bool
+) -> tuple[Inexact[np.ndarray, "output input"], Inexact[np.ndarray, "output input"]]:
     """Responses (o, i) when v = 0, in double-double."""
     direct = DoubleDouble.of(request.direct)
     if not relative:
         return direct.high, direct.low
     form, moves = DoubleDouble.of(request.outputs), DoubleDouble.of(request.moves)
-    real = direct + (form @ DoubleDouble.of(block.static.real)) @ moves
+    real = direct + (form @ DoubleDouble.of(np.real(block.static))) @ moves
     if not np.iscomplexobj(block.static):
         return real.high, real.low
-    imag = (form @ DoubleDouble.of(block.static.imag)) @ moves
+    imag = (form @ DoubleDouble.of(np.imag(block.static))) @ moves
     return real.high + 1j * imag.high, real.low + 1j * imag.low
 
 
 def _evaluate_output(
-    form: Array, offset: Any, offset_low: Any, high: Any, low: Any
+    form: Float[np.ndarray, " coordinate"], offset: Any, offset_low: Any, high: Any, low: Any
 ) -> tuple[Any, Any]:
     """Evaluate a linear form (c,) of coordinates (c, ..., f) in double-double, plus an offset.
 
@@ -179,8 +186,12 @@ def _scale(factor: float, values: Any) -> tuple[Any, Any]:
 
 
 def _refine(
-    block: CondensedBlock, equations: Equations, omega: Array, loads: Loads, start: Any
-) -> tuple[Any, Any]:
+    block: CondensedBlock,
+    equations: Equations,
+    omega: Float[np.ndarray, " system"],
+    loads: Loads,
+    start: Inexact[np.ndarray, "coordinate system"],
+) -> tuple[Inexact[np.ndarray, "coordinate system"], Inexact[np.ndarray, "coordinate system"]]:
     """Solve P systems with pivoting for coordinates (c, P) in double-double.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,10 @@ from suspension_cli.linear import elimination, static_condensation
 from suspension_cli.linear.residual import Equations, equations
 from suspension_cli.linear.rigid_motion_invariance import low_parts
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array, Index
+from suspension_cli.scene.arrays import Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact, Int
 
 SOFT = 1e-5
 """Ratio of a blade's stiffness to that of its wires below which its tip is counted from where the
@@ -25,11 +28,13 @@ Matrices = tuple[Any, Any, Any]
 class Submatrix:
     """Submatrix of the dynamic stiffness K + i omega C - omega^2 M; arrays (r, s)."""
 
-    stiffness: Any
-    mass: Any
-    damping: Any
+    stiffness: Inexact[np.ndarray, "row column"]
+    mass: Inexact[np.ndarray, "row column"]
+    damping: Inexact[np.ndarray, "row column"]
 
-    def at(self, omega: Array, square: Array) -> Any:
+    def at(
+        self, omega: Float[np.ndarray, " frequency"], square: Float[np.ndarray, " frequency"]
+    ) -> Inexact[np.ndarray, "row column _"]:
         """Evaluate at frequencies: (r, s, f), or (r, s, 1) if constant; real without loss."""
         if not self.mass_elements and not self.damping_elements:
             return self.stiffness[..., None]
@@ -44,7 +49,12 @@ class Submatrix:
             result[r, c] += (1j * self.damping[r, c]) * omega
         return result
 
-    def times(self, columns: Any, omega: Array, square: Array) -> Any:
+    def times(
+        self,
+        columns: Float[np.ndarray, "column input"],
+        omega: Float[np.ndarray, " frequency"],
+        square: Float[np.ndarray, " frequency"],
+    ) -> Inexact[np.ndarray, "row input _"]:
         """Multiply by constant columns (s, k): (r, k, f), or (r, k, 1) if constant."""
         if not self.mass_elements and not self.damping_elements:
             return (self.stiffness @ columns)[..., None]
@@ -53,12 +63,12 @@ class Submatrix:
         )
 
     @cached_property
-    def mass_elements(self) -> list[Any]:
+    def mass_elements(self) -> list[list[int]]:
         """Indices of the elements of M that are not 0."""
         return np.argwhere(self.mass).tolist()
 
     @cached_property
-    def damping_elements(self) -> list[Any]:
+    def damping_elements(self) -> list[list[int]]:
         """Indices of the elements of C that are not 0."""
         return np.argwhere(self.damping).tolist()
 
@@ -115,23 +125,25 @@ class CondensedBlock:
         On the coordinates x, and on the coordinates relative to the static response, x - S s.
     """
 
-    kept: Index
-    mass: Any
-    damping: Any
-    stiffness: Any
-    massless: Index
-    force_transfer: Any
-    compliance: Any
-    support_stiffness: Any
-    static: Any
-    resonances: Any
+    kept: Int[np.ndarray, " kept"]
+    mass: Float[np.ndarray, "kept 6+kept"]
+    damping: Float[np.ndarray, "kept 6+kept"]
+    stiffness: Inexact[np.ndarray, "kept 6+kept"]
+    massless: Int[np.ndarray, " light"]
+    force_transfer: Inexact[np.ndarray, "kept light"]
+    compliance: Inexact[np.ndarray, "light light"]
+    support_stiffness: Inexact[np.ndarray, "light 6"]
+    static: Inexact[np.ndarray, "kept 6"]
+    resonances: Float[np.ndarray, " mode"]
     tree: elimination.Tree
     diagonal: tuple[Submatrix, ...]
     links: tuple[Submatrix | None, ...]
     absolute: SupportForces
     relative: SupportForces
 
-    def is_driven(self, moves: Any, forces: Any) -> Any:
+    def is_driven(
+        self, moves: Float[np.ndarray, "6 input"], forces: Float[np.ndarray, "coordinate input"]
+    ) -> Bool[np.ndarray, " input"]:
         """Whether each of i inputs drives this block: support motions (6, i), forces (N, i)."""
         return (
             (self._acts_on @ np.abs(moves) != 0).any(0)
@@ -140,29 +152,33 @@ class CondensedBlock:
         )
 
     @cached_property
-    def _acts_on(self) -> Any:
+    def _acts_on(self) -> Float[np.ndarray, "kept 6"]:
         """1 where a motion of the support acts on a coordinate, else 0: (c, 6)."""
         return (
             (self.stiffness[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
         ).astype(float)
 
-    def reduce_forces(self, forces: Any) -> Any:
+    def reduce_forces(
+        self, forces: Float[np.ndarray, "coordinate input"]
+    ) -> Inexact[np.ndarray, "kept input"]:
         """Reduce forces (N, i) on all coordinates to forces (c, i) on those kept."""
         result, dropped = forces[self.kept], forces[self.massless]
         return result + self.force_transfer @ dropped if dropped.any() else result
 
-    def factor(self, omega: Array) -> elimination.Factors:
+    def factor(self, omega: Float[np.ndarray, " frequency"]) -> elimination.Factors:
         """Eliminate K + i omega C - omega^2 M body by body at frequencies (f,) in rad/s.
 
         Few digits are left, or none, where a part of the block resonates alone.
         """
         return elimination.factor(*self._systems(omega), self.tree)
 
-    def matrices(self, omega: Array) -> Any:
+    def matrices(
+        self, omega: Float[np.ndarray, " frequency"]
+    ) -> Inexact[np.ndarray, "kept kept frequency"]:
         """Evaluate K + i omega C - omega^2 M (c, c, f) at frequencies (f,) in rad/s."""
         return elimination.assemble(*self._systems(omega), self.tree)
 
-    def _systems(self, omega: Array) -> tuple[list[Any], list[Any]]:
+    def _systems(self, omega: Float[np.ndarray, " frequency"]) -> tuple[list[Any], list[Any]]:
         """Evaluate the matrix of each node, and that between its parent and it."""
         square = omega**2
         diagonal = [_repeat(piece.at(omega, square), len(omega)) for piece in self.diagonal]
@@ -173,11 +189,11 @@ class CondensedBlock:
     def solve(
         self,
         factors: elimination.Factors,
-        omega: Array,
-        moves: Any,
-        forces: Any,
+        omega: Float[np.ndarray, " frequency"],
+        moves: Float[np.ndarray, "6 input"],
+        forces: Inexact[np.ndarray, "kept input"],
         drive: SupportForces,
-    ) -> Any:
+    ) -> Inexact[np.ndarray, "kept input frequency"]:
         """Solve for coordinates (c, i, f), given support motions (6, i) and forces (c, i).
 
         Far below the resonances the coordinates follow the support's motion s as x = S s + v, with
@@ -188,7 +204,7 @@ class CondensedBlock:
         would. Far above the resonances the equation for x is the accurate one.
         """
         square = omega**2
-        moving, pushed = moves.any(0).nonzero()[0], forces.any(0).nonzero()[0]
+        moving, pushed = (np.flatnonzero(np.any(part, axis=0)) for part in (moves, forces))
         right_sides = []
         for piece, where in zip(drive.coupling, self.tree.where, strict=True):
             columns = elimination.Columns(pushed, forces[where][:, pushed, None]).drop_zeros()
@@ -200,7 +216,7 @@ class CondensedBlock:
         return factors.solve_columns(right_sides, moves.shape[1])
 
 
-def _repeat(values: Any, count: int) -> Any:
+def _repeat(values: Inexact[np.ndarray, "*axes _"], count: int) -> Inexact[np.ndarray, "*axes _"]:
     """Repeat values (..., 1) that do not depend on frequency: (..., count)."""
     return (
         values
@@ -221,14 +237,14 @@ def condense_block(model: LinearSystem, number: int) -> CondensedBlock:
     return model.prepared[number]
 
 
-def _condense(model: LinearSystem, block: Index) -> CondensedBlock:
+def _condense(model: LinearSystem, block: Int[np.ndarray, " own"]) -> CondensedBlock:
     # neither outputs nor inputs act on massless tips, so these can be eliminated
     tips = np.array([_owner(model.coordinate[n]) != FRAME for n in block])
     light = model.massless[block] & tips & ~(model.damping[block] != 0).any(1)
     kept, massless = block[~light], block[light]
     full = model.stiffness if model.lossy is None else model.lossy
-    if not np.iscomplexobj(full) or not full[block].imag.any():
-        full = full.real
+    if not np.iscomplexobj(full) or not np.imag(full[block]).any():
+        full = np.real(full)
     basis = _wire_held_basis(model, block, ~light & (block >= 6 * (len(model.body) + 1)) & tips)
     reduced, tip_motion, free = _eliminate_tips(model, full, block, light, basis)
     order = np.argsort([_rank(model, _owner(model.coordinate[n])) for n in kept], kind="stable")
@@ -275,7 +291,7 @@ def _condense(model: LinearSystem, block: Index) -> CondensedBlock:
         compliance=np.linalg.inv(full[np.ix_(massless, massless)]),
         support_stiffness=full[np.ix_(massless, np.arange(6))],
         static=static,
-        resonances=static_condensation.resonances(stiffness.real, mass),
+        resonances=static_condensation.resonances(np.real(stiffness), mass),
         tree=tree,
         diagonal=tuple(piece(node, node + 6) for node in tree.nodes),
         links=tuple(
@@ -292,7 +308,9 @@ def _condense(model: LinearSystem, block: Index) -> CondensedBlock:
     )
 
 
-def _wire_held_basis(model: LinearSystem, block: Index, tips: Any) -> Array | None:
+def _wire_held_basis(
+    model: LinearSystem, block: Int[np.ndarray, " own"], tips: Bool[np.ndarray, " own"]
+) -> Float[np.ndarray, "6+own 6+own"] | None:
     """Basis in which some blade `tips` (c,) are counted from where their wires would hold them.
 
     Rows are the support's and the block's coordinates, columns the new ones. A tip above a stiff
@@ -325,7 +343,7 @@ def _support_forces(high: Matrices, low: Matrices, tree: elimination.Tree) -> Su
 
 
 def _relative_to_static(
-    high: Matrices, low: Matrices, static: Any, free: tuple[Any, Any, Any]
+    high: Matrices, low: Matrices, static: Inexact[np.ndarray, "kept 6"], free: tuple[Any, Any, Any]
 ) -> tuple[Matrices, Matrices]:
     """Change K, M and C to coordinates relative to the static response S.
 
@@ -352,13 +370,17 @@ def _relative_to_static(
 
 
 def _eliminate_tips(
-    model: LinearSystem, full: Any, block: Index, massless: Any, basis: Any
-) -> tuple[static_condensation.Reduced, Any, Any]:
+    model: LinearSystem,
+    full: Inexact[np.ndarray, "all all"],
+    block: Int[np.ndarray, " own"],
+    massless: Bool[np.ndarray, " own"],
+    basis: Float[np.ndarray, "6+own 6+own"] | None,
+) -> tuple[static_condensation.Reduced, Inexact[np.ndarray, "light _"], Bool[np.ndarray, " 6"]]:
     """Condense the stiffness; also return the motion of tips and the force-free rigid motions."""
     with_support = np.concatenate([np.arange(6), block])
     low = model.low
-    real, free = low_parts(full.real, model, block, None if low is None else low.real)
-    imag, free_imag = low_parts(full.imag, model, block, None if low is None else low.imag)
+    real, free = low_parts(np.real(full), model, block, None if low is None else np.real(low))
+    imag, free_imag = low_parts(np.imag(full), model, block, None if low is None else np.imag(low))
     high, rounding = full[np.ix_(block, with_support)], (real + 1j * imag)[:, with_support]
     if basis is not None:
         high, rounding = static_condensation.change_basis(high, rounding, basis)

@@ -12,12 +12,15 @@ from those of the design.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.system import LinearSystem
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 def with_constant_loss(model: LinearSystem) -> LinearSystem:
@@ -52,7 +55,9 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
     )
 
 
-def _relative_to_support(loss: Any, rigid: Any) -> Any:
+def _relative_to_support(
+    loss: Float[np.ndarray, "coordinate coordinate"], rigid: Any
+) -> Float[np.ndarray, "coordinate coordinate"]:
     """Project a loss matrix (N, N) on motion relative to the support: rigid motion is lossless."""
     to_relative = np.eye(len(loss))
     to_relative[:, :6] = 0.0 if rigid is None else -rigid

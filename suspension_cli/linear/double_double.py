@@ -13,9 +13,12 @@ The error of a sum is about 2^-104 of its largest terms, however much of them ca
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
 
 CUT = 134217729.0
 """2^27 + 1, the factor of `cut`."""
@@ -25,11 +28,11 @@ CUT = 134217729.0
 class DoubleDouble:
     """Numbers high + low, arrays of one shape; low is about a rounding error of high's terms."""
 
-    high: Any
-    low: Any
+    high: Float[np.ndarray, "*shape"]
+    low: Float[np.ndarray, "*shape"]
 
     @staticmethod
-    def of(value: Any) -> DoubleDouble:
+    def of(value: Float[np.ndarray, "*shape"]) -> DoubleDouble:
         """Convert doubles; their low parts are 0."""
         value = np.asarray(value, dtype=float)
         return DoubleDouble(value, np.zeros_like(value))
@@ -64,7 +67,7 @@ class DoubleDouble:
         return (self[:, :, None] * other[None]).total()
 
     @property
-    def value(self) -> Any:
+    def value(self) -> Float[np.ndarray, "*shape"]:
         """The nearest doubles."""
         return self.high + self.low
 
@@ -91,7 +94,9 @@ class DoubleDouble:
         return _normalise(high[0], low[0])
 
 
-def two_sum(a: Any, b: Any) -> tuple[Any, Any]:
+def two_sum(
+    a: Inexact[np.ndarray, "*#shape"], b: Inexact[np.ndarray, "*#shape"]
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
     """Add doubles: the rounded sum and its exact error."""
     total = a + b
     b_rounded = total - a
@@ -104,7 +109,9 @@ def two_sum(a: Any, b: Any) -> tuple[Any, Any]:
     return total, error
 
 
-def two_product(a: Any, b: Any) -> tuple[Any, Any]:
+def two_product(
+    a: Float[np.ndarray, "*#shape"], b: Float[np.ndarray, "*#shape"]
+) -> tuple[Float[np.ndarray, "*shape"], Float[np.ndarray, "*shape"]]:
     """Multiply doubles: the rounded product and its error (exact between 1e-290 and 1e300)."""
     product = a * b
     a1, b1 = cut(a), cut(b)
@@ -112,13 +119,13 @@ def two_product(a: Any, b: Any) -> tuple[Any, Any]:
     return product, ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2
 
 
-def cut(a: Any) -> Any:
+def cut(a: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
     """Cut off the lower half of the bits of doubles; what is cut off is a double exactly."""
     big = CUT * a
     return big - (big - a)
 
 
-def _normalise(high: Any, low: Any) -> DoubleDouble:
+def _normalise(high: Float[np.ndarray, "*shape"], low: Float[np.ndarray, "*shape"]) -> DoubleDouble:
     """Normalise, so that low is at most a rounding error of high."""
     total = high + low
     return DoubleDouble(total, low - (total - high))

@@ -8,14 +8,16 @@ keep their relative accuracy (`graded_eigenvalues`).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.conventions import DOF_NAMES, WIRE_MODE_NAMES
 from suspension_cli.linear import graded_eigenvalues, quality, static_condensation
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
 
 PER_MODE = (
     "omega_squared",
@@ -79,32 +81,32 @@ class Modes:
 
     body: tuple[str, ...]
     coordinate: tuple[str, ...]
-    omega_squared: Array
-    shape: Array
-    energy: Array
-    tip_energy: Array
-    block: Index
-    q: Array
-    dilution: Array
+    omega_squared: Float[np.ndarray, " mode"]
+    shape: Float[np.ndarray, "mode coordinate"]
+    energy: Float[np.ndarray, "mode body 6"]
+    tip_energy: Float[np.ndarray, "mode tip"]
+    block: Int[np.ndarray, " mode"]
+    q: Float[np.ndarray, " mode"]
+    dilution: Float[np.ndarray, " mode"]
     wire: tuple[str, ...]
-    wire_energy: Array
-    order: Index
-    decay_rate: Array
+    wire_energy: Float[np.ndarray, "mode motion"]
+    order: Int[np.ndarray, " mode"]
+    decay_rate: Float[np.ndarray, " mode"]
 
     @property
-    def frequency(self) -> Array:
+    def frequency(self) -> Float[np.ndarray, " mode"]:
         """Frequency in Hz; 0 for a rigid mode, NaN for an unstable or overdamped one."""
         return np.sqrt(
             np.where((self.omega_squared < 0) | self.overdamped, np.nan, self.omega_squared)
         ) / (2 * np.pi)
 
     @property
-    def overdamped(self) -> Any:
+    def overdamped(self) -> Bool[np.ndarray, " mode"]:
         """Whether each mode (m,) decays without oscillating."""
         return (self.omega_squared == 0) & (self.decay_rate > 0)
 
     @property
-    def growth_rate(self) -> Array:
+    def growth_rate(self) -> Float[np.ndarray, " mode"]:
         """Growth rate of the amplitude in 1/s; 0 for a stable mode."""
         return np.sqrt(np.maximum(-self.omega_squared, 0.0))
 
@@ -114,7 +116,7 @@ class Modes:
         return not bool((self.omega_squared < 0).any())
 
     @property
-    def shares(self) -> Array:
+    def fractions(self) -> Float[np.ndarray, "mode place"]:
         """Fraction of kinetic energy in each motion of `place`, (m, N - 6 + k)."""
         return np.concatenate(
             [self.energy.reshape(len(self.energy), -1), self.tip_energy, self.wire_energy], axis=1
@@ -129,7 +131,7 @@ class Modes:
     def home(self) -> list[tuple[str, str]]:
         """Body (blade, wires) and degree of freedom with most of each mode's kinetic energy."""
         # of fractions equal but for rounding (two equal bodies, two blades), the first
-        first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in self.shares]
+        first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in self.fractions]
         return [place(self.place[i]) for i in first]
 
     @property
@@ -141,7 +143,7 @@ class Modes:
         ]
 
     @property
-    def top_share(self) -> Array:
+    def top_fraction(self) -> Float[np.ndarray, " mode"]:
         """Fraction (m,) of each mode's kinetic energy in the top mass, from which it is damped."""
         return self.energy[:, 0].sum(-1)
 
@@ -151,7 +153,7 @@ class Modes:
         low, high = DAMPING_BAND
         words = []
         for square, frequency, fraction in zip(
-            self.omega_squared, self.frequency, self.top_share, strict=True
+            self.omega_squared, self.frequency, self.top_fraction, strict=True
         ):
             if square < 0 or not frequency > 0:
                 words.append(
@@ -262,7 +264,14 @@ def solve(model: LinearSystem) -> Modes:
     )
 
 
-def condense_block(model: LinearSystem, block: Index) -> tuple[Index, Any, Any, Any]:
+def condense_block(
+    model: LinearSystem, block: Int[np.ndarray, " own"]
+) -> tuple[
+    Int[np.ndarray, " kept"],
+    Float[np.ndarray, "*#batch kept kept"],
+    Float[np.ndarray, "*#batch kept kept"],
+    Float[np.ndarray, "*#batch light kept"],
+]:
     """Eliminate the massless coordinates b of a block; the others are a.
 
     Returns
@@ -283,14 +292,19 @@ def condense_block(model: LinearSystem, block: Index) -> tuple[Index, Any, Any, 
     return kept, mass, reduced.matrix, -reduced.follow
 
 
-def _reduced(model: LinearSystem, block: Index) -> tuple[tuple[Any, Any], Any]:
+def _reduced(
+    model: LinearSystem, block: Int[np.ndarray, " own"]
+) -> tuple[
+    tuple[Float[np.ndarray, "kept kept"], Float[np.ndarray, "kept kept"]],
+    Float[np.ndarray, "light kept"],
+]:
     """Eliminate the massless coordinates of one system in double-double.
 
     Returns the stiffness and its low part, and the motion of the massless coordinates.
     """
     low = (
         np.real(model.low)
-        if graded_eigenvalues.has_low_parts(model)
+        if model.low is not None and graded_eigenvalues.has_low_parts(model)
         else np.zeros_like(model.stiffness)
     )
     rows = np.ix_(block, np.concatenate([np.arange(6), block]))
@@ -301,7 +315,9 @@ def _reduced(model: LinearSystem, block: Index) -> tuple[tuple[Any, Any], Any]:
     return (high[:, 6:], rounding[:, 6:]), -motion[:, 6:]
 
 
-def _solve_block(model: LinearSystem, block: Index, tension: float) -> tuple[Array, Array]:
+def _solve_block(
+    model: LinearSystem, block: Int[np.ndarray, " own"], tension: Any
+) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "own mode"]]:
     """Solve one block: omega^2 (m,) and shapes (c, m) over all of its coordinates."""
     massless = model.massless[block]
     if massless.all():
@@ -328,7 +344,9 @@ def _solve_block(model: LinearSystem, block: Index, tension: float) -> tuple[Arr
     return values, shapes
 
 
-def localise(values: Array, vectors: Array) -> Array:
+def localise(
+    values: Float[np.ndarray, " mode"], vectors: Float[np.ndarray, "coordinate mode"]
+) -> Float[np.ndarray, "coordinate mode"]:
     """Rotate each degenerate group of modes to the basis that moves as few coordinates as possible.
 
     Any rotation of degenerate modes solves the equations; this one does not depend on rounding:
@@ -357,7 +375,9 @@ def localise(values: Array, vectors: Array) -> Array:
     return result
 
 
-def energy_fractions(model: LinearSystem, shapes: Array) -> tuple[Array, Array]:
+def energy_fractions(
+    model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
+) -> tuple[Float[np.ndarray, "mode moving"], Float[np.ndarray, "mode tip"]]:
     """Fractions of kinetic energy in the coordinates of bodies (m, 6 n) and of tips, summing to 1.
 
     Squares of M^(1/2) v with the M of each body, so never negative; a tip mass that moves with its
@@ -377,14 +397,20 @@ def energy_fractions(model: LinearSystem, shapes: Array) -> tuple[Array, Array]:
     return body_energy / total, tip_energy / total
 
 
-def decay_rates(squared: Array, q: Array) -> Array:
+def decay_rates(
+    squared: Float[np.ndarray, " mode"], q: Float[np.ndarray, " mode"]
+) -> Float[np.ndarray, " mode"]:
     """Decay rates omega / 2 Q (m,) of the amplitudes of weakly damped modes, in 1/s."""
     return np.where(
         squared > 0, np.sqrt(np.maximum(squared, 0.0)) / (2 * np.where(q > 0, q, np.inf)), 0.0
     )
 
 
-def _q_and_dilution(model: LinearSystem, shapes: Array, values: Array) -> tuple[Array, Array]:
+def _q_and_dilution(
+    model: LinearSystem,
+    shapes: Float[np.ndarray, "mode coordinate"],
+    values: Float[np.ndarray, " mode"],
+) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
     """Compute Q = omega^2 / (v K'' v + omega v C v) and dilution; v has unit modal mass."""
     omega = np.sqrt(np.maximum(values, 0.0))
     dissipation, elastic = quality.dissipation(
@@ -395,7 +421,9 @@ def _q_and_dilution(model: LinearSystem, shapes: Array, values: Array) -> tuple[
     ) if model.terms else np.full(len(omega), np.nan)
 
 
-def fix_signs(shapes: Array, shares: Array) -> Array:
+def fix_signs(
+    shapes: Float[np.ndarray, "mode coordinate"], fractions: Float[np.ndarray, "mode _"]
+) -> Float[np.ndarray, "mode coordinate"]:
     """Choose the sign of shapes (m, N) in which the coordinate of largest energy is positive."""
-    leading = shapes[np.arange(len(shapes)), 6 + shares.argmax(1)]
+    leading = shapes[np.arange(len(shapes)), 6 + fractions.argmax(1)]
     return shapes * np.where(leading < 0, -1.0, 1.0)[:, None]

@@ -19,11 +19,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.linear.small_matrices import dense, inverse, multiply
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Inexact, Int
 
 LARGE = 1e-8
 """Relative correction of a coordinate above which a system is solved with pivoting; the correction
@@ -42,7 +45,7 @@ class Tree:
         Number of the node above, -1 for a root.
     """
 
-    nodes: tuple[Any, ...]
+    nodes: tuple[Int[np.ndarray, " _"], ...]
     parent: tuple[int, ...]
 
     @property
@@ -51,7 +54,7 @@ class Tree:
         return sum(len(node) for node in self.nodes)
 
     @cached_property
-    def where(self) -> tuple[Any, ...]:
+    def where(self) -> tuple[slice | Int[np.ndarray, " _"], ...]:
         """Positions of each node's coordinates, as slices where they are consecutive."""
         return tuple(
             slice(node[0], node[-1] + 1) if node[-1] - node[0] + 1 == len(node) else node
@@ -59,7 +62,7 @@ class Tree:
         )
 
 
-def tree(owner: list[str], coupled: Any) -> Tree | None:
+def tree(owner: list[str], coupled: Bool[np.ndarray, "coordinate coordinate"]) -> Tree | None:
     """Group coordinates by body and find the tree that they form; None if they form no tree.
 
     Parameters
@@ -80,7 +83,11 @@ def tree(owner: list[str], coupled: Any) -> Tree | None:
     return Tree(tuple(nodes), tuple(parent))
 
 
-def solve(matrix: Any, rhs: Any, structure: Tree | None) -> Any:
+def solve(
+    matrix: Inexact[np.ndarray, "coordinate coordinate system"],
+    rhs: Inexact[np.ndarray, "coordinate input system"],
+    structure: Tree | None,
+) -> Inexact[np.ndarray, "coordinate input system"]:
     """Solve D x = b for many symmetric D.
 
     Parameters
@@ -114,8 +121,12 @@ def solve(matrix: Any, rhs: Any, structure: Tree | None) -> Any:
 
 
 def _residual(
-    diagonal: list[Any], links: list[Any], structure: Tree, rhs: Any, solution: Any
-) -> Any:
+    diagonal: list[Inexact[np.ndarray, "_ _ _"]],
+    links: list[Any],
+    structure: Tree,
+    rhs: Inexact[np.ndarray, "coordinate input system"],
+    solution: Inexact[np.ndarray, "coordinate input system"],
+) -> Inexact[np.ndarray, "coordinate input system"]:
     """Compute b - D x (c, k, P) in doubles."""
     result = np.array(rhs, dtype=solution.dtype)
     parts = [solution[where] for where in structure.where]
@@ -141,10 +152,10 @@ class Factors:
     """
 
     structure: Tree
-    own: tuple[Any, ...]
+    own: tuple[Inexact[np.ndarray, "_ _ system"], ...]
     transmission: tuple[Any, ...]
 
-    def some(self, which: Any) -> Factors:
+    def some(self, which: Bool[np.ndarray, " system"] | Int[np.ndarray, " some"]) -> Factors:
         """Select systems."""
         return Factors(
             self.structure,
@@ -152,14 +163,18 @@ class Factors:
             tuple(None if part is None else part[..., which] for part in self.transmission),
         )
 
-    def solve(self, rhs: Any) -> Any:
+    def solve(
+        self, rhs: Inexact[np.ndarray, "coordinate input system"]
+    ) -> Inexact[np.ndarray, "coordinate input system"]:
         """Solve for right-hand sides (c, k, P)."""
         return self.solve_columns(
             [Columns(np.arange(rhs.shape[1]), rhs[where]) for where in self.structure.where],
             rhs.shape[1],
         )
 
-    def solve_columns(self, rhs: list[Columns], count: int) -> Any:
+    def solve_columns(
+        self, rhs: list[Columns], count: int
+    ) -> Inexact[np.ndarray, "coordinate count system"]:
         """Solve for `count` right-hand sides, given those that are not 0: (c, count, P)."""
         parent, where = self.structure.parent, self.structure.where
         right, own = list(rhs), [part.value for part in rhs]
@@ -189,7 +204,11 @@ class Factors:
         return result
 
 
-def factor(diagonal: list[Any], links: list[Any], structure: Tree) -> Factors:
+def factor(
+    diagonal: list[Inexact[np.ndarray, "_ _ _"]],
+    links: list[Any],
+    structure: Tree,
+) -> Factors:
     """Eliminate systems body by body; singular parts give infinite or NaN solutions.
 
     Parameters
@@ -210,7 +229,11 @@ def factor(diagonal: list[Any], links: list[Any], structure: Tree) -> Factors:
     return Factors(structure, tuple(own), tuple(transmission))
 
 
-def assemble(diagonal: list[Any], links: list[Any], structure: Tree) -> Any:
+def assemble(
+    diagonal: list[Inexact[np.ndarray, "_ _ _"]],
+    links: list[Any],
+    structure: Tree,
+) -> Inexact[np.ndarray, "coordinate coordinate system"]:
     """Assemble matrices (c, c, P) from the parts that `factor` takes."""
     size = sum(len(part) for part in diagonal)
     result = np.zeros(
@@ -238,8 +261,8 @@ class Columns:
     value : (s, k, P) or (s, k, 1) array
     """
 
-    number: Any
-    value: Any
+    number: Int[np.ndarray, " column"]
+    value: Inexact[np.ndarray, "own column _"]
 
     @property
     def as_slice(self) -> slice | None:
@@ -257,7 +280,7 @@ class Columns:
         """Drop the right-hand sides that are 0."""
         if not len(self.number):
             return self
-        number = self.value.any((0, 2)).nonzero()[0]
+        number = np.flatnonzero(np.any(self.value, axis=(0, 2)))
         return (
             self
             if len(number) == len(self.number)
@@ -274,7 +297,7 @@ class Columns:
         ]
         return Columns(np.concatenate([self.number, other.number]), np.concatenate(values, axis=1))
 
-    def subtract(self, child: Columns, upward: Any) -> Columns:
+    def subtract(self, child: Columns, upward: Inexact[np.ndarray, "above own _"]) -> Columns:
         """Subtract the forces that a child transmits to its parent by `upward` (s above, s, P)."""
         if not len(child.number):
             return self

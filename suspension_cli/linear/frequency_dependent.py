@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.frequency_terms import Evaluated, EvaluatedWires, Term, WireTerm
 from suspension_cli.linear.stretching import distinct
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -44,12 +46,14 @@ class Tensions:
     """
 
     number: int
-    odd: Any
-    even: Any
-    count: Any
+    odd: Float[np.ndarray, "row coordinate"]
+    even: Float[np.ndarray, "row coordinate"]
+    count: Float[np.ndarray, " row"]
     scale: float
 
-    def rows(self, now: EvaluatedWires) -> tuple[Any, Any]:
+    def rows(
+        self, now: EvaluatedWires
+    ) -> tuple[Inexact[np.ndarray, "row coordinate frequency"], Inexact[np.ndarray, "row _"]]:
         """Rows of the tensions at f frequencies: (r, 6 + c, f) off and (r, f) on the diagonal."""
         _, mixed, odd = now.stretching
         across = (
@@ -79,16 +83,23 @@ class FrequencyDependentBlock:
         Coordinates and tensions by body.
     """
 
-    keep: Index
-    constant: Any
-    damping: Any
-    mass: Any
+    keep: Int[np.ndarray, " own"]
+    constant: Inexact[np.ndarray, "own 6+own"]
+    damping: Float[np.ndarray, "own 6+own"]
+    mass: Float[np.ndarray, "own 6+own"]
     terms: tuple[Term, ...]
     tensions: tuple[Tensions, ...]
     tree: elimination.Tree
 
     @cached_property
-    def _elements(self) -> tuple[Any, Any, list[Any], Any]:
+    def _elements(
+        self,
+    ) -> tuple[
+        Int[np.ndarray, " element"],
+        Int[np.ndarray, " element"],
+        list[Any],
+        Float[np.ndarray, "element weight"],
+    ]:
         """Elements that are not 0 in all matrices: rows and columns (e,), the functions of each
         term in them, and the weights (e, 4 + n) of Re K, Im K, C, M and these.
         """
@@ -96,7 +107,9 @@ class FrequencyDependentBlock:
         used = [np.flatnonzero(matrices.any((1, 2))) for matrices in matrices_of]
         stacked = np.concatenate(
             [
-                np.stack([self.constant.real, self.constant.imag, self.damping, -self.mass]),
+                np.stack(
+                    [np.real(self.constant), np.imag(self.constant), self.damping, -self.mass]
+                ),
                 *(
                     matrices[functions]
                     for matrices, functions in zip(matrices_of, used, strict=True)
@@ -106,13 +119,13 @@ class FrequencyDependentBlock:
         rows, columns = np.nonzero(stacked.any(0))
         return rows, columns, used, stacked[:, rows, columns].T
 
-    def at(self, omega: Array, *, lossy: bool = True) -> EvaluatedBlock:
+    def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedBlock:
         """Evaluate at frequencies (f,), rad/s; complex steps differentiate by frequency."""
         return EvaluatedBlock(
             self, omega, [term.at(omega, lossy=lossy) for term in self.terms], lossy
         )
 
-    def pulled(self, moves: Any) -> bool:
+    def pulled(self, moves: Float[np.ndarray, "6 input"]) -> bool:
         """Whether motions of the support (6, i) drive this block."""
         matrices = [
             self.constant,
@@ -123,7 +136,9 @@ class FrequencyDependentBlock:
         matrices += [part for each in self.tensions for part in (each.odd, each.even)]
         return any((np.abs(matrix[:, :6]) @ np.abs(moves)).any() for matrix in matrices)
 
-    def whole(self, omega: Array, now: list[Evaluated], *, lossy: bool) -> Any:
+    def whole(
+        self, omega: Inexact[np.ndarray, " frequency"], now: list[Evaluated], *, lossy: bool
+    ) -> Inexact[np.ndarray, "all 6+all frequency"]:
         """Assemble the dynamic stiffness, tensions of wires last: (c + t, 6 + c + t, f)."""
         rows, columns, stiffness = self._without_tensions(omega, now, lossy=lossy)
         tension_rows: list[tuple[Any, Any]] = []
@@ -147,8 +162,12 @@ class FrequencyDependentBlock:
         return result
 
     def _without_tensions(
-        self, omega: Array, now: list[Evaluated], *, lossy: bool
-    ) -> tuple[Any, Any, Any]:
+        self, omega: Inexact[np.ndarray, " frequency"], now: list[Evaluated], *, lossy: bool
+    ) -> tuple[
+        Int[np.ndarray, " element"],
+        Int[np.ndarray, " element"],
+        Inexact[np.ndarray, "element frequency"],
+    ]:
         """Elements of the dynamic stiffness without the stretching of wires.
 
         Returns
@@ -158,7 +177,7 @@ class FrequencyDependentBlock:
         """
         rows, columns, used, weights = self._elements
         constants = [np.ones(len(omega)), np.full(len(omega), 1j), 1j * omega, omega**2]
-        present = weights[:, :4].any(0) & [True, lossy, lossy, True]
+        present = np.any(weights[:, :4], axis=0) & np.array([True, lossy, lossy, True])
         functions = [
             np.stack([part for part, here in zip(constants, present, strict=True) if here])
             if present.any()
@@ -174,16 +193,18 @@ class EvaluatedBlock:
     """One block at given frequencies (f,)."""
 
     block: FrequencyDependentBlock
-    omega: Array
+    omega: Inexact[np.ndarray, " frequency"]
     terms: list[Evaluated]
     lossy: bool
 
     @cached_property
-    def matrix(self) -> Any:
+    def matrix(self) -> Inexact[np.ndarray, "all 6+all frequency"]:
         """Dynamic stiffness (c + t, 6 + c + t, f); columns: support, block, tensions."""
         return self.block.whole(self.omega, self.terms, lossy=self.lossy)
 
-    def solve(self, moves: Any, forces: Any) -> Any:
+    def solve(
+        self, moves: Float[np.ndarray, "6 input"], forces: Float[np.ndarray, "own input"]
+    ) -> Inexact[np.ndarray, "own input frequency"]:
         """Solve for coordinates (c, i, f), given support motions (6, i) and forces (c, i)."""
         count = len(forces)
         forces = np.concatenate([forces, np.zeros((len(self.matrix) - count, forces.shape[1]))])
@@ -196,7 +217,9 @@ class EvaluatedBlock:
         ]
 
 
-def _multiply(weights: Any, functions: Any) -> Any:
+def _multiply(
+    weights: Float[np.ndarray, "row function"], functions: Inexact[np.ndarray, "function frequency"]
+) -> Inexact[np.ndarray, "row frequency"]:
     """Compute weights @ functions for real weights, in real arithmetic."""
     if not np.iscomplexobj(functions):
         return weights @ functions
@@ -211,7 +234,7 @@ def build_blocks(model: LinearSystem) -> list[FrequencyDependentBlock]:
     return model.prepared["dispersive"]
 
 
-def _block(model: LinearSystem, group: Index) -> FrequencyDependentBlock:
+def _block(model: LinearSystem, group: Int[np.ndarray, " own"]) -> FrequencyDependentBlock:
     owner = [model.coordinate[n].split(".", 1)[0] for n in group]
     rank = [-1 if name == FRAME else model.body.index(name) for name in owner]
     order = np.argsort(rank, kind="stable")
@@ -273,21 +296,27 @@ def _tension_coordinates(number: int, term: WireTerm) -> Tensions:
     )
 
 
-def stiffness_without_stretching(model: LinearSystem) -> Any:
+def stiffness_without_stretching(
+    model: LinearSystem,
+) -> Inexact[np.ndarray, "coordinate coordinate"]:
     """Stiffness (N, N) without the stretching of the wires among the terms; complex if lossy."""
     if "soft" not in model.prepared:
         full = model.stiffness if model.lossy is None else model.lossy
         if model.stretched is not None and any(isinstance(term, WireTerm) for term in model.terms):
-            low = np.zeros_like(model.stiffness) if model.low is None else model.low.real
+            low = np.zeros_like(model.stiffness) if model.low is None else np.real(model.low)
             remainder = model.stretched.added(
                 DoubleDouble(model.stiffness, low), -model.stretched.stiffness
             )
-            full = remainder.value if model.lossy is None else remainder.value + 1j * full.imag
+            full = remainder.value if model.lossy is None else remainder.value + 1j * np.imag(full)
         model.prepared["soft"] = full
     return model.prepared["soft"]
 
 
-def coordinate_scales(diagonal: Any, across: Any, first: int | None = None) -> Any:
+def coordinate_scales(
+    diagonal: Float[np.ndarray, "frequency all"],
+    across: Float[np.ndarray, "frequency tension coordinate"],
+    first: int | None = None,
+) -> Float[np.ndarray, "frequency all"]:
     """Scales (f, c + t) of coordinates that make the elements of a matrix at most about 1.
 
     Parameters

@@ -16,13 +16,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from suspension_cli.elements.beam import ELEMENT_PLACES
 from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS, TautWire, WireAtFrequencies
 from suspension_cli.linear.stretching import distinct
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact, Int
 
 
 class Term(Protocol):
@@ -38,15 +41,15 @@ class Term(Protocol):
         """A_n, and last that of the odd stretching motion, left to the tensions by `matrices`."""
         ...
 
-    def at(self, omega: Any, *, lossy: bool = True) -> Evaluated:
+    def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> Evaluated:
         """Evaluate at frequencies (f,), rad/s; complex steps differentiate by frequency."""
         ...
 
-    def within(self, columns: Any) -> Term:
+    def within(self, columns: Int[np.ndarray, " kept"]) -> Term:
         """Restrict to some coordinates."""
         ...
 
-    def spread(self, from_new: Any) -> Term:
+    def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> Term:
         """Change to new coordinates: old = `from_new` (N, N') @ new."""
         ...
 
@@ -54,15 +57,19 @@ class Term(Protocol):
 class Evaluated(Protocol):
     """One term at given frequencies (f,)."""
 
-    def functions(self, which: Any) -> Any:
+    def functions(
+        self, which: Int[np.ndarray, " function"]
+    ) -> Inexact[np.ndarray, "function frequency"]:
         """Select functions f_n by number: (w, f), complex where lossy."""
         ...
 
-    def all_functions(self) -> Any:
+    def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
         """Functions f_n (n, f) of `Term.all_matrices`, for wires without mass."""
         ...
 
-    def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
+    def dissipated(
+        self, motion: Inexact[np.ndarray, "coordinate frequency"]
+    ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
         """Dissipation x^H Im(f A) x (f,) in motions (N, f), by (cause, temperature in K)."""
         ...
 
@@ -85,8 +92,8 @@ class WireTerm:
 
     stage: str
     strand: TautWire
-    forms: dict[str, Any]
-    allowed: Any
+    forms: dict[str, Float[np.ndarray, "wire _ coordinate"]]
+    allowed: Bool[np.ndarray, "coordinate coordinate"]
 
     @cached_property
     def functions(self) -> tuple[tuple[str, int, int], ...]:
@@ -103,7 +110,7 @@ class WireTerm:
         return tuple(result)
 
     @cached_property
-    def matrices(self) -> Any:
+    def matrices(self) -> Float[np.ndarray, "function coordinate coordinate"]:
         """A_n: (n, N, N)."""
         result = []
         for part, i, j in self.functions:
@@ -115,28 +122,32 @@ class WireTerm:
         return np.array(result)
 
     @cached_property
-    def all_matrices(self) -> Any:
+    def all_matrices(self) -> Float[np.ndarray, "function coordinate coordinate"]:
         """A_n with that of the odd stretching motion last: (n + 1, N, N)."""
         odd = self.forms["stretch"][:, 1]
         return np.concatenate([self.matrices, np.where(self.allowed, odd.T @ odd, 0.0)[None]])
 
-    def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedWires:
+    def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedWires:
         """Evaluate at frequencies (f,), rad/s."""
         strand = self.strand if lossy else replace(self.strand, lossy=False)
         return EvaluatedWires(self, strand.at(omega))
 
     @cached_property
-    def distinct(self) -> dict[str, tuple[Any, Any]]:
+    def distinct(
+        self,
+    ) -> dict[str, tuple[Float[np.ndarray, "_ _ coordinate"], Float[np.ndarray, " _"]]]:
         """Forms (r, c, N) that differ by more than sign, and the number (r,) of wires of each."""
         return {part: _distinct(forms) for part, forms in self.forms.items()}
 
     @cached_property
-    def distinct_at_rest(self) -> dict[str, tuple[Any, Any]]:
+    def distinct_at_rest(
+        self,
+    ) -> dict[str, tuple[Float[np.ndarray, "_ _ coordinate"], Float[np.ndarray, " _"]]]:
         """As `distinct`, with the support, the first 6 coordinates, at rest."""
         moving = np.arange(len(self.allowed)) >= 6
         return {part: _distinct(forms * moving) for part, forms in self.forms.items()}
 
-    def within(self, columns: Any) -> WireTerm:
+    def within(self, columns: Int[np.ndarray, " kept"]) -> WireTerm:
         """Restrict to some coordinates."""
         largest = {part: np.abs(form).max(initial=0.0) for part, form in self.forms.items()}
         some = {
@@ -145,14 +156,16 @@ class WireTerm:
         }
         return WireTerm(self.stage, self.strand, some, self.allowed[np.ix_(columns, columns)])
 
-    def spread(self, from_new: Any) -> WireTerm:
+    def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> WireTerm:
         """Change to new coordinates."""
         reach = (from_new != 0).astype(float)
         forms = {part: form @ from_new for part, form in self.forms.items()}
         return WireTerm(self.stage, self.strand, forms, reach.T @ self.allowed @ reach > 0)
 
 
-def _distinct(forms: Any) -> tuple[Any, Any]:
+def _distinct(
+    forms: Float[np.ndarray, "wire end coordinate"],
+) -> tuple[Float[np.ndarray, "row end coordinate"], Float[np.ndarray, " row"]]:
     shape = forms.shape[1:]
     rows, members = distinct(forms.reshape(len(forms), shape[0] * shape[1]))
     count = np.array([len(wires) for wires in members], dtype=float)
@@ -166,7 +179,9 @@ class EvaluatedWires:
     term: WireTerm
     moving: WireAtFrequencies
 
-    def functions(self, which: Any) -> Any:
+    def functions(
+        self, which: Int[np.ndarray, " function"]
+    ) -> Inexact[np.ndarray, "function frequency"]:
         """Select functions f_n by number: (w, f)."""
         static = self.term.strand.static
         wanted = [self.term.functions[n] for n in which]
@@ -179,27 +194,35 @@ class EvaluatedWires:
             ]
         )
 
-    def all_functions(self) -> Any:
+    def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
         """Functions f_n (n + 1, f) of `all_matrices`.
 
         For wires without mass, which only the odd motion of their ends stretches.
         """
         odd = self.stretching[2] - self.term.strand.static["stretch"][1, 1]
-        return np.concatenate([self.functions(range(len(self.term.functions))), odd[None]])
+        return np.concatenate([self.functions(np.arange(len(self.term.functions))), odd[None]])
 
     @property
-    def beside(self) -> Any:
+    def beside(self) -> Inexact[np.ndarray, " frequency"]:
         """Stiffness F_ss - F_sa^2 / F_aa (f,) of the even motion, with the tension a coordinate."""
         even, mixed, odd = self.stretching
         return even - mixed**2 / odd
 
     @property
-    def stretching(self) -> tuple[Any, Any, Any]:
+    def stretching(
+        self,
+    ) -> tuple[
+        Inexact[np.ndarray, " frequency"],
+        Inexact[np.ndarray, " frequency"],
+        Inexact[np.ndarray, " frequency"],
+    ]:
         """Stretching stiffness F_ss, F_sa, F_aa (f,) of even (s) and odd (a) motion of the ends."""
         whole = self.moving.stiffness("stretch")
         return whole[0, 0], whole[0, 1], whole[1, 1]
 
-    def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
+    def dissipated(
+        self, motion: Inexact[np.ndarray, "coordinate frequency"]
+    ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
         """Dissipation x^H Im(f A) x (f,) by bending at either end, stretching, torsion and gas."""
         fibre, gas = self.term.strand.fibre, self.term.strand.surrounded
         upper, lower = fibre.temperature
@@ -241,27 +264,27 @@ class LossTerm:
 
     cause: str
     temperature: float
-    matrix: Any
+    matrix: Float[np.ndarray, "coordinate coordinate"]
     angle: Callable[[Any], Any]
     elastic: bool = True
 
     @property
-    def matrices(self) -> Any:
+    def matrices(self) -> Float[np.ndarray, "1 coordinate coordinate"]:
         """A_n: (1, N, N)."""
         return self.matrix[None]
 
     @property
-    def all_matrices(self) -> Any:
+    def all_matrices(self) -> Float[np.ndarray, "1 coordinate coordinate"]:
         """A_n: (1, N, N)."""
         return self.matrices
 
-    def at(self, omega: Any, *, lossy: bool = True) -> EvaluatedLoss:
+    def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedLoss:
         """Evaluate at frequencies (f,), rad/s."""
         # loss angles are taken at the frequency of oscillation, the real part
         angle = self.angle(np.real(omega) if self.elastic else omega)
         return EvaluatedLoss(self, angle if lossy else np.zeros(np.shape(omega)), lossy)
 
-    def within(self, columns: Any) -> LossTerm:
+    def within(self, columns: Int[np.ndarray, " kept"]) -> LossTerm:
         """Restrict to some coordinates."""
         return LossTerm(
             self.cause,
@@ -271,7 +294,7 @@ class LossTerm:
             self.elastic,
         )
 
-    def spread(self, from_new: Any) -> LossTerm:
+    def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> LossTerm:
         """Change to new coordinates."""
         return LossTerm(
             self.cause,
@@ -287,18 +310,22 @@ class EvaluatedLoss:
     """One loss at given frequencies, with its angle (f,)."""
 
     term: LossTerm
-    angle: Any
+    angle: Inexact[np.ndarray, " frequency"]
     lossy: bool
 
-    def functions(self, which: Any) -> Any:
+    def functions(
+        self, which: Int[np.ndarray, " function"]
+    ) -> Inexact[np.ndarray, "function frequency"]:
         """Select functions f_n by number: (w, f)."""
         return (1j * self.angle if self.lossy else self.angle)[None][which]
 
-    def all_functions(self) -> Any:
+    def all_functions(self) -> Inexact[np.ndarray, "1 frequency"]:
         """All functions f_n: (1, f)."""
-        return self.functions(slice(None))
+        return self.functions(np.arange(1))
 
-    def dissipated(self, motion: Any) -> dict[tuple[str, float], Any]:
+    def dissipated(
+        self, motion: Inexact[np.ndarray, "coordinate frequency"]
+    ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
         """Dissipation x^H Im(f A) x (f,)."""
         value = np.einsum("if,if->f", np.conj(motion), self.term.matrix @ motion).real
         return {(self.term.cause, self.term.temperature): self.angle * value}

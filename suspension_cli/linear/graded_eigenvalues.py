@@ -12,13 +12,15 @@ keep their soft part however stiff they are; otherwise that is lost, see `roundi
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
 
 APART = 1e-3
 """Modes below this fraction of the largest omega^2 are solved again in their own space; the others
@@ -33,7 +35,11 @@ squared over moment of inertia."""
 EPS = np.finfo(float).eps
 
 
-def solve(mass: Array, stiffness: Array, low: Array | None = None) -> tuple[Any, Any]:
+def solve(
+    mass: Float[np.ndarray, "*#batch coordinate coordinate"],
+    stiffness: Float[np.ndarray, "*#batch coordinate coordinate"],
+    low: Float[np.ndarray, "coordinate coordinate"] | None = None,
+) -> tuple[Float[np.ndarray, "*batch mode"], Float[np.ndarray, "*batch coordinate mode"]]:
     """Solve for eigenvalues (..., m), ascending, and shapes (..., c, m) of unit modal mass.
 
     Parameters
@@ -79,7 +85,9 @@ def solve(mass: Array, stiffness: Array, low: Array | None = None) -> tuple[Any,
     return values, shapes
 
 
-def _group_rows(soft: Any) -> list[tuple[Any, Any]]:
+def _group_rows(
+    soft: Bool[np.ndarray, "row mode"],
+) -> list[tuple[Bool[np.ndarray, " mode"], Int[np.ndarray, " _"]]]:
     """Group equal rows of (p, m): each pattern (m,) with the numbers (q,) of its rows."""
     if (soft == soft[:1]).all():
         return [(soft[0], np.arange(len(soft)))]
@@ -90,7 +98,11 @@ def _group_rows(soft: Any) -> list[tuple[Any, Any]]:
     ]
 
 
-def solve_batch(mass: Array, stiffness: Array, tension: Array) -> tuple[Any, Any]:
+def solve_batch(
+    mass: Float[np.ndarray, "build coordinate coordinate"],
+    stiffness: Float[np.ndarray, "build coordinate coordinate"],
+    tension: Float[np.ndarray, " build"],
+) -> tuple[Float[np.ndarray, "build mode"], Float[np.ndarray, "build coordinate mode"]]:
     """Solve for eigenvalues (p, m) and orthonormal vectors L^T v (p, c, m), M = L L^T, of a batch.
 
     Only systems with modes that are `WIDE` apart are solved again in soft subspaces.
@@ -117,7 +129,11 @@ def solve_batch(mass: Array, stiffness: Array, tension: Array) -> tuple[Any, Any
     return values, vectors
 
 
-def rigid(values: Array, error: Array, tension: Any) -> Any:
+def rigid(
+    values: Float[np.ndarray, "*batch mode"],
+    error: Float[np.ndarray, "*batch mode"],
+    tension: Float[np.ndarray, "*batch"] | float,
+) -> Float[np.ndarray, "*batch mode"]:
     """Set eigenvalues (..., m) of rigid modes to exactly 0.
 
     A mode is rigid if its omega^2 is a rounding error of its terms.
@@ -139,7 +155,10 @@ def rigid(values: Array, error: Array, tension: Any) -> Any:
     return np.where(size < RIGID * terms, 0.0, values)
 
 
-def rounding(stiffness: Array, shapes: Array) -> Array:
+def rounding(
+    stiffness: Float[np.ndarray, "*#batch coordinate coordinate"],
+    shapes: Float[np.ndarray, "*batch mode coordinate"],
+) -> Float[np.ndarray, "*batch mode"]:
     """Bound on the error of omega^2 from rounding K, eps |v|^T |K| |v|, (rad/s)^2.
 
     For shapes v (..., m, N) of unit modal mass.
@@ -153,14 +172,17 @@ def has_low_parts(model: LinearSystem) -> bool:
     return model.low is not None and not model.batch
 
 
-def rounding_with_low_parts(model: LinearSystem, shapes: Array) -> Any:
+def rounding_with_low_parts(
+    model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
+) -> Float[np.ndarray, " mode"]:
     """Bound (m,) on the error of omega^2 with the stretching of wires in double-double.
 
     It counts the rounding of all other stiffness and of the elongations of wires. For shapes (m, N)
     of unit modal mass in the system's own coordinates.
     """
-    stretched, low = model.stretched, np.real(model.low)
-    assert stretched is not None
+    stretched = model.stretched
+    assert stretched is not None and model.low is not None
+    low = np.real(model.low)
     soft = stretched.added(DoubleDouble(model.stiffness, low), -stretched.stiffness).value
     pull = np.abs(shapes @ stretched.form.T) * stretched.stiffness
     return rounding(soft, shapes) + 2 * EPS * (
@@ -168,7 +190,7 @@ def rounding_with_low_parts(model: LinearSystem, shapes: Array) -> Any:
     ).sum(-1)
 
 
-def softest_translation(model: LinearSystem) -> Any:
+def softest_translation(model: LinearSystem) -> Float[np.ndarray, "*batch"]:
     """Largest over the bodies of the omega^2 (...) of their softest translation, (rad/s)^2.
 
     From the diagonal of the stiffness; about tension over length and mass.
@@ -186,7 +208,11 @@ def softest_translation(model: LinearSystem) -> Any:
     return softest.max(-1)
 
 
-def relative_error_bound(model: LinearSystem, omega_squared: Array, shape: Array) -> Any:
+def relative_error_bound(
+    model: LinearSystem,
+    omega_squared: Float[np.ndarray, " mode"],
+    shape: Float[np.ndarray, "mode coordinate"],
+) -> Float[np.ndarray, " mode"]:
     """Bound on the relative error (m,) of each mode's frequency from rounding the stiffness.
 
     Infinite for a rigid mode.

@@ -15,14 +15,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.linear import frequency_dependent
 from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 GRID = 256
 """Number of frequencies of the initial count."""
@@ -39,8 +41,10 @@ def silent(_done: int, _all: int, _rate: float) -> None:
 
 
 def modes_below(
-    model: LinearSystem, omega: Array, step: Callable[[int], None] = lambda _: None
-) -> Any:
+    model: LinearSystem,
+    omega: Float[np.ndarray, " frequency"],
+    step: Callable[[int], None] = lambda _: None,
+) -> Int[np.ndarray, " frequency"]:
     """Count the modes (f,) below frequencies (f,) in rad/s, above 0.
 
     `step` is called with the number of frequencies done since its last call.
@@ -53,7 +57,9 @@ def modes_below(
     return total
 
 
-def _count_below(model: LinearSystem, omega: Array) -> Any:
+def _count_below(
+    model: LinearSystem, omega: Float[np.ndarray, " frequency"]
+) -> Int[np.ndarray, " frequency"]:
     total = np.zeros(len(omega), dtype=int)
     for term in model.terms:
         if isinstance(term, WireTerm):
@@ -74,7 +80,7 @@ def _count_below(model: LinearSystem, omega: Array) -> Any:
 
 def frequencies(
     model: LinearSystem, highest: float, lowest: float, progress: Progress = silent
-) -> Array:
+) -> Float[np.ndarray, " mode"]:
     """Find all modes between two frequencies by bisection to the last bit: (m,) in rad/s.
 
     Ascending; a degenerate frequency is repeated.

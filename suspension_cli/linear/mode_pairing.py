@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
 
-def pair_by_overlap(overlap: Any) -> Any:
+
+def pair_by_overlap(overlap: Any) -> Int[np.ndarray, " row"]:
     """Pair rows with columns one to one for the largest sum of overlaps.
 
     Parameters
@@ -28,7 +31,7 @@ def pair_by_overlap(overlap: Any) -> Any:
     if not overlap.size:
         return np.full(len(overlap), -1)
     choice = overlap.argmax(1)
-    if len(np.unique(choice)) == len(choice):  # no sum exceeds that of the row maxima
+    if len(set(choice.tolist())) == len(choice):  # no sum exceeds that of the row maxima
         return choice
     from scipy.optimize import linear_sum_assignment
 
@@ -38,7 +41,9 @@ def pair_by_overlap(overlap: Any) -> Any:
     return choice
 
 
-def pair_by_shape(before: Any, after: Any) -> tuple[Any, Any]:
+def pair_by_shape(
+    before: Float[np.ndarray, "mode coordinate"], after: Float[np.ndarray, "mode coordinate"]
+) -> tuple[Int[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
     """Pair the modes of two designs by the overlap of their shapes.
 
     Parameters
@@ -58,7 +63,11 @@ def pair_by_shape(before: Any, after: Any) -> tuple[Any, Any]:
     return choice, overlap[np.arange(len(choice)), choice]
 
 
-def body_overlap(rows: Any, columns: Any, mass: Any) -> Any:
+def body_overlap(
+    rows: Inexact[np.ndarray, "row _"],
+    columns: Inexact[np.ndarray, "column _"],
+    mass: Float[np.ndarray, "moving moving"],
+) -> Float[np.ndarray, "row column"]:
     """Overlaps |u^T M v| (m, n) of mode shapes in the motion of the bodies alone.
 
     These coordinates are common to models with different coordinates of blade tips or wires.

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.linear import statespace
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
 
 ROUNDING = 1e-10
 """Real part of a pole, relative to its modulus, that may be a rounding error."""
@@ -30,19 +32,21 @@ class Poles:
         Real part, relative to the modulus, that may be a rounding error.
     """
 
-    value: Any
+    value: Complex[np.ndarray, " pole"]
     state: tuple[str, ...]
     rounding: float = 0.0
 
     @property
-    def frequency(self) -> Array:
+    def frequency(self) -> Float[np.ndarray, " pole"]:
         """Moduli over 2 pi, Hz."""
         return np.abs(self.value) / (2 * np.pi)
 
     @property
-    def growth_rate(self) -> Array:
+    def growth_rate(self) -> Float[np.ndarray, " pole"]:
         """Growth rates, 1/s; 0 for a stable pole."""
-        return np.where(self.value.real > self.rounding * np.abs(self.value), self.value.real, 0.0)
+        return np.where(
+            np.real(self.value) > self.rounding * np.abs(self.value), np.real(self.value), 0.0
+        )
 
     @property
     def stable(self) -> bool:
@@ -50,11 +54,13 @@ class Poles:
         return not self.growth_rate.any()
 
     @property
-    def q(self) -> Array:
+    def q(self) -> Float[np.ndarray, " pole"]:
         """Q = |p| / (-2 Re p): infinite if undamped, 1/2 if real, negative if unstable."""
-        undamped = np.abs(self.value.real) <= self.rounding * np.abs(self.value)
+        undamped = np.abs(np.real(self.value)) <= self.rounding * np.abs(self.value)
         return np.where(
-            undamped, np.inf, np.abs(self.value) / (-2 * np.where(undamped, 1.0, self.value.real))
+            undamped,
+            np.inf,
+            np.abs(self.value) / (-2 * np.where(undamped, 1.0, np.real(self.value))),
         )
 
 
@@ -80,7 +86,9 @@ def poles(system: statespace.StateSpace) -> Poles:
     )
 
 
-def impulse(system: statespace.StateSpace, time: Array) -> Array:
+def impulse(
+    system: statespace.StateSpace, time: Float[np.ndarray, " time"]
+) -> Float[np.ndarray, "time output input"]:
     """Compute the response (t, o, i) of a state space to unit impulses at evenly spaced times in s.
 
     A unit impulse is 1 N s, 1 m s, etc. Each sample follows from the last by exp(A dt), exact for

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,8 +22,10 @@ from suspension_cli.elements.dynamic_wire import PARTS, TautWire
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import Fibre
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 NOTHING = 1e-30
 """Ratio of dissipation to energy that rounding errors of a shape cause in parts at rest."""
@@ -33,10 +35,10 @@ UNIT = 1e-9
 
 def dissipation(
     model: LinearSystem,
-    omega: Array,
-    shapes: Array,
-    wires: Sequence[tuple[TautWire, dict[str, Any]]],
-) -> tuple[Array, Array]:
+    omega: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "mode coordinate"],
+    wires: Sequence[tuple[TautWire, dict[str, Float[np.ndarray, "_ _ mode"]]]],
+) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
     """Compute the dissipation of modes, and twice their energy in lossy elements.
 
     Parameters
@@ -76,11 +78,13 @@ def dissipation(
     if model.lossy is not None:
         low = np.zeros_like(model.stiffness) if model.low is None else np.imag(model.low)
         motion = DoubleDouble.of(shapes.T)
-        dissipation += (motion * (DoubleDouble(model.lossy.imag, low) @ motion)).summed().value
+        dissipation += (motion * (DoubleDouble(np.imag(model.lossy), low) @ motion)).summed().value
     return dissipation, elastic
 
 
-def end_motions(model: LinearSystem, shapes: Array) -> list[tuple[TautWire, dict[str, Any]]]:
+def end_motions(
+    model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
+) -> list[tuple[TautWire, dict[str, Float[np.ndarray, "_ _ mode"]]]]:
     """Compute the motion of the ends of each kind of wire in shapes (m, N), see `dissipation`."""
     terms = [term for term in model.terms if isinstance(term, WireTerm)]
     return [
@@ -92,7 +96,9 @@ def end_motions(model: LinearSystem, shapes: Array) -> list[tuple[TautWire, dict
     ]
 
 
-def safe_ratio(total: Array, part: Array) -> Array:
+def safe_ratio(
+    total: Float[np.ndarray, "*batch"], part: Float[np.ndarray, "*batch"]
+) -> Float[np.ndarray, "*batch"]:
     """Divide total by part; infinite where part is 0 to the square of a rounding error."""
     some = part > NOTHING * total
     return np.where(some, total / np.where(some, part, 1.0), np.inf)

@@ -19,12 +19,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.linear.double_double import DoubleDouble, two_product
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact, Int
 
 COARSE, FINE = 3, 4
 """Number of slices: errors of some 2^-95 and 2^-115 of the largest terms."""
@@ -50,7 +52,9 @@ class Loads:
     terms: tuple[tuple[int, DoubleDouble], ...]
     single: bool = False
 
-    def some(self, which: Any) -> Loads:
+    def some(
+        self, which: Int[np.ndarray, " some"] | Bool[np.ndarray, " frequency"] | slice
+    ) -> Loads:
         """Select the inputs of single frequencies."""
         return Loads(tuple((power, value[:, which]) for power, value in self.terms), single=True)
 
@@ -72,12 +76,16 @@ class Equations:
     """
 
     support: tuple[tuple[int, DoubleDouble], ...]
-    own: tuple[tuple[int, Any, DoubleDouble], ...]
+    own: tuple[tuple[int, Int[np.ndarray, " _"], DoubleDouble], ...]
     split: bool
 
-    def loads(self, moves: Any, forces: Any) -> Loads:
+    def loads(
+        self, moves: Float[np.ndarray, "6 input"], forces: Inexact[np.ndarray, "coordinate input"]
+    ) -> Loads:
         """Compute right-hand sides b = f - E s for support motions (6, k) and forces (c, k)."""
-        forces = np.concatenate([forces.real, forces.imag]) if self.split else forces.real
+        forces = (
+            np.concatenate([np.real(forces), np.imag(forces)]) if self.split else np.real(forces)
+        )
         terms = []
         for power, coupling in self.support:
             value = -(coupling @ DoubleDouble.of(moves))
@@ -88,8 +96,14 @@ class Equations:
         return Loads(tuple(terms))
 
     def residual(
-        self, omega: Array, loads: Loads, high: Any, low: Any = None, *, slices: int = COARSE
-    ) -> Any:
+        self,
+        omega: Float[np.ndarray, " frequency"],
+        loads: Loads,
+        high: Inexact[np.ndarray, "coordinate input frequency"],
+        low: Inexact[np.ndarray, "coordinate input frequency"] | None = None,
+        *,
+        slices: int = COARSE,
+    ) -> Inexact[np.ndarray, "coordinate input frequency"]:
         """Compute the residual b - D v (c, k, f), rounded once; NaN where v is not finite.
 
         Parameters
@@ -104,8 +118,8 @@ class Equations:
         """
         count = len(high)
         if self.split:
-            high = np.concatenate([high.real, high.imag])
-            low = None if low is None else np.concatenate([low.real, low.imag])
+            high = np.concatenate([np.real(high), np.imag(high)])
+            low = None if low is None else np.concatenate([np.real(low), np.imag(low)])
         finite = np.isfinite(high).all(0)
         if not finite.all():
             high = np.where(finite, high, 0.0)
@@ -115,8 +129,14 @@ class Equations:
         return result[:count] + 1j * result[count:] if self.split else result
 
     def _multiply(
-        self, omega: Array, loads: Loads, high: Any, low: Any, slices: int, width: int
-    ) -> Any:
+        self,
+        omega: Float[np.ndarray, " frequency"],
+        loads: Loads,
+        high: Inexact[np.ndarray, "coordinate input frequency"],
+        low: Inexact[np.ndarray, "coordinate input frequency"] | None,
+        slices: int,
+        width: int,
+    ) -> Float[np.ndarray, "row input frequency"]:
         """Compute the residual (r, k, f) with common scales of `width` frequencies."""
         count = len(omega)
         omegas, values = _grouped(omega[None, None], width), _grouped(high, width)
@@ -158,7 +178,7 @@ class Equations:
         )
         result = _ungrouped(product, count)
         if width > 1:
-            small = ((terms < SMALL) & (terms > 0)).any(2)
+            small = np.any((terms < SMALL) & (terms > 0), axis=2)
             if small.any():
                 i, f = _ungrouped(small[:, :, None], count)[0].nonzero()
                 result[:, i, f] = self._multiply(
@@ -172,7 +192,9 @@ class Equations:
         return result
 
 
-def _grouped(values: Any, width: int) -> Any:
+def _grouped(
+    values: Float[np.ndarray, "row input frequency"], width: int
+) -> Float[np.ndarray, "group input row width"]:
     """Arrange (n, k, f) as (f / width, k, n, width), the last group filled up with its last."""
     groups = -(-values.shape[-1] // width)
     result = np.empty((groups, *values.shape[1::-1], width))
@@ -187,14 +209,22 @@ def _grouped(values: Any, width: int) -> Any:
     return result
 
 
-def _ungrouped(values: Any, count: int) -> Any:
+def _ungrouped(
+    values: Float[np.ndarray, "group input row width"] | Bool[np.ndarray, "group input row width"],
+    count: int,
+) -> Float[np.ndarray, "row input count"] | Bool[np.ndarray, "row input count"]:
     """Arrange (g, k, n, width) as (n, k, count)."""
     return values.transpose(2, 1, 0, 3).reshape(*values.shape[2:0:-1], -1)[..., :count]
 
 
 def _multiply_in_slices(
-    left: Any, left_low: Any, right: Any, right_low: Any, used: slice, slices: int
-) -> tuple[Any, Any]:
+    left: Float[np.ndarray, "*#batch row inner"],
+    left_low: Float[np.ndarray, "*#batch row inner"],
+    right: Float[np.ndarray, "*#batch inner width"],
+    right_low: Float[np.ndarray, "*#batch inner width"],
+    used: slice,
+    slices: int,
+) -> tuple[Float[np.ndarray, "*batch row width"], Float[np.ndarray, "*batch row width"]]:
     """Multiply matrices (..., r, n) by columns (..., n, w) of at most 1, both in double-double.
 
     Parameters
@@ -233,12 +263,12 @@ def _multiply_in_slices(
     return product, terms
 
 
-def _scale(values: Any) -> Any:
+def _scale(values: Float[np.ndarray, "*batch last"]) -> Float[np.ndarray, "*shape"]:
     """Powers of 2 above the absolute values of the last axis; 1 if all are 0."""
     return np.ldexp(1.0, np.frexp(np.abs(values).max(-1))[1])
 
 
-def _first_bits(values: Any, bits: int) -> Any:
+def _first_bits(values: Float[np.ndarray, "*batch"], bits: int) -> Float[np.ndarray, "*batch"]:
     """Round values of at most 1 to so many bits behind the point."""
     unit = 1.5 * 2.0 ** (52 - bits)  # its last digit is that of the result
     result = values + unit
@@ -246,12 +276,23 @@ def _first_bits(values: Any, bits: int) -> Any:
     return result
 
 
-def _power(omega: Array, power: int) -> tuple[Any, Any]:
+def _power(omega: Float[np.ndarray, "*shape"], power: int) -> tuple[Any, Any]:
     """Raise omega to a power of 0, 1 or 2 in double-double."""
     return two_product(omega, omega) if power == 2 else (omega if power else 1.0, 0.0)
 
 
-def equations(high: tuple[Any, Any, Any], low: tuple[Any, Any, Any]) -> Equations:
+def equations(
+    high: tuple[
+        Inexact[np.ndarray, "coordinate 6+coordinate"],
+        Inexact[np.ndarray, "coordinate 6+coordinate"],
+        Inexact[np.ndarray, "coordinate 6+coordinate"],
+    ],
+    low: tuple[
+        Inexact[np.ndarray, "coordinate 6+coordinate"],
+        Inexact[np.ndarray, "coordinate 6+coordinate"],
+        Inexact[np.ndarray, "coordinate 6+coordinate"],
+    ],
+) -> Equations:
     """Build equations of motion from K, M and C (c, 6 + c) and their low parts."""
     split = any(np.iscomplexobj(part) for part in (*high, *low)) or bool(high[2].any())
     support, own = [], []
@@ -268,7 +309,9 @@ def equations(high: tuple[Any, Any, Any], low: tuple[Any, Any, Any]) -> Equation
     return Equations(tuple(support), tuple(own), split)
 
 
-def _real_rows(matrix: Any, *, split: bool) -> Any:
+def _real_rows(
+    matrix: Inexact[np.ndarray, "coordinate 6+coordinate"], *, split: bool
+) -> Float[np.ndarray, "row column"]:
     """Write a complex matrix (c, 6 + c) on (s, v), with s real, as real rows."""
     if not split:
         return np.real(matrix)

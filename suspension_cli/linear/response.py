@@ -9,7 +9,7 @@ only within a relative 1e-9 of a lossless pole do the last digits of the model's
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from suspension_cli.linear.block_response import Request, solve_responses
 from suspension_cli.linear.blocks import condense_block
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float
 
 CHUNK = 1 << 17
 """Unknowns (coordinates times inputs times frequencies) of a system with terms solved at once."""
@@ -44,17 +46,20 @@ class Response:
         Whether the loops of the design's local control are closed.
     """
 
-    frequency: Array
+    frequency: Float[np.ndarray, " frequency"]
     input: tuple[str, ...]
     output: tuple[str, ...]
     unit: tuple[tuple[str, ...], ...]
-    value: Any
+    value: Complex[np.ndarray, "frequency output input"]
     blocks: int
     closed_loop: bool = False
 
 
 def solve(
-    model: LinearSystem, frequency: Array, inputs: list[Signal], outputs: list[Signal]
+    model: LinearSystem,
+    frequency: Float[np.ndarray, " frequency"],
+    inputs: list[Signal],
+    outputs: list[Signal],
 ) -> Response:
     """Solve for the responses of a system without batch axes.
 
@@ -105,13 +110,13 @@ def units(inputs: list[Signal], outputs: list[Signal]) -> tuple[tuple[str, ...],
 
 def transfer(
     model: LinearSystem,
-    omega: Array,
-    drives: Array,
+    omega: Float[np.ndarray, " frequency"],
+    drives: Float[np.ndarray, "input coordinate"],
     acts: list[bool],
-    rows: Array,
+    rows: Float[np.ndarray, "output coordinate"],
     *,
     finite: bool = True,
-) -> tuple[Any, int]:
+) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
     """Solve for the transfer matrix (f, o, i) from drives to linear forms of the coordinates.
 
     Also returns the number of blocks solved.
@@ -172,13 +177,20 @@ def transfer(
     return result.transpose(2, 0, 1), count
 
 
-def _split_drives(drives: Array, acts: list[bool]) -> tuple[Any, Any]:
+def _split_drives(
+    drives: Float[np.ndarray, "input coordinate"], acts: list[bool]
+) -> tuple[Float[np.ndarray, "6 input"], Float[np.ndarray, "coordinate input"]]:
     """Split drives (i, N) into motions of the support (6, i) and forces (N, i)."""
     pushes = np.array(acts, dtype=bool)
     return np.where(pushes, 0.0, drives[:, :6].T), np.where(pushes, drives.T, 0.0)
 
 
-def _solved_blocks(model: LinearSystem, rows: Array, moves: Any, forces: Any) -> list[int]:
+def _solved_blocks(
+    model: LinearSystem,
+    rows: Float[np.ndarray, "output coordinate"],
+    moves: Float[np.ndarray, "6 input"],
+    forces: Float[np.ndarray, "coordinate input"],
+) -> list[int]:
     """List the numbers of the blocks that an input drives and an output senses."""
     sensed, driven = rows.any(0), forces.any(1)
     driven |= model.pulled[:, moves.any(1)].any(1)
@@ -191,8 +203,14 @@ def _solved_blocks(model: LinearSystem, rows: Array, moves: Any, forces: Any) ->
 
 
 def _solve_frequency_dependent(
-    model: LinearSystem, omega: Array, drives: Array, acts: list[bool], rows: Array, *, finite: bool
-) -> tuple[Any, int]:
+    model: LinearSystem,
+    omega: Float[np.ndarray, " frequency"],
+    drives: Float[np.ndarray, "input coordinate"],
+    acts: list[bool],
+    rows: Float[np.ndarray, "output coordinate"],
+    *,
+    finite: bool,
+) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
     """Solve for the transfer matrix of a system whose stiffness depends on frequency."""
     moves, forces = _split_drives(drives, acts)
     result = np.zeros((len(omega), len(rows), len(drives)), dtype=complex) + rows[:, :6] @ moves
@@ -207,12 +225,14 @@ def _solve_frequency_dependent(
             span = slice(start, start + step)
             x = block.at(omega[span]).solve(moves, pushes)
             if finite:
-                _check_finite(np.isfinite(x).all((0, 1)), omega[span])
+                _check_finite(np.all(np.isfinite(x), axis=(0, 1)), omega[span])
             result[span] += np.einsum("oc,cif->foi", sensed, x)
     return result, count
 
 
-def _check_finite(finite: Any, omega: Array) -> None:
+def _check_finite(
+    finite: Bool[np.ndarray, " frequency"], omega: Float[np.ndarray, " frequency"]
+) -> None:
     """Raise `InputError` at the first frequency whose system is singular to the last bit."""
     if not finite.all():
         at = float(omega[~finite][0]) / (2 * np.pi)

@@ -17,13 +17,15 @@ Oper. Res. 33, 1107, 1985.)
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
 
 TOGETHER = (0, 1, 2, 5)
 """Rigid motions that cause no force: x, y, z and yaw."""
@@ -32,7 +34,12 @@ ROUNDING = 1e-10
 (local control, dampers attached elsewhere), not rounding."""
 
 
-def low_parts(matrix: Any, model: LinearSystem, rows: Index, known: Any = None) -> tuple[Any, Any]:
+def low_parts(
+    matrix: Float[np.ndarray, "coordinate coordinate"],
+    model: LinearSystem,
+    rows: Int[np.ndarray, " row"],
+    known: Float[np.ndarray, "coordinate coordinate"] | None = None,
+) -> tuple[Float[np.ndarray, "row coordinate"], Bool[np.ndarray, " 6"]]:
     """Compute the low parts of some rows of a matrix, and the rigid motions without force.
 
     Parameters
@@ -76,7 +83,11 @@ def low_parts(matrix: Any, model: LinearSystem, rows: Index, known: Any = None) 
     return _symmetrise(low, derived, rows), free
 
 
-def _symmetrise(low: Any, derived: Any, rows: Index) -> Any:
+def _symmetrise(
+    low: Float[np.ndarray, "row coordinate"],
+    derived: Bool[np.ndarray, "row coordinate"],
+    rows: Int[np.ndarray, " row"],
+) -> Float[np.ndarray, "row coordinate"]:
     """Copy low parts across the diagonal where only one of two elements follows from its row."""
     square, known = low[:, rows], derived[:, rows]
     low[:, rows] = np.where(known.T & ~known, square.T, square)

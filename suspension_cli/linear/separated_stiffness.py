@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,14 +14,16 @@ from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.rigid_motion_invariance import TOGETHER
 from suspension_cli.linear.stretching import Stretching
 from suspension_cli.linear.symmetry import Symmetry
-from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Layout, rigid_motion
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
 
 
 def separate_stretching(
     scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
-) -> tuple[Array, Stretching]:
+) -> tuple[Inexact[np.ndarray, "coordinate coordinate"], Stretching]:
     """Compute the tangent stiffness (N, N) without the stretching of wires, and that stretching.
 
     In symmetry-adapted coordinates, for a scene without batch axes.
@@ -43,7 +45,11 @@ def separate_stretching(
     )
 
 
-def _low_parts(form: Any, rigid: Any, body: Index) -> Any:
+def _low_parts(
+    form: Float[np.ndarray, "wire coordinate"],
+    rigid: Float[np.ndarray, "coordinate 6"],
+    body: Int[np.ndarray, " wire"],
+) -> Float[np.ndarray, "wire coordinate"]:
     """Compute the low parts (w, N) of linear forms (w, N) that are 0 in rigid motion.
 
     The elements towards one `body` (w,) of each form follow from the others.

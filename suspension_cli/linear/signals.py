@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 FORCES = tuple(f"force_{dof}" for dof in DOFS[:3]) + tuple(f"torque_{dof}" for dof in DOFS[3:])
 """Names of forces and torques on a body, in the order of its coordinates."""
@@ -172,7 +175,7 @@ def _point(where: str, at: str, text: str, option: str) -> tuple[float, float, f
     return (x, y, z)
 
 
-def linear_form(signal: Signal, model: LinearSystem) -> Array:
+def linear_form(signal: Signal, model: LinearSystem) -> Float[np.ndarray, "*batch coordinate"]:
     """Compute the linear form (..., N) of a signal in the coordinates of a system.
 
     A point p of a body that moves by x and turns by t moves by x + t x p; a force at p acts on the

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
-def multiply(a: Any, b: Any) -> Any:
+
+def multiply(
+    a: Inexact[np.ndarray, "row inner _"], b: Inexact[np.ndarray, "inner column _"]
+) -> Inexact[np.ndarray, "row column _"]:
     """Multiply matrices, (p, r, P) = (p, q, P) (q, r, P), one of them perhaps constant (P = 1)."""
     if b.shape[-1] == 1:
         return b[..., 0].T @ a
@@ -20,7 +25,9 @@ def multiply(a: Any, b: Any) -> Any:
     return result
 
 
-def inverse(matrix: Any) -> Any:
+def inverse(
+    matrix: Inexact[np.ndarray, "size size system"],
+) -> Inexact[np.ndarray, "size size system"]:
     """Invert matrices (s, s, P) by elimination without pivoting, in closed form for s of 1 and 2.
 
     Small pivots cost digits: the solutions need a check.
@@ -48,7 +55,9 @@ def inverse(matrix: Any) -> Any:
     return result
 
 
-def dense(matrix: Any, rhs: Any) -> Any:
+def dense(
+    matrix: Inexact[np.ndarray, "size size system"], rhs: Inexact[np.ndarray, "size column system"]
+) -> Inexact[np.ndarray, "size column system"]:
     """Solve systems (s, s, P) for (s, k, P) by LU with partial pivoting (LAPACK).
 
     The solution is not finite where a matrix is singular to the last bit.
@@ -64,7 +73,9 @@ def dense(matrix: Any, rhs: Any) -> Any:
     )
 
 
-def solve_each(matrix: Any, right: Any) -> Any:
+def solve_each(
+    matrix: Inexact[np.ndarray, "*batch size size"], right: Inexact[np.ndarray, "*shape"]
+) -> Inexact[np.ndarray, "*shape"]:
     """Solve stacked systems (..., n, n) for (..., n, i); NaN where they are singular."""
     try:
         return np.linalg.solve(matrix, right)
@@ -75,7 +86,11 @@ def solve_each(matrix: Any, right: Any) -> Any:
         return np.stack([solve_each(m, r) for m, r in zip(matrix, right, strict=True)])
 
 
-def _apply_to_stack(function: Callable[..., Any], matrix: Any, *rhs: Any) -> Any:
+def _apply_to_stack(
+    function: Callable[..., Any],
+    matrix: Inexact[np.ndarray, "size size system"],
+    *rhs: Inexact[np.ndarray, "size column system"],
+) -> Inexact[np.ndarray, "size _ system"]:
     """Apply a function of stacks (P, ., .) to arrays (., ., P); NaN where a matrix is singular.
 
     For one singular matrix LAPACK would reject the whole stack.

@@ -19,7 +19,7 @@ agrees with the direct solution.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +27,10 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import blocks, response, signals, static_condensation
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array, Index
+from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
 
 FAINT = 1e-6
 """Fraction of an output's largest response below which errors are relative to that fraction."""
@@ -45,10 +48,10 @@ class StateSpace:
         Names and units.
     """
 
-    a: Array
-    b: Array
-    c: Array
-    d: Array
+    a: Float[np.ndarray, "state state"]
+    b: Float[np.ndarray, "state input"]
+    c: Float[np.ndarray, "output state"]
+    d: Float[np.ndarray, "output input"]
     state: tuple[str, ...]
     state_unit: tuple[str, ...]
     input: tuple[str, ...]
@@ -56,7 +59,9 @@ class StateSpace:
     output: tuple[str, ...]
     output_unit: tuple[str, ...]
 
-    def at(self, frequency: Array) -> Any:
+    def at(
+        self, frequency: Float[np.ndarray, " frequency"]
+    ) -> Complex[np.ndarray, "frequency output input"]:
         """Compute the transfer matrix (f, o, i) by a dense solve at each frequency in Hz.
 
         States are first scaled by powers of 2 that balance A, as MATLAB does: SI rates are larger
@@ -97,9 +102,9 @@ def build(model: LinearSystem, inputs: list[Signal], outputs: list[Signal]) -> S
 
 def assemble(
     model: LinearSystem,
-    drives: Array,
+    drives: Float[np.ndarray, "input coordinate"],
     inputs: list[Signal],
-    rows: Array,
+    rows: Float[np.ndarray, "output coordinate"],
     outputs: list[Signal],
     *,
     undriven: bool = False,
@@ -161,14 +166,19 @@ def _unit(state: str) -> str:
 class _Part:
     """State space of one block, and the coordinates of its states by kind (suffix of the name)."""
 
-    a: Array
-    b: Array
-    c: Array
-    d: Array
-    states: tuple[tuple[str, Index], ...]
+    a: Float[np.ndarray, "state state"]
+    b: Float[np.ndarray, "state input"]
+    c: Float[np.ndarray, "output state"]
+    d: Float[np.ndarray, "output input"]
+    states: tuple[tuple[str, Int[np.ndarray, " _"]], ...]
 
 
-def _block(block: blocks.CondensedBlock, moves: Array, forces: Array, rows: Array) -> _Part:
+def _block(
+    block: blocks.CondensedBlock,
+    moves: Float[np.ndarray, "6 input"],
+    forces: Float[np.ndarray, "coordinate input"],
+    rows: Float[np.ndarray, "output coordinate"],
+) -> _Part:
     """Build the state space of one block: inputs `moves` (6, i), `forces` (N, i), outputs `rows`.
 
     Coordinates b without mass that a damper resists (those of a support structure without mass) add
@@ -184,10 +194,10 @@ def _block(block: blocks.CondensedBlock, moves: Array, forces: Array, rows: Arra
     heavy = np.flatnonzero((block.mass[:, 6:] != 0).any(1))
     light = np.setdiff1d(np.arange(len(block.kept)), heavy)
     mass = block.mass[np.ix_(heavy, 6 + heavy)]
-    stiffness, damping = block.stiffness.real, block.damping.copy()
+    stiffness, damping = np.real(block.stiffness), block.damping.copy()
     if np.iscomplexobj(block.stiffness):
         damping[np.ix_(heavy, 6 + heavy)] += _equivalent(block, mass, light)
-    force = forces[block.kept] + block.force_transfer.real @ forces[block.massless]
+    force = forces[block.kept] + np.real(block.force_transfer) @ forces[block.massless]
     k, c = stiffness[:, 6:], damping[:, 6:]
     parts = [np.ix_(r, s) for r in (heavy, light) for s in (heavy, light)]
     (k_hh, k_hl, k_lh, k_ll), (c_hh, c_hl, c_lh, c_ll) = (
@@ -250,9 +260,9 @@ def _block(block: blocks.CondensedBlock, moves: Array, forces: Array, rows: Arra
     b[z] = -np.linalg.solve(mass, _sum(c_s[heavy], c[heavy], of_u))
     b[w] = np.linalg.solve(mass, force[heavy] - _sum(k_s[heavy], k[heavy], of_u))
     b[p] = resisted @ (force[light] - _sum(k_s[light], k[light], of_u))
-    sensed = rows[:, block.kept] + rows[:, block.massless] @ block.force_transfer.real.T
-    massless_motion = block.compliance.real @ (
-        forces[block.massless] - block.support_stiffness.real @ moves
+    sensed = rows[:, block.kept] + rows[:, block.massless] @ np.real(block.force_transfer).T
+    massless_motion = np.real(block.compliance) @ (
+        forces[block.massless] - np.real(block.support_stiffness) @ moves
     )
     sensed_z, sensed_p = sensed @ of_z, sensed @ of_p
     leading = light[qr(resisted, mode="r", pivoting=True)[-1][:rank]] if rank else light[:0]
@@ -265,7 +275,11 @@ def _block(block: blocks.CondensedBlock, moves: Array, forces: Array, rows: Arra
     )
 
 
-def _sum(direct: Array, matrix: Array, shift: Array) -> Array:
+def _sum(
+    direct: Float[np.ndarray, "row column"],
+    matrix: Float[np.ndarray, "row inner"],
+    shift: Float[np.ndarray, "inner column"],
+) -> Float[np.ndarray, "row column"]:
     """Compute direct + matrix @ shift, exactly 0 where its terms cancel to rounding.
 
     A residue of 1e-16 would be a spurious coupling with transmission zeros of its own.
@@ -274,15 +288,23 @@ def _sum(direct: Array, matrix: Array, shift: Array) -> Array:
     return np.where(np.abs(total) > 64 * np.finfo(float).eps * size, total, 0.0)
 
 
-def _equivalent(block: blocks.CondensedBlock, mass: Array, light: Index) -> Array:
+def _equivalent(
+    block: blocks.CondensedBlock,
+    mass: Float[np.ndarray, "kept kept"],
+    light: Int[np.ndarray, " light"],
+) -> Float[np.ndarray, "kept kept"]:
     """Viscous damping of a block's coordinates with mass, equivalent to all its loss angles."""
     reduced = static_condensation.condense(
         block.stiffness[:, 6:], np.isin(np.arange(len(block.kept)), light)
     ).matrix
-    return equivalent_damping(mass, reduced.real, reduced.imag)
+    return equivalent_damping(mass, np.real(reduced), np.imag(reduced))
 
 
-def equivalent_damping(mass: Array, stiffness: Array, loss: Array) -> Array:
+def equivalent_damping(
+    mass: Float[np.ndarray, "coordinate coordinate"],
+    stiffness: Float[np.ndarray, "coordinate coordinate"],
+    loss: Float[np.ndarray, "coordinate coordinate"],
+) -> Float[np.ndarray, "coordinate coordinate"]:
     """Viscous damping (c, c) that gives each mode of a block the Q of its loss angles.
 
     A mode v of unit modal mass has the loss angle eta = v^T K'' v / omega^2, and

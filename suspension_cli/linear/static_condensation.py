@@ -12,14 +12,16 @@ system in double-double, as a blade may be far softer than its wires (`condense_
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.linear import double_double
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.small_matrices import solve_each
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact
 
 
 @dataclass(frozen=True)
@@ -55,12 +57,14 @@ class Condensed:
         K_bb^-1 K_ba: minus the motion of the massless coordinates per motion of the others.
     """
 
-    matrix: Any
-    compliance: Any
-    follow: Any
+    matrix: Inexact[np.ndarray, "*batch kept _"]
+    compliance: Inexact[np.ndarray, "*batch light light"]
+    follow: Inexact[np.ndarray, "*batch light _"]
 
 
-def condense(matrix: Any, light: Any) -> Condensed:
+def condense(
+    matrix: Inexact[np.ndarray, "*batch row column"], light: Bool[np.ndarray, " row"]
+) -> Condensed:
     """Eliminate the coordinates `light` (n,) of matrices (..., n, q + n), in doubles.
 
     Examples
@@ -84,7 +88,11 @@ def condense(matrix: Any, light: Any) -> Condensed:
     return Condensed(result, compliance, follow)
 
 
-def change_basis(full: Any, low: Any, basis: Array) -> tuple[Any, Any]:
+def change_basis(
+    full: Inexact[np.ndarray, "row 6+row"],
+    low: Inexact[np.ndarray, "row 6+row"],
+    basis: Float[np.ndarray, "6+row 6+row"],
+) -> tuple[Inexact[np.ndarray, "row 6+row"], Inexact[np.ndarray, "row 6+row"]]:
     """Change rows (n, 6 + n) of a matrix and their low parts to new coordinates.
 
     Old coordinates = basis (6 + n, 6 + n) @ new.
@@ -92,7 +100,7 @@ def change_basis(full: Any, low: Any, basis: Array) -> tuple[Any, Any]:
     transposed, new_basis = DoubleDouble.of(basis[6:, 6:].T), DoubleDouble.of(basis)
     real, imag = (
         transposed @ DoubleDouble(*parts) @ new_basis
-        for parts in ((full.real, low.real), (full.imag, low.imag))
+        for parts in ((np.real(full), np.real(low)), (np.imag(full), np.imag(low)))
     )
     return (
         (real.high + 1j * imag.high, real.low + 1j * imag.low)
@@ -107,7 +115,11 @@ def _embedded(real: DoubleDouble, imag: DoubleDouble) -> DoubleDouble:
     return DoubleDouble(high, np.block([[real.low, -imag.low], [imag.low, real.low]]))
 
 
-def condense_double_double(full: Any, low: Any, light: Any) -> tuple[Reduced, Any]:
+def condense_double_double(
+    full: Inexact[np.ndarray, "row 6+row"],
+    low: Inexact[np.ndarray, "row 6+row"],
+    light: Bool[np.ndarray, " row"],
+) -> tuple[Reduced, Inexact[np.ndarray, "light _"]]:
     """Eliminate the coordinates `light` (n,) of rows of a stiffness (n, 6 + n) in double-double.
 
     Where a blade is much softer than its wires, nearly all of their stiffness cancels.
@@ -122,8 +134,8 @@ def condense_double_double(full: Any, low: Any, light: Any) -> tuple[Reduced, An
 
     def part(rows: Any, columns: Any) -> tuple[DoubleDouble, DoubleDouble]:
         where = np.ix_(rows, columns)
-        return DoubleDouble(full.real[where], low.real[where]), DoubleDouble(
-            full.imag[where], low.imag[where]
+        return DoubleDouble(np.real(full)[where], np.real(low)[where]), DoubleDouble(
+            np.imag(full)[where], np.imag(low)[where]
         )
 
     kept_rows, columns = (
@@ -145,7 +157,9 @@ def condense_double_double(full: Any, low: Any, light: Any) -> tuple[Reduced, An
     ] if result.lossy else follow.value[:count]
 
 
-def rounded(stiffness: Reduced) -> tuple[Any, Any]:
+def rounded(
+    stiffness: Reduced,
+) -> tuple[Inexact[np.ndarray, "kept 6+kept"], Inexact[np.ndarray, "kept 6+kept"]]:
     """Round the stiffness to exactly symmetric doubles; also return its low parts."""
     parts = []
     for part in (stiffness.real, stiffness.imag):
@@ -156,7 +170,9 @@ def rounded(stiffness: Reduced) -> tuple[Any, Any]:
     return (real + 1j * imag, low + 1j * imag_low) if stiffness.lossy else (real, low)
 
 
-def static_response(stiffness: Reduced, rigid: Any, free: Any) -> Any:
+def static_response(
+    stiffness: Reduced, rigid: Float[np.ndarray, "kept 6"], free: Bool[np.ndarray, " 6"]
+) -> Inexact[np.ndarray, "kept 6"]:
     """Compute the static response S = -K^-1 K_s (c, 6) to motions of the support.
 
     Equal to the `rigid` motion (c, 6) where `free` (6,), as that causes no force; otherwise solved
@@ -171,20 +187,28 @@ def static_response(stiffness: Reduced, rigid: Any, free: Any) -> Any:
     return result
 
 
-def residual_coupling(matrix: Any, low: Any, static: Any) -> tuple[Any, Any]:
+def residual_coupling(
+    matrix: Inexact[np.ndarray, "kept 6+kept"],
+    low: Inexact[np.ndarray, "kept 6+kept"],
+    static: Inexact[np.ndarray, "kept 6"],
+) -> tuple[Inexact[np.ndarray, "kept 6"], Inexact[np.ndarray, "kept 6"]]:
     """Compute A_s + A S (c, 6) in double-double, A (c, 6 + c) with its low part."""
-    complete = Reduced(DoubleDouble(matrix.real, low.real), DoubleDouble(matrix.imag, low.imag))
+    complete = Reduced(
+        DoubleDouble(np.real(matrix), np.real(low)), DoubleDouble(np.imag(matrix), np.imag(low))
+    )
     of, towards = slice(6, None), slice(0, 6)
-    real = complete.real[:, towards] + complete.real[:, of] @ DoubleDouble.of(static.real)
+    real = complete.real[:, towards] + complete.real[:, of] @ DoubleDouble.of(np.real(static))
     if not (np.iscomplexobj(matrix) or np.iscomplexobj(static)):
         return real.high, real.low
-    imag = complete.imag[:, towards] + complete.imag[:, of] @ DoubleDouble.of(static.real)
-    real = real - complete.imag[:, of] @ DoubleDouble.of(static.imag)
-    imag = imag + complete.real[:, of] @ DoubleDouble.of(static.imag)
+    imag = complete.imag[:, towards] + complete.imag[:, of] @ DoubleDouble.of(np.real(static))
+    real = real - complete.imag[:, of] @ DoubleDouble.of(np.imag(static))
+    imag = imag + complete.real[:, of] @ DoubleDouble.of(np.imag(static))
     return real.high + 1j * imag.high, real.low + 1j * imag.low
 
 
-def resonances(stiffness: Any, mass: Any) -> Any:
+def resonances(
+    stiffness: Float[np.ndarray, "kept 6+kept"], mass: Float[np.ndarray, "kept 6+kept"]
+) -> Float[np.ndarray, " mode"]:
     """Undamped resonances, ascending, in rad/s; 0 for rigid or unstable modes."""
     heavy = (mass[:, 6:] != 0).any(1)
     positions = np.flatnonzero(heavy)

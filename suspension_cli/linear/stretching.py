@@ -19,12 +19,15 @@ six digits of the blade, and eliminating the blade's tip squares that loss. Two 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact
 
 ALIKE = 1e-13
 """Relative difference of two linear forms that counts as rounding."""
@@ -44,12 +47,12 @@ class Stretching:
         Elements of a matrix that the symmetry allows.
     """
 
-    form: Array
-    low: Array
-    stiffness: Any
-    allowed: Any
+    form: Float[np.ndarray, "wire coordinate"]
+    low: Float[np.ndarray, "wire coordinate"]
+    stiffness: Inexact[np.ndarray, " wire"]
+    allowed: Bool[np.ndarray, "coordinate coordinate"]
 
-    def added(self, matrix: DoubleDouble, stiffness: Any) -> DoubleDouble:
+    def added(self, matrix: DoubleDouble, stiffness: Float[np.ndarray, " wire"]) -> DoubleDouble:
         """Add the sum of k a a^T, for stiffnesses k (w,), to a matrix (N, N), exactly symmetric."""
         form = DoubleDouble(self.form, self.low)
         square = form[:, :, None] * form[:, None, :]
@@ -61,7 +64,7 @@ class Stretching:
         high, low = (np.where(upper, part, 0.0) for part in (total.high, total.low))
         return matrix + DoubleDouble(*(part + np.triu(part, 1).T for part in (high, low)))
 
-    def spread(self, from_new: Any) -> Stretching:
+    def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> Stretching:
         """Change to new coordinates: old = `from_new` (N, N') @ new."""
         reach = (from_new != 0).astype(float)
         return replace(
@@ -86,12 +89,14 @@ class Separated:
         Of the wires, with their losses, N/m: the rest of the stiffness is the sum of k a a^T.
     """
 
-    soft: Array
-    form: Array
-    stiffness: Any
+    soft: Inexact[np.ndarray, "build coordinate coordinate"]
+    form: Float[np.ndarray, "build wire coordinate"]
+    stiffness: Inexact[np.ndarray, "build wire"]
 
 
-def distinct(forms: Array) -> tuple[Array, Any]:
+def distinct(
+    forms: Float[np.ndarray, "wire coordinate"],
+) -> tuple[Float[np.ndarray, "row coordinate"], list[list[int]]]:
     """Find the non-zero forms of (w, N) that differ by more than sign, and the wires of each."""
     size = np.abs(forms).max(1, initial=0.0)
     rows: list[Array] = []

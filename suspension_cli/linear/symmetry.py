@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact, Int
+
     from suspension_cli.scene.composition import Fibre
 
 ROUNDING = 1e-13
@@ -42,18 +43,22 @@ class Symmetry:
         ``("x", "y")`` for a scene with both symmetries.
     """
 
-    basis: Any
-    allowed: Any
+    basis: Float[np.ndarray, "coordinate coordinate"]
+    allowed: Bool[np.ndarray, "coordinate coordinate"]
     mirrors: tuple[str, ...]
 
-    def apply(self, matrix: Any) -> Any:
+    def apply(
+        self, matrix: Inexact[np.ndarray, "*batch coordinate coordinate"]
+    ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
         """Change a symmetric matrix (..., N, N) to adapted coordinates, with exact zeros."""
         if not self.trivial:
             matrix = self.basis.T @ matrix @ self.basis
             matrix = (matrix + np.swapaxes(matrix, -1, -2)) / 2
         return matrix if self.allowed.all() else np.where(self.allowed, matrix, 0.0)
 
-    def forms(self, form: Any) -> Any:
+    def forms(
+        self, form: Inexact[np.ndarray, "*batch coordinate"]
+    ) -> Inexact[np.ndarray, "*batch coordinate"]:
         """Change linear forms (..., N) to adapted coordinates."""
         return form if self.trivial else form @ self.basis
 
@@ -62,7 +67,7 @@ class Symmetry:
         """Whether the adapted coordinates are the scene's."""
         return np.array_equal(self.basis, np.eye(len(self.basis)))
 
-    def carried(self, flags: Any) -> Any:
+    def carried(self, flags: Bool[np.ndarray, " coordinate"]) -> Bool[np.ndarray, " coordinate"]:
         """Change flags (N,) that mirror images share to adapted coordinates."""
         return (np.abs(self.basis).T @ flags) > 0.5 * np.abs(self.basis).sum(0)
 
@@ -71,8 +76,12 @@ def find_symmetry(scene: Scene, numbering: Layout) -> Symmetry:
     """Find the mirror symmetries of a scene, or those common to a batch of scenes."""
     equal = _equal_parts(scene)
     images = {axis: _blade_images(scene, axis, equal) for axis in (0, 1)}
+    operators = [
+        _operator(scene, numbering, axis, image)
+        for axis, image in images.items()
+        if image is not None
+    ]
     mirrors = [axis for axis in (0, 1) if images[axis] is not None]
-    operators = [_operator(scene, numbering, axis, images[axis]) for axis in mirrors]
     basis, parity = _adapted_basis(numbering.size, operators)
     allowed = (
         (parity[:, :, None] == parity[:, None, :]).all(0)
@@ -88,7 +97,9 @@ def no_symmetry(numbering: Layout) -> Symmetry:
     return Symmetry(np.eye(size), np.ones((size, size), dtype=bool), ())
 
 
-def _operator(scene: Scene, numbering: Layout, axis: int, image: Any) -> Array:
+def _operator(
+    scene: Scene, numbering: Layout, axis: int, image: Int[np.ndarray, " blade"]
+) -> Float[np.ndarray, "coordinate coordinate"]:
     """Build the signed permutation matrix (N, N) of a mirror."""
     bodies = len(scene.bodies.name) + 1
     result = np.zeros((numbering.size,) * 2)
@@ -105,7 +116,9 @@ def _operator(scene: Scene, numbering: Layout, axis: int, image: Any) -> Array:
     return result
 
 
-def _adapted_basis(size: int, operators: list[Array]) -> tuple[Array, Array]:
+def _adapted_basis(
+    size: int, operators: list[Float[np.ndarray, "coordinate coordinate"]]
+) -> tuple[Float[np.ndarray, "coordinate coordinate"], Float[np.ndarray, "mirror coordinate"]]:
     """Find common eigenvectors of commuting mirrors (columns), and their parities (mirror, column).
 
     A coordinate that is its own image is kept; the others are projected on each combination of
@@ -133,7 +146,7 @@ def _adapted_basis(size: int, operators: list[Array]) -> tuple[Array, Array]:
     return basis, parities.T
 
 
-def _blade_images(scene: Scene, axis: int, equal: _EqualParts) -> Any:
+def _blade_images(scene: Scene, axis: int, equal: _EqualParts) -> Int[np.ndarray, " blade"] | None:
     """Number of each blade's image in a mirror of x (axis 0) or y (1).
 
     None unless all scenes of a batch have that symmetry.
@@ -147,7 +160,7 @@ def _blade_images(scene: Scene, axis: int, equal: _EqualParts) -> Any:
     return first.argmax(1)
 
 
-def is_mirror_symmetric(scene: Scene) -> Any:
+def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
     """Whether each scene of a batch is symmetric in x and in y: (..., 2) bool."""
     equal = _equal_parts(scene)
     return np.stack(
@@ -165,8 +178,8 @@ def is_mirror_symmetric(scene: Scene) -> Any:
 class _EqualParts:
     """Pairs (..., b, b) of blades and (..., w, w) of wires that are equal but for position."""
 
-    blades: Any
-    wires: Any
+    blades: Bool[np.ndarray, "*batch blade blade"]
+    wires: Bool[np.ndarray, "*batch wire wire"]
 
 
 def _equal_parts(scene: Scene) -> _EqualParts:
@@ -197,13 +210,15 @@ def _equal_parts(scene: Scene) -> _EqualParts:
     return _EqualParts(blade_pairs, wire_pairs)
 
 
-def _mirror_signs(axis: int) -> Array:
+def _mirror_signs(axis: int) -> Float[np.ndarray, " 3"]:
     flip = np.ones(3)
     flip[axis] = -1.0
     return flip
 
 
-def _blade_pairs(scene: Scene, axis: int, equal: _EqualParts) -> tuple[Any, Any]:
+def _blade_pairs(
+    scene: Scene, axis: int, equal: _EqualParts
+) -> tuple[Bool[np.ndarray, "*batch blade blade"], Bool[np.ndarray, "*batch"]]:
     """Pair blades (..., b, b) that are mirror images; also whether that is one to one."""
     blades, flip = scene.blades, _mirror_signs(axis)
     pairs = (
@@ -215,8 +230,12 @@ def _blade_pairs(scene: Scene, axis: int, equal: _EqualParts) -> tuple[Any, Any]
 
 
 def _has_mirror(
-    scene: Scene, axis: int, equal: _EqualParts, blade_pairs: Any, one_to_one: Any
-) -> Any:
+    scene: Scene,
+    axis: int,
+    equal: _EqualParts,
+    blade_pairs: Bool[np.ndarray, "*#batch blade blade"],
+    one_to_one: Bool[np.ndarray, "*#batch"],
+) -> Bool[np.ndarray, "*batch"]:
     """Whether each scene (...) is symmetric in x (axis 0) or y (1).
 
     `blade_pairs` and `one_to_one` as from `_blade_pairs`.
@@ -255,7 +274,7 @@ def _has_mirror(
     return symmetric & _one_to_one(pairs)
 
 
-def _towers_have_mirror(scene: Scene, flip: Array) -> Any:
+def _towers_have_mirror(scene: Scene, flip: Float[np.ndarray, " 3"]) -> Any:
     """Whether the struts and bars of each scene (...) are symmetric under a mirror."""
     struts, bars = scene.struts, scene.bars
     result: Any = np.True_
@@ -277,7 +296,9 @@ def _towers_have_mirror(scene: Scene, flip: Array) -> Any:
     return result
 
 
-def _wire_images(fibres: tuple[Fibre, ...], flip: Array) -> Any:
+def _wire_images(
+    fibres: tuple[Fibre, ...], flip: Float[np.ndarray, " 3"]
+) -> Bool[np.ndarray, "wire wire"]:
     """Pair wires (w, w) whose clamps and bending planes are mirror images."""
     pairs = np.ones((len(fibres), len(fibres)), dtype=bool)
     for end in (0, 1):
@@ -290,7 +311,7 @@ def _wire_images(fibres: tuple[Fibre, ...], flip: Array) -> Any:
     return pairs & (_close(planes, planes * flip) | _close(planes, -planes * flip) | ~has_plane)
 
 
-def _equal_items(kinds: list[Any]) -> Any:
+def _equal_items(kinds: list[Any]) -> Bool[np.ndarray, "item item"]:
     """Pair (n, n) equal items."""
     known: list[Any] = []
     for kind in kinds:
@@ -299,24 +320,30 @@ def _equal_items(kinds: list[Any]) -> Any:
     return _equal_labels(np.array([known.index(kind) for kind in kinds], dtype=int))
 
 
-def _equal_labels(*labels: Any) -> Any:
+def _equal_labels(*labels: Any) -> Bool[np.ndarray, "item item"]:
     """Pair items (n, n) with equal labels, each (n,) or (k, n)."""
     return np.logical_and.reduce(
         [row[:, None] == row[None, :] for label in labels for row in np.atleast_2d(label)]
     )
 
 
-def _equal(values: Any, images: Any) -> Any:
+def _equal(
+    values: Float[np.ndarray, "*batch item component"],
+    images: Float[np.ndarray, "*batch item component"],
+) -> Bool[np.ndarray, "*batch item item"]:
     """Pair members (..., n, c) that equal the image of another exactly: (..., n, n)."""
     return (values[..., :, None, :] == images[..., None, :, :]).all(-1)
 
 
-def _close(values: Any, images: Any) -> Any:
+def _close(
+    values: Float[np.ndarray, "*batch item component"],
+    images: Float[np.ndarray, "*batch item component"],
+) -> Bool[np.ndarray, "*batch item item"]:
     """Pair members (..., n, c) that equal the image of another but for rounding: (..., n, n)."""
     scale = np.abs(values).max((-2, -1), initial=0.0)[..., None, None, None]
     return (np.abs(values[..., :, None, :] - images[..., None, :, :]) <= ROUNDING * scale).all(-1)
 
 
-def _one_to_one(same: Any) -> Any:
+def _one_to_one(same: Bool[np.ndarray, "*batch item item"]) -> Bool[np.ndarray, "*batch"]:
     """Whether each pairing (..., n, n) is a permutation."""
     return (same.sum(-1) == 1).all(-1) & (same.sum(-2) == 1).all(-1)

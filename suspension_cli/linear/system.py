@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.linear.frequency_terms import Term
 from suspension_cli.linear.stretching import Separated, Stretching
 from suspension_cli.scene.arrays import Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -59,20 +62,20 @@ class LinearSystem:
 
     body: tuple[str, ...]
     coordinate: tuple[str, ...]
-    basis: Any
-    massless: Any
-    mass: Any
-    stiffness: Any
-    damping: Any
-    lossy: Any = None
-    low: Any = None
+    basis: Float[np.ndarray, "coordinate coordinate"]
+    massless: Bool[np.ndarray, " coordinate"]
+    mass: Float[np.ndarray, "*#batch coordinate coordinate"]
+    stiffness: Float[np.ndarray, "*#batch coordinate coordinate"]
+    damping: Float[np.ndarray, "*#batch coordinate coordinate"]
+    lossy: Complex[np.ndarray, "*#batch coordinate coordinate"] | None = None
+    low: Inexact[np.ndarray, "coordinate coordinate"] | None = None
     stretched: Stretching | None = None
     separated: Separated | None = None
-    orientation: Any = None
+    orientation: Float[np.ndarray, "*#batch _ 3 3"] | None = None
     residual: float = 0.0
     wire: tuple[str, ...] = ()
     terms: tuple[Term, ...] = ()
-    rigid: Any = None
+    rigid: Float[np.ndarray, "*#batch coordinate 6"] | None = None
 
     @property
     def size(self) -> int:
@@ -89,7 +92,7 @@ class LinearSystem:
         return 6 * (self.body.index(body) + 1) + DOFS.index(dof)
 
     @cached_property
-    def pulled(self) -> Any:
+    def pulled(self) -> Bool[np.ndarray, "coordinate 6"]:
         """Whether each motion of the support acts on each coordinate: (N, 6); no batch axes."""
         full = self.stiffness if self.lossy is None else self.lossy
         return (full[:, :6] != 0) | (self.damping[:, :6] != 0) | (self.mass[:, :6] != 0)
@@ -100,7 +103,7 @@ class LinearSystem:
         return {}
 
     @cached_property
-    def member(self) -> Any:
+    def member(self) -> Int[np.ndarray, " coordinate"]:
         """Block number of each coordinate (N,); -1 for those of the support."""
         result = np.full(self.size, -1)
         for number, group in enumerate(self.blocks):

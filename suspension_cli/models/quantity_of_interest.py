@@ -13,7 +13,7 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.schema import Design
-from suspension_cli.linear import eigenmodes, quality, response
+from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
@@ -131,6 +131,8 @@ class Transfer:
 
     def values(self, model: LinearSystem, frequency: Array) -> Any:
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
+        from suspension_cli.linear import response
+
         return response.solve(model, frequency, self.inputs, self.outputs).value
 
     def _touched(self, found: Modes) -> Any:
@@ -235,6 +237,8 @@ class Differentiated(Several):
 
 def _resized(item: Ratio, without: LinearSystem, refined: LinearSystem) -> float:
     """Relative change of the magnitude of a response, or of the ratio of two."""
+    from suspension_cli.linear import response
+
     outputs = [item.over] if item.under is None else [item.over, item.under]
     old, new = (
         np.abs(

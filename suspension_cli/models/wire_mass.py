@@ -99,7 +99,7 @@ def _effect(design: Design, highest: float, slope: float) -> MassEffect:
     first = np.array([first_violin_of(one, float(t)) for one, t in zip(made, tension, strict=True)])
     if not np.isfinite(first).any():
         return MassEffect(0.0, 0.0, highest, np.inf, "")
-    hung = np.unique(scene.wires.lower)
+    hung = sorted(set(scene.wires.lower.tolist()))
     near = np.array(
         [(highest / max(first[scene.wires.lower == body].min(), 1e-150)) ** 2 for body in hung]
     )

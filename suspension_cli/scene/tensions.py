@@ -139,7 +139,7 @@ def compliance(
     result = np.diag(1.0 / stiffness)
     if complex in (direction.dtype, blade_stiffness.dtype):
         result = result.astype(complex)
-    for number in np.unique(blade[blade >= 0]):
+    for number in sorted(set(blade[blade >= 0].tolist())):
         on = blade == number
         for axis in np.flatnonzero(axes[number]):
             pull = np.where(on, direction[:, axis], 0.0)

@@ -203,7 +203,7 @@ def _each(found: Builds, omega: Array, scene: Scene) -> list[DispersiveLinear | 
     loss = (
         np.zeros((count, size, size))
         if model.lossy is None
-        else np.broadcast_to(model.lossy.imag, (count, size, size))
+        else np.broadcast_to(np.imag(model.lossy), (count, size, size))
     )
     assert model.orientation is not None
     turned, good = model.orientation, found.status == builds.GOOD

@@ -116,5 +116,6 @@ def _turned(base: Differentiable, change: Linear, signal: Signal) -> Any:
         return np.zeros(base.model.size)
     whole = base.linear.orientation + 1j * parameters.STEP * change.orientation
     return (
-        signals.linear_form(signal, replace(base.model, orientation=whole)).imag / parameters.STEP
+        np.imag(signals.linear_form(signal, replace(base.model, orientation=whole)))
+        / parameters.STEP
     )

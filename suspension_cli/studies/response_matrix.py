@@ -94,7 +94,7 @@ class Plant:
             return np.zeros(self.base.model.size)
         turned = self.base.linear.orientation + 1j * parameters.STEP * change.orientation
         form = signals.linear_form(signal, replace(self.base.model, orientation=turned))
-        return form.imag / parameters.STEP
+        return np.imag(form) / parameters.STEP
 
     def dispersive(self, omega: Array) -> Any:
         """Frequency-dependent part of the stiffness (f, N, N) in the named coordinates, or None."""

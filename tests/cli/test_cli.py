@@ -56,19 +56,19 @@ def test_every_command_has_help(name):
 
 
 def test_help_imports_nothing_heavy():
-    asked = [["--help"], ["--version"], *([name, "--help"] for name in COMMANDS)]
+    requested = [["--help"], ["--version"], *([name, "--help"] for name in COMMANDS)]
     code = f"""
 import contextlib, io, sys
 from suspension_cli.cli.main import main
-for args in {asked!r}:
+for args in {requested!r}:
     with contextlib.redirect_stdout(io.StringIO()):
         main(args, standalone_mode=False)
     print(args, sorted(set({HEAVY!r}) & set(sys.modules)))
 """
     result = python(code)
     lines = result.stdout.splitlines()
-    assert len(lines) == len(asked), result.stderr
-    for line, args in zip(lines, asked, strict=True):
+    assert len(lines) == len(requested), result.stderr
+    for line, args in zip(lines, requested, strict=True):
         assert line == f"{args} []"
 
 
@@ -82,14 +82,14 @@ SINGLE = (
 
 def test_single_designs_need_no_compiled_loops(tmp_path):
     """Their import takes half a second."""
-    asked = [
+    requested = [
         [name, str(ROOT / "configs" / file), *words, "--no-plot", "-q", "--out", str(tmp_path)]
         for name, file, *words in SINGLE
     ]
     code = f"""
 import sys
 from suspension_cli.cli.main import main
-for args in {asked!r}:
+for args in {requested!r}:
     main(args, standalone_mode=False)
 sys.exit("numba" in sys.modules)
 """
@@ -218,7 +218,7 @@ def test_root_attributes(results):
     path, args, answer = results
     with h5py.File(path) as file:
         assert file.attrs["format"] == "pendsus"
-        assert file.attrs["format_version"] == 1
+        assert file.attrs["format_version"] == 2
         assert file.attrs["pendsus_version"] == __version__
         assert file.attrs["fidelity"] == answer["fidelity"] == "string"
         program, *rest = shlex.split(file.attrs["command"])

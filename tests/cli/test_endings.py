@@ -140,10 +140,11 @@ def test_a_result_that_replaces_that_of_another_design_says_so(command, tmp_path
     options = (*KINDS[command], *plot, "--out", tmp_path / "out")
     first = CONFIGS / "double.toml"
     other = written(tmp_path, first.read_text() + "\n[analysis.modes]\nplot = true\n", "other.toml")
-    told = [run(command, file, *options) for file in (first, first, other)]
-    assert [result.exit_code for result in told] == [0, 0, 0]
+    reported = [run(command, file, *options) for file in (first, first, other)]
+    assert [result.exit_code for result in reported] == [0, 0, 0]
     remarks = [
-        [line for line in result.stderr.splitlines() if "another design" in line] for result in told
+        [line for line in result.stderr.splitlines() if "another design" in line]
+        for result in reported
     ]
     assert [len(lines) for lines in remarks] == [0, 0, 1]
     assert remarks[2][0].startswith(f"wrote {tmp_path / 'out' / 'double-'}")

@@ -233,14 +233,14 @@ def test_spoilt_tables(text):
 
 @FUZZ
 @given(spoilt_tables())
-def test_spoilt_tables_on_the_general_rung(text):
+def test_spoilt_tables_on_the_general_model(text):
     assert_done_or_refused(text, "--fidelity", "string")
 
 
 @FUZZ
 @given(strained())
 def test_check_agrees_with_modes(text):
-    """What `check` calls good has modes, on the general rung, which needs the equilibrium that
+    """What `check` calls good has modes, on the general model, which needs the equilibrium that
     `check` finds."""
     with tempfile.TemporaryDirectory() as name:
         file, out = written(Path(name), text), Path(name) / "out"

@@ -1,4 +1,4 @@
-"""The progress bar: on stderr of a terminal, after a second, and not when quiet is asked for."""
+"""The progress bar: on stderr of a terminal, after a second, not with `--quiet`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Full(Screen):
 
 
 def drawn(monkeypatch, screen, times, enabled=True):
-    """What a bar writes when it is told of progress at some times (s), without escapes."""
+    """What a bar writes when it is given progress at some times (s), without escapes."""
     clock = iter([100.0, *(100.0 + time for time in times)])
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setenv("TERM", "xterm")

@@ -23,7 +23,7 @@ KEPT = [
 ]
 """What git keeps of results/: .gitignore."""
 COMPUTED = {"Figure 5: the longitudinal transfer function", "Thermal noise"}
-"""Sections whose numbers no file tells: their tools print them."""
+"""Sections whose numbers are in no file: their tools print them."""
 
 
 @pytest.mark.parametrize("name", sorted(set(KEPT) - {"README.md"}))
@@ -40,8 +40,8 @@ def test_tables_are_those_of_their_files():
 
 def test_every_target_has_a_section():
     (targets,) = re.findall(r"^RESULTS := (.*)$", MAKEFILE, re.MULTILINE)
-    told = re.findall(r"`make (\w+)`", "".join(SECTIONS.values()))
-    assert set(told) == set(targets.split())
+    reported = re.findall(r"`make (\w+)`", "".join(SECTIONS.values()))
+    assert set(reported) == set(targets.split())
 
 
 @pytest.mark.parametrize("title", sorted(set(SECTIONS) - COMPUTED))
@@ -57,7 +57,7 @@ def test_numbers_are_those_of_the_results(title):
         assert number in known, number
 
 
-def test_figure_5_falls_as_told():
+def test_figure_5_falls_as_described():
     answer, _, _ = figure5.solved()
     assert (
         f"{figure5.slope(answer):.3f}".replace("-", "−")
@@ -65,7 +65,7 @@ def test_figure_5_falls_as_told():
     )
 
 
-def test_thermal_noise_is_as_told():
+def test_thermal_noise_is_as_described():
     noise, _, _ = thermal.solved()
     for value in np.interp((10, 100), thermal.FREQUENCY, noise.amplitude):
         assert f"{value:.2e}" in SECTIONS["Thermal noise"]

@@ -47,7 +47,7 @@ def test_what_is_left_over_is_named(x, y, left_over, tmp_path):
     )
 
 
-def test_all_slack_wires_are_told(tmp_path):
+def test_all_slack_wires_are_reported(tmp_path):
     """A wire that is 5 mm too long leaves its load, and that of the wire across, to the other
     two."""
     spoilt = edited(RAW["single"], {("perturbation",): [{"wire": "test.1", "length_change": 5e-3}]})
@@ -108,7 +108,7 @@ def test_all_contradictions_at_once(tmp_path):
     assert len(assert_refused(run("modes", file), file)) == 6
 
 
-def test_check_tells_the_faults_of_all_files(tmp_path):
+def test_check_reports_the_faults_of_all_files(tmp_path):
     one, two = written(tmp_path, b"", "one.toml"), written(tmp_path, FIVE, "two.toml")
     result = run("check", one, from_template(tmp_path), two)
     assert result.exit_code == 2
@@ -221,7 +221,7 @@ def test_fidelity_that_does_not_hold(tmp_path):
     )
 
 
-def told_of_out(result, out):
+def error_about_out(result, out):
     """What is said of a folder that takes no results."""
     assert (result.exit_code if hasattr(result, "exit_code") else result.returncode) == 2
     assert result.stdout == ""
@@ -234,7 +234,7 @@ def told_of_out(result, out):
 def test_out_is_a_file(tmp_path):
     file, out = from_template(tmp_path), tmp_path / "out"
     out.write_text("mine")
-    assert "names a file" in told_of_out(run("modes", file, "--json", "--out", out), out)
+    assert "names a file" in error_about_out(run("modes", file, "--json", "--out", out), out)
     assert out.read_text() == "mine"
 
 
@@ -246,14 +246,16 @@ def test_no_space_for_results(call, tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, call, full)
-    assert "No space left on device" in told_of_out(run("modes", file, "--json", "--out", out), out)
+    assert "No space left on device" in error_about_out(
+        run("modes", file, "--json", "--out", out), out
+    )
     assert list(out.iterdir()) == []
 
 
 def test_no_space_for_results_in_earnest(tmp_path):
     file, out = from_template(tmp_path), tmp_path / "out"
     result = process("modes", file, "--json", "--out", out, limit=4096)
-    assert "File too large" in told_of_out(result, out)
+    assert "File too large" in error_about_out(result, out)
     assert list(out.iterdir()) == []
 
 

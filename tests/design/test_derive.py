@@ -84,7 +84,7 @@ def test_cylinder(axis, inner):
     )
 
 
-def test_cylinder_lies_along_x_unless_told():
+def test_cylinder_lies_along_x_by_default():
     keys = {"shape": "cylinder", "radius": 0.09, "length": 0.30, "mass": 5.0}
     assert derive.body_inertia(body_of(**keys)) == derive.body_inertia(body_of(axis="x", **keys))
     assert derive.body_inertia(body_of(**keys)) != derive.body_inertia(body_of(axis="z", **keys))

@@ -1,5 +1,5 @@
 """Another model's matrices, derived by others with other means, have the frequencies of ours; and
-the names told for migrating exist."""
+the names given for migrating exist."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """`pendsus check` doubts numbers that no suspension has, and trusts those that are shipped. Every
-expected number is worked out here."""
+expected number is computed here."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def checked(folder, document, *args):
 def test_shipped_designs_are_believed(name, tmp_path):
     result, answer, lines = checked(tmp_path, raw(name), "--strict")
     assert (result.exit_code, lines, answer["warnings"], answer["stable"]) == (0, [], [], True)
-    shares = [part["strength_share"] for part in answer["wires"] + answer["blades"]]
+    shares = [part["strength_fraction"] for part in answer["wires"] + answer["blades"]]
     assert all(share is None or 0.02 < share < 0.8 for share in shares)
 
 
@@ -364,7 +364,7 @@ def test_nonsense_is_noticed(slip, tmp_path):
 
 
 @pytest.mark.parametrize("slip", ["length", "tip in g", "unstable"])
-def test_nonsense_is_told_and_only_strict_fails(slip, tmp_path):
+def test_nonsense_is_reported_and_only_strict_fails(slip, tmp_path):
     name, edits, _ = NONSENSE[slip]
     result, answer, lines = checked(tmp_path, edited(raw(name), edits))
     assert result.exit_code == 0 and len(answer["warnings"]) == len(lines) > 0
@@ -525,7 +525,7 @@ def test_other_sizes_are_believed(name):
         broken = {
             part.label.rsplit(".", 1)[0]
             for part in (*carried.wires, *carried.blades)
-            if part.share is not None and part.share > 1
+            if part.fraction is not None and part.fraction > 1
         }
         strained = {
             wire.label.rsplit(".", 1)[0]
@@ -548,9 +548,9 @@ def test_what_is_carried(tmp_path):
         expected = {
             "tension_n": pull,
             "stress_pa": stress,
-            "stretch_share": stress / modulus,
+            "stretch_fraction": stress / modulus,
             "strength_pa": strength,
-            "strength_share": stress / strength,
+            "strength_fraction": stress / strength,
         }
         assert {key: wire[key] for key in expected} == pytest.approx(expected, rel=1e-12)
     length, width, thickness = 0.20, 0.04, 0.0015
@@ -564,7 +564,7 @@ def test_what_is_carried(tmp_path):
             "strength_pa": 1.7e9,
         }
         assert {key: blade[key] for key in expected} == pytest.approx(expected, rel=1e-12)
-        assert blade["strength_share"] == pytest.approx(expected["stress_pa"] / 1.7e9, rel=1e-12)
+        assert blade["strength_fraction"] == pytest.approx(expected["stress_pa"] / 1.7e9, rel=1e-12)
     assert answer["height_m"] == pytest.approx(0.40 + 0.003 + 0.09, rel=1e-12)
     assert answer["lowest"] == [
         {"stage": "test", "z_m": pytest.approx(-0.493, rel=1e-12), "point": "body"}
@@ -608,7 +608,7 @@ def test_weakest_section():
         "c70steel",
         resolve(convert(document), "c70steel").tensile_strength,
     )
-    assert wire.share == pytest.approx(wire.tension / (math.pi * 70e-6**2) / 1.98e9)
+    assert wire.fraction == pytest.approx(wire.tension / (math.pi * 70e-6**2) / 1.98e9)
 
 
 def test_held_by_bending_alone_is_not_unstable(tmp_path):

@@ -24,7 +24,7 @@ def test_every_command_has_its_table():
 
 
 def test_every_table_of_the_format_is_there():
-    """Those that are not, are told inside the row of the key that takes them, key by key."""
+    """Those that are not are described in the row of the key that takes them, key by key."""
     text = (ROOT / "docs" / "design-file.md").read_text()
     shown = {found[2] for found in reference.BLOCK.finditer(text)}
     within = {

@@ -139,7 +139,7 @@ def test_what_is_alike(shown, found, same):
     assert alike(shown, found) is same
 
 
-def test_dots_stand_for_lines():
+def test_dots_match_any_lines():
     assert matches(["a", "...", "d"], ["a", "b", "c", "d"])
     assert matches(["a", "..."], ["a"])
     assert not matches(["a", "...", "e"], ["a", "b", "c", "d"])

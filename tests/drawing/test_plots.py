@@ -1,4 +1,4 @@
-"""Pictures: every mode and dimension told and legible, files whole or absent."""
+"""Pictures: every mode and dimension is there and legible, files whole or absent."""
 
 import os
 import re
@@ -58,11 +58,11 @@ def test_every_mode_has_its_panel(name):
     assert_legible(figure)
 
 
-def test_the_largest_share_comes_first_under_a_mode():
+def test_the_largest_fraction_comes_first_under_a_mode():
     _, _, found = solved(SINGLE)
-    n = int(np.argmin(found.shares.max(1)))
+    n = int(np.argmin(found.fractions.max(1)))
     assert re.fullmatch(r"test \w+ \d+ %", modes.format_caption(found, n))
-    assert f"{100 * found.shares[n].max():.0f} %" in modes.format_caption(found, n)
+    assert f"{100 * found.fractions[n].max():.0f} %" in modes.format_caption(found, n)
 
 
 def test_unstable_and_rigid_modes_say_so():
@@ -107,7 +107,7 @@ def test_both_views_of_a_drawing_have_one_scale():
     assert scales == pytest.approx([scales[0]] * 4)
 
 
-def test_a_drawing_tells_the_dimensions():
+def test_a_drawing_has_the_dimensions():
     said = texts(draw.draw(*made(SINGLE)))
     for text in ("$l$ = 400 mm", "$s$ = 25 mm", "$t_2$ = 133 mm", "$d$ = 32 mm"):
         assert text in said

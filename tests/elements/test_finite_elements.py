@@ -1,4 +1,4 @@
-"""Finite elements for tests: right by themselves, at their proper order, and one with the exact
+"""Finite elements for tests: right, of their proper order, and one with the exact
 stiffness of wires."""
 
 from __future__ import annotations

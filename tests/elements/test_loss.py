@@ -192,7 +192,7 @@ def test_a_table_of_angles():
 
 
 @pytest.mark.parametrize("losses", [SILICA, COLD, (replace(GLASS, table=((10.0,), (1e-7,))), HEAT)])
-def test_finite_and_of_the_shape_asked_for(losses):
+def test_finite_and_of_the_requested_shape(losses):
     tension = np.array([[0.0], [50.0]])
     for one in (wire(losses=losses), ribbon(1e-4, 1e-3, losses)):
         for found, shape in (

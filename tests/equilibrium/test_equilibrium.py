@@ -402,7 +402,7 @@ def test_stiff_wires_balance_as_well_as_rounding_lets_them():
         assert np.abs(points(pair(1e12), found.pose) - points(pair(1e12), soft.pose)).max() < 1e-8
 
 
-def test_wires_too_stiff_to_be_balanced_are_told_as_such():
+def test_wires_too_stiff_to_be_balanced_are_reported():
     with pytest.raises(InputError, match=r"1.0e\+17 N/m are too stiff to be balanced"):
         equilibrium.solve(pair(1e17)).demand(pair(1e17))
 

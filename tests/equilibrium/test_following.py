@@ -69,7 +69,7 @@ def test_newton_alone_would_lose_some(lost):
     assert 0 < lost.sum() < 0.05 * COUNT
 
 
-def test_one_build_by_itself_hangs_the_same(job, found):
+def test_one_build_alone_hangs_the_same(job, found):
     scene, chosen, values = job
     imperfect = sampling.imperfect(scene, chosen, values)
     numbering = layout(imperfect)

@@ -1,5 +1,5 @@
-"""Body-by-body elimination against LAPACK: chains and trees, real and complex, with parts that are
-singular by themselves."""
+"""Body-by-body elimination against LAPACK: chains and trees, real and complex, some
+of whose parts are singular."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_what_is_no_tree():
 @pytest.mark.parametrize("offset", [0.0, 1e-15, 1e-12, 1e-8, 1e-5, 1e-3])
 @pytest.mark.parametrize("size", [1, 2, 3, 5])
 def test_nearly_singular_parts(size, offset, lossy):
-    """A child that resonates by itself, next to systems in which it does not; the whole is well
+    """A child that resonates alone, next to systems in which it does not; the whole is well
     conditioned."""
     rng = np.random.default_rng([2, size])
     matrix, owner, coupled = systems(rng, (-1, 0, 1), (size,) * 3, 40, lossy=lossy)

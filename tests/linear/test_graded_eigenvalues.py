@@ -121,7 +121,7 @@ def test_random_builds_of_nearly_rigid_wires():
     pendulums are 1e-13 of the largest."""
     design = scenes.design_of(STIFF)
     known = ("support", "upper", "test")
-    asked = CouplingRequest(
+    requested = CouplingRequest(
         0,
         2,
         "loaded-length",
@@ -130,7 +130,7 @@ def test_random_builds_of_nearly_rigid_wires():
         signals.parse_output("test.z", known),
         frequency=(50.0,),
     )
-    job = RandomBuilds(reader.write_toml(scenes.plain(STIFF)), 40, 3, asked)
+    job = RandomBuilds(reader.write_toml(scenes.plain(STIFF)), 40, 3, requested)
     found = job.compute(0, 40)
     assert not found["status"].any()
     model = builds.balance(

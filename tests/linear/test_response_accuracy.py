@@ -93,7 +93,7 @@ def test_at_random(kind, level, loss):
 
 
 @pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
-def test_each_input_by_itself(kind, level, loss):
+def test_each_input_alone(kind, level, loss):
     """One input at a time gives what all together give: close to poles, and where parts of the
     chain resonate alone."""
     model = plants.model(kind, level, loss=loss)
@@ -109,8 +109,7 @@ def test_each_input_by_itself(kind, level, loss):
 
 @pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
 def test_on_resonance(kind, level, loss):
-    """At the frequencies that `modes` tells, exactly; at those of modes without loss as closely as
-    1e-8.
+    """Exactly at the frequencies of `modes`; of modes without loss, 1e-8 beside them.
 
     Every second mode of a design, and of its twin with or without losses the others.
     """
@@ -170,7 +169,7 @@ def test_near_a_pole(kind, offset):
 
 @pytest.mark.parametrize(("kind", "level", "loss"), CHAINS, ids=IDS[: len(CHAINS)])
 @pytest.mark.parametrize("offset", [0.0, -1e-5, 2e-3])
-def test_where_a_part_resonates_by_itself(kind, level, loss, offset):
+def test_where_a_part_resonates_alone(kind, level, loss, offset):
     """Elimination from the mirror up meets a nearly singular part here, although the whole is far
     from any resonance."""
     model = plants.model(kind, level, loss=loss)

@@ -225,12 +225,12 @@ def test_points_move_with_their_body():
 
 
 @pytest.mark.parametrize("case", paper.TABLE_1)
-def test_rungs_agree(case):
+def test_models_agree(case):
     """The paper's single pendulums: closed forms, force model and strings share no code.
 
     Where the support hardly causes a motion (roll from y, slowly), roundings of the elements of K
     are what is left of it: see `exact`. Where it causes none, but no symmetry says so (roll from
-    roll, with the wires' upper ends in one line), a rung may keep a rounding.
+    roll, with the wires' upper ends in one line), a model may keep a rounding.
     """
     design = scenes.design_of(paper.table_1(case))
     models = [

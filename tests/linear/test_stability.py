@@ -23,7 +23,7 @@ from tools.stability.row import BROKEN, Row
 EPS = 2.0**-53
 
 
-def holds(row: Row, limit, *methods: str) -> None:
+def assert_within(row: Row, limit, *methods: str) -> None:
     """Our errors stay below a limit (a number, or one for each value)."""
     for name in methods or row.shipped:
         assert (row.error[name] <= limit).all(), f"{name}: {row.error[name]}"
@@ -47,14 +47,14 @@ def test_roll_off():
     """A solve body by body loses a few roundings wherever no resonance is near; the exports carry
     those of an eigenvalue problem below the modes."""
     row = frequency.roll_off(np.array([0.1, 1.0, 10.0, 1e3, 1e5]))
-    holds(row, 100 * EPS, "pendsus: body by body", "pendsus export: state space")
-    holds(row, 1e-11, "pendsus export: zpk")
+    assert_within(row, 100 * EPS, "pendsus: body by body", "pendsus export: state space")
+    assert_within(row, 1e-11, "pendsus export: zpk")
     fails(row, modal_sum=(10, 1e3), zpk=(10, 1e3))
 
 
 def test_long_chain():
     row = frequency.long_chain([1, 3, 8, 30])
-    holds(row, 60 * EPS)
+    assert_within(row, 60 * EPS)
     fails(row, modal_sum=(3, 8), transfer_matrices=(1, 8), state_space=(8, 30))
 
 
@@ -63,7 +63,7 @@ def test_beam_functions():
     that costs as much."""
     value = np.array([1e-3, 1e-2, 0.1, 1.0, 10.0, 30.0, 100.0, 600.0, 800.0, 1e4, 1e5])
     row = beams.row(value)
-    holds(row, EPS * (20 + 3 * value))
+    assert_within(row, EPS * (20 + 3 * value))
     assert row.error["cosh and sinh, closed form"][:2].max() > 1e-7
     assert not np.isfinite(row.error["cosh and sinh, closed form"][-3:]).any()
     fails(row, **{"cosh_and_sinh,_4": (10, 100), "cosh_and_sinh,_closed": (600, 800)})
@@ -74,14 +74,14 @@ def test_tiny_couplings():
     order to EPS 0.1 / x and one of second to its square."""
     value = np.array([1e-3, 1e-5, 1e-11, 1e-13])
     row = couplings.tiny(value)
-    holds(row, 100 * EPS + EPS * 0.1 / value, "pendsus: lower end")
-    holds(row, 1e-12 + 1e-17 / value**2, "pendsus: upper end, second order")
+    assert_within(row, 100 * EPS + EPS * 0.1 / value, "pendsus: lower end")
+    assert_within(row, 1e-12 + 1e-17 / value**2, "pendsus: upper end, second order")
     fails(row, difference=(1e-5, 1e-11))
 
 
 def test_large_perturbations():
     row = couplings.large(np.array([1e-4, 1e-3, 1e-2, 0.1]))
-    holds(row, 1e-12)
+    assert_within(row, 1e-12)
     assert (
         min(
             row.error[name][0] for name in row.others if name.startswith(("in proportion", "about"))
@@ -96,8 +96,8 @@ def test_equal_modes():
     gap, down to where they are taken as degenerate."""
     value = np.array([1.0, 1e-4, 1e-8, 3e-10, 1e-12, 1e-14, 1e-15])
     row = modal.equal_modes(value)
-    holds(row, 0.0, "pendsus: symmetric design")
-    holds(
+    assert_within(row, 0.0, "pendsus: symmetric design")
+    assert_within(
         row,
         np.where(value < eigenmodes.DEGENERATE, 1e-15, 10 * EPS / value),
         "pendsus: no symmetry left",
@@ -110,20 +110,20 @@ def test_rigid_wires():
     but what they round is kept."""
     value = np.array([1e2, 1e6, 1e10, 1e14])
     row = modal.rigid_wires(value)
-    holds(row, 20 * EPS)
+    assert_within(row, 20 * EPS)
     assert row.error["eigenvalues of M⁻¹K"].max() > 1e-4
 
 
 def test_rigid_wires_of_a_chain():
     row = modal.graded_chain(np.array([1e3, 1e8, 1e12, 1e14, 1e15]))
-    holds(row, 1e-12)
+    assert_within(row, 1e-12)
     fails(row, eigenvalues=(1e8, 1e14), symmetric=(1e8, 1e14))
 
 
 def test_soft_blades():
     """Nothing of a blade is lost on any model; in doubles EPS times the ratio is, or its square."""
     row = blades.row(np.array([1.0, 1e4, 1e8, 1e10, 1e15]))
-    holds(row, 1e-9)
+    assert_within(row, 1e-9)
     fails(row, tips_with=(1e4, 1e15))
 
 
@@ -131,7 +131,7 @@ def test_soft_pitch():
     """Next to tipping, what is left of the torque keeps EPS over the distance."""
     value = np.array([1.0, 1e-2, 1e-5, 1e-8, 1e-11])
     row = geometry.soft_pitch(value)
-    holds(row, 20 * EPS + 10 * EPS / value)
+    assert_within(row, 20 * EPS + 10 * EPS / value)
     fails(row, difference=(1.0, 1e-8))
 
 
@@ -139,7 +139,7 @@ def test_pitch_of_wires_ever_closer_to_the_com():
     """Nothing cancels, so no digit is lost however soft pitch is; wires that end in the COM leave
     it free."""
     row = geometry.narrow(np.array([1e-2, 1e-4, 1e-6, 1e-9, 1e-12]))
-    holds(row, 20 * EPS)
+    assert_within(row, 20 * EPS)
     fails(row, difference=(1e-4, 1e-9))
     free = eigenmodes.solve(
         registry.STRING.system(geometry.design(geometry.document(s=0.0, d=0.0)))
@@ -163,7 +163,7 @@ def test_nearly_slack():
     """Of a tension that is a difference, EPS over what is left."""
     value = np.array([0.5, 1e-2, 1e-9])
     row = geometry.nearly_slack(value)
-    holds(row, 100 * EPS / value)
+    assert_within(row, 100 * EPS / value)
     fails(row, in_proportion=(0.5, 1e-2))
 
 
@@ -180,7 +180,7 @@ def test_nearly_horizontal():
     """The last bit of the length is EPS / slope^2 of the height."""
     value = np.array([0.5, 1e-2, 1e-4, 1e-5, 3e-6])
     row = geometry.nearly_horizontal(value)
-    holds(row, 20 * EPS + 3 * EPS / value**2)
+    assert_within(row, 20 * EPS + 3 * EPS / value**2)
     assert row.error["difference quotients of energy"].max() > 1e-6
 
 
@@ -188,7 +188,7 @@ def test_quality():
     """No rounding shows at any Q, and nothing is left out where losses are large."""
     loss = np.array([1e-2, 1e-5, 1e-8, 1e-11, 1e-14, 1e-15])
     row = modal.quality(loss)
-    holds(row, 20 * EPS)
+    assert_within(row, 20 * EPS)
     for name in row.others:  # right at some Q, wrong from 1e16 on
         assert row.error[name].min() < BROKEN < row.error[name][-2:].max()
 
@@ -197,24 +197,24 @@ def test_masses():
     """Pitch by a millionth of the size is known to the last bit of the offset: 1e-10; modes to a
     thousandth of that."""
     row = masses.row(np.array([1e3, 1.0, 1e-3, 1e-6]))
-    holds(row, 3e-10, "pendsus: pitch of the light body")
-    holds(row, 1e-12, "pendsus: ω² of all modes")
+    assert_within(row, 3e-10, "pendsus: pitch of the light body")
+    assert_within(row, 1e-12, "pendsus: ω² of all modes")
     fails(row, pitch=(1.0, 1e-3))
 
 
 def test_heavy_wires():
     """Wires with mass are right whatever they weigh; `auto` to its tolerance."""
     row = masses.heavy_wires(np.array([1e-6, 1e-3, 0.1, 1.0]))
-    holds(row, 1e-6, "pendsus: violin")
-    holds(row, 1e-3, "pendsus: auto")
+    assert_within(row, 1e-6, "pendsus: violin")
+    assert_within(row, 1e-3, "pendsus: auto")
     fails(row, wires=(1e-3, 0.1), a_third=(1e-3, 1.0))
 
 
 def test_poses_with_two_growing_modes():
     """The pose of lowest energy is found, alone and in a batch, where Newton's method misses it."""
     row = poses.row(np.array([1e-4, 0.7]))
-    holds(row, 1e-8, "pendsus: a build alone")
-    holds(row, 1e-8, "pendsus: among others")
+    assert_within(row, 1e-8, "pendsus: a build alone")
+    assert_within(row, 1e-8, "pendsus: among others")
     fails(row, Newton=(1e-4, 0.7), one_linear=(1e-4, 0.7))
 
 
@@ -261,7 +261,7 @@ def test_names_cover_no_line():
             )
 
 
-def test_a_method_right_in_the_end_is_not_said_to_hold_all_the_way():
+def test_a_method_right_only_at_the_end_is_not_called_right_throughout():
     error = {"pendsus": np.zeros(3), "bulge": np.array([0.0, 2 * BROKEN, 0.0]), "flat": np.zeros(3)}
     line = atlas.table_row(Row("t", "d", "q", np.array([1.0, 2.0, 3.0]), error, "", ""))
     assert "bulge: off by 0.002 at 2, right beyond<br>flat: right throughout" in line

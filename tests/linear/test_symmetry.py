@@ -223,8 +223,8 @@ def test_shares_of_the_kinetic_energy(kind):
             )
         model = model_of(raw)
         found = eigenmodes.solve(model)
-        assert found.shares.min() >= 0
-        np.testing.assert_allclose(found.shares.sum(1), 1.0, rtol=1e-12)
+        assert found.fractions.min() >= 0
+        np.testing.assert_allclose(found.fractions.sum(1), 1.0, rtol=1e-12)
         assert found.tip_energy.shape[1] == model.size - 6 * (len(model.body) + 1)
         mass = (model.basis @ model.mass @ model.basis.T)[6:, 6:]
         modal = found.shape @ mass @ found.shape.T

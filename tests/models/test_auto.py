@@ -1,5 +1,5 @@
-"""`auto` takes the lowest rung that is good enough for what is asked, and says how good: against
-`violin` on random designs."""
+"""`auto` takes the cheapest model within the tolerance of the requested result, and estimates its
+error: compared with `violin` on random designs."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def away(frequency, known):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_frequencies_of_modes(seed):
-    """The modes of bodies on the rung taken against those with distributed wires; the estimate is
+    """The modes of bodies on the model taken against those with distributed wires; the estimate is
     not far off."""
     design = random_design(seed)
     decision = auto.decide(design, lambda _: Frequencies(), TOLERANCE)
@@ -141,7 +141,7 @@ def test_a_body_free_to_spin_needs_the_torsion_of_its_wire():
 
 @pytest.mark.parametrize("name", ["husman2000/table2", "triple-damped"])
 def test_bending_points_are_those_of_strings(name):
-    """Where a design tells the points at which its wires seem to bend, beams clamped beyond them
+    """Where a design gives the points at which its wires seem to bend, beams clamped beyond them
     move as strings do, but for torsion and (u/l)^2."""
     design = read(CONFIGS / f"{name}.toml").design
     thin, thick = (
@@ -159,8 +159,8 @@ def test_bending_points_are_those_of_strings(name):
 
 
 def test_bending_points_of_thick_ends():
-    """A fibre with ends ten times as thick, shorter than they would bend by themselves: still where
-    the design says that it seems to bend."""
+    """A fibre with ends ten times as thick, shorter than their own bending length: the bending
+    points are still those that the design gives."""
     wires = {
         "count": 4,
         "l": 0.4,
@@ -200,7 +200,7 @@ def test_a_tighter_tolerance_takes_more():
     assert levels[-1] == "violin"
 
 
-def test_wires_of_unknown_section_are_told():
+def test_wires_of_unknown_section_are_reported():
     raw = scenes.chain(np.random.default_rng(1), 1)
     decision = auto.decide(scenes.design_of(raw), lambda _: Frequencies(), 1e-3)
     assert decision.choice.level == "force"
@@ -208,9 +208,9 @@ def test_wires_of_unknown_section_are_told():
     assert "unknown" in decision.choice.reason
 
 
-def test_what_the_rung_has_is_not_told_as_left_out():
-    """Wires that bend are on a rung that has blades as coordinates, whether these are what it was
-    taken for or not."""
+def test_physics_in_the_model_is_not_listed_as_neglected():
+    """Wires that bend are on a model that has blades as coordinates, whether these
+    are the reason for this model or not."""
     design = read(CONFIGS / "quadruple.toml").design
     base = registry.STRING.system(design)
     drive, motion = plants.drives(base, "support.x"), plants.motions(base, "test.x")

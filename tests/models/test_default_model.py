@@ -85,7 +85,7 @@ def test_a_fit_that_ends_where_wires_bend_goes_on_there(tmp_path):
     assert found["parameters"][0]["start"] == 2e-6
 
 
-def test_a_model_that_cannot_tell_says_so_first(tmp_path):
+def test_a_model_without_an_estimate_says_so_first(tmp_path):
     """Wires of given k without cross-section have unknown bending."""
     file = CONFIGS / "husman2000" / "table1-case4.toml"
     text = file.read_text()

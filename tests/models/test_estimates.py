@@ -97,11 +97,11 @@ def test_small_changes_are_estimated_within_a_factor_of_three(seed, effective):
     )
     weighed = estimates(design, eigenmodes.solve(string))
     bending, mass = weighed.bending.sum(1).max(), weighed.mass.sum(1).max()
-    asked = Frequencies()
+    requested = Frequencies()
     if bending < 0.03:
-        assert 1 / 3.5 < asked.change(string, beam)[0] / bending < 3.5
+        assert 1 / 3.5 < requested.change(string, beam)[0] / bending < 3.5
     if mass < 0.03:
-        assert 1 / 3.5 < asked.change(beam, violin)[0] / mass < 3.5
+        assert 1 / 3.5 < requested.change(beam, violin)[0] / mass < 3.5
 
 
 def test_light_models_gain_mass_without_being_built_anew():

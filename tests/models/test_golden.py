@@ -20,7 +20,7 @@ RELATIVE = {
 }
 """How far numbers may be off by name, relative to each, and all others by `OTHERWISE`."""
 OTHERWISE = 1e-7
-ABSOLUTE = {"share": 1e-7, "top_mass_share": 1e-7, "leading": 1e-9}
+ABSOLUTE = {"fraction": 1e-7, "top_mass_fraction": 1e-7, "leading": 1e-9}
 """What may be rounding around 0: also so much."""
 PAIRS = {
     "real": "imag",
@@ -110,8 +110,8 @@ def test_differences_are_seen(change):
         "q": 10.0,
         "label": "test pitch",
         "modes": [1.0, 2.0, 3.0],
-        "share": 1e-12,
+        "fraction": 1e-12,
     }
-    assert_close({**document, "share": 2e-12, "imag": 1e-3 + 1e-9}, document)
+    assert_close({**document, "fraction": 2e-12, "imag": 1e-3 + 1e-9}, document)
     with pytest.raises(AssertionError):
         assert_close({**document, **change}, document)

@@ -1,5 +1,4 @@
-"""The rungs of the ladder of models agree where more than one holds: closed forms, force model,
-general strings.
+"""Models agree where more than one is valid: closed forms, force model, general strings.
 
 The force model shares no code with the general assembly, so each of them checks the other.
 """
@@ -134,7 +133,7 @@ def lossy_design(rng, stages, blades):
 
 
 def test_losses_agree():
-    """Tension is not lossy, stretching is: the imaginary parts of all rungs are one matrix."""
+    """Tension is not lossy, stretching is: the imaginary parts of all models are one matrix."""
     for seed in range(10):
         rng = np.random.default_rng([6, seed])
         design = lossy_design(rng, 1, blades=False)
@@ -292,7 +291,7 @@ def test_coupling_of_x_and_pitch_vanishes_with_d():
     np.testing.assert_allclose(found, 20.0 * 9.81 / 0.27, rtol=1e-9)
 
 
-def test_a_rung_that_does_not_hold_is_refused():
+def test_an_invalid_model_is_refused():
     chain = scenes.design_of(scenes.chain(np.random.default_rng(5), 2))
     assert "more than one stage" in closed_form.unsuited(chain)
     raw = paper.table_1(1)

@@ -1,5 +1,5 @@
-"""What a rung leaves out is told by every command that takes one: in its reason, its estimated
-error, and a warning from 1 %."""
+"""Every command that takes a model reports what it neglects: in its reason, its estimated error,
+and a warning from 1 %."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_what_cannot_be_had_is_warned_of(words, tmp_path):
     assert "neglected: wire bending, " in attributes["fidelity_reason"]
 
 
-def test_what_is_asked_for_counts(tmp_path):
+def test_neglected_physics_is_of_the_requested_quantity(tmp_path):
     """Bending hardly changes how a mass swings, whatever it does to its pitch."""
     done = run("sensitivity", QUADRUPLE, "--result", "test transverse", "--json", "--out", tmp_path)
     assert "neglects" not in done.stderr
@@ -76,7 +76,7 @@ def test_what_is_small_is_recorded(words, tmp_path):
     assert "neglected: " in attributes["fidelity_reason"]
 
 
-def test_a_fit_tells(tmp_path):
+def test_a_fit_reports_neglected_physics(tmp_path):
     """Of several designs, the worst counts."""
     single = CONFIGS / "husman2000" / "table1-case3.toml"
     experiments = [
@@ -109,7 +109,7 @@ def test_a_fit_tells(tmp_path):
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("level", ["string", "beam"])
-def test_it_is_about_what_the_top_rung_changes(seed, level):
+def test_estimate_is_the_change_by_the_most_complete_model(seed, level):
     """Within the factor that estimates are good for."""
     design = scenes.design_of(
         scenes.fibred(
@@ -118,7 +118,7 @@ def test_it_is_about_what_the_top_rung_changes(seed, level):
         )
     )
     choice = auto.estimate_error(design, Choice(level, "given"), lambda _: Frequencies()).choice
-    low, high = (registry.by_name(rung).system(design) for rung in (level, "violin"))
+    low, high = (registry.by_name(model).system(design) for model in (level, "violin"))
     old = eigenmodes.solve(low)
     count = 6 * len(high.body)
     new = wire_modes.solve(
@@ -136,7 +136,7 @@ def test_it_is_about_what_the_top_rung_changes(seed, level):
         assert choice.error <= 4 * found
 
 
-def test_the_top_rung_leaves_nothing_out():
+def test_the_most_complete_model_neglects_nothing():
     design = read(QUADRUPLE).design
     assert auto.estimate_error(
         design, Choice("violin", "given"), lambda _: Frequencies()
@@ -145,7 +145,7 @@ def test_the_top_rung_leaves_nothing_out():
 
 def test_auto_stops_at_the_top_there_is():
     """The mass of wires counts for these hairs under light bodies; without it `beam` is the best,
-    and tells."""
+    and the result says so."""
     raw = scenes.fibred(scenes.chain(np.random.default_rng(5), 2), 10**7.0)
     design = scenes.design_of(raw)
     whole = auto.decide(design, lambda _: Frequencies(), TOLERANCE)

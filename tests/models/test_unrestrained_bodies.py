@@ -1,4 +1,4 @@
-"""Where straight wires do not hold a body at all no number tells what bending changes: it is said
+"""Where straight wires do not restrain a body, no number gives the effect of bending: it is said
 in words."""
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ def test_modes_say_what_straight_wires_do_not_hold(shape, more, said, tmp_path):
     ("shape", "said"), [(FREE, LEFT_FREE), (TIPPING, TIPS)], ids=["free", "tipping"]
 )
 def test_info_says_it_too(shape, said):
-    told = run("info", FILE, *shape)
-    assert told.exit_code == 0, told.stderr
-    assert said in told.stdout
-    assert " inf" not in told.stdout
-    assert "(inf" not in told.stdout
+    reported = run("info", FILE, *shape)
+    assert reported.exit_code == 0, reported.stderr
+    assert said in reported.stdout
+    assert " inf" not in reported.stdout
+    assert "(inf" not in reported.stdout
     answer = strict_json(run("info", FILE, *shape, "--json").stdout)
     assert said in answer["choices"][0]["reason"]
 
 
 def test_an_indicator_without_bound_is_explained():
-    told = run("info", FILE, *FREE).stdout
-    assert f"without bound: {LEFT_FREE}" in told
+    reported = run("info", FILE, *FREE).stdout
+    assert f"without bound: {LEFT_FREE}" in reported
 
 
 def test_a_change_without_bound_is_no_number_in_json():

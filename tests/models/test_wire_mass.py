@@ -1,4 +1,4 @@
-"""Which rung thermal noise needs, and what leaving the mass of wires out costs."""
+"""The model that thermal noise needs, and the error of neglecting the mass of wires."""
 
 from __future__ import annotations
 
@@ -98,12 +98,12 @@ def test_noise_beside_a_mode_that_wires_load():
 
 
 @pytest.mark.parametrize(("wanted", "level"), [("beam", "beam"), ("violin", "violin")])
-def test_a_rung_can_be_asked_for(wanted, level):
+def test_a_model_can_be_requested(wanted, level):
     assert auto.for_thermal_noise(scenes.design_of(raw("single")), wanted, 1e4).level == level
 
 
 @pytest.mark.parametrize("wanted", ["closed-form", "force", "string"])
-def test_rungs_that_do_not_know(wanted):
+def test_models_without_thermal_noise_are_refused(wanted):
     with pytest.raises(InputError, match="take auto, beam or violin"):
         auto.for_thermal_noise(scenes.design_of(raw("single")), wanted, 1.0)
 

@@ -464,7 +464,7 @@ def test_whole_numbers():
     ],
 )
 def test_stress_is_that_of_the_thinnest_place(parts, tmp_path):
-    """`check` tells the stress in the thinnest section, or at the thin end of a taper."""
+    """`check` reports the stress in the thinnest section, or at the thin end of a taper."""
     answer = strict_json(run("check", written(tmp_path, in_sections(*parts)), "--json").stdout)
     for wire in answer["wires"]:
         assert wire["stress_pa"] == pytest.approx(

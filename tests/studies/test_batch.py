@@ -145,7 +145,7 @@ def test_resume_after_an_exception(count, fails, chunk, other):
     with tempfile.TemporaryDirectory() as name:
         folder, fails = Path(name), fails % count
         path, log = folder / "toy.h5", str(folder / "log")
-        with pytest.raises(RuntimeError, match="told to fail"):
+        with pytest.raises(RuntimeError, match="failure on request"):
             counting_sweep.run(counting_sweep.Toy(count, log, fails), path, chunk=chunk)
         assert not path.exists()
         done = counting_sweep.Toy(count, log).computed()
@@ -220,7 +220,7 @@ def test_a_worker_that_fails(dies, tmp_path):
     )
     with pytest.raises(
         PendsusError if dies else RuntimeError,
-        match="a worker was killed, perhaps out of memory" if dies else "told to fail",
+        match="a worker was killed, perhaps out of memory" if dies else "failure on request",
     ):
         counting_sweep.run(job, path, chunk=64, workers=2)
     noted = counting_sweep.marked(path, job.count)

@@ -58,11 +58,11 @@ class Started:
         return self.returncode
 
     def ended(self):
-        """What it told in the end."""
+        """What it reported in the end."""
         self.poll(0)
-        told = os.pread(self.stderr, 10**6, 0).decode()
+        reported = os.pread(self.stderr, 10**6, 0).decode()
         os.close(self.stderr)
-        return told
+        return reported
 
 
 def finished(out, *options):

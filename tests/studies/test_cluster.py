@@ -65,7 +65,7 @@ def test_every_point_once(chunks, scheduler, tmp_path):
 
 def test_a_failure_on_the_cluster_is_taken_up(scheduler, tmp_path):
     job = counting_sweep.Toy(64 * 20, str(tmp_path / "log"), 64 * 15)
-    with pytest.raises(RuntimeError, match="told to fail"):
+    with pytest.raises(RuntimeError, match="failure on request"):
         counting_sweep.run(job, tmp_path / "toy.h5", chunk=64, scheduler=scheduler)
     noted = counting_sweep.marked(tmp_path / "toy.h5", job.count)
     before = job.computed()

@@ -33,15 +33,15 @@ def beam(text, *overrides):
 @cache
 def solved(text, *results, level="beam"):
     model = registry.by_name(level).system(reader.parse(text))
-    asked = named_results.parse(
+    requested = named_results.parse(
         list(results) or ["modes"],
         eigenmodes.solve(replace(model, terms=())),
         signals.bodies_with_signals(model),
     )
-    return sensitivity.solve(text, asked, level), asked
+    return sensitivity.solve(text, requested, level), requested
 
 
-def whole_run(text, asked, numbers):
+def whole_run(text, requested, numbers):
     """All modes, then the sizes of responses, of a design with numbers put in."""
     model, found = beam(
         text,
@@ -52,7 +52,7 @@ def whole_run(text, asked, numbers):
         ),
     )
     known, sizes = signals.bodies_with_signals(model), []
-    for item in (item for item in asked if isinstance(item, named_results.Ratio)):
+    for item in (item for item in requested if isinstance(item, named_results.Ratio)):
         outputs = [
             signals.parse_output(s.text, known) for s in (item.over, item.under) if s is not None
         ]
@@ -94,7 +94,7 @@ def test_against_differences_of_whole_runs(case):
     them shows.
     """
     text = sectioned() if case == "sections" else (CONFIGS / f"{case}.toml").read_text()
-    found, asked = solved(text, "modes", *CASES[case])
+    found, requested = solved(text, "modes", *CASES[case])
     chosen, step, rng = (
         np.flatnonzero(found.free & (found.value != 0)),
         1e-4,
@@ -109,7 +109,7 @@ def test_against_differences_of_whole_runs(case):
         runs.append(
             whole_run(
                 text,
-                asked,
+                requested,
                 dict(zip([found.parameter[n] for n in chosen], values.tolist(), strict=True)),
             )
         )
@@ -228,12 +228,12 @@ def test_on_a_resonance_and_a_coupling_that_is_zero():
     states = eigenmodes.solve(model)
     quality, peak = float(states.q[1]), float(states.frequency[1])
     assert quality > 1e3
-    found, asked = solved(
+    found, requested = solved(
         text, "test.z/test.x/support.x:5", f"test.x/support.x:{peak * (1 + 0.5 / quality)!r}"
     )
     assert found.nominal[0] == 0 and not found.derivative[:, 0].any()
     value, step = 0.28, 0.28 * 0.02 / quality
-    low, high = (whole_run(text, asked, {name: value + sign * step})[-1] for sign in (-1, 1))
+    low, high = (whole_run(text, requested, {name: value + sign * step})[-1] for sign in (-1, 1))
     slope = found.derivative[found.parameter.index(name), 1]
     assert abs(slope) * value > 0.05 * quality * found.nominal[1]
     assert slope == pytest.approx((high - low) / (2 * step), rel=1e-3)
@@ -269,11 +269,13 @@ def put(values):
 
 def test_a_fit_on_beam_finds_what_strings_cannot():
     text = DOUBLE.read_text()
-    asked = Measured(mode=seen(text, *put(TRUTH)), parameter=[Free(name=name) for name in NUMBERS])
-    found = fit.solve([text], asked, level="beam")
+    requested = Measured(
+        mode=seen(text, *put(TRUTH)), parameter=[Free(name=name) for name in NUMBERS]
+    )
+    found = fit.solve([text], requested, level="beam")
     np.testing.assert_allclose(found.value, TRUTH, rtol=1e-6)
     assert found.chi_squared < 1e-9
-    mistaken = fit.solve([text], asked)
+    mistaken = fit.solve([text], requested)
     assert np.abs(mistaken.value / TRUTH - 1).max() > 0.03 and mistaken.chi_squared > 100
 
 
@@ -304,7 +306,7 @@ def test_the_commands(tmp_path):
     )
     assert answer["fidelity"] == "beam" and answer["estimated_error"] < 1e-3
     assert "materials.c70steel.poisson_ratio" in [item["name"] for item in answer["parameters"]]
-    told = run(
+    reported = run(
         "sensitivity",
         CONFIGS / "husman2000" / "table1-case4.toml",
         "--fidelity",
@@ -314,19 +316,18 @@ def test_the_commands(tmp_path):
         tmp_path,
     )
     assert (
-        told.stdout.startswith("model: beam (as requested); neglected: wire mass")
-        and "warning" not in told.stderr
+        reported.stdout.startswith("model: beam (as requested); neglected: wire mass")
+        and "warning" not in reported.stderr
     )
-    told = run("sensitivity", DOUBLE, "--fidelity", "string", "--no-plot", "--out", tmp_path)
+    reported = run("sensitivity", DOUBLE, "--fidelity", "string", "--no-plot", "--out", tmp_path)
     assert (
         "the string model neglects wire bending, which changes test pitch by 25 %; rerun with"
-        " --fidelity beam" in told.stderr
+        " --fidelity beam" in reported.stderr
     )
 
 
 def test_a_fit_by_the_command(tmp_path):
-    """From modes that are measured on beam, in files; what is unstable on strings alone is not told
-    to be."""
+    """From modes of the beam model in files; stability is not judged by the string model."""
     rows = [
         {"label": mode.label, "frequency": mode.frequency, "uncertainty": mode.uncertainty}
         for mode in seen(DOUBLE.read_text(), *put(TRUTH))
@@ -346,13 +347,13 @@ def test_a_fit_by_the_command(tmp_path):
         tmp_path / "none",
     )
     assert any("is the label of no mode" in line for line in lines)
-    told = run("fit", DOUBLE, file, "--fidelity", "string", "--no-plot", "--out", tmp_path)
-    assert "rerun with --fidelity beam" in told.stderr
+    reported = run("fit", DOUBLE, file, "--fidelity", "string", "--no-plot", "--out", tmp_path)
+    assert "rerun with --fidelity beam" in reported.stderr
 
 
 @pytest.mark.parametrize("level", ["closed-form", "force", "violin"])
 @pytest.mark.parametrize("command", ["sensitivity", "fit"])
-def test_rungs_without_derivatives_are_refused(command, level, tmp_path):
+def test_models_without_derivatives_are_refused(command, level, tmp_path):
     file = CONFIGS / "husman2000" / "table1-case4.toml"
     measured = (
         [CONFIGS.parent / "measured" / "husman2000" / "table1-case4.toml"]

@@ -1,4 +1,4 @@
-"""A sweep that costs nothing, writes down what it was asked for, and fails where it is told to."""
+"""A sweep that costs nothing, records its calls, and fails on request."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Toy:
         if start <= self.fails < stop:
             if self.dies and multiprocessing.parent_process() is not None:
                 os._exit(3)
-            raise RuntimeError("told to fail")
+            raise RuntimeError("failure on request")
         point = np.arange(start, stop)
         with Path(self.log).open("a") as stream:
             stream.write(f"{start} {stop}\n")

@@ -66,20 +66,22 @@ def question(
 
 
 def answers(
-    values: dict[str, Any], asked: CouplingRequest | None = None, design: Design = FIGURE_6
+    values: dict[str, Any], requested: CouplingRequest | None = None, design: Design = FIGURE_6
 ) -> dict[str, Any]:
     """Results of builds by the batch: `values` are arrays by the short names of `pendsus
     xcouple`."""
-    asked = asked or question(design)
+    requested = requested or question(design)
     table = {name: np.atleast_1d(np.asarray(value, dtype=float)) for name, value in values.items()}
-    return coupling.compute_coupling(coupling.impose(expand(design), table, asked), design, asked)
+    return coupling.compute_coupling(
+        coupling.impose(expand(design), table, requested), design, requested
+    )
 
 
 def ratios(
-    values: dict[str, Any], asked: CouplingRequest | None = None, design: Design = FIGURE_6
+    values: dict[str, Any], requested: CouplingRequest | None = None, design: Design = FIGURE_6
 ) -> Any:
     """The (real) ratios of builds, all of which must be good."""
-    found = answers(values, asked, design)
+    found = answers(values, requested, design)
     assert not found["status"].any()
     assert not found["ratio"].imag.any()
     return found["ratio"][:, 0].real
@@ -104,6 +106,6 @@ def _exact(build: dict[str, float], wire: int, hold: str) -> float:
     )
 
 
-def balanced(values: dict[str, Any], asked: CouplingRequest, design: Design) -> builds.Builds:
+def balanced(values: dict[str, Any], requested: CouplingRequest, design: Design) -> builds.Builds:
     """Builds of a batch in equilibrium."""
-    return builds.balance(coupling.impose(expand(design), values, asked), design)
+    return builds.balance(coupling.impose(expand(design), values, requested), design)

@@ -1,4 +1,4 @@
-"""Golden files: the modes and responses of every design in `configs/` on every rung, and what
+"""Golden files: the modes and responses of every design in `configs/` on every model, and what
 commands give out of some.
 
 `make golden` regenerates them; a value that moves needs its reason under "Numbers changed" in
@@ -91,8 +91,8 @@ def every_path() -> set[Path]:
 
 
 def computed(config: Path) -> dict[str, Any]:
-    """What a golden file holds: omega^2 in (rad/s)^2 and the home of every mode, on each rung that
-    holds; of wires with mass, responses and counts."""
+    """Contents of a golden file: omega^2 in (rad/s)^2 and the home of every mode, on each valid
+    model; of wires with mass, responses and counts."""
     design = read(config).design
     result: dict[str, Any] = {"auto": registry.choose(design).level}
     for level in ("force", "string", "beam"):

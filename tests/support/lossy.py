@@ -75,10 +75,10 @@ def lossier(given: dict[str, Any], angle: float) -> dict[str, Any]:
 
 def model_of(given: dict[str, Any], level: str = "violin") -> Any:
     """The model of a design, made once."""
-    asked = json.dumps([given, level])
-    if asked not in _MADE:
-        _MADE[asked] = registry.by_name(level).system(scenes.design_of(given))
-    return _MADE[asked]
+    requested = json.dumps([given, level])
+    if requested not in _MADE:
+        _MADE[requested] = registry.by_name(level).system(scenes.design_of(given))
+    return _MADE[requested]
 
 
 _MADE: dict[str, Any] = {}

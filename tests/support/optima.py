@@ -27,7 +27,7 @@ G = 9.81
 
 
 def solved(file, goal, free, equal=(), **how):
-    """The optimum of a design, checked on `string`, from its own numbers alone unless told
+    """The optimum of a design, checked on `string`, from its own numbers alone unless given
     otherwise."""
     wanted = Goals(
         goal=goal,

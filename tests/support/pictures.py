@@ -26,7 +26,7 @@ radius = 142.5e-6
 TRIPLE = """
 [design]
 name = "triple"
-title = "Costs $5, or $6\\nall told"
+title = "Costs $5, or $6\\nall reported"
 [[stage]]
 name = "top"
 body = { shape = "box", size = [0.12, 0.20, 0.05], mass = 5.0 }

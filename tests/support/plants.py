@@ -63,7 +63,7 @@ def raw(
 
 
 def _with_loss(result: dict[str, Any]) -> dict[str, Any]:
-    """Wires and blades of lossy materials; a wire told by its k gets a material for its loss angle
+    """Wires and blades of lossy materials; a wire given by its k gets a material for its loss angle
     alone."""
     table = result.setdefault("materials", {})
     table["lossy"] = {"youngs_modulus": 1e11, "loss_angle": LOSS["wire"]}

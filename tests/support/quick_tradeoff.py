@@ -1,4 +1,4 @@
-"""The trade-off with little to time: everything is worked out as ever, but on small batches, once,
+"""The trade-off with little to time: everything is computed as ever, but on small batches, once,
 and without the many modes of wires."""
 
 from __future__ import annotations
@@ -30,10 +30,14 @@ def hurry(monkeypatch: Any) -> None:
     solve, found = wire_modes.solve, {}
 
     def few(model: Any, highest: float, **more: Any) -> Any:
-        asked = (model.stiffness.tobytes(), model.mass.tobytes(), *map(repr, sorted(more.items())))
-        if asked not in found:
-            found[asked] = solve(model, min(highest, HIGHEST), **more)
-        return found[asked]
+        requested = (
+            model.stiffness.tobytes(),
+            model.mass.tobytes(),
+            *map(repr, sorted(more.items())),
+        )
+        if requested not in found:
+            found[requested] = solve(model, min(highest, HIGHEST), **more)
+        return found[requested]
 
     def quartiles(works: Any, *_: Any) -> Any:
         for work in works:

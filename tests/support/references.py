@@ -1,9 +1,9 @@
-"""References that take long, in arithmetic of many digits: worked out once and kept in
+"""References that take long, in arithmetic of many digits: computed once and kept in
 tests/data/references.json.
 
-`python -m tests.support.references` works all of them out again and writes that file;
+`python -m tests.support.references` computes all of them again and writes that file;
 `tests/docs/test_references.py` does so with some of each kind. What is looked up is exact doubles
-and where those differ (another machine's exp may do so in the last bit) a reference is worked out
+and where those differ (another machine's exp may do so in the last bit) a reference is computed
 on the spot: slow, never wrong.
 """
 

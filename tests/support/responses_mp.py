@@ -6,7 +6,7 @@ costs nothing, so in every row the elements towards the row's own body follow fr
 others. In double precision they obey that to their last digit only, and at 0.01 Hz some responses
 are made of what is left after the first nine digits have cancelled. So here those elements are
 taken from the others, in 50 digits; all else, roll and pitch of the support among it, is taken from
-the model's matrices as they stand. `completed` spells it out, and tells how far that moved any
+the model's matrices as they stand. `completed` spells it out, and returns how far that moved any
 element.
 """
 
@@ -43,8 +43,8 @@ class Compared:
     condition : array
         |y|^T (|K| + omega |C| + omega^2 |M|) |x| / |H| + |c| |x| / |H| for H = c x, D x = b, D y =
         c: what relative errors of 1 in every
-        element of K, C, M and c (each by itself) would do to H, to first order (Higham 2002,
-        section 7.2). None unless asked for.
+        element of K, C, M and c (each alone) would do to H, to first order (Higham 2002,
+        section 7.2). None unless requested.
     """
 
     exact: Any
@@ -65,7 +65,7 @@ def compare(
     Parameters
     ----------
     alone : bool
-        Ask for the response to each input by itself, not to all at once.
+        Ask for the response to each input alone, not to all at once.
     condition : bool
         Work out the condition too.
     """
@@ -125,7 +125,7 @@ _KEPT: dict[int, Any] = {}
 
 
 def _matrices(model: LinearSystem) -> Any:
-    """Stiffness, its imaginary part, damping and mass in 50 digits; worked out once a model (which
+    """Stiffness, its imaginary part, damping and mass in 50 digits; computed once a model (which
     is kept, so that its id stays its own)."""
     if id(model) not in _KEPT:
         full = model.stiffness if model.lossy is None else model.lossy

@@ -56,7 +56,7 @@ def uniform(rng: Generator, low: float, high: float) -> float:
 
 
 def body(rng: Generator) -> Raw:
-    """A solid block, told by its mass and moments of inertia."""
+    """A solid block, given by its mass and moments of inertia."""
     mass, density = log_uniform(rng, 1.0, 40.0), log_uniform(rng, 2200.0, 8000.0)
     sides = rng.uniform(0.6, 1.6, 3)
     sides *= (mass / density / sides.prod()) ** (1 / 3)

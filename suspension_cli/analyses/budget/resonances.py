@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.damp import closed_loop_poles, control
+from suspension_cli.analyses.damp import closed_loop_poles, control, control_statespace
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.conventions import DOFS
@@ -35,7 +35,7 @@ def find_poles(design: Any, model: LinearSystem) -> Poles:
     plant = build_plant(design, model)
     constant = build_plant(design, with_constant_loss(model))
     return closed_loop_poles.refine(
-        poles.poles(control.build_closed_loop(constant, [], every)), plant
+        poles.poles(control_statespace.build_closed_loop(constant, [], every)), plant
     )
 
 

@@ -61,13 +61,13 @@ def _check_stress(
 ) -> Iterator[ImplausibleNumber]:
     """Report the part with the largest stress over strength, if above 1."""
     worst = max(
-        (part for part in parts if part.share is not None),
-        key=lambda part: part.share or 0.0,
+        (part for part in parts if part.fraction is not None),
+        key=lambda part: part.fraction or 0.0,
         default=None,
     )
-    if worst is None or worst.share is None or worst.strength is None or worst.share <= 1:
+    if worst is None or worst.fraction is None or worst.strength is None or worst.fraction <= 1:
         return
-    ratio = worst.share
+    ratio = worst.fraction
     given = (
         design.materials[worst.material].tensile_strength
         if worst.material in design.materials

@@ -68,7 +68,7 @@ class Check(Report):
                     "wire": w.label,
                     "tension_n": w.tension,
                     "stretch_m": w.stretch,
-                    "stretch_share": w.stretch / w.length,
+                    "stretch_fraction": w.stretch / w.length,
                 }
                 | _stressed(w)
                 for w in found.wires
@@ -172,14 +172,18 @@ def solve(source: Source) -> Check:
 
 
 def _stressed(part: WireLoad | BladeLoad) -> dict[str, Any]:
-    return {"stress_pa": part.stress, "strength_pa": part.strength, "strength_share": part.share}
+    return {
+        "stress_pa": part.stress,
+        "strength_pa": part.strength,
+        "strength_fraction": part.fraction,
+    }
 
 
 def _strength(part: WireLoad | BladeLoad) -> tuple[float | None, float | None]:
     """Return the stress in MPa and its fraction of the strength in %; None where unknown."""
     return (
         None if part.stress is None else part.stress / 1e6,
-        None if part.share is None else 100 * part.share,
+        None if part.fraction is None else 100 * part.fraction,
     )
 
 

@@ -35,7 +35,7 @@ class WireLoad:
         At its thinnest section, Pa; None where only k is known.
     strength : float or None
         Tensile strength of `material`, Pa; None where no strength is known.
-    share : float or None
+    fraction : float or None
         Largest ratio of stress to strength of its sections.
     material : str
         Material of that section; "" where none is named.
@@ -47,7 +47,7 @@ class WireLoad:
     length: float
     stress: float | None
     strength: float | None
-    share: float | None
+    fraction: float | None
     material: str
 
 
@@ -64,7 +64,7 @@ class BladeLoad:
         Deflection of its tip under the load, m.
     stress : float or None
         Largest, at its base, Pa; None where its geometry is not known.
-    strength, share : float or None
+    strength, fraction : float or None
         As in `WireLoad`.
     material : str
     """
@@ -74,7 +74,7 @@ class BladeLoad:
     sag: float
     stress: float | None
     strength: float | None
-    share: float | None
+    fraction: float | None
     material: str
 
 
@@ -211,11 +211,11 @@ def _wire_load(
         for stress, strength, name in found
         if strength is not None
     ]
-    share, strength, material = max(
+    fraction, strength, material = max(
         known, default=(None, None, max(found)[2] if found else table.material or "")
     )
     largest = max((stress for stress, _, _ in found), default=None)
-    return WireLoad(label, tension, stretch, length, largest, strength, share, material)
+    return WireLoad(label, tension, stretch, length, largest, strength, fraction, material)
 
 
 def _strength(design: Design, name: str | None) -> float | None:
@@ -251,8 +251,8 @@ def _blade_load(
         return BladeLoad(label, load, load / stiffness, None, None, None, table.material or "")
     stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
     strength = _strength(design, shape.material)
-    share = None if strength is None else stress / strength
-    return BladeLoad(label, load, load / stiffness, stress, strength, share, shape.material)
+    fraction = None if strength is None else stress / strength
+    return BladeLoad(label, load, load / stiffness, stress, strength, fraction, shape.material)
 
 
 def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp import control, control_statespace
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.design import loop_filters
 from suspension_cli.design.schema import Loop
@@ -85,7 +85,7 @@ def refine(found: Poles, plant: Plant) -> Poles:
     known = {name: n for n, name in enumerate(model.coordinate)}
     for loop, pushed in zip(plant.loops, plant.pushed, strict=True):
         place = int(np.flatnonzero(pushed[6:])[0]) + 6
-        known |= {f"loop {loop.name}": place, f"loop {loop.name} {control.DELAY}": place}
+        known |= {f"loop {loop.name}": place, f"loop {loop.name} {control_statespace.DELAY}": place}
     member = np.array([_find_block(state, known, groups) for state in found.state], dtype=np.intp)
     spurious = np.zeros(len(values), dtype=bool)
     for number in set(member.tolist()):
@@ -180,7 +180,7 @@ class _Block:
         damping = model.damping[rows]
         resisting, filters = damping, []
         for loop, pushed, sensed in zip(acting.loops, acting.pushed, acting.sensed, strict=True):
-            filters.append(control.realise_filter(loop))
+            filters.append(control_statespace.realise_filter(loop))
             if loop_filters.is_velocity_damper(loop):
                 resisting = resisting + loop.damper * np.outer(pushed, sensed)
         return _Block(
@@ -188,7 +188,7 @@ class _Block:
             model.mass[rows],
             model.stiffness[rows],
             damping,
-            np.zeros(damping.shape) if model.lossy is None else model.lossy[rows].imag,
+            np.zeros(damping.shape) if model.lossy is None else np.imag(model.lossy[rows]),
             tuple(term.within(group) for term in model.terms),
             # the first, empty block: block_diag() of nothing has a row
             tuple(block_diag(np.zeros((0, 0)), *(one[n] for one in filters)) for n in range(4)),

@@ -59,7 +59,7 @@ def count_growing(plant: Plant, closed: Poles, opened: Poles) -> int | None:
     moved = closed.value[np.abs(closed.value) > 0]
     apart = np.abs(moved[:, None] - opened.value).min(1, initial=np.inf)
     moved = moved[apart > NEAR * np.abs(moved)]  # others are no zeros of D
-    if (np.abs(moved.real) <= NEAR * np.abs(moved)).any():
+    if (np.abs(np.real(moved)) <= NEAR * np.abs(moved)).any():
         return None
     # a little damping moves open-loop poles without loss off the path
     model, rate = plant.model, LITTLE * np.abs(every).min()
@@ -86,4 +86,4 @@ def count_growing(plant: Plant, closed: Poles, opened: Poles) -> int | None:
 def count_found(found: Poles) -> int:
     """Count poles that grow, both of each pair."""
     grows = found.growth_rate > 0
-    return int(np.where(found.value.imag != 0, 2, 1)[grows].sum())
+    return int(np.where(np.imag(found.value) != 0, 2, 1)[grows].sum())

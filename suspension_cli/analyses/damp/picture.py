@@ -38,7 +38,7 @@ def _draw_poles(axes: Axes, damped: LocalControl) -> None:
         (damped.open, "o", NOTE, "loops open"),
         (damped.closed, "x", PALETTE[1], "loops closed"),
     ):
-        oscillates = (poles.value.imag > 0) & (poles.frequency > 0)
+        oscillates = (np.imag(poles.value) > 0) & (poles.frequency > 0)
         q = np.where(poles.q[oscillates] > 0, np.minimum(poles.q[oscillates], HIGHEST_Q), HIGHEST_Q)
         axes.loglog(
             poles.frequency[oscillates],

@@ -15,6 +15,7 @@ from suspension_cli.analyses.damp import (
     sensitivity,
 )
 from suspension_cli.analyses.damp.control import Plant
+from suspension_cli.analyses.damp.control_statespace import build_broken_loop, build_closed_loop
 from suspension_cli.analyses.damp.margins import Margins
 from suspension_cli.analyses.damp.sensitivity import SensitivityPeak
 from suspension_cli.analyses.export import solve as export
@@ -122,7 +123,7 @@ def solve(
     faint = FAINT if any(loop.delay for loop in plant.loops) else 0.0
     time = np.linspace(0.0, duration, samples)
     impulse, undamped = (
-        poles.impulse(control.build_closed_loop(fixed, [driven], [observed]), time)[:, 0, 0]
+        poles.impulse(build_closed_loop(fixed, [driven], [observed]), time)[:, 0, 0]
         for fixed in (constant, constant.with_loops([]))
     )
     return LocalControl(
@@ -183,7 +184,7 @@ def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
     )
     every = _all_motions(model)
     closed, opened = (
-        closed_loop_poles.refine(poles.poles(control.build_closed_loop(fixed, [], every)), exact)
+        closed_loop_poles.refine(poles.poles(build_closed_loop(fixed, [], every)), exact)
         for fixed, exact in ((constant, plant), (constant.with_loops([]), plant.with_loops([])))
     )
     if closed.stable and any(loop.delay for loop in plant.loops):
@@ -229,7 +230,7 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Array:
     """
     found = [closed.value / (2 * np.pi)]
     for n, loop in enumerate(plant.loops):
-        form = export.compute_zero_pole_gain(control.build_broken_loop(plant, n))
+        form = export.compute_zero_pole_gain(build_broken_loop(plant, n))
         found += [form.zeros[0][0] / (2 * np.pi), form.poles[0][0] / (2 * np.pi)]
         made = loop_filters.whole(loop)
         found += [np.array(roots, dtype=complex) for roots in (made.zeros, made.poles)]

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses import options, tables
+from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, plain
+from suspension_cli.analyses.fit import report
 from suspension_cli.analyses.options import argument, option
 
 if TYPE_CHECKING:
@@ -25,14 +25,9 @@ if TYPE_CHECKING:
     from suspension_cli.models.auto import Decision
     from suspension_cli.models.registry import Choice
 
-SAME = 1e-3
-"""Relative difference of chi^2 below which two searches ended at the same place."""
 
 REFITS = 2
 """Most fits from the fitted numbers, on a more complete model that these need."""
-
-LARGEST = 6
-"""Numbers of a combination that are printed."""
 
 
 class FitAnalysis(Analysis):
@@ -146,7 +141,7 @@ class FitAnalysis(Analysis):
         )
         _warn(data, choice, run.log)
         if run.setting.get("as_json", True):  # printed in the text
-            for line in _first_lines(data):
+            for line in report.first_lines(data):
                 run.log.warn(line)
         extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
         return Result(self, run.source, choice, data, extra, command=run.command)
@@ -163,15 +158,15 @@ class FitAnalysis(Analysis):
             "experiments": [
                 {"name": name, "design": file} for name, file in zip(who, files, strict=True)
             ],
-            "parameters": _learned(found),
+            "parameters": report.learned_numbers(found),
             "covariance": plain(found.scale**2 * found.covariance),
-            "modes": _modes(found),
+            "modes": report.mode_rows(found),
             "chi_squared": found.chi_squared,
             "chi_squared_of_starts": found.ends.tolist(),
             "degrees_of_freedom": found.freedom,
             "misfit": found.misfit,
             "sigma_scale": found.scale,
-            "exchange": _exchange(found),
+            "exchange": report.exchanged_labels(found),
             "singular_values": found.singular.tolist(),
             "directions": found.direction.tolist(),
         }
@@ -185,18 +180,18 @@ class FitAnalysis(Analysis):
         """Return what was learned, how modes lie, and what the data cannot tell apart."""
         found: Fit = result.data
         lines = [result.choice.line, ""]
-        first = _first_lines(found)
+        first = report.first_lines(found)
         lines += [*first, ""] if first else []
-        lines += [_numbers(found), ""]
+        lines += [report.numbers(found), ""]
         if found.label:
-            lines += [_residuals(found), ""]
+            lines += [report.residuals(found), ""]
         if found.responses is None:
-            return "\n".join([*lines, *_known(found)])
+            return "\n".join([*lines, *report.known_combinations(found)])
         from suspension_cli.analyses.fit import response_text
 
         for part in response_text.report(found):
             lines += [part, ""]
-        return "\n".join([*lines, *_end(found)])
+        return "\n".join([*lines, *report.search_ends(found)])
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw modes before and after, and what was learned."""
@@ -392,154 +387,6 @@ def _warn(found: Fit, choice: Choice, log: Log) -> None:
                 f"{name} as fitted is unstable on {choice.level}: {states.label[0]} grows at"
                 f" {states.growth_rate[0]:.4g} 1/s"
             )
-
-
-def _learned(found: Fit) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": label,
-            "start": plain(found.start[n]),
-            "value": plain(found.value[n]),
-            "sigma": plain(found.scale * found.sigma[n]),
-            "at_bound": bool(found.at_bound[n]),
-            "experiments": [
-                name for name, here in zip(found.experiment, found.shared[n], strict=True) if here
-            ],
-        }
-        for n, label in enumerate(found.name)
-    ]
-
-
-def _modes(found: Fit) -> list[dict[str, Any]]:
-    columns = {
-        "measured_hz": found.measured,
-        "uncertainty_hz": found.uncertainty,
-        "before_hz": found.before,
-        "after_hz": found.after,
-        "residual": found.residual,
-    }
-    return [
-        {"experiment": found.experiment[found.of[n]], "label": label}
-        | {key: plain(values[n]) for key, values in columns.items()}
-        for n, label in enumerate(found.label)
-    ]
-
-
-def _exchange(found: Fit) -> dict[str, Any] | None:
-    if found.exchange is None:
-        return None
-    return {
-        "experiment": found.experiment[found.exchange.experiment],
-        "labels": list(found.exchange.labels),
-        "chi_squared": found.exchange.chi_squared,
-    }
-
-
-def misfit(found: Fit) -> list[str]:
-    """Return lines on how far model and measurements disagree, and what would mend it; none if they
-    agree.
-    """
-    if not found.misfit:
-        return []
-    lines = [
-        f"MISFIT: chi^2 is {found.chi_squared:.4g} for {found.freedom} degrees of freedom, so these"
-        f" numbers do not explain the measurements; uncertainties are given {found.scale:.3g} times"
-        " as large"
-    ]
-    if found.responses is not None:
-        lines.append(
-            "neither an exchanged channel nor a sign mends it: free more numbers, give sensors and"
-            " actuators gain_uncertainty or mix_uncertainty, or check uncertainties"
-        )
-    elif found.exchange is None:
-        lines.append(
-            "no exchange of two labels mends it: free more numbers, or check designs, labels and"
-            " uncertainties"
-        )
-    else:
-        first, second = found.exchange.labels
-        where = (
-            f" in {found.experiment[found.exchange.experiment]}"
-            if len(found.experiment) > 1
-            else ""
-        )
-        lines.append(
-            f'are two labels exchanged? with "{first}" and "{second}" the other way round{where}'
-            f" chi^2 is {found.exchange.chi_squared:.4g}"
-        )
-    return lines
-
-
-def _numbers(found: Fit) -> str:
-    """Return a table of the numbers."""
-    from suspension_cli.analyses.fit.file import format_uncertainty
-
-    rows = [
-        (name, found.start[n], found.value[n], format_uncertainty(found, n).strip(", "))
-        for n, name in enumerate(found.parameters)
-    ]
-    return tables.render({"number": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}, rows)
-
-
-def _residuals(found: Fit) -> str:
-    """Return a table of the measured modes."""
-    modelled = (
-        [value if math.isfinite(value) else "unstable" for value in values]
-        for values in (found.before, found.after)
-    )
-    columns = dict.fromkeys(("measured\nHz", "+-\nHz", "before\nHz", "after\nHz"), "#.5g")
-    columns |= {"+-\nHz": ".2g", "residual": "+.2f", "mode": ""}
-    rows = zip(
-        found.measured, found.uncertainty, *modelled, found.residual, found.modes, strict=True
-    )
-    return tables.render(columns, rows)
-
-
-def _first_lines(found: Fit) -> list[str]:
-    """Return lines on a misfit, and on channels that are not what the file says."""
-    lines = misfit(found)
-    if found.responses is not None:
-        from suspension_cli.analyses.fit import response_text
-
-        lines += response_text.corrections(found.responses)
-    return lines
-
-
-def _end(found: Fit) -> list[str]:
-    """Return chi^2, and where searches ended."""
-    lines = [f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
-    if len(found.ends) > 1:
-        same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
-        rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
-        lines.append(f"{same} of {len(found.ends)} searches ended there{rest}")
-    return lines
-
-
-def _known(found: Fit) -> list[str]:
-    """Return chi^2, and which combinations the modes determine how well."""
-    lines = [
-        *_end(found),
-        "",
-        (
-            "what the modes by themselves say, from best to worst known combination of relative"
-            " changes:"
-        ),
-    ]
-    for value, row in zip(found.singular, found.direction, strict=True):
-        largest = sorted(zip(row, found.parameters, strict=True), key=lambda item: -abs(item[0]))[
-            :LARGEST
-        ]
-        parts = " ".join(f"{share:+.2f} {name}" for share, name in largest if abs(share) >= 0.05)
-        lines.append(
-            f"  {f'to {100 / value:.2g} %' if value > 1e-9 * found.singular[0] else 'not at all'}:"
-            f" {parts}"
-        )
-    if len(found.singular) < len(found.name):
-        lines.append(
-            f"  and {len(found.name) - len(found.singular)} not at all: there are more numbers than"
-            " modes"
-        )
-    return lines
 
 
 ANALYSIS = FitAnalysis()

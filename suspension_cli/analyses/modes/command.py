@@ -97,11 +97,11 @@ class ModesAnalysis(Analysis):
 
         modes: Modes = result.data
         rows, labels, verdicts = [], modes.label, modes.verdict
-        frequency, growth, top, shares = (
+        frequency, growth, top, fractions = (
             modes.frequency,
             modes.growth_rate,
-            modes.top_share,
-            modes.shares,
+            modes.top_fraction,
+            modes.fractions,
         )
         for n, (body, dof) in enumerate(modes.home):
             row: dict[str, Any] = {
@@ -116,13 +116,13 @@ class ModesAnalysis(Analysis):
                 row["growth_rate_per_s"] = float(growth[n])
             if modes.overdamped[n]:
                 row["decay_rate_per_s"] = float(modes.decay_rate[n])
-            share = {
+            place = {
                 "label": labels[n],
-                "share": float(shares[n].max()),
-                "top_mass_share": float(top[n]),
+                "fraction": float(fractions[n].max()),
+                "top_mass_fraction": float(top[n]),
                 "verdict": verdicts[n],
             }
-            rows.append(row | share)
+            rows.append(row | place)
         return {"stable": modes.stable, "modes": rows} | result.extra
 
     def text(self, result: Result) -> str:
@@ -135,10 +135,10 @@ class ModesAnalysis(Analysis):
         lossy = bool(np.isfinite(modes.q).any())
         diluted = bool(np.isfinite(modes.dilution).any())
         labels, home, place, verdict = modes.label, modes.home, modes.place, modes.verdict
-        every, top_share, frequency = modes.shares, modes.top_share, modes.frequency
+        every, top_fraction, frequency = modes.fractions, modes.top_fraction, modes.frequency
         rows = []
         for group in modes.groups:
-            n, shares = group[0], every[group[0]]
+            n, fractions = group[0], every[group[0]]
             quality = [modes.q[n] if modes.q[n] > 0 else None] * lossy + [
                 modes.dilution[n]
             ] * diluted
@@ -147,11 +147,14 @@ class ModesAnalysis(Analysis):
                 if len(group) > 1:
                     what += f", {len(group)} modes to {frequency[group[-1]]:#.6g} Hz"
             else:
-                top, order = 100 * top_share[n], np.argsort(-shares.round(9), kind="stable")[:3]
+                top, order = (
+                    100 * top_fraction[n],
+                    np.argsort(-fractions.round(9), kind="stable")[:3],
+                )
                 what = ", ".join(
-                    f"{describe(place[i])} {100 * shares[i]:.0f} %"
+                    f"{describe(place[i])} {100 * fractions[i]:.0f} %"
                     for i in order
-                    if shares[i] > 0.02
+                    if fractions[i] > 0.02
                 )
                 if modes.overdamped[n]:
                     what += f"; decays at {modes.decay_rate[n]:#.4g} 1/s"
@@ -161,7 +164,7 @@ class ModesAnalysis(Analysis):
         columns = {"#": "d", "frequency\nHz": "#.5g"}
         columns |= {"Q": ".4g"} if lossy else {}
         columns |= {"dilution": ".4g"} if diluted else {}
-        columns |= {"top mass\n%": ".1f", "mode, by share of kinetic energy": ""}
+        columns |= {"top mass\n%": ".1f", "mode, by fraction of kinetic energy": ""}
         title = result.title + (f"  [{result.name}]" if result.title != result.name else "")
         return "\n".join([title, result.choice.line, "", tables.render(columns, rows)])
 
@@ -206,11 +209,11 @@ def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
         if choice.model.approximated_stages(run.design)
         else None
     )
-    if apart is not None and abs(apart.share) > options.TOLERANCE:
+    if apart is not None and abs(apart.relative) > options.TOLERANCE:
         run.log.warn(
             f"{run.name}: blades under angled wires are taken in series with them:"
             f" {apart.label} {apart.quick:.4g} Hz is {apart.general:.4g} Hz with --fidelity string"
-            f" ({100 * apart.share:+.2g} %)"
+            f" ({100 * apart.relative:+.2g} %)"
         )
 
 
@@ -221,7 +224,7 @@ def _solve(run: Run) -> tuple[Choice, Modes, Modes]:
     """
     import numpy as np
 
-    from suspension_cli.analyses.modes import damped, wire_modes
+    from suspension_cli.analyses.modes import damped
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import auto, registry
     from suspension_cli.models.quantity_of_interest import Frequencies
@@ -246,8 +249,12 @@ def _solve(run: Run) -> tuple[Choice, Modes, Modes]:
             return choice, found, listed
         listed = listed.up_to(highest)
         if not len(listed.q):
+            from suspension_cli.analyses.modes import wire_modes
+
             raise wire_modes.no_mode_error(highest)
         return choice, found, listed
+    from suspension_cli.analyses.modes import wire_modes
+
     if level == registry.AUTO and highest is None:
         # the mass of wires lowers all frequencies: those of the bodies lie below the highest
         # one without it

@@ -42,7 +42,7 @@ def fill(group: h5py.Group, modes: Modes) -> None:
     add_dataset(group, "block", modes.block, "1", mode)
     add_dataset(group, "q", modes.q, "1", mode)
     add_dataset(group, "decay_rate", modes.decay_rate, "1/s", mode)
-    add_dataset(group, "top_share", modes.top_share, "1", mode)
+    add_dataset(group, "top_fraction", modes.top_fraction, "1", mode)
     add_dataset(group, "verdict", modes.verdict, "name", mode)
     add_dataset(group, "dilution", modes.dilution, "1", mode)
     add_dataset(group, "order", modes.order, "1", mode)

@@ -282,7 +282,7 @@ def choose_view(modes: Modes, number: int, above: View) -> View:
     Vertical motion shows in both the side and the face view.
     """
     energy: dict[str, float] = dict.fromkeys(DOFS, 0.0)
-    for coordinate, fraction in zip(modes.place, modes.shares[number], strict=True):
+    for coordinate, fraction in zip(modes.place, modes.fractions[number], strict=True):
         if place(coordinate)[1] in energy:
             energy[place(coordinate)[1]] += float(fraction)
     side = energy["x"] + energy["pitch"] + energy["z"]
@@ -312,7 +312,7 @@ def format_heading(modes: Modes, number: int) -> str:
 
 def format_caption(modes: Modes, number: int) -> str:
     """Label of a mode, and the percentage of its kinetic energy there."""
-    fraction = float(modes.shares[number].max())
+    fraction = float(modes.fractions[number].max())
     return f"{shorten_label(modes.label[number], 27)} {_format_percent(fraction)}"
 
 
@@ -501,7 +501,7 @@ def _rim(body: Outline, view: View) -> Array:
 
 def _draw_bars(canvas: Canvas, left: float, top: float, modes: Modes, number: int) -> None:
     """Draw the largest fractions of kinetic energy as bars."""
-    fractions = modes.shares[number]
+    fractions = modes.fractions[number]
     for row, n in enumerate(np.argsort(-fractions, kind="stable")[:SHOWN]):
         fraction, dof = float(fractions[n]), place(modes.place[n])[1]
         if fraction < 5e-4:

@@ -22,7 +22,7 @@ class ModeDifference:
     general: float
 
     @property
-    def share(self) -> float:
+    def relative(self) -> float:
         """Relative difference of the frequencies."""
         return self.quick / self.general - 1
 
@@ -53,5 +53,5 @@ def estimate_series_error(design: Design, quick: Modes) -> ModeDifference | None
         ModeDifference(quick.label[n], float(quick.frequency[n]), float(general.frequency[pair[n]]))
         for n in range(len(pair))
     ]
-    finite = [item for item in pairs if np.isfinite(item.share) and item.general > 0]
-    return max(finite, key=lambda item: abs(item.share), default=None)
+    finite = [item for item in pairs if np.isfinite(item.relative) and item.general > 0]
+    return max(finite, key=lambda item: abs(item.relative), default=None)

@@ -1,36 +1,32 @@
 """Modes of a suspension whose wires have mass: pendulum, bounce and violin modes in one list.
 
-`linear.mode_count` finds all frequencies. For the shapes every wire is cut at a point of no
-symmetry, whose motion becomes six more coordinates: then a violin mode that moves no body has a
-shape too, and no stiffness function is near its pole at a mode. The dynamic stiffness of this
-larger system is singular at a mode; its null vector is the shape, which gives kinetic energies, Q
-and dilution. The tensions of the pieces are coordinates of the larger system too
-(`linear.stretching`).
+`linear.mode_count` finds all frequencies. Shapes, which give kinetic energies, Q and dilution,
+follow from the suspension with its wires cut in two (`cut_wires`).
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses.modes import damped
-from suspension_cli.elements import joined_sections
-from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS, TautWire
+from suspension_cli.analyses.modes import cut_wires, damped, strong_damping
+from suspension_cli.analyses.modes.cut_wires import CutWires
+from suspension_cli.analyses.modes.modal_basis import Basis
+from suspension_cli.elements.dynamic_wire import PARTS, TautWire
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import eigenmodes, frequency_dependent, mode_count, quality
+from suspension_cli.linear import eigenmodes, mode_count, quality
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
+from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.mode_count import Progress, silent
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.composition import Fibre
 
-CUT = (3 - 5**0.5) / 2
-"""Fraction of a wire above the cut: the golden section is far from all nodes of low order."""
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
+
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
 LOSSY = 1e-4
@@ -41,43 +37,12 @@ TOGETHER = 512
 NEIGHBOURS = 100.0
 """Difference of omega^2 of two modes, over the sum of their losses, up to which losses may couple
 them."""
-DEGENERATE = 1e-10
-"""Relative difference of frequencies below which modes are one degenerate group."""
-ASIDE = np.array([0.97, 1.0, 1.03])
-"""Multiples of a mode's frequency: beside it, for the scale of coordinates, and at it."""
 STEP = 1e-20
 """Relative complex step in frequency, for derivatives of stiffnesses."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
-
 Dynamic = Callable[[Any, bool], Any]
 """Dynamic stiffness (m, A + t, A + t) at s (m,), rad/s, with or without loss angles."""
-
-
-@dataclass(frozen=True)
-class CutWires:
-    """Wires of one kind, cut in two.
-
-    Attributes
-    ----------
-    stage : str
-    whole : TautWire
-    pieces : tuple of two TautWire
-        Upper and lower piece.
-    ends : dict of (w, 3 p, A) arrays
-        For each part, the motion of the points (upper, cut, lower; p coordinates each) of every
-        wire as linear forms of the coordinates of the larger system.
-    """
-
-    stage: str
-    whole: TautWire
-    pieces: tuple[TautWire, TautWire]
-    ends: dict[str, Any]
-
-    def piece_ends(self, part: str) -> tuple[Any, Any]:
-        """Motion of the ends of the upper and of the lower piece: (w, 2 p, A) each."""
-        p = COORDINATES[part] // 2
-        return self.ends[part][:, : 2 * p], self.ends[part][:, p:]
 
 
 def solve(
@@ -112,15 +77,15 @@ def solve(
     omega = mode_count.frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
     if not len(omega):
         raise no_mode_error(highest)
-    wires, size = _cut_wires(model)
-    shapes = _solve_shapes(model, wires, size, omega, progress)
+    wires, size = cut_wires.cut_all(model)
+    shapes = cut_wires.solve_shapes(model, wires, size, omega, progress)
     total, body, kinds = _kinetic_energies(model, wires, omega, shapes)
     wire, names = _sum_by_name(kinds, total)
     shapes = shapes / np.sqrt(total)[:, None]
     moved = [
         (wire, motion)
         for cut in wires
-        for wire, motion in zip(cut.pieces, _motion(cut, shapes), strict=True)
+        for wire, motion in zip(cut.pieces, cut_wires.piece_motions(cut, shapes), strict=True)
     ]
     lost, elastic = quality.dissipation(model, omega, shapes[:, : model.size], moved)
     energy, tips = body[:, : 6 * len(model.body)], body[:, 6 * len(model.body) :]
@@ -144,7 +109,7 @@ def solve(
         return _prepend_static(found, static)
 
     def dynamic(s: Any, lossy: bool) -> Any:
-        return _stiffness(model, wires, size, -1j * s, lossy=lossy)
+        return cut_wires.dynamic_stiffness(model, wires, size, -1j * s, lossy=lossy)
 
     return _prepend_static(
         _solve_damped(found, model, moved, shapes, lost, dynamic),
@@ -179,177 +144,16 @@ def _lowest_frequency(static: Modes) -> float:
     return SLOWEST * float(np.sqrt(squared.min(initial=(2 * np.pi) ** 2)))
 
 
-def _cut_wires(model: LinearSystem) -> tuple[list[CutWires], int]:
-    """Cut every wire in two; with the size A of the larger system.
-
-    Its coordinates are the model's, then those of every cut.
-    """
-    terms = [term for term in model.terms if isinstance(term, WireTerm)]
-    per_wire = sum(COORDINATES[part] // 2 for part in PARTS)
-    size = model.size + per_wire * sum(len(term.forms["twist"]) for term in terms)
-    wires, start = [], model.size
-    for term in terms:
-        number, ends, offset = len(term.forms["twist"]), {}, 0
-        for part in PARTS:
-            p = COORDINATES[part] // 2
-            outer = np.einsum("ij,wjN->wiN", joined_sections.ENDS[p], term.forms[part])
-            every = np.zeros((number, 3 * p, size))
-            every[:, :p, : model.size], every[:, 2 * p :, : model.size] = outer[:, :p], outer[:, p:]
-            for w in range(number):
-                for k in range(p):
-                    every[w, p + k, start + per_wire * w + offset + k] = 1.0
-            ends[part] = every
-            offset += p
-        upper, lower = _cut_fibre(term.strand.fibre)
-        wires.append(
-            CutWires(
-                term.stage,
-                term.strand,
-                (replace(term.strand, fibre=upper), replace(term.strand, fibre=lower)),
-                ends,
-            )
-        )
-        start += per_wire * number
-    return wires, size
-
-
-def _cut_fibre(fibre: Fibre) -> tuple[Fibre, Fibre]:
-    """Divide a wire at the cut into an upper and a lower piece."""
-    left = CUT * sum(section.length for section in fibre.sections)
-    upper, lower = [], []
-    for section in fibre.sections:
-        inside = min(max(left, 0.0), section.length)
-        left -= section.length
-        if inside > 1e-12 * section.length:
-            upper.append(replace(section, length=inside))
-        if section.length - inside > 1e-12 * section.length:
-            lower.append(replace(section, length=section.length - inside))
-    return replace(fibre, sections=tuple(upper)), replace(fibre, sections=tuple(lower))
-
-
-def _stiffness(
-    model: LinearSystem, wires: list[CutWires], size: int, omega: Any, *, lossy: bool = False
-) -> Any:
-    """Dynamic stiffness (m, A + t, A + t) of the larger system and the tensions of its pieces.
-
-    At omega (m,), rad/s. Where omega is complex, with dampers, and with loss angles if `lossy`.
-    """
-    constant = np.real(frequency_dependent.stiffness_without_stretching(model)).copy()
-    for term in model.terms:
-        if isinstance(term, WireTerm):
-            static = np.array(
-                [
-                    0.0 if part == "stretch" else term.strand.static[part][i, j]
-                    for part, i, j in term.functions
-                ]
-            )
-            constant -= np.tensordot(static, term.matrices, 1)
-    pulled = [
-        _tensions(cut, wire, ends, omega, lossy=lossy)
-        for cut in wires
-        for wire, ends in zip(cut.pieces, cut.piece_ends("stretch"), strict=True)
-    ]
-    whole = size + sum(len(across) for across, _, _ in pulled)
-    result = np.zeros((len(omega), whole, whole), dtype=omega.dtype)
-    own = result[:, : model.size, : model.size]
-    own += constant - omega[:, None, None] ** 2 * model.mass
-    if np.iscomplexobj(omega):
-        own += 1j * omega[:, None, None] * damped.damping_matrix(model)
-        for term in model.terms:
-            if isinstance(term, LossTerm) and term.elastic and lossy:
-                own += 1j * term.angle(omega.real)[:, None, None] * term.matrix
-    for cut in wires:
-        for part in PARTS:
-            for wire, ends in zip(cut.pieces, cut.piece_ends(part), strict=True):
-                if part != "stretch":
-                    piece = replace(wire, lossy=lossy).at(omega).stiffness(part)
-                    result[:, :size, :size] += _assemble(ends, joined_sections.to_ends(piece))
-    start = size
-    for across, diagonal, rest in pulled:
-        rows = np.arange(start, start + len(across))
-        result[:, rows, :size] = np.moveaxis(across, -1, 0)
-        result[:, :size, rows] = np.moveaxis(across, -1, 0).swapaxes(1, 2)
-        result[:, rows, rows] = diagonal[:, None]
-        result[:, :size, :size] += rest
-        start += len(across)
-    return result
-
-
-def _tensions(
-    cut: CutWires, wire: TautWire, ends: Any, omega: Any, *, lossy: bool
-) -> tuple[Any, Any, Any]:
-    """Stiffness with the tensions of one piece of every wire as coordinates (`linear.stretching`).
-
-    Returns
-    -------
-    across : (w, A, m) array
-        Between the tensions and the other coordinates.
-    diagonal : (m,) array
-        Of the tensions.
-    rest : (m, A, A) array
-        Remaining stiffness of stretching, on the even motion of the ends.
-    """
-    stiffness = replace(wire, lossy=lossy).at(omega).stiffness("stretch")
-    even, odd = np.linalg.inv(joined_sections.ENDS[1]) @ np.moveaxis(ends, 1, 0).reshape(2, -1)
-    even, odd = even.reshape(len(ends), -1), odd.reshape(len(ends), -1)
-    mixed = stiffness[0, 1] / stiffness[1, 1]
-    scale = float(cut.whole.tension) / sum(section.length for section in wire.fibre.sections)
-    across = scale * (odd[..., None] + even[..., None] * mixed)
-    beside = stiffness[0, 0] - mixed * stiffness[0, 1]
-    return across, -(scale**2) / stiffness[1, 1], beside[:, None, None] * (even.T @ even)
-
-
-def _assemble(ends: Any, stiffness: Any) -> Any:
-    """Sum of E^T F E (m, A, A) over wires, of E (w, a, A) and F (a, a, m)."""
-    rows = np.einsum("abm,wbA->mwaA", stiffness, ends)
-    count, width = ends.shape[0] * ends.shape[1], ends.shape[2]
-    return np.swapaxes(ends.reshape(count, width), 0, 1) @ rows.reshape(len(rows), count, width)
-
-
-def _solve_shapes(
-    model: LinearSystem, wires: list[CutWires], size: int, omega: Array, progress: Progress
-) -> Array:
-    """Solve for shapes (m, A): null vectors of the larger system, with the support at rest."""
-    result = np.zeros((len(omega), size))
-    start, began = 0, time.monotonic()
-    while start < len(omega):
-        stop = start + 1
-        while stop < len(omega) and omega[stop] - omega[stop - 1] <= DEGENERATE * omega[stop]:
-            stop += 1
-        below, matrix, above = _stiffness(model, wires, size, omega[start:stop].mean() * ASIDE)[
-            :, 6:, 6:
-        ]
-        # a coordinate that resonates alone has no stiffness at its mode, so the scale is taken
-        # beside it
-        beside = np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above)))
-        scale = (
-            1
-            / frequency_dependent.coordinate_scales(
-                beside[None], np.abs(matrix[None, size - 6 :, : size - 6]), model.size - 6
-            )[0]
-        )
-        values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-        nearest = np.argsort(np.abs(values))[: stop - start]
-        vectors = eigenmodes.localise(np.zeros(stop - start), vectors[: size - 6, nearest])
-        result[start:stop, 6:] = (vectors * scale[: size - 6, None]).T
-        start = stop
-        progress(start, len(omega), start / max(time.monotonic() - began, 1e-9))
-    return result
-
-
-def _motion(cut: CutWires, shapes: Array) -> list[dict[str, Any]]:
-    """Even and odd motion (c, w, m) of both pieces of every wire in shapes (m, A), by part."""
-    pieces: list[dict[str, Any]] = [{}, {}]
-    for part in PARTS:
-        back = np.linalg.inv(joined_sections.ENDS[COORDINATES[part] // 2])
-        for piece, ends in zip(pieces, cut.piece_ends(part), strict=True):
-            piece[part] = np.einsum("ab,wbA,mA->awm", back, ends, shapes, optimize=True)
-    return pieces
-
-
 def _kinetic_energies(
-    model: LinearSystem, wires: list[CutWires], omega: Array, shapes: Array
-) -> tuple[Array, Array, list[tuple[CutWires, str, Array]]]:
+    model: LinearSystem,
+    wires: list[CutWires],
+    omega: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "mode coordinate"],
+) -> tuple[
+    Float[np.ndarray, " mode"],
+    Float[np.ndarray, "mode moving"],
+    list[tuple[CutWires, str, Float[np.ndarray, " mode"]]],
+]:
     """Twice the kinetic energy over omega^2 of shapes (m, A).
 
     Returns
@@ -367,7 +171,7 @@ def _kinetic_energies(
     kinds: list[tuple[CutWires, str, Array]] = []
     for cut in wires:
         own = {part: np.zeros(len(omega)) for part in PARTS}
-        for wire, motion in zip(cut.pieces, _motion(cut, shapes), strict=True):
+        for wire, motion in zip(cut.pieces, cut_wires.piece_motions(cut, shapes), strict=True):
             moving = replace(wire, lossy=False).at(omega * (1 + 1j * STEP))
             for part in PARTS:
                 # omega dF/domega = 2 omega^2 dF/d(omega^2)
@@ -380,8 +184,8 @@ def _kinetic_energies(
 
 
 def _sum_by_name(
-    kinds: list[tuple[CutWires, str, Array]], total: Array
-) -> tuple[Array, tuple[str, ...]]:
+    kinds: list[tuple[CutWires, str, Float[np.ndarray, " mode"]]], total: Float[np.ndarray, " mode"]
+) -> tuple[Float[np.ndarray, "mode motion"], tuple[str, ...]]:
     """Sum energies by stage and part of the motion of wires: (m, k), and their names (k).
 
     Motions without energy in any mode are left out.
@@ -394,13 +198,17 @@ def _sum_by_name(
     return np.array([wire[name] for name in names]).reshape(-1, len(total)).T, names
 
 
-def _leading_blocks(model: LinearSystem, shapes: Array) -> Any:
+def _leading_blocks(
+    model: LinearSystem, shapes: Float[np.ndarray, "mode coordinate"]
+) -> Int[np.ndarray, " mode"]:
     """Number (m,) of the block that each mode moves most; 0 for modes that move no body."""
     size = np.array([np.abs(shapes[:, group]).sum(1) for group in model.blocks])
     return size.argmax(0)
 
 
-def _half_waves(found: Modes, kinds: list[tuple[CutWires, str, Array]]) -> Any:
+def _half_waves(
+    found: Modes, kinds: list[tuple[CutWires, str, Float[np.ndarray, " mode"]]]
+) -> Int[np.ndarray, " mode"]:
     """Number of half waves (m,) along the wires of each wire mode; 0 of other modes.
 
     That of the nearest resonance between fixed ends, of the kind of wire that moves most.
@@ -425,7 +233,7 @@ def _half_waves(found: Modes, kinds: list[tuple[CutWires, str, Array]]) -> Any:
     return result
 
 
-def _fix_signs(shape: Array) -> Array:
+def _fix_signs(shape: Float[np.ndarray, "mode coordinate"]) -> Float[np.ndarray, "mode coordinate"]:
     """Give shapes the sign in which their largest coordinate is positive."""
     if not shape.size:
         return shape
@@ -447,17 +255,17 @@ def _refine_overdamped(static: Modes, dynamic: Dynamic) -> Modes:
     """Refine the decay rates of overdamped modes with the mass of wires."""
     decay = static.decay_rate.copy()
     for n in np.flatnonzero(static.overdamped):
-        decay[n] = -damped.refine_pole(dynamic, -decay[n] + 0j, None).real
+        decay[n] = -strong_damping.refine_pole(dynamic, -decay[n] + 0j, None).real
     return replace(static, decay_rate=decay)
 
 
 def _build_basis(
     model: LinearSystem,
     moved: list[tuple[TautWire, dict[str, Any]]],
-    omega: Array,
-    shapes: Array,
-    lost: Array,
-) -> damped.Basis:
+    omega: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "mode coordinate"],
+    lost: Float[np.ndarray, " mode"],
+) -> Basis:
     """Transform the system to its modes (m, A) of unit modal mass, with losses `lost` (m,).
 
     `lost` is in (rad/s)^2. Coupling by loss angles is kept for modes close together; for others it
@@ -488,10 +296,10 @@ def _build_basis(
     def losses(at: Array, place: Any) -> Any:
         return np.broadcast_to(1j * loss[np.ix_(place, place)], (len(at), len(place), len(place)))
 
-    return damped.Basis(omega**2, np.ones(len(omega)), viscous, np.arange(len(omega)), losses)
+    return Basis(omega**2, np.ones(len(omega)), viscous, np.arange(len(omega)), losses)
 
 
-def _split_modes(omega: Array) -> list[slice]:
+def _split_modes(omega: Float[np.ndarray, " mode"]) -> list[slice]:
     """Split consecutive modes (m,) at wide gaps into parts that are solved together."""
     result, start = [], 0
     while len(omega) - start > TOGETHER:
@@ -506,8 +314,8 @@ def _solve_damped(
     found: Modes,
     model: LinearSystem,
     moved: list[tuple[TautWire, dict[str, Any]]],
-    shapes: Array,
-    lost: Array,
+    shapes: Float[np.ndarray, "mode coordinate"],
+    lost: Float[np.ndarray, " mode"],
     dynamic: Dynamic,
 ) -> Modes:
     """Solve for modes with all losses, except overdamped ones, from the undamped modes."""
@@ -522,7 +330,11 @@ def _solve_damped(
 
 
 def _solve_damped_part(
-    found: Modes, model: LinearSystem, basis: damped.Basis, shapes: Array, dynamic: Dynamic
+    found: Modes,
+    model: LinearSystem,
+    basis: Basis,
+    shapes: Float[np.ndarray, "mode coordinate"],
+    dynamic: Dynamic,
 ) -> Modes:
     """Solve for modes with all losses from some of the undamped modes.
 
@@ -532,13 +344,13 @@ def _solve_damped_part(
     if not len(lossy):
         return found
     here = damped.find_poles(basis.within(lossy))
-    oscillates = here.value.imag > 0
+    oscillates = np.imag(here.value) > 0
     value = here.value[oscillates]
     amplitude = np.zeros((len(value), len(found.q)), dtype=complex)
     amplitude[:, lossy] = here.motion[oscillates]
     amplitude /= np.sqrt((np.abs(amplitude) ** 2).sum(1))[:, None]
-    for n in np.flatnonzero(np.abs(value.real) > LOSSY * np.abs(value)):
-        value[n] = damped.refine_pole(dynamic, value[n], amplitude[n] @ shapes)
+    for n in np.flatnonzero(np.abs(np.real(value)) > LOSSY * np.abs(value)):
+        value[n] = strong_damping.refine_pole(dynamic, value[n], amplitude[n] @ shapes)
     weight, lead = np.abs(amplitude) ** 2, np.abs(amplitude).argmax(1)
     energy, tips = damped.mean_energies(model, amplitude @ shapes[:, : model.size])
     wires = weight @ found.wire_energy
@@ -555,7 +367,7 @@ def _solve_damped_part(
         "dilution": 1 / (weight @ (1 / found.dilution)),
         "wire_energy": wires,
         "order": found.order[lead],
-        "decay_rate": -value.real,
+        "decay_rate": -np.real(value),
     }
     return damped.merge_modes(found, ~np.isfinite(found.q), new)
 

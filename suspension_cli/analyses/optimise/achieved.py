@@ -112,7 +112,7 @@ def evaluate(
             value[n] = (
                 np.nan
                 if place[n] < 0
-                else (found.top_share if item.share else found.frequency)[place[n]]
+                else (found.top_fraction if item.fraction else found.frequency)[place[n]]
             )
         elif isinstance(item, OfResponse):
             value[n], bent = _response(design, item, level, tolerance)

@@ -278,8 +278,8 @@ def _modes(found: Optimum) -> list[dict[str, Any]]:
             "label": modes.label[n],
             "before_hz": as_number(modes.before[n]),
             "after_hz": as_number(modes.after[n]),
-            "top_mass_share_before": as_number(modes.share_before[n]),
-            "top_mass_share_after": as_number(modes.share_after[n]),
+            "top_mass_fraction_before": as_number(modes.fraction_before[n]),
+            "top_mass_fraction_after": as_number(modes.fraction_after[n]),
         }
         for n, text in enumerate(modes.name)
     ]
@@ -305,7 +305,7 @@ def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
             if limits.other[n] < 0
             else ""
         )
-        room = [_share(limits.room[n])] if math.isfinite(limits.room[n]) else []
+        room = [_percent(limits.room[n])] if math.isfinite(limits.room[n]) else []
         lines.append(
             f"         {limits.name[n]}: {_size(limits.value[n])}{was}"
             f" ({', '.join([*room, *([state] if state else [])])})"
@@ -320,7 +320,7 @@ def _size(value: float) -> str:
     return f"{value:.4g}" if math.isfinite(value) else "none"
 
 
-def _share(value: float) -> str:
+def _percent(value: float) -> str:
     """Format the room in %, without a minus before a zero."""
     percent = 100 * value
     return f"{percent:+.0f} %" if abs(percent) >= 10 else f"{round(percent, 2) + 0.0:+.2f} %"

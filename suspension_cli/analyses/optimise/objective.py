@@ -118,7 +118,7 @@ class Evaluator:
         fractions = _TopFractions(found, own.base.linear)
         log, slope = np.empty(len(places)), np.zeros((len(places), len(own.changes)))
         for n, (item, place) in enumerate(zip(self.requirements.quantities, places, strict=True)):
-            if isinstance(item, OfMode) and item.share:
+            if isinstance(item, OfMode) and item.fraction:
                 log[n], slope[n] = fractions.logarithm(place, own.changes)
             elif isinstance(item, OfMode):
                 log[n], slope[n] = _of_square(
@@ -202,7 +202,7 @@ class Evaluator:
                     top, squared = energy[p, place, 0].sum(), solved.omega_squared[p, place]
                     result[p, k] = (
                         np.log(max(top, TINY))
-                        if item.share
+                        if item.fraction
                         else _of_square(squared, 0.0, self.floors[some[k]])[0]
                     )
         for k, item in enumerate(quantities):

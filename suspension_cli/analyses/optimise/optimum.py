@@ -130,7 +130,7 @@ class ModeTable:
         Label in the optimised design, as in `pendsus modes`.
     before, after : arrays
         Frequencies, Hz; NaN for an unstable mode.
-    share_before, share_after : arrays
+    fraction_before, fraction_after : arrays
         Fraction of the kinetic energy in the top mass.
     number : int array
         Number among the modes of the optimised design, from 0.
@@ -140,8 +140,8 @@ class ModeTable:
     label: tuple[str, ...]
     before: Array
     after: Array
-    share_before: Array
-    share_after: Array
+    fraction_before: Array
+    fraction_after: Array
     number: Any
 
 

@@ -186,7 +186,7 @@ def _named(limit: Limit, requirements: Requirements) -> str:
 
 def _titled(item: Quantity) -> str:
     """Unique name of a quantity: a mode has a frequency and an energy fraction."""
-    return item.text + (" from the top mass" if isinstance(item, OfMode) and item.share else "")
+    return item.text + (" from the top mass" if isinstance(item, OfMode) and item.fraction else "")
 
 
 def _modes(search: Search, drawn: Achieved, made: Achieved) -> ModeTable:
@@ -203,7 +203,7 @@ def _modes(search: Search, drawn: Achieved, made: Achieved) -> ModeTable:
         label=tuple(labels[n] for n in new),
         before=drawn.modes.frequency[old],
         after=made.modes.frequency[new],
-        share_before=drawn.modes.top_share[old],
-        share_after=made.modes.top_share[new],
+        fraction_before=drawn.modes.top_fraction[old],
+        fraction_after=made.modes.top_fraction[new],
         number=np.array(new),
     )

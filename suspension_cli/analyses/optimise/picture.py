@@ -46,15 +46,15 @@ def draw(found: Optimum, title: str) -> Figure:
         tall = max(left, right)
         figure = new_figure(10.4, tall + 1.35)
         modes = add_axes(figure, 1.55, 0.62, 2.5, tall)
-        shares = add_axes(figure, 4.2, 0.62, 1.05, tall)
+        fractions = add_axes(figure, 4.2, 0.62, 1.05, tall)
         _draw_modes(modes, found)
-        _draw_fractions(shares, found)
+        _draw_fractions(fractions, found)
         room = tall - (0.95 if others else 0.0)
-        share = numbers / (numbers + len(others))
-        _draw_numbers(add_axes(figure, 8.0, 0.62, 2.1, room * share), found)
+        part = numbers / (numbers + len(others))
+        _draw_numbers(add_axes(figure, 8.0, 0.62, 2.1, room * part), found)
         if others:
             _draw_margins(
-                add_axes(figure, 8.0, 0.62 + room * share + 0.95, 2.1, room * (1 - share)),
+                add_axes(figure, 8.0, 0.62 + room * part + 0.95, 2.1, room * (1 - part)),
                 found,
                 others,
             )
@@ -178,7 +178,7 @@ def _draw_fractions(axes: Axes, found: Optimum) -> None:
     modes, limits = found.modes, found.limits
     rows = _rows(axes, [""] * len(modes.name))
     after, before = (
-        np.maximum(values, MIN_FRACTION) for values in (modes.share_after, modes.share_before)
+        np.maximum(values, MIN_FRACTION) for values in (modes.fraction_after, modes.fraction_before)
     )
     # markers on the edge of the axes are not clipped
     edge: dict[str, Any] = {"linestyle": "", "clip_on": False, "zorder": 3}

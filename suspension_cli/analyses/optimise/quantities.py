@@ -27,7 +27,7 @@ class OfMode:
     Attributes
     ----------
     text, unit : str
-    share : bool
+    fraction : bool
         Whether it is the energy fraction.
     family, rank : int
         Family of the mode and its rank there, from 0; -1 if it is followed by shape.
@@ -37,7 +37,7 @@ class OfMode:
 
     text: str
     unit: str
-    share: bool
+    fraction: bool
     family: int = -1
     rank: int = -1
     number: int = -1
@@ -245,7 +245,7 @@ def _of_goal(
 
 
 def _of_modes(goal: Goal, key: str, found: Modes, families: Families, level: str) -> list[OfMode]:
-    share, unit = goal.kind == "coupling", "1" if goal.kind == "coupling" else "Hz"
+    fraction, unit = goal.kind == "coupling", "1" if goal.kind == "coupling" else "Hz"
     if goal.modes is not None:
         named = [
             item
@@ -263,7 +263,7 @@ def _of_modes(goal: Goal, key: str, found: Modes, families: Families, level: str
                     )
                 ]
             )
-        return [OfMode(item.text, unit, share, number=item.number) for item in named]
+        return [OfMode(item.text, unit, fraction, number=item.number) for item in named]
     chosen = []
     for family in dict.fromkeys(int(families.member[DOFS.index(dof)]) for dof in goal.dof or ()):
         count = int(families.size[family])
@@ -277,7 +277,7 @@ def _of_modes(goal: Goal, key: str, found: Modes, families: Families, level: str
                 ]
             )
         chosen += [
-            OfMode(f"{families.name(family)} {rank + 1}", unit, share, family, rank)
+            OfMode(f"{families.name(family)} {rank + 1}", unit, fraction, family, rank)
             for rank in range(goal.lowest or count)
         ]
     return chosen

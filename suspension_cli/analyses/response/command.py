@@ -133,14 +133,16 @@ class ResponseAnalysis(Analysis):
 
     def document(self, result: Result) -> dict[str, Any]:
         """Return one response flat, several in a list."""
+        import numpy as np
+
         data: Response = result.data
         pairs = [
             {
                 "input": into,
                 "output": out,
                 "unit": data.unit[o][i],
-                "real": data.value[:, o, i].real.tolist(),
-                "imag": data.value[:, o, i].imag.tolist(),
+                "real": np.real(data.value[:, o, i]).tolist(),
+                "imag": np.imag(data.value[:, o, i]).tolist(),
             }
             for o, out in enumerate(data.output)
             for i, into in enumerate(data.input)

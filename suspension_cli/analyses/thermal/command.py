@@ -103,16 +103,16 @@ class ThermalAnalysis(Analysis):
             for n in decade_points(noise.frequency):
                 power = noise.density[:, n]
                 order = sorted(range(len(power)), key=lambda s: -power[s])[:NAMED]
-                shares = (
+                fractions = (
                     f"{noise.source[s]} {_percent(power[s] / power.sum())}"
                     for s in order
                     if power[s] >= LEADING * power.sum()
                 )
-                rows.append((noise.frequency[n], noise.amplitude[n], ", ".join(shares)))
+                rows.append((noise.frequency[n], noise.amplitude[n], ", ".join(fractions)))
             columns = {
                 "frequency\nHz": ".4g",
                 f"noise\n{noise.unit}/sqrt(Hz)": ".3e",
-                "shares of its power": "",
+                "fractions of its power": "",
             }
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
@@ -209,8 +209,8 @@ def _demand_loss(noise: Thermal) -> None:
         )
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
+def _percent(fraction: float) -> str:
+    return f"{100 * fraction:.{0 if fraction >= 0.1 else 1}f} %"
 
 
 ANALYSIS = ThermalAnalysis()

@@ -158,7 +158,8 @@ def _comparison(panel: Panel) -> dict[str, Any]:
         "reference": panel.reference,
         "entries": [_entry(panel, entry) for entry in panel.entries],
         "left_out": [
-            {"rung": item.rung, "method": item.method, "reason": item.reason} for item in panel.left
+            {"model": item.model, "method": item.method, "reason": item.reason}
+            for item in panel.left
         ],
         "fronts": fronts,
     }
@@ -175,7 +176,7 @@ def _waits(each: ResponseTimes) -> dict[str, Any]:
         "frequencies": list(COUNTS),
         "entries": [
             {
-                "rung": entry.rung,
+                "model": entry.model,
                 "method": entry.method,
                 "error": as_number(entry.error),
                 "time_s": plain(entry.time),
@@ -194,7 +195,7 @@ def _answer(answer: Answer) -> dict[str, Any]:
 
 def _entry(panel: Panel, entry: Entry) -> dict[str, Any]:
     return {
-        "rung": entry.rung,
+        "model": entry.model,
         "method": entry.method,
         "error": dict(zip(panel.component, plain(entry.error), strict=True)),
         "once_s": entry.once.tolist(),
@@ -223,7 +224,7 @@ def table(found: Tradeoff) -> str:
 def _table(panel: Panel) -> str:
     from suspension_cli.analyses.tradeoff.result import KINDS, format_error, format_time
 
-    lines = [f"{panel.title}: {'models' if panel.compares == 'rungs' else 'methods'}"]
+    lines = [f"{panel.title}: {'models' if panel.compares == 'models' else 'methods'}"]
     if panel.entries:
         fastest = {kind: panel.fastest(kind) for kind in KINDS}
         fronts = {
@@ -243,7 +244,7 @@ def _table(panel: Panel) -> str:
     reasons: dict[str, list[str]] = {}
     for item in panel.left:
         reasons.setdefault(item.reason, []).append(
-            item.rung if panel.compares == "rungs" else item.method
+            item.model if panel.compares == "models" else item.method
         )
     lines += [f"  left out: {', '.join(names)}: {reason}" for reason, names in reasons.items()]
     return "\n".join(lines)

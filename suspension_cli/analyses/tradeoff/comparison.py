@@ -30,7 +30,7 @@ class Method:
 
     Attributes
     ----------
-    rung, name : str
+    model, name : str
         Name of the model, or `TOP`; and of the method.
     once : callable
         Computes the quantity of a subject.
@@ -40,7 +40,7 @@ class Method:
         Returns why the method does not apply where its model does; empty if it applies.
     """
 
-    rung: str
+    model: str
     name: str
     once: Once
     batch: Batch | None = None
@@ -48,7 +48,7 @@ class Method:
 
     def on(self, subject: Subject) -> str:
         """Name of the model that is used for a subject."""
-        return subject.top if self.rung == TOP else self.rung
+        return subject.top if self.model == TOP else self.model
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ def exact_string(_: Subject) -> str:
 MODES = (
     Comparison(
         quantity="modes",
-        compares="rungs",
+        compares="models",
         title="Mode frequencies",
         start=FROM_DESIGN,
         item="design",
@@ -103,7 +103,7 @@ MODES = (
 RESPONSES = (
     Comparison(
         quantity="response",
-        compares="rungs",
+        compares="models",
         title="Response",
         start=FROM_DESIGN,
         item="frequency",
@@ -112,7 +112,7 @@ RESPONSES = (
         reference=transfer_functions.reference,
         error=relative(FREQUENCIES),
         methods=tuple(
-            Method(rung, "chain", *transfer_functions.with_model(rung)) for rung in MODEL_NAMES
+            Method(model, "chain", *transfer_functions.with_model(model)) for model in MODEL_NAMES
         ),
         views=BANDS,
     ),
@@ -141,7 +141,7 @@ RESPONSES = (
 THERMAL = (
     Comparison(
         quantity="thermal",
-        compares="rungs",
+        compares="models",
         title="Thermal noise at 10 and 100 Hz",
         start=FROM_DESIGN,
         item="frequency",
@@ -151,12 +151,12 @@ THERMAL = (
         error=relative(NOISE),
         methods=tuple(
             Method(
-                rung,
+                model,
                 "dissipation",
-                *thermal_noise.with_model(rung),
-                unsuited=thermal_noise.not_localised(rung),
+                *thermal_noise.with_model(model),
+                unsuited=thermal_noise.not_localised(model),
             )
-            for rung in MODEL_NAMES
+            for model in MODEL_NAMES
         ),
         views={},
         unsuited=thermal_noise.unsuited,
@@ -193,7 +193,7 @@ THERMAL = (
 IMPERFECT = (
     Comparison(
         quantity="coupling",
-        compares="rungs",
+        compares="models",
         title="Cross-coupling at 50 Hz",
         start=FROM_DESIGN,
         item="build",
@@ -203,13 +203,13 @@ IMPERFECT = (
         error=relative((COUPLING,)),
         methods=tuple(
             Method(
-                rung,
+                model,
                 "rebuilt",
-                imperfect_builds.one(imperfect_builds.with_model(rung)),
-                imperfect_builds.batch(imperfect_builds.with_model(rung)),
-                imperfect_builds.fails(rung),
+                imperfect_builds.one(imperfect_builds.with_model(model)),
+                imperfect_builds.batch(imperfect_builds.with_model(model)),
+                imperfect_builds.fails(model),
             )
-            for rung in MODEL_NAMES
+            for model in MODEL_NAMES
         ),
         views={},
         unsuited=imperfect_builds.incomparable,

@@ -44,12 +44,12 @@ def _fill_waits(home: h5py.Group, each: ResponseTimes) -> None:
     home.attrs["compares"], home.attrs["start"] = each.compares, each.start
     entries = each.entries
     scales = (
-        add_scale(home, "entry", _words(f"{e.rung}, {e.method}" for e in entries), "name"),
+        add_scale(home, "entry", _words(f"{e.model}, {e.method}" for e in entries), "name"),
         add_scale(home, "occasion", list(OCCASIONS), "name"),
         add_scale(home, "count", np.array(COUNTS), "1"),
         add_scale(home, "quartile", list(QUARTILES), "name"),
     )
-    for name in ("rung", "method"):
+    for name in ("model", "method"):
         add_dataset(home, name, _words(getattr(e, name) for e in entries), "name", scales[0])
     add_dataset(home, "largest_error", np.array([e.error for e in entries]), "1", scales[0])
     add_dataset(home, "time", np.array([e.time for e in entries]), "s", *scales)
@@ -65,9 +65,9 @@ def _fill(home: h5py.Group, panel: Panel) -> None:
         home.attrs[name] = getattr(panel, name)
     home.attrs["count"] = panel.count
     left = add_scale(
-        home, "left_out", _words(f"{item.rung}, {item.method}" for item in panel.left), "name"
+        home, "left_out", _words(f"{item.model}, {item.method}" for item in panel.left), "name"
     )
-    for name in ("rung", "method", "reason"):
+    for name in ("model", "method", "reason"):
         add_dataset(
             home,
             f"left_out_{name}",
@@ -79,7 +79,7 @@ def _fill(home: h5py.Group, panel: Panel) -> None:
     component = add_scale(home, "component", _words(panel.component), "name")
     quartile = add_scale(home, "quartile", list(QUARTILES), "name")
     view = add_scale(home, "view", _words(item.title for item in panel.views), "name")
-    for name in ("rung", "method"):
+    for name in ("model", "method"):
         add_dataset(
             home, name, _words(getattr(item, name) for item in panel.entries), "name", entry
         )
@@ -145,7 +145,7 @@ def load(group: Any) -> Tradeoff:
 
 def _load_waits(home: Any) -> ResponseTimes:
     rows = zip(
-        home["rung"].asstr()[:],
+        home["model"].asstr()[:],
         home["method"].asstr()[:],
         home["largest_error"][:],
         home["time"][:],
@@ -155,8 +155,8 @@ def _load_waits(home: Any) -> ResponseTimes:
         str(home.attrs["compares"]),
         str(home.attrs["start"]),
         tuple(
-            ResponseTime(str(rung), str(method), float(error), time)
-            for rung, method, error, time in rows
+            ResponseTime(str(model), str(method), float(error), time)
+            for model, method, error, time in rows
         ),
     )
 
@@ -166,7 +166,7 @@ def _load(home: Any) -> Panel:
         return [str(value) for value in home[key].asstr()[:]]
 
     rows = zip(
-        names("rung"),
+        names("model"),
         names("method"),
         home["error"][:],
         home["once"][:],
@@ -178,13 +178,13 @@ def _load(home: Any) -> Panel:
         component=tuple(names("component")),
         count=int(home.attrs["count"]),
         entries=tuple(
-            Entry(rung, method, error, once, batch, bool(many))
-            for rung, method, error, once, batch, many in rows
+            Entry(model, method, error, once, batch, bool(many))
+            for model, method, error, once, batch, many in rows
         ),
         left=tuple(
             Omission(*row)
             for row in zip(
-                names("left_out_rung"),
+                names("left_out_model"),
                 names("left_out_method"),
                 names("left_out_reason"),
                 strict=True,

@@ -40,7 +40,7 @@ COLOUR = {
 """Colours of the models, repeated if there are more models."""
 CHART, HIGH = 2.32, 1.3
 """Width and height of a chart, inches."""
-LEFT = {"rungs": 0.72, "methods": 6.32}
+LEFT = {"models": 0.72, "methods": 6.32}
 """Left edge of the charts of a half, inches; between them `GAP`."""
 GAP, WIDTH = 0.14, 11.2
 HEAD, ROW, ABOVE, FOOT = 1.27, 1.98, 0.34, 0.2
@@ -49,7 +49,7 @@ SIDE = 0.1
 FONT = 6.6
 NOTED = {"once": "one evaluation", "batch": "in a batch"}
 HALVES = {
-    "rungs": ("Models: physics neglected", "error against the most complete valid model"),
+    "models": ("Models: physics neglected", "error against the most complete valid model"),
     "methods": (
         "Methods: arithmetic and approximations",
         "error against 50 digits in the same model",
@@ -128,8 +128,8 @@ def _rows(found: Tradeoff) -> list[tuple[str, str]]:
 def _draw_row(figure: Figure, panel: Panel, heading: str, top: float) -> None:
     """Draw the charts of one view of a panel, or why there are none."""
     left = LEFT[panel.compares]
-    rungs = {entry.rung for entry in panel.entries}
-    name = heading + (f" ({rungs.copy().pop()})" if len(rungs) == 1 else "")
+    models = {entry.model for entry in panel.entries}
+    name = heading + (f" ({models.copy().pop()})" if len(models) == 1 else "")
     write_text(figure, left - 0.62, top, name, 8, INK, bold=True)
     views = [view for view in panel.views if view.title == heading]
     if not views:
@@ -185,7 +185,7 @@ def _draw_chart(axes: Axes, panel: Panel, view: View, kind: str) -> None:
     _set_axes(axes, times, high, floor)
     path = _draw_front(axes, times[:, 1], high, panel.front(kind, view))
     for n, entry in enumerate(panel.entries):
-        colour = COLOUR[entry.rung]
+        colour = COLOUR[entry.model]
         axes.plot(
             times[n, [0, 2]],
             [high[n]] * 2,
@@ -232,7 +232,7 @@ def _draw_chart(axes: Axes, panel: Panel, view: View, kind: str) -> None:
         axes,
         points,
         texts,
-        [COLOUR[entry.rung] for entry in panel.entries],
+        [COLOUR[entry.model] for entry in panel.entries],
         FONT,
         [(extent.x0, extent.y0, extent.x1, extent.y1)],
         lines,

@@ -35,13 +35,13 @@ def measure(subject: Subject, compares: str, repeat: int, budget: float) -> Resp
     ----------
     subject : Subject
     compares : str
-        ``rungs`` (models) or ``methods``.
+        ``models`` or ``methods``.
     repeat : int
         Sessions per method and number of frequencies.
     budget : float
         Processor time from which there are no further sessions of a method, s.
     """
-    if compares == "rungs":
+    if compares == "models":
         start, error = "from the design to the result", {}
         begins = {
             (level, "chain"): _from_design(subject, level)

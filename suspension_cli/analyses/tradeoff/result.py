@@ -18,8 +18,8 @@ GAIN = 0.01
 QUARTILES = ("lower", "median", "upper")
 KINDS = ("once", "batch")
 """Kinds of time: per evaluation, and per item of a batch."""
-COMPARED = ("rungs", "methods")
-"""A panel compares models (called ``rungs`` in files), which neglect physics, or methods for one
+COMPARED = ("models", "methods")
+"""A panel compares models , which neglect physics, or methods for one
 model, which differ by arithmetic and approximations."""
 
 
@@ -29,7 +29,7 @@ class Entry:
 
     Attributes
     ----------
-    rung, method : str
+    model, method : str
         Names of the model and of the method.
     error : (c,) array
         Relative error by component.
@@ -39,7 +39,7 @@ class Entry:
         Whether the method takes a batch at once; if not, `batch` equals `once`.
     """
 
-    rung: str
+    model: str
     method: str
     error: Array
     once: Array
@@ -49,11 +49,11 @@ class Entry:
     @property
     def label(self) -> str:
         """Model and method, ``string, chain``."""
-        return f"{self.rung}, {self.method}"
+        return f"{self.model}, {self.method}"
 
     def name(self, compares: str) -> str:
         """Label in a chart: the model or the method."""
-        return self.rung if compares == "rungs" else self.method
+        return self.model if compares == "models" else self.method
 
     def time(self, kind: str) -> float:
         """Median time, s, of kind ``once`` or ``batch``."""
@@ -64,7 +64,7 @@ class Entry:
 class Omission:
     """A method that does not apply, and why."""
 
-    rung: str
+    model: str
     method: str
     reason: str
 
@@ -118,7 +118,7 @@ class Panel:
 
     @property
     def key(self) -> str:
-        """Name in files, ``modes-rungs``."""
+        """Name in files, ``modes-models``."""
         return f"{self.quantity}-{self.compares}"
 
     def fastest(self, kind: str) -> float:
@@ -146,7 +146,7 @@ class ResponseTime:
 
     Attributes
     ----------
-    rung, method : str
+    model, method : str
         Names of the model and of the method.
     error : float
         Largest relative error over 200 frequencies from 0.1 Hz to 1 kHz; NaN between models, which
@@ -156,7 +156,7 @@ class ResponseTime:
         because the first took long.
     """
 
-    rung: str
+    model: str
     method: str
     error: float
     time: Array

@@ -60,7 +60,7 @@ class Answer:
     Attributes
     ----------
     compares : str
-        ``rungs`` (models) or ``methods``.
+        ``models`` or ``methods``.
     question : str
     best : Option
         Fastest of those within the tolerance; the most accurate one if none is.
@@ -79,7 +79,7 @@ def answers(found: Tradeoff) -> list[Answer]:
     """Answer all questions that the comparisons allow."""
     return [
         answer
-        for compares in ("rungs", "methods")
+        for compares in ("models", "methods")
         for panel in found.panels
         if panel.compares == compares and panel.entries
         for answer in (
@@ -89,11 +89,11 @@ def answers(found: Tradeoff) -> list[Answer]:
 
 
 def _answers(found: Tradeoff, panel: Panel) -> list[Answer]:
-    if panel.key == "response-rungs":
+    if panel.key == "response-models":
         times = {
-            entry.rung: entry.median("first", TIMED)
+            entry.model: entry.median("first", TIMED)
             for each in found.waits
-            if each.compares == "rungs"
+            if each.compares == "models"
             for entry in each.entries
         }
         return [
@@ -101,7 +101,7 @@ def _answers(found: Tradeoff, panel: Panel) -> list[Answer]:
                 panel.compares,
                 f"{NAMES.get(view.title, view.title)}, {TIMED} frequencies",
                 [
-                    Option(entry.rung, times[entry.rung], float(error))
+                    Option(entry.model, times[entry.model], float(error))
                     for entry, error in zip(panel.entries, panel.worst(view), strict=True)
                 ],
                 "",
@@ -152,7 +152,7 @@ def _option(entry: ResponseTime, occasion: str, count: int) -> Option:
 
 
 def _choose(compares: str, question: str, options: list[Option], shipped: str) -> Answer:
-    models = compares == "rungs"
+    models = compares == "models"
     tolerance = MODEL_TOLERANCE if models else METHOD_TOLERANCE
     good = [option for option in options if option.error <= tolerance]
     best = (
@@ -170,7 +170,7 @@ def _choose(compares: str, question: str, options: list[Option], shipped: str) -
 
 def headline(found: Tradeoff) -> str:
     """Name the models to use, in one line."""
-    every = [answer for answer in answers(found) if answer.compares == "rungs"]
+    every = [answer for answer in answers(found) if answer.compares == "models"]
     uses: dict[str, list[str]] = {}
     for answer in every:
         question = answer.question.split(",")[0].split(" at ")[0]
@@ -187,9 +187,9 @@ def headline(found: Tradeoff) -> str:
 def _within(found: Tradeoff) -> str:
     """Tolerance and reference of models: ``within 0.1 % of violin``."""
     top = next(
-        panel.entries[-1].rung
+        panel.entries[-1].model
         for panel in found.panels
-        if panel.compares == "rungs" and panel.entries
+        if panel.compares == "models" and panel.entries
     )
     return f"within {100 * MODEL_TOLERANCE:g} % of {top}"
 
@@ -198,7 +198,7 @@ def text(found: Tradeoff) -> str:
     """Format the headline and a line per question."""
     every = answers(found)
     parts = [headline(found)]
-    for compares, other in (("rungs", "faster, but less accurate"), ("methods", "pendsus uses")):
+    for compares, other in (("models", "faster, but less accurate"), ("methods", "pendsus uses")):
         rows = [
             (
                 answer.question,
@@ -211,7 +211,7 @@ def text(found: Tradeoff) -> str:
             if answer.compares == compares
         ]
         if rows:
-            models = compares == "rungs"
+            models = compares == "models"
             heading = (
                 f"model {_within(found)}"
                 if models
@@ -227,7 +227,7 @@ def _other(answer: Answer) -> str:
     best, other = answer.best, answer.other
     if other is None:
         return "the same" if answer.compares == "methods" else "-"
-    if answer.compares == "rungs":
+    if answer.compares == "models":
         return (
             f"{other.name}: {best.time / other.time:.2g} times faster, error {_size(other.error)}"
         )
@@ -253,10 +253,10 @@ def response_table(found: Tradeoff) -> str:
     """Format the times of responses in a row, a part for models and one for methods."""
     parts = []
     for each in found.waits:
-        models = each.compares == "rungs"
+        models = each.compares == "models"
         rows = []
         for entry in each.entries:
-            label = entry.rung if models else entry.method
+            label = entry.model if models else entry.method
             times = [
                 " ".join(
                     f"{'-' if np.isnan(value) else format_time(value):>8}"
@@ -267,7 +267,7 @@ def response_table(found: Tradeoff) -> str:
             error = "" if models or np.isnan(entry.error) else format_error(entry.error)
             rows.append((label, *times, error))
         columns = {"": "", **{f"{count:,} frequencies": "" for count in COUNTS}}
-        heading = "Response: " + ("models" if models else f"methods ({each.entries[0].rung})")
+        heading = "Response: " + ("models" if models else f"methods ({each.entries[0].model})")
         lines = [
             f"{heading}: the first {each.start}, the next on the same grid, the next on another"
         ]

@@ -205,7 +205,7 @@ def _coupled_rows(push: Any) -> list[bool]:
 
 def _touched(model: LinearSystem, drive: Array, row: Array) -> list[Index]:
     """Blocks that the input drives and the output contains."""
-    pulled = model.pulled[:, drive[:6] != 0].any(1)
+    pulled = np.any(model.pulled[:, drive[:6] != 0], axis=1)
     return [block for block in model.blocks if row[block].any() and pulled[block].any()]
 
 

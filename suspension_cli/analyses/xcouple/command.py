@@ -219,13 +219,15 @@ class MatrixAnalysis(Analysis):
 
     def document(self, result: Result) -> dict[str, Any]:
         """Return a matrix for each frequency."""
+        import numpy as np
+
         answer: Response = result.data
         return {
             "frequency_hz": answer.frequency.tolist(),
             "input": answer.input,
             "output": answer.output,
-            "matrix_real": answer.value.real.tolist(),
-            "matrix_imag": answer.value.imag.tolist(),
+            "matrix_real": np.real(answer.value).tolist(),
+            "matrix_imag": np.imag(answer.value).tolist(),
         }
 
     def text(self, result: Result) -> str:

@@ -32,14 +32,14 @@ def csv(folder, text, name="goal.csv"):
     return path
 
 
-def asked(file, tmp_path, *options):
+def json_of(file, tmp_path, *options):
     result = run("budget", file, "--json", "--out", tmp_path / "out", *LIGHT, *options)
     assert result.exit_code == 0, result.stderr
     return strict_json(result.stdout)
 
 
 def test_the_document(file, tmp_path):
-    answer = asked(file, tmp_path, "--ground", "nlnm")
+    answer = json_of(file, tmp_path, "--ground", "nlnm")
     assert list(answer) == [
         "command",
         "design",
@@ -84,17 +84,17 @@ def test_the_document(file, tmp_path):
 
 
 def test_numbers_are_taken_as_they_are(file, tmp_path):
-    grid = asked(file, tmp_path)
-    answer = asked(file, tmp_path, "--frequency", "10,0.1,1")
+    grid = json_of(file, tmp_path)
+    answer = json_of(file, tmp_path, "--frequency", "10,0.1,1")
     assert answer["frequency_hz"] == [0.1, 1.0, 10.0]
     assert answer["rms"] == pytest.approx(grid["rms"], rel=2e-3)
     assert answer["displacement_asd"][0] == pytest.approx(grid["displacement_asd"][0], rel=1e-12)
-    assert asked(file, tmp_path, "--frequency", "1")["rms"] is None
+    assert json_of(file, tmp_path, "--frequency", "1")["rms"] is None
 
 
 def test_an_imperfect_build_couples(tmp_path):
     imperfect = DAMPED | {"perturbation": [{"wire": "test.1", "k_factor": 1.2}]}
-    answer = asked(written(tmp_path, imperfect, "triple.toml"), tmp_path, "--output", "test.x")
+    answer = json_of(written(tmp_path, imperfect, "triple.toml"), tmp_path, "--output", "test.x")
     assert answer["rms_by_cause"]["ground.z"] > 0
 
 
@@ -102,7 +102,7 @@ def test_requirements(file, tmp_path):
     goal = csv(tmp_path, "# goal\n0.5 1e-3\n5 1e-3\n")
     yaw = csv(tmp_path, "f,asd\n2,1e-12\n3,1e-12\n50,1e-30\n", "yaw.csv")
     words = ("--ground", "nlnm", "--requirement", goal, "--requirement", f"test.yaw={yaw}")
-    answer = asked(file, tmp_path, *words)
+    answer = json_of(file, tmp_path, *words)
     met, not_met = answer["requirement"], answer["other_outputs"][1]["requirement"]
     assert met["met"] and met["margin"] > 1 and met["exceeded_hz"] == []
     frequency, total = np.array(answer["frequency_hz"]), np.array(answer["displacement_asd"])
@@ -215,7 +215,7 @@ def test_a_design_without_loops(tmp_path):
     file, grid = written(tmp_path, RAW, "triple.toml"), (0.5, 2.0, 7.0)
     site = csv(tmp_path, "0.1,1e-6\n10,1e-6\n", "site.csv")
     options = ("--output", "test.x", "--frequency", "0.5,2,7", "--ground", f"x={site}")
-    answer = asked(file, tmp_path, *options)
+    answer = json_of(file, tmp_path, *options)
     assert list(answer["contributions"]) == ["ground.x", "thermal"]
     moved = sus.response(sus.read(file), outputs=["test.x"], frequency=grid, model="beam").value
     expected = 1e-6 * np.abs(moved[:, 0, 0])

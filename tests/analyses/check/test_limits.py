@@ -1,4 +1,4 @@
-"""Designs near a limit are told so, with a number that is right; ordinary ones are not."""
+"""Designs near a limit are reported, with a number that is right; ordinary ones are not."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_no_shipped_design_is_near_a_limit(config, tmp_path):
 
 @pytest.mark.parametrize("ratio", [1e12, 1e14, 1e15])
 @pytest.mark.parametrize("level", ["force", "string"])
-def test_the_digits_told_are_those_lost(ratio, level):
+def test_reported_digits_are_those_lost(ratio, level):
     """Never less than what is lost, and within a factor of 300 of it: a bound by rounding errors
     that all add up. On `string` none are."""
     k = ratio * geometry.MASS * 9.81 / 4 / SHAPE["l"]
@@ -56,14 +56,14 @@ def test_the_digits_told_are_those_lost(ratio, level):
     found = eigenmodes.solve(model)
     wanted = [float(MP.sqrt(v)) for v in omega_squared(stage(shape={"k": k, "t1": 0.0815}))[:2]]
     lost = max(abs(found.omega_squared[n] ** 0.5 / wanted[n] - 1) for n in range(2))
-    told = near(raw, level).digits
+    reported = near(raw, level).digits
     if level == "string":
         assert lost < 1e-12
     if level == "string" or ratio < 1e13:
-        assert told is None
+        assert reported is None
     else:
-        assert told is not None
-        assert lost <= told.value <= 300 * lost
+        assert reported is not None
+        assert lost <= reported.value <= 300 * lost
 
 
 def test_vertical_wires_however_stiff_lose_nothing():
@@ -71,28 +71,28 @@ def test_vertical_wires_however_stiff_lose_nothing():
 
 
 @pytest.mark.parametrize("above", [2e-5, 8e-5, 2e-4])
-def test_the_height_told_is_that_at_which_it_tips(above):
+def test_reported_height_is_where_it_tips(above):
     d = float(geometry.tipping_height()) + above
-    told = near(document(s=geometry.CLOSE, d=d)).tipping
+    reported = near(document(s=geometry.CLOSE, d=d)).tipping
     if above > limits.TIPPING:
-        assert told is None
+        assert reported is None
     else:
-        assert told is not None
-        assert told.name == "test pitch"
-        assert told.value == pytest.approx(above, rel=0.05)  # the mode's x goes along a little
+        assert reported is not None
+        assert reported.name == "test pitch"
+        assert reported.value == pytest.approx(above, rel=0.05)  # the mode's x goes along a little
 
 
 @pytest.mark.parametrize("left", [0.5, 5e-3, 1e-5])
-def test_the_tension_told_is_the_one_left(left):
+def test_reported_tension_is_the_one_left(left):
     change = float(geometry.slack_length() * (1 - MP.mpf(left)))
     raw = document() | {"perturbation": [{"wire": "test.1", "length_change": change}]}
     carried = statics.solve(convert(raw))
-    told = near(raw).slack
+    reported = near(raw).slack
     if left > limits.SLACK:
-        assert told is None
+        assert reported is None
     else:
-        assert told is not None
-        assert told.value == pytest.approx(
+        assert reported is not None
+        assert reported.value == pytest.approx(
             min(w.tension for w in carried.wires) * 4 / sum(w.tension for w in carried.wires),
             rel=1e-9,
         )
@@ -130,7 +130,7 @@ def test_commands_say_it(tmp_path):
         )
 
 
-def test_faint_couplings_are_told(tmp_path):
+def test_faint_couplings_are_reported(tmp_path):
     config = ROOT / "configs" / "husman2000" / "figure6.toml"
     sweep = ["xcouple", config, "--workers", "1", "--no-plot", "--out", tmp_path, "--sweep"]
     assert "below 1e-17" in run(*sweep, "offset=1e-9,1e-3").stderr

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.damp import closed_loop_poles, control
+from suspension_cli.analyses.damp.control_statespace import build_closed_loop
 from suspension_cli.design import loop_filters
 from suspension_cli.linear import eigenmodes, poles
 from tests.analyses.damp.test_control import LEAD, loop, plant, simple
@@ -20,7 +21,8 @@ MP.dps = 50
 
 def found_of(closed):
     return closed_loop_poles.refine(
-        poles.poles(control.build_closed_loop(closed, [], plants.all_motions(closed.model))), closed
+        poles.poles(build_closed_loop(closed, [], plants.all_motions(closed.model))),
+        closed,
     )
 
 
@@ -134,7 +136,7 @@ def test_without_loops_it_is_the_q_of_modes():
     np.testing.assert_allclose(found.q[order], expected.q, rtol=1e-6)
 
 
-def test_damp_tells_them(tmp_path):
+def test_damp_reports_them(tmp_path):
     stage = {
         "name": "test",
         "body": {"mass": 3.0, "inertia": [0.1] * 3},

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp.control_statespace import build_closed_loop
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import loop_filters
 from suspension_cli.design.derive import com_positions
@@ -63,7 +64,7 @@ def simple(c, reference="support", mass=3.0, length=0.7):
 def test_a_damped_pendulum_by_hand(c):
     mass, length = 3.0, 0.7
     closed = simple(c)
-    system = control.build_closed_loop(
+    system = build_closed_loop(
         closed, plants.drives(closed.model, "support.x"), plants.motions(closed.model, "test.x")
     )
     expected = np.roots([mass, c, mass * 9.81 / length])
@@ -95,7 +96,9 @@ def test_what_the_sensor_refers_to(reference):
         control.solve_responses(closed, GRID, inputs, outputs).value[:, 0, 0], expected, rtol=1e-11
     )
     np.testing.assert_allclose(
-        control.build_closed_loop(closed, inputs, outputs).at(GRID)[:, 0, 0], expected, rtol=1e-9
+        build_closed_loop(closed, inputs, outputs).at(GRID)[:, 0, 0],
+        expected,
+        rtol=1e-9,
     )
 
 
@@ -173,7 +176,7 @@ def test_state_space_is_the_direct_solution(name):
     inputs, outputs = ends(closed.model)
     direct, system = (
         control.solve_responses(closed, GRID, inputs, outputs).value,
-        control.build_closed_loop(closed, inputs, outputs).at(GRID),
+        build_closed_loop(closed, inputs, outputs).at(GRID),
     )
     size = np.abs(direct)
     assert (np.abs(system - direct) <= 1e-9 * size + 1e-15 * size.max((0, 1))).all()
@@ -211,7 +214,7 @@ def characteristic(closed, s):
 )
 def test_poles_are_zeros_of_the_determinant(name):
     closed = built(name)
-    system = control.build_closed_loop(closed, [], plants.all_motions(closed.model))
+    system = build_closed_loop(closed, [], plants.all_motions(closed.model))
     found = poles.poles(system)
     order = sum(len(loop_filters.expand_roots(one.poles)) for one in closed.loops)
     assert len(system.a) == 2 * (closed.model.size - 6 - closed.model.massless.sum()) + order
@@ -231,9 +234,7 @@ def gains_at(closed, s):
 def test_poles_where_the_loop_gain_is_minus_one(name):
     """det(1 + H G) = 0 for every pole that the loops moved."""
     closed = built(name)
-    found = poles.poles(
-        control.build_closed_loop(closed, [], plants.all_motions(closed.model))
-    ).value
+    found = poles.poles(build_closed_loop(closed, [], plants.all_motions(closed.model))).value
     bare = 2 * np.pi * eigenmodes.solve(closed.model).frequency
 
     def determinant(s):
@@ -331,7 +332,8 @@ def test_impulse_response_is_the_inverse_transform():
     value = control.solve_responses(closed, frequency, inputs, outputs).value[:, :, 0]
     expected = np.fft.irfft(value, axis=0) * count / duration
     found = poles.impulse(
-        control.build_closed_loop(closed, inputs, outputs), np.arange(1500) / (2 * highest)
+        build_closed_loop(closed, inputs, outputs),
+        np.arange(1500) / (2 * highest),
     )[:, :, 0]
     assert (np.abs(found - expected[:1500]).max(0) < 1e-4 * np.abs(found).max(0)).all()
     assert np.abs(expected[-10:]).max() < 1e-4 * np.abs(found).max()  # it has died away
@@ -339,7 +341,7 @@ def test_impulse_response_is_the_inverse_transform():
 
 def test_impulse_starts_with_the_momentum():
     closed = simple(0.4)
-    system = control.build_closed_loop(
+    system = build_closed_loop(
         closed, plants.drives(closed.model, "test.force_x"), plants.motions(closed.model, "test.x")
     )
     time = np.array([0.0, 1e-6])
@@ -353,17 +355,14 @@ def test_a_damper_from_one_block_into_another():
         plants.motions(closed.model, "test.y"),
     )
     direct = control.solve_responses(closed, GRID, inputs, outputs).value
-    assert (
-        np.abs(control.build_closed_loop(closed, inputs, outputs).at(GRID) / direct - 1).max()
-        < 1e-9
-    )
+    assert np.abs(build_closed_loop(closed, inputs, outputs).at(GRID) / direct - 1).max() < 1e-9
 
 
 def test_a_damper_that_senses_no_massless_structure_that_it_pushes():
     raw = plants.raw("triple") | {"support": {"stiffness": {"y": 1e5}}}
     closed = plant(raw, [loop("upper.x", "upper.force_y", damper=20.0)])
     with pytest.raises(InputError, match="give \\[support\\] a mass"):
-        control.build_closed_loop(
+        build_closed_loop(
             closed,
             plants.drives(closed.model, "support.x"),
             plants.motions(closed.model, "test.x", "test.y"),

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp import control, control_statespace
 from suspension_cli.analyses.damp import file as files
 from suspension_cli.design import foton
 from suspension_cli.files.hdf5 import open_results
@@ -151,7 +151,7 @@ def test_results_are_those_of_the_library(done):
     answer = control.solve_responses(closed, loaded.frequency, inputs, outputs)
     np.testing.assert_array_equal(loaded.gain, answer.loop_gain)
     np.testing.assert_array_equal(loaded.noise, answer.noise[:, 0])
-    system = control.build_closed_loop(closed, inputs, outputs)
+    system = control_statespace.build_closed_loop(closed, inputs, outputs)
     np.testing.assert_allclose(
         loaded.impulse, poles.impulse(system, loaded.time)[:, 0, 0], rtol=1e-12, atol=1e-18
     )
@@ -211,7 +211,7 @@ def test_table_for_people(tmp_path):
 
 
 def test_a_loop_that_drives_itself(tmp_path):
-    """Found unstable, told so, and still written: a finding about the loops, not a fault of the
+    """Found unstable, reported, and still written: a finding about the loops, not a fault of the
     file."""
     file = written(tmp_path, damped(["x", "yaw"], damper=-1.0), "triple.toml")
     result = run(
@@ -298,7 +298,7 @@ def test_bad_options(options, tmp_path):
     assert len(assert_refused(run("damp", file, "--json", "--out", out, *options), file, out)) == 1
 
 
-def test_an_unstable_plant_may_be_asked_for(tmp_path):
+def test_an_unstable_plant_may_be_requested(tmp_path):
     result = run(
         "damp",
         written(tmp_path, damped()),

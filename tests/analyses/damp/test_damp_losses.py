@@ -10,6 +10,7 @@ import pytest
 
 from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp import solve as damp
+from suspension_cli.analyses.damp.control_statespace import build_closed_loop
 from suspension_cli.design.reader import read
 from suspension_cli.linear import poles, response
 from suspension_cli.models import registry
@@ -129,7 +130,8 @@ def test_one_lossy_oscillator_by_hand(angle, c):
     }
     closed = plant(raw, [loop("test.z", damper=c)], "string")
     found = closed_loop_poles.refine(
-        poles.poles(control.build_closed_loop(closed, [], plants.all_motions(closed.model))), closed
+        poles.poles(build_closed_loop(closed, [], plants.all_motions(closed.model))),
+        closed,
     )
     [z] = [
         value for value, state in zip(found.value, found.state, strict=True) if state == "test.z"

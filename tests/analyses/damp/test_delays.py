@@ -10,6 +10,7 @@ from scipy.special import lambertw
 from suspension_cli.analyses.damp import (
     closed_loop_poles,
     control,
+    control_statespace,
     margins,
     nyquist_count,
     sensitivity,
@@ -28,7 +29,7 @@ STAGE = {
 
 def pole_values(closed):
     """Closed-loop poles of a plant, one of each conjugate pair."""
-    system = control.build_closed_loop(closed, [], plants.all_motions(closed.model))
+    system = control_statespace.build_closed_loop(closed, [], plants.all_motions(closed.model))
     return closed_loop_poles.refine(poles.poles(system), closed)
 
 

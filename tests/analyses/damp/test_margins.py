@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.damp import closed_loop_poles, control, margins
+from suspension_cli.analyses.damp import closed_loop_poles, control, control_statespace, margins
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design.reader import read
 from suspension_cli.linear import poles
@@ -134,7 +134,7 @@ def of(design, level):
 
 def all_margins(plant, constant):
     closed = poles.poles(
-        control.build_closed_loop(constant, [], plants.all_motions(constant.model))
+        control_statespace.build_closed_loop(constant, [], plants.all_motions(constant.model))
     )
     corners = damp.find_corner_frequencies(constant, closed)
     return margins.compute_margins(
@@ -171,7 +171,7 @@ def scaled(plant, n, factor):
 def growing(plant, constant, n=0, factor=1.0):
     """How many poles grow with the gain of one loop multiplied."""
     plant, constant = scaled(plant, n, factor), scaled(constant, n, factor)
-    system = control.build_closed_loop(constant, [], plants.all_motions(plant.model))
+    system = control_statespace.build_closed_loop(constant, [], plants.all_motions(plant.model))
     found = poles.poles(system)
     near = np.abs(found.value.real) < 0.1 * np.abs(found.value)  # elsewhere losses decide nothing
     close = poles.Poles(

@@ -105,15 +105,15 @@ def test_modes_known_by_their_direction():
         )
         for f, (_, dof) in zip(drawn.frequency, drawn.home, strict=True)
     ]
-    asked = [
+    requested = [
         Free(name=name, start=2.5 * item.value)
         for name in free
         for item in parameters.every(file.read_text())
         if item.name == name
     ]
     scrambled = [data[n] for n in np.random.default_rng(0).permutation(len(data))]
-    found = fit.solve([file.read_text()], Measured(mode=scrambled, parameter=asked))
-    np.testing.assert_allclose(found.value, [item.start / 2.5 for item in asked], rtol=1e-6)
+    found = fit.solve([file.read_text()], Measured(mode=scrambled, parameter=requested))
+    np.testing.assert_allclose(found.value, [item.start / 2.5 for item in requested], rtol=1e-6)
     assert len(set(found.label)) == len(data)
 
 
@@ -122,14 +122,14 @@ def test_the_best_of_several_searches_counts():
     elsewhere finds what the hint says."""
     file, name = HUSMAN / "table1-case2.toml", "stage.test.wires.t1"
     (yaw,) = [mode for mode in seen(file) if mode.label == "test yaw"]
-    asked = Measured(
+    requested = Measured(
         mode=[yaw],
         parameter=[
             Free(name=name, start=0.19, prior=0.06, uncertainty=0.02, lower=0.0, upper=0.22)
         ],
     )
-    one = fit.solve([file.read_text()], asked)
-    several = fit.solve([file.read_text()], asked, starts=6, seed=3)
+    one = fit.solve([file.read_text()], requested)
+    several = fit.solve([file.read_text()], requested, starts=6, seed=3)
     assert one.value[0] > 0.133 > 0.06 > several.value[0] > 0.046
     assert (
         several.ends[0] == pytest.approx(several.chi_squared, rel=1e-9)
@@ -138,7 +138,7 @@ def test_the_best_of_several_searches_counts():
     assert len(several.ends) == 6 and (np.diff(several.ends) >= 0).all()
     assert np.isclose(several.ends, one.chi_squared, rtol=1e-6).any()
     np.testing.assert_array_equal(
-        several.ends, fit.solve([file.read_text()], asked, starts=6, seed=3).ends
+        several.ends, fit.solve([file.read_text()], requested, starts=6, seed=3).ends
     )
 
 
@@ -357,8 +357,10 @@ def test_a_frame_that_gives_way_sideways_lowers_roll_where_wires_lean(case):
 
 def test_what_table1_does_not_print():
     """The designs have what a fit of the 24 theory values finds."""
-    asked = measured.read(MEASURED / "table1-theory.toml")
-    found = fit.solve([(MEASURED / item.design).read_text() for item in asked.experiment], asked)
+    requested = measured.read(MEASURED / "table1-theory.toml")
+    found = fit.solve(
+        [(MEASURED / item.design).read_text() for item in requested.experiment], requested
+    )
     assert (np.abs(found.start - found.value) < 2 * found.sigma).all()
     assert 0.5 < found.chi_squared / found.freedom < 2
     printed = [
@@ -369,17 +371,17 @@ def test_what_table1_does_not_print():
 
 def test_what_the_paper_does_not_say_of_table2():
     """All 18 frequencies to their rounding, with numbers that lie near the hints of the text."""
-    asked = measured.read(MEASURED / "table2.toml")
+    requested = measured.read(MEASURED / "table2.toml")
     near = [
         (
             msgspec.structs.replace(item, start=430.0)
             if item.name.endswith("blades.stiffness")
             else item
         )
-        for item in asked.parameter
+        for item in requested.parameter
     ]
     found = fit.solve(
-        [(HUSMAN / "table2.toml").read_text()], msgspec.structs.replace(asked, parameter=near)
+        [(HUSMAN / "table2.toml").read_text()], msgspec.structs.replace(requested, parameter=near)
     )
     printed = [
         frequency

@@ -401,7 +401,7 @@ def test_the_command_lists_overdamped_modes(tmp_path):
 )
 def test_nonsense_ends_at_once(options, said, tmp_path):
     """Thousands of modes are counted, not computed; a range without modes is refused on every
-    rung."""
+    model."""
     result = run("modes", CONFIGS / options[0], *options[1:], "--out", tmp_path / "out")
     assert result.exit_code == 2, result.stderr
     assert said in result.stderr

@@ -65,7 +65,7 @@ def test_frequencies_are_those_of_finite_elements(seed):
     assert found[:6] == pytest.approx(expected[:6], rel=2e-4)
 
 
-def test_pairs_that_all_but_agree_are_told_apart():
+def test_nearly_equal_pairs_are_resolved():
     """Violin modes of one wire in two planes whose thickness differs by a part in 1e9."""
     raw = scenes.fibred(scenes.chain(np.random.default_rng(5), 1), 5e8, ribbons=True)
     side = 3e-4
@@ -93,8 +93,8 @@ def test_modes_are_orthogonal_and_their_energy_is_all_there(seed):
     design = scenes.design_of(random_design(seed))
     model = registry.VIOLIN.system(design)
     found = wire_modes.solve(model, 1.3 * _first_violin(model))
-    assert found.shares.sum(1) == pytest.approx(1.0, abs=1e-9)
-    assert (found.shares > -1e-12).all()
+    assert found.fractions.sum(1) == pytest.approx(1.0, abs=1e-9)
+    assert (found.fractions > -1e-12).all()
     assert (found.order > 0).any()
     bodies = eigenmodes.solve(registry.BEAM.system(design))
     # the mass of wires, at most 1 % of the bodies'
@@ -118,7 +118,7 @@ def test_q_is_the_width_of_the_resonance(which):
         [signals.parse_output("mass1.x", known)],
     )
     violin = np.flatnonzero(
-        (found.order == 1) & (found.shares[:, list(found.place).index("mass1.x")] > 1e-8)
+        (found.order == 1) & (found.fractions[:, list(found.place).index("mass1.x")] > 1e-8)
     )
     number = (
         int(np.flatnonzero([home == ("mass1", "x") for home in found.home])[0])

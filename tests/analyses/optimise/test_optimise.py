@@ -260,7 +260,7 @@ def test_from_an_unstable_design_to_a_stable_one():
     assert eigenmodes.solve(registry.STRING.system(reader.parse(found.design))).stable
 
 
-def test_what_the_search_believes_is_not_what_is_told(monkeypatch):
+def test_reported_values_are_checked_not_the_search_values(monkeypatch):
     """A search that takes frequencies for 10 % lower than they are ends too high: that is found out
     by the ordinary analyses, and said."""
     honest = objective.Evaluator.at
@@ -304,7 +304,7 @@ def test_corrections_that_never_settle_end_at_a_design_that_was_met(monkeypatch)
     assert found.quantities.after[0] == pytest.approx(0.99 / 1.01 * 0.8, rel=1e-5)
 
 
-def test_limits_hold_on_the_rung_that_checks():
+def test_limits_are_met_on_the_checking_model():
     """Wires that bend make a soft pendulum stiffer than strings do: the search is on them."""
     found = solved(
         CONFIGS / "double.toml",
@@ -318,7 +318,7 @@ def test_limits_hold_on_the_rung_that_checks():
     assert found.quantities.searched[0] == pytest.approx(0.6, rel=1e-6)
 
 
-def test_unmet_goals_are_told():
+def test_unmet_goals_are_reported():
     """Two limits that exclude each other: as far from the one as from the other, and neither is
     claimed."""
     goal = [
@@ -335,7 +335,7 @@ def test_unmet_goals_are_told():
     np.testing.assert_allclose(found.limits.multiplier, [2 / 3, 1 / 3], rtol=1e-4)
 
 
-def test_multipliers_tell_what_a_limit_costs():
+def test_multipliers_are_the_cost_of_a_limit():
     """The objective's change as a limit gives way by 0.1 %."""
     text, free = TRIPLE.read_text(), goals.read(WANTED).free[:3]
     freed = FreeDesign.of(text, Goals(goal=[Goal(kind="height", at_most=9.0)], free=free))

@@ -1,5 +1,5 @@
-"""`pendsus optimise` as a command: what it tells and writes, its exit codes, and the goals that it
-refuses."""
+"""`pendsus optimise` as a command: what it prints and writes, its exit codes, and the goals that
+it refuses."""
 
 from __future__ import annotations
 
@@ -41,21 +41,23 @@ def test_the_story_of_section_5a(made):
     assert sorted(mode["dof"] for mode in fast) == ["roll", "yaw", "z"]
     left = [mode for mode in after["modes"] if mode["verdict"] != "can be damped"]
     assert sorted(mode["dof"] for mode in left) == ["roll", "z"] and all(
-        mode["frequency_hz"] > 20 and mode["top_mass_share"] < 1e-3 for mode in left
+        mode["frequency_hz"] > 20 and mode["top_mass_fraction"] < 1e-3 for mode in left
     )
     damped = [mode for mode in after["modes"] if mode not in left]
     assert len(damped) == 16 and all(
-        0.5 <= mode["frequency_hz"] <= 5 and mode["top_mass_share"] >= 0.05 for mode in damped
+        0.5 <= mode["frequency_hz"] <= 5 and mode["top_mass_fraction"] >= 0.05 for mode in damped
     )
     assert answer["goals_met"] and all(limit["met"] for limit in answer["limits"])
-    told = sorted(mode["after_hz"] for mode in answer["modes"])
+    reported = sorted(mode["after_hz"] for mode in answer["modes"])
     # the latter with losses, 1/(8 Q²) away
-    np.testing.assert_allclose(told, [mode["frequency_hz"] for mode in after["modes"]], rtol=1e-6)
+    np.testing.assert_allclose(
+        reported, [mode["frequency_hz"] for mode in after["modes"]], rtol=1e-6
+    )
     wires = reader.read(folder / "husman2000-triple-vertical-optimised.toml").design.stage[1].wires
     assert wires.t1 < 0.8 * wires.t2  # the paper's remedy: they lean
 
 
-def test_files_tell_the_same(made):
+def test_files_have_the_same_values(made):
     folder, answer = made
     path = folder / "husman2000-triple-vertical-optimise.h5"
     with h5py.File(path) as file:
@@ -104,7 +106,7 @@ def test_what_is_not_met_has_exit_code_1(tmp_path):
     )
 
 
-def test_room_is_told_as_a_share_of_the_limit(tmp_path):
+def test_room_is_printed_as_a_fraction_of_the_limit(tmp_path):
     """Half the least there may be is 50 % short, and twice the most 100 % over, which margins in
     logarithms have alike."""
     limits = [{"at_least": 2.0}, {"at_most": 0.25}, {"equals": 2.0}, {"at_most": 2.0}]
@@ -164,7 +166,7 @@ def test_what_is_not_known_is_not_all_met(tmp_path):
     assert "1 limit, met, 2 NOT KNOWN, checked on string" in result.stdout
 
 
-def test_a_limit_that_symmetry_keeps_is_told(tmp_path):
+def test_a_limit_that_symmetry_keeps_is_reported(tmp_path):
     raw = {
         "goal": [
             {"kind": "cross-coupling", "response": "test.x/test.z/support.z:50", "at_most": 1e-3}
@@ -186,7 +188,7 @@ def test_a_limit_that_symmetry_keeps_is_told(tmp_path):
     assert result.exit_code == 0 and "is 0: the design's symmetry forbids it" in result.stderr
 
 
-def test_a_design_that_falls_over_is_told(tmp_path):
+def test_a_design_that_falls_over_is_reported(tmp_path):
     """No goal is about its pitch."""
     raw = {
         "goal": [{"kind": "height", "at_most": 1.0}],
@@ -463,7 +465,7 @@ def test_bad_goals_are_refused(kind, tmp_path):
     assert any(line.startswith(problem) for line in named), lines
 
 
-def test_unknown_strength_is_refused_where_it_is_asked_for(tmp_path):
+def test_unknown_strength_is_refused_where_it_is_needed(tmp_path):
     raw = {
         "goal": [{"kind": "stress", "blades": ["upper"], "at_most": 0.5}],
         "free": [{"name": "stage.upper.wires.radius", "lower": 1e-4, "upper": 1e-3}],

@@ -1,4 +1,4 @@
-"""What `pendsus optimise` works out of a design: exact derivatives, batches, stress, shares, and
+"""What `pendsus optimise` computes from a design: exact derivatives, batches, stress, shares, and
 which mode is which."""
 
 from __future__ import annotations
@@ -74,11 +74,11 @@ def test_stress_by_hand():
         [Goal(kind="stress", at_most=1.0)],
         [Free(name="stage.upper.wires.radius", lower=1e-4, upper=3e-4)],
     )
-    told = dict(zip(found.quantities.name, found.quantities.after, strict=True))
+    reported = dict(zip(found.quantities.name, found.quantities.after, strict=True))
     weight = G * np.array([5.8 + 5.6 + 5.6, 5.6 + 5.6, 5.6])
     for stage, carried in zip(design.stage, weight, strict=True):
         tension = carried / stage.wires.count
-        assert told[f"stress of {stage.name} wires"] == pytest.approx(
+        assert reported[f"stress of {stage.name} wires"] == pytest.approx(
             tension / (np.pi * stage.wires.radius**2) / 2.07e9, rel=1e-9
         )
         if stage.blades is not None:
@@ -90,7 +90,7 @@ def test_stress_by_hand():
                 * shape.length
                 / (shape.base_width * shape.thickness**2)
             )
-            assert told[f"stress of {stage.name} blades"] == pytest.approx(
+            assert reported[f"stress of {stage.name} blades"] == pytest.approx(
                 bending / 1.7e9, rel=1e-9
             )
 
@@ -112,7 +112,7 @@ def test_every_wire_of_an_imperfect_design_has_its_own_stress():
     np.testing.assert_allclose(found.quantities.searched, found.quantities.after, rtol=1e-9)
 
 
-def test_the_share_in_the_top_mass_is_how_fast_a_mode_is_damped_from_there():
+def test_top_mass_fraction_is_the_damping_rate_from_there():
     """With C = beta M of the top mass every pole moves to the left by beta s/2, for a small
     beta."""
     model, beta = registry.STRING.system(reader.read(TRIPLE).design), 1e-4
@@ -131,7 +131,7 @@ def test_the_share_in_the_top_mass_is_how_fast_a_mode_is_damped_from_there():
     )
     poles = poles[poles.imag > 0]
     found = eigenmodes.solve(model)
-    for omega, share in zip(2 * np.pi * found.frequency, found.top_share, strict=True):
+    for omega, share in zip(2 * np.pi * found.frequency, found.top_fraction, strict=True):
         near = poles[np.abs(poles.imag / omega - 1) < 1e-7]
         assert np.abs(-near.real / (beta / 2) - share).min() < 1e-6
 

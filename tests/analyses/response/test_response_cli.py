@@ -37,9 +37,9 @@ def out(tmp_path):
     return tmp_path / "out"
 
 
-def asked(file, out, *options, rung=("--fidelity", "force")):
+def json_of(file, out, *options, model=("--fidelity", "force")):
     """The JSON document of a run that went well and wrote nothing but its results."""
-    result = run("response", file, "--json", "--out", out, *rung, *options)
+    result = run("response", file, "--json", "--out", out, *model, *options)
     assert result.exit_code == 0, result.stderr
     assert [path.name for path in out.iterdir()] == ["triple-response.h5"]
     return strict_json(result.stdout)
@@ -53,7 +53,7 @@ def expected(frequency, inputs, outputs):
 
 
 def test_one_response_is_flat(file, out):
-    answer = asked(
+    answer = json_of(
         file, out, "--input", "support.x", "--output", "test.x@0,0,0.001", "--frequency", "0.3,3,30"
     )
     assert list(answer) == [
@@ -87,11 +87,11 @@ def test_one_response_is_flat(file, out):
         for name in ("steel302", "maraging")
         for word in ("--set", f"materials.{name}.loss_angle=0")
     ]
-    assert asked(file, out, "--frequency", "0.3,3,30", *lossless)["imag"] == [0.0, 0.0, 0.0]
+    assert json_of(file, out, "--frequency", "0.3,3,30", *lossless)["imag"] == [0.0, 0.0, 0.0]
 
 
 def test_several_are_a_list(file, out):
-    answer = asked(file, out, *MATRIX, "--frequency", "1:10:4")
+    answer = json_of(file, out, *MATRIX, "--frequency", "1:10:4")
     assert list(answer) == [
         "command",
         "design",
@@ -123,7 +123,7 @@ def test_several_are_a_list(file, out):
 
 
 def test_by_default_from_the_support_to_the_last_stage(file, out):
-    answer = asked(file, out)
+    answer = json_of(file, out)
     assert (answer["input"], answer["output"]) == ("support.x", "test.x")
     frequency = np.array(answer["frequency_hz"])
     assert len(frequency) == 2000
@@ -144,7 +144,9 @@ def test_by_default_from_the_support_to_the_last_stage(file, out):
     ],
 )
 def test_grids(grid, values, file, out):
-    assert asked(file, out, "--frequency", grid)["frequency_hz"] == pytest.approx(values, rel=1e-14)
+    assert json_of(file, out, "--frequency", grid)["frequency_hz"] == pytest.approx(
+        values, rel=1e-14
+    )
 
 
 @pytest.mark.parametrize(
@@ -205,7 +207,7 @@ def test_a_typo_gets_a_proposal(file, out):
     assert "test" in line.partition(";")[2]
 
 
-def test_an_unstable_design_must_be_asked_for(file, out):
+def test_an_unstable_design_must_be_requested(file, out):
     (line,) = assert_refused(run("response", file, "--json", "--out", out, *UNSTABLE), file, out)
     assert "unstable" in line
     assert "--allow-unstable" in line
@@ -223,7 +225,7 @@ def test_an_unstable_design_must_be_asked_for(file, out):
         (-0.0008, False, "make it stable"),
     ],
 )
-def test_what_bending_holds_is_told_of_beam(tmp_path, out, d, section, way):
+def test_refusal_names_the_beam_model_where_bending_restrains(tmp_path, out, d, section, way):
     """Strings tip over 0.35 mm below the COM here, wires that bend 1 mm lower: only between the
     two, and where sections are known, does beam help."""
     wires = {"count": 4, "l": 0.28, "s": 5e-4, "t1": 0.0965, "t2": 0.0965, "d": d}
@@ -233,7 +235,7 @@ def test_what_bending_holds_is_told_of_beam(tmp_path, out, d, section, way):
         tmp_path,
         {"design": {"name": "soft"}, "stage": [{"name": "test", "body": body, "wires": wires}]},
     )
-    asks = (
+    options = (
         "response",
         one,
         "--out",
@@ -246,14 +248,14 @@ def test_what_bending_holds_is_told_of_beam(tmp_path, out, d, section, way):
         "--frequency",
         "1",
     )
-    (line,) = assert_refused(run(*asks, "--fidelity", "string"), one, out)
+    (line,) = assert_refused(run(*options, "--fidelity", "string"), one, out)
     assert way in line and line.endswith("or give --allow-unstable")
     if section:
-        assert (run(*asks, "--fidelity", "beam").exit_code == 0) == ("beam" in way)
+        assert (run(*options, "--fidelity", "beam").exit_code == 0) == ("beam" in way)
 
 
 def test_on_a_lossless_resonance(file, out, tmp_path):
-    """The response is infinite there, which is no number: told, not written. Loss or a hair's
+    """The response is infinite there, which is no number: reported, not written. Loss or a hair's
     breadth make it finite."""
     stage = {
         "name": "test",
@@ -287,7 +289,7 @@ def test_on_a_lossless_resonance(file, out, tmp_path):
             "stage.test.damping.z=0.1",
         ).stdout
     )
-    triple = asked(
+    triple = json_of(
         file,
         tmp_path / "triple",
         "--frequency",
@@ -297,7 +299,7 @@ def test_on_a_lossless_resonance(file, out, tmp_path):
 
 
 def test_results_file(file, out):
-    answer = asked(file, out, *MATRIX, "--frequency", "1:10:5")
+    answer = json_of(file, out, *MATRIX, "--frequency", "1:10:5")
     with h5py.File(out / "triple-response.h5") as results:
         assert list(results) == ["response"]
         assert results.attrs["fidelity"] == "force"
@@ -335,14 +337,14 @@ def test_defaults_from_the_design(out, tmp_path):
     file = written(
         tmp_path, plants.raw("triple") | {"analysis": {"response": table}}, "triple.toml"
     )
-    answer = asked(file, out, rung=())
+    answer = json_of(file, out, model=())
     assert (answer["input"], answer["output"], answer["fidelity"], answer["frequency_hz"]) == (
         "support.z",
         "middle.z",
         "string",
         [1.0, 1.5, 2.0],
     )
-    answer = asked(file, out, "--output", "test.z", "--fidelity", "force", "--frequency", "4")
+    answer = json_of(file, out, "--output", "test.z", "--fidelity", "force", "--frequency", "4")
     assert (answer["input"], answer["output"], answer["fidelity"], answer["frequency_hz"]) == (
         "support.z",
         "test.z",
@@ -411,7 +413,7 @@ def test_text_for_people(file, out):
 
 def test_overrides_reach_the_model(file, out):
     plain, heavy = (
-        asked(file, out, "--frequency", "5", *options)
+        json_of(file, out, "--frequency", "5", *options)
         for options in ((), ("--set", "stage.test.body.mass=11.2"))
     )
     assert heavy["real"] != plain["real"]

@@ -191,9 +191,9 @@ def test_against_differences_of_whole_runs(case):
                 )
             )
             known = signals.bodies_with_signals(model)
-            asked = named_results.parse(responses, shape, known) if responses else ()
+            requested = named_results.parse(responses, shape, known) if responses else ()
             sizes = []
-            for item in asked:
+            for item in requested:
                 outputs = [
                     signals.parse_output(s.text, known)
                     for s in (item.over, item.under)
@@ -345,7 +345,7 @@ def _set(text, path, value):
     return raw
 
 
-def test_numbers_that_cannot_change_alone_are_told():
+def test_numbers_that_cannot_change_alone_are_reported():
     found = solved((CONFIGS / "five-wires.toml").read_text(), "1")
     fixed = {name for name, free in zip(found.parameter, found.free, strict=True) if not free}
     assert "stage.bench.position.1" in fixed and "stage.bench.position.3" not in fixed
@@ -505,7 +505,7 @@ def test_bad_options_are_refused(options, problem, tmp_path):
 
 
 def test_a_ratio_to_what_symmetry_forbids_has_no_derivative(tmp_path):
-    """Nor is it a traceback: other results are told all the same."""
+    """Nor is it a traceback: other results are reported all the same."""
     result = run(
         "sensitivity",
         CONFIGS / "double.toml",
@@ -517,11 +517,11 @@ def test_a_ratio_to_what_symmetry_forbids_has_no_derivative(tmp_path):
         "--out",
         tmp_path,
     )
-    told = strict_json(result.stdout)
-    assert told["results"][0]["nominal"] is None and {row[0] for row in told["derivative"]} == {
-        None
-    }
-    assert any(row[1] for row in told["derivative"])
+    reported = strict_json(result.stdout)
+    assert reported["results"][0]["nominal"] is None and {
+        row[0] for row in reported["derivative"]
+    } == {None}
+    assert any(row[1] for row in reported["derivative"])
 
 
 @pytest.mark.filterwarnings("error")

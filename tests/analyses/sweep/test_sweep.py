@@ -87,7 +87,7 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_batches_of_designs_are_those_designs(case):
-    """Modes and a response of a batch against each design by itself."""
+    """Modes and a response of a batch against each design alone."""
     file, level, grid = CASES[case]
     text = file.read_text()
     grid = {path: np.array(column) for path, column in grid.items()}
@@ -131,7 +131,7 @@ def test_batches_of_designs_are_those_designs(case):
 
 @pytest.mark.parametrize("level", ["force", "string", "beam"])
 def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level):
-    """Designs that share them are one batch; a response on a resonance tells who has which, and
+    """Designs that share them are one batch; a response on a resonance shows who has which, and
     where they act."""
     raw = tomllib.loads((CONFIGS / "double.toml").read_text())
     raw["stage"][1]["damping"] = {"x": 2.0, "pitch": 0.1, "against": "support"}
@@ -306,7 +306,7 @@ def test_results_by_name(tmp_path):
 
 @pytest.mark.parametrize("level", ["auto", "beam"])
 def test_it_does_not_matter_how_it_is_run(level, tmp_path):
-    """Chunks, and on one rung processes, change no bit of the file."""
+    """Neither chunks nor processes (on one model) change any bit of the file."""
     options = (
         "--vary",
         "stage.test.wires.d=1e-3:3e-3:11",
@@ -486,7 +486,7 @@ BAD = {
         (*GOOD, "--result", "test.force_x/support.x:1"),
         '--result = "test.force_x/support.x:1": test.force_x is an input',
     ),
-    "rung": (
+    "model": (
         (*GOOD, "--set", "perturbation=[{wire='test.1', k_factor=1.1}]", "--fidelity", "force"),
         '--fidelity = "force"',
     ),
@@ -522,7 +522,7 @@ def test_a_label_of_several_modes(tmp_path):
 
 
 def test_a_coarse_grid_is_warned_of(tmp_path):
-    """Where shapes change from point to point past recognition, that is told."""
+    """Where shapes change from point to point past recognition, that is reported."""
     path = "stage.middle.body.mass"
     for grid, warned in (("1,40", True), ("1:40:60:log", False)):
         result = run(
@@ -564,7 +564,7 @@ def test_points_are_runs_of_their_own(level, tmp_path):
     """On wires that bend: a mode (beam) and a response as `modes` and `response` give them at each
     point."""
     names = ["test.x/support.x:11", *(["upper yaw"] if level == "beam" else [])]
-    asked = [word for name in names for word in ("--result", name)]
+    requested = [word for name in names for word in ("--result", name)]
     answer = swept(
         CONFIGS / "double.toml",
         tmp_path,
@@ -572,7 +572,7 @@ def test_points_are_runs_of_their_own(level, tmp_path):
         "stage.test.wires.d=1e-3,2e-3",
         "--fidelity",
         level,
-        *asked,
+        *requested,
     )
     for n, d in enumerate((1e-3, 2e-3)):
         model = registry.by_name(level).system(

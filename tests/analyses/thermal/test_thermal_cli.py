@@ -1,4 +1,4 @@
-"""`pendsus thermal`: the JSON that scripts rely on, rungs, results files, pictures and refusals."""
+"""`pendsus thermal`: JSON for scripts, models, results files, pictures and refusals."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def out(tmp_path):
     return tmp_path / "out"
 
 
-def asked(file, out, *options):
+def json_of(file, out, *options):
     """The JSON document of a run that went well and wrote nothing but its results."""
     result = run("thermal", file, "--json", "--out", out, *options)
     assert result.exit_code == 0, result.stderr
@@ -45,7 +45,7 @@ def expected(frequency, text, level="beam", tilt=0.0):
 
 def test_one_motion_is_flat(file, out):
     words = ("--output", "test.x@0,0,0.001", "--frequency", "0.3,3,4", "--tolerance", "0.003")
-    answer = asked(file, out, *words)
+    answer = json_of(file, out, *words)
     assert list(answer) == [
         "command",
         "design",
@@ -78,7 +78,7 @@ def test_one_motion_is_flat(file, out):
 
 
 def test_several_are_a_list(file, out):
-    answer = asked(
+    answer = json_of(
         file, out, "--output", "test.x", "--output", "test.pitch", "--output", "upper.z", *GRID
     )
     assert list(answer) == [
@@ -101,7 +101,7 @@ def test_several_are_a_list(file, out):
 
 
 def test_defaults(file, out):
-    answer = asked(file, out)
+    answer = json_of(file, out)
     assert (answer["output"], answer["fidelity"]) == ("test.x", "violin")
     frequency = answer["frequency_hz"]
     assert (len(frequency), frequency[0], frequency[-1]) == (2000, 0.1, 1000.0)
@@ -109,7 +109,7 @@ def test_defaults(file, out):
 
 def test_defaults_from_the_design(out, tmp_path):
     table = {"output": ["middle.z"], "frequency": "1:2:3:lin", "fidelity": "violin", "arm": 0}
-    answer = asked(written(tmp_path, RAW | {"analysis": {"thermal": table}}, "triple.toml"), out)
+    answer = json_of(written(tmp_path, RAW | {"analysis": {"thermal": table}}, "triple.toml"), out)
     assert (answer["output"], answer["fidelity"], answer["frequency_hz"]) == (
         "middle.z",
         "violin",
@@ -128,7 +128,7 @@ def test_bad_defaults(table, key, out, tmp_path):
 
 
 def test_along_the_beam_of_an_arm(file, out):
-    answer = asked(file, out, "--arm", "4000", *GRID)
+    answer = json_of(file, out, "--arm", "4000", *GRID)
     assert answer["tilt_rad"] == thermal.compute_arm_tilt(4000.0)
     assert (
         answer["displacement_asd"]
@@ -185,7 +185,7 @@ def test_frequencies_that_are_printed(frequency, places):
 
 
 @pytest.mark.parametrize("level", ["closed-form", "force", "string"])
-def test_rungs_that_do_not_know_where_loss_sits(level, file, out):
+def test_models_without_local_losses_are_refused(level, file, out):
     (line,) = assert_refused(
         run("thermal", file, "--json", "--out", out, "--fidelity", level), file, out
     )
@@ -254,7 +254,7 @@ def test_wires_without_density(out, tmp_path):
     )
     (line,) = assert_refused(run("thermal", file, "--json", "--out", out, *GRID), file, out)
     assert "no density" in line
-    assert asked(file, out, "--fidelity", "beam", *GRID)["fidelity"] == "beam"
+    assert json_of(file, out, "--fidelity", "beam", *GRID)["fidelity"] == "beam"
 
 
 def test_a_design_without_loss(out, tmp_path):
@@ -270,7 +270,7 @@ def test_a_design_without_loss(out, tmp_path):
     assert "loss_angle" in line.partition(";")[2]
 
 
-def test_an_unstable_design_must_be_asked_for(file, out):
+def test_an_unstable_design_must_be_requested(file, out):
     unstable = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
     (line,) = assert_refused(run("thermal", file, "--json", "--out", out, *unstable), file, out)
     assert "unstable" in line
@@ -283,7 +283,7 @@ def test_an_unstable_design_must_be_asked_for(file, out):
 
 
 def test_results_file(file, out):
-    answer = asked(file, out, "--output", "test.x", "--output", "test.z", "--frequency", "1:10:5")
+    answer = json_of(file, out, "--output", "test.x", "--output", "test.z", "--frequency", "1:10:5")
     with h5py.File(out / "triple-thermal.h5") as results:
         assert list(results) == ["thermal"]
         group = results["thermal"]

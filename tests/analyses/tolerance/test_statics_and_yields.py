@@ -94,8 +94,8 @@ def test_yields(tmp_path):
     raw = tomllib.loads(TRIPLE.read_text())
     raw["tolerance"].pop("require")
     base = (written(tmp_path, raw), "--builds", "150", "--fidelity", "string", "--workers", "1")
-    told = run("tolerance", *base, "--out", tmp_path, *words)
-    assert told.exit_code == 0, told.stderr
+    reported = run("tolerance", *base, "--out", tmp_path, *words)
+    assert reported.exit_code == 0, reported.stderr
     answer = sus.load(tmp_path / FILE).document()
     with h5py.File(tmp_path / FILE) as stored:
         group = stored["tolerance"]
@@ -127,12 +127,12 @@ def test_yields(tmp_path):
     pitches = next(s for s in answer["statics"] if s["quantity"] == "test static pitch")
     assert pitches["unit"] == "rad"
     assert pitches["std"] == pytest.approx(static[:, 2, 4].std())
-    assert "|test static pitch| < 50 mrad" in told.stdout
-    assert "all together" in told.stdout
+    assert "|test static pitch| < 50 mrad" in reported.stdout
+    assert "all together" in reported.stdout
     # only what is significant is printed
     least = answer["significant_correlation"]
     assert least == pytest.approx(3 / np.sqrt(150))
-    printed = [abs(float(word)) for word in re.findall(r" ([-+]\d\.\d\d) \(", told.stdout)]
+    printed = [abs(float(word)) for word in re.findall(r" ([-+]\d\.\d\d) \(", reported.stdout)]
     assert printed and min(printed) > least - 0.005
     png = tmp_path / "triple-tolerance-tolerance.png"
     before = png.read_bytes()

@@ -267,7 +267,7 @@ def one_of(scene, base, number):
 
 
 @pytest.mark.parametrize("kind", ["everything", "triple", "damped on a frame", "on beam"])
-def test_frequencies_are_those_of_each_build_by_itself(kind):
+def test_frequencies_are_those_of_each_build_alone(kind):
     raw = tomllib.loads(TRIPLE.read_text()) if kind in ("triple", "on beam") else everything()
     if kind == "damped on a frame":
         raw = raw | {
@@ -304,9 +304,12 @@ def test_frequencies_are_those_of_each_build_by_itself(kind):
             rtol=1e-9 if bent else 1e-10,
         )
         if bent:
-            asked = job.question
+            requested = job.question
             over, under = response.solve(
-                model, np.array(asked.frequency), [asked.input], [asked.over, asked.under]
+                model,
+                np.array(requested.frequency),
+                [requested.input],
+                [requested.over, requested.under],
             ).value[0, :, 0]
             assert found["ratio"][n, 0] == pytest.approx(over / under, rel=1e-7)
         assert found["residual"][n] < equilibrium.CONVERGED

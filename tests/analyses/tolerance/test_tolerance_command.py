@@ -76,8 +76,8 @@ def test_the_summary_is_that_of_the_file(tmp_path):
     coupling = answer["coupling"]
     assert (coupling["limit"], coupling["frequency_hz"]) == (limit, 50.0)
     assert coupling["ratio"] == "test.x@0,0,-0.001 / test.z@0,0,-0.001"
-    assert coupling["share_under_limit"] == (size[good] < limit).mean()
-    assert 0.2 < coupling["share_under_limit"] < 0.8
+    assert coupling["fraction_under_limit"] == (size[good] < limit).mean()
+    assert 0.2 < coupling["fraction_under_limit"] < 0.8
     assert coupling["quantiles"] == pytest.approx(
         np.quantile(size[good], QUANTILES).tolist(), rel=1e-14
     )
@@ -138,7 +138,7 @@ def test_one_factor_explains_everything(tmp_path):
     assert (name, value) == ("test mass", pytest.approx(-1.0, abs=1e-12))
     # f goes with m^(-1/2), and x does not couple to z at all
     assert vertical["std_hz"] / vertical["nominal_hz"] == pytest.approx(0.0005, rel=0.15)
-    assert answer["coupling"]["share_under_limit"] == 1.0
+    assert answer["coupling"]["fraction_under_limit"] == 1.0
     assert answer["coupling"]["quantiles"] == [0.0] * len(QUANTILES)
 
 
@@ -156,7 +156,7 @@ def test_more_builds_keep_the_earlier_ones(tmp_path):
             assert few[f"tolerance/{name}"][:].tobytes() == many[f"tolerance/{name}"][:30].tobytes()
 
 
-def test_failures_are_told(tmp_path):
+def test_failures_are_reported(tmp_path):
     file = scattered(tmp_path, wire=[{"stage": "test", "length": {"normal": 3e-3}}])
     result = run(
         "tolerance", file, "--builds", "40", "--out", tmp_path, "--workers", "1", "--no-plot"
@@ -174,7 +174,7 @@ def test_nothing_but_failures(tmp_path, monkeypatch):
     file = scattered(tmp_path, body=[{"stage": "test", "com": {"uniform": 0.5}}])
     answer = tolerance(file, tmp_path, builds=4)
     assert answer["good"] == 0
-    assert answer["coupling"]["share_under_limit"] is None
+    assert answer["coupling"]["fraction_under_limit"] is None
     assert all(value is None for mode in answer["modes"] for value in mode["quantiles_hz"])
     assert (
         run("tolerance", file, "--builds", "4", "--workers", "1", "--out", tmp_path).exit_code == 0
@@ -332,7 +332,7 @@ def test_the_default_is_what_the_builds_need(tmp_path):
     assert np.abs(old - new).max() / np.abs(new).max() == pytest.approx(error[1], rel=0.5)
 
 
-def test_rungs_that_random_builds_do_not_have(tmp_path):
+def test_models_that_random_builds_do_not_have(tmp_path):
     [line] = assert_refused(
         run("tolerance", TRIPLE, "--fidelity", "violin", "--out", tmp_path / "out"),
         TRIPLE,

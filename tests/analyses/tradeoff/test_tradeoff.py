@@ -117,8 +117,8 @@ def test_sessions_time_a_first_response_and_the_next_ones(monkeypatch):
     assert slow[0, 1] == pytest.approx(6.0) and np.isnan(slow[1:]).all()
 
 
-def test_what_does_not_hold_is_left_out_with_a_reason(monkeypatch):
-    """Strings known by k alone: no rung with bending, no thermal noise; explicit wires: no force
+def test_invalid_methods_are_left_out_with_a_reason(monkeypatch):
+    """Strings known by k alone: no model with bending, no thermal noise; explicit wires: no force
     model."""
     hurry(monkeypatch)
     body = {"mass": 2.0, "inertia": [0.014, 0.011, 0.012]}
@@ -131,16 +131,16 @@ def test_what_does_not_hold_is_left_out_with_a_reason(monkeypatch):
     )
     found = run.measure(scenes.design_of(raw), ("modes", "thermal", "coupling"), repeat=2)
     assert [panel.key for panel in found.panels] == [
-        "modes-rungs",
+        "modes-models",
         "modes-methods",
-        "thermal-rungs",
+        "thermal-models",
         "thermal-methods",
-        "coupling-rungs",
+        "coupling-models",
         "coupling-methods",
     ]
-    rungs = found.panels[0]
-    assert [entry.rung for entry in rungs.entries] == ["force", "string"]
-    assert {item.rung: item.reason for item in rungs.left} == {
+    models = found.panels[0]
+    assert [entry.model for entry in models.entries] == ["force", "string"]
+    assert {item.model: item.reason for item in models.left} == {
         "closed-form": "it does not hang on one symmetric set of four wires",
         "beam": "wire test.1 has no cross-section",
         "violin": "wire test.1 has no cross-section",
@@ -159,7 +159,7 @@ def four_wires(**wires):
 
 
 def test_builds_without_equilibrium_are_reported_with_the_model(monkeypatch):
-    """Leaning wires too stiff to be balanced hang on no rung; thick short ones, where one is slack
+    """Leaning wires too stiff to be balanced hang on no model; thick short ones, where one is slack
     once they bend, on strings alone."""
     hurry(monkeypatch)
     # what hangs nowhere is given up early
@@ -180,8 +180,8 @@ def test_builds_without_equilibrium_are_reported_with_the_model(monkeypatch):
         imperfect_builds.incomparable(thick)
         == "imperfect builds in the beam model: a wire is slack"
     )
-    rungs, methods = run.measure(thick.design, ("coupling",), repeat=2).panels
-    assert rungs.entries == () and {item.reason for item in rungs.left} == {
+    models, methods = run.measure(thick.design, ("coupling",), repeat=2).panels
+    assert models.entries == () and {item.reason for item in models.left} == {
         imperfect_builds.incomparable(thick)
     }
     assert [entry.method for entry in methods.entries] == [
@@ -194,14 +194,14 @@ def test_builds_without_equilibrium_are_reported_with_the_model(monkeypatch):
     assert imperfect_builds.incomparable(good) == ""
 
 
-def test_every_rung_has_its_place():
+def test_every_model_is_compared():
     for item in COMPARISONS:
-        if item.compares == "rungs":
-            assert [method.rung for method in item.methods] == list(MODEL_NAMES)
+        if item.compares == "models":
+            assert [method.model for method in item.methods] == list(MODEL_NAMES)
     assert set(QUANTITIES) == {"modes", "response", "thermal", "coupling", "equilibrium"}
 
 
-def test_what_hangs_on_springs_alone_has_every_rung(monkeypatch):
+def test_bodies_on_springs_alone_have_every_model(monkeypatch):
     hurry(monkeypatch)
     spring = {
         "stiffness": [100.0, 200.0, 300.0, 1.0, 2.0, 3.0],
@@ -216,7 +216,7 @@ def test_what_hangs_on_springs_alone_has_every_rung(monkeypatch):
         }
     )
     found = run.measure(scenes.design_of(raw), ("modes", "coupling", "equilibrium"), repeat=2)
-    assert [entry.rung for entry in found.panels[0].entries] == ["string", "beam", "violin"]
+    assert [entry.model for entry in found.panels[0].entries] == ["string", "beam", "violin"]
     assert max(entry.error.max() for entry in found.panels[0].entries) < 1e-12
     assert {item.reason for panel in found.panels[2:] for item in panel.left} == {
         "the last stage hangs on no wire"

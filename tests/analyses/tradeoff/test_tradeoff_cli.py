@@ -93,7 +93,7 @@ def test_json(answer):
         ]
         for entry in item["entries"]:
             assert list(entry) == [
-                "rung",
+                "model",
                 "method",
                 "error",
                 "once_s",
@@ -113,22 +113,22 @@ def test_json(answer):
         )
 
 
-def test_rungs_and_methods_are_told_apart(answer):
-    """Rungs against the top one, which is right to rounding; methods on one rung; what does not
+def test_models_and_methods_are_compared_separately(answer):
+    """Models against the top one, which is right to rounding; methods on one model; what does not
     hold is named with its reason."""
     for item in answer["comparisons"]:
-        rungs = [entry["rung"] for entry in item["entries"]]
-        if item["compares"] == "rungs":
-            assert len(set(rungs)) == len(rungs)
-            (top,) = [entry for entry in item["entries"] if entry["rung"] == "violin"]
+        models = [entry["model"] for entry in item["entries"]]
+        if item["compares"] == "models":
+            assert len(set(models)) == len(models)
+            (top,) = [entry for entry in item["entries"] if entry["model"] == "violin"]
             assert max(top["error"].values()) < 1e-12
             assert "violin" in item["reference"]
         else:
-            assert len(set(rungs)) == 1
+            assert len(set(models)) == 1
             assert "50 digits" in item["reference"]
         assert all(left["reason"] for left in item["left_out"])
     modes, _, response, *_ = answer["comparisons"]
-    assert [entry["rung"] for entry in modes["entries"]] == [
+    assert [entry["model"] for entry in modes["entries"]] == [
         "closed-form",
         "force",
         "string",
@@ -144,7 +144,7 @@ def test_rungs_and_methods_are_told_apart(answer):
     assert list(response["entries"][0]["error"]) == ["1 Hz", "10 Hz", "50 Hz", "100 Hz", "1 kHz"]
 
 
-def test_results_file_holds_all_that_json_tells(answer, found, out):
+def test_results_file_has_all_of_the_json(answer, found, out):
     assert (found.repeat, len(found.panels)) == (2, len(answer["comparisons"]))
     for panel, item in zip(found.panels, answer["comparisons"], strict=True):
         assert (panel.quantity, panel.compares, panel.reference) == (
@@ -152,18 +152,20 @@ def test_results_file_holds_all_that_json_tells(answer, found, out):
             item["compares"],
             item["reference"],
         )
-        for entry, told in zip(panel.entries, item["entries"], strict=True):
-            assert dict(zip(panel.component, entry.error.tolist(), strict=True)) == told["error"]
-            assert (entry.once.tolist(), entry.batch.tolist(), entry.vectorised) == (
-                told["once_s"],
-                told["batch_s"],
-                told["vectorised"],
+        for entry, reported in zip(panel.entries, item["entries"], strict=True):
+            assert (
+                dict(zip(panel.component, entry.error.tolist(), strict=True)) == reported["error"]
             )
-        assert [(left.rung, left.method, left.reason) for left in panel.left] == [
+            assert (entry.once.tolist(), entry.batch.tolist(), entry.vectorised) == (
+                reported["once_s"],
+                reported["batch_s"],
+                reported["vectorised"],
+            )
+        assert [(left.model, left.method, left.reason) for left in panel.left] == [
             tuple(left.values()) for left in item["left_out"]
         ]
     with h5py.File(out / f"{STEM}.h5") as file:
-        group = file["tradeoff/modes-rungs"]
+        group = file["tradeoff/modes-models"]
         on = [
             str(name)
             for name, front in zip(group["entry"].asstr()[:], group["front_once"][0], strict=True)
@@ -173,7 +175,7 @@ def test_results_file_holds_all_that_json_tells(answer, found, out):
 
 
 def test_redraws_from_the_file_alone(tmp_path):
-    """One comparison of rungs, one of methods."""
+    """One comparison of models, one of methods."""
     with pytest.MonkeyPatch.context() as patch:
         hurry(patch)
         assert (
@@ -208,7 +210,7 @@ def test_text(found):
     text = table(found)
     assert "median times of up to 2 samples" in text
     for panel in found.panels:
-        compared = "models" if panel.compares == "rungs" else "methods"
+        compared = "models" if panel.compares == "models" else "methods"
         assert f"{panel.title}: {compared}\n" in text
     (line,) = [line for line in text.splitlines() if line.startswith("  closed-form, formulas")]
     assert " *" in line
@@ -227,12 +229,12 @@ def test_summary(found, answer):
             item
             for item in answer["comparisons"]
             if item["compares"] == one["compares"]
-            and any(one["best"]["name"] in (e["rung"], e["method"]) for e in item["entries"])
+            and any(one["best"]["name"] in (e["model"], e["method"]) for e in item["entries"])
         )
         assert panel and sum(one["question"] in line for line in lines) >= 1
-        limit = summary.MODEL_TOLERANCE if one["compares"] == "rungs" else 1e-9
+        limit = summary.MODEL_TOLERANCE if one["compares"] == "models" else 1e-9
         assert one["best"]["error"] <= limit
-        if one["compares"] == "rungs" and one["other"]:
+        if one["compares"] == "models" and one["other"]:
             assert one["other"]["error"] > limit and one["other"]["time_s"] < one["best"]["time_s"]
 
 
@@ -402,7 +404,7 @@ def test_labels_of_points_on_one_place():
 def test_picture_of_what_was_left_out_altogether():
     panel = made_up(count=0)
     nothing = Panel(
-        "thermal", "rungs", "Thermal noise", "", "frequency", 5, "", (), (), panel.left, ()
+        "thermal", "models", "Thermal noise", "", "frequency", 5, "", (), (), panel.left, ()
     )
     figure = picture.draw(everything(nothing), "Made up")
     assert figure.axes == []
@@ -416,7 +418,7 @@ def test_table_of_the_tool(found):
     from tools import tradeoff as tool
 
     name = "husman2000-table1-case3"
-    lines = tool.overview("modes-rungs", "Mode frequencies", {name: found})
+    lines = tool.overview("modes-models", "Mode frequencies", {name: found})
     assert lines[2].startswith("| design | closed-form | force | string | beam | violin |")
     (row,) = [line for line in lines if line.startswith(f"| {name}")]
     assert row.count("|") == 7 and "1 / 1" in row

@@ -1,5 +1,5 @@
 """What `pendsus tradeoff` compares: references in 50 digits against independent ones, methods and
-rungs against each other."""
+models against each other."""
 
 from __future__ import annotations
 
@@ -138,8 +138,8 @@ ERRORS = relative(FREQUENCIES)
 
 
 def test_responses_of_a_quadruple(quadruple):
-    """The solved ones have all digits; a modal sum has lost what the stability atlas tells: 1e-7 at
-    50 Hz, everything at 1 kHz."""
+    """The solved ones have all digits; a modal sum has lost the digits listed in the stability
+    atlas: 1e-7 at 50 Hz, everything at 1 kHz."""
     model = quadruple.model("string")
     known = signals.bodies_with_signals(model)
     forms = quadruple.forms(model)
@@ -184,7 +184,7 @@ def test_responses_of_a_single_pendulum_agree(single):
 
 
 def test_modal_sum_with_losses_that_do_not_couple():
-    """One loss angle of all wires of a stage whose motion along x is a mode by itself, and a damper
+    """One loss angle of all wires of a stage whose motion along x is a mode alone, and a damper
     on it."""
     wires = {"count": 4, "l": 0.3, "s": 0.05, "t1": 0.05, "t2": 0.05, "d": 0.0, "k": 1e4}
     raw = scenes.raw_of(
@@ -345,11 +345,11 @@ def test_batches_of_modes_are_those_of_their_members(name, request, monkeypatch)
     own modes."""
     one = request.getfixturevalue(name)
     monkeypatch.setattr(eigenmodes_compared, "scatter_factors", lambda: np.ones(3))
-    for rung, batch in (
+    for model, batch in (
         ("string", eigenmodes_compared.string_batch),
         ("beam", eigenmodes_compared.beam_batch),
     ):
-        wanted = eigenmodes_compared.solve_blocks(one, rung).omega_squared
+        wanted = eigenmodes_compared.solve_blocks(one, model).omega_squared
         np.testing.assert_allclose(
             batch(one)().omega_squared, np.broadcast_to(wanted, (3, len(wanted))), rtol=1e-10
         )
@@ -423,7 +423,7 @@ def test_newton_steps_converge(double):
         assert full[part] < 1e-12 < twice[part] < 0.1 * linear[part]
 
 
-# Modes by rung.
+# Modes by model.
 
 
 def test_modes_are_paired_by_shape(double):

@@ -36,24 +36,24 @@ def job(text, body):
     return Sweep(text, (Axis("k", tuple(k)), Axis("offset", tuple(offset))), question)
 
 
-def choice_for(asked, wanted="auto", tolerance=1e-3):
-    source = Source(reader.parse(asked.text), asked.text, "")
-    change = model_error.coupling_change(asked)
+def choice_for(requested, wanted="auto", tolerance=1e-3):
+    source = Source(reader.parse(requested.text), requested.text, "")
+    change = model_error.coupling_change(requested)
     return model_choice.for_builds(source, wanted, registry.SCENE_MODELS, change, tolerance)
 
 
 def test_corners_and_middles_give_the_error_of_the_whole_sweep():
-    asked = job((CONFIGS / "husman2000" / "figure6.toml").read_text(), "test")
+    requested = job((CONFIGS / "husman2000" / "figure6.toml").read_text(), "test")
     old, new = (
-        replace(asked, level=level).compute(0, asked.count)["ratio"]
+        replace(requested, level=level).compute(0, requested.count)["ratio"]
         for level in ("string", "violin")
     )
-    choice = choice_for(asked, "string")
+    choice = choice_for(requested, "string")
     assert choice.error == pytest.approx(np.abs(old - new).max() / np.abs(new).max(), rel=0.3)
     assert 1e-4 < choice.error < 1e-1
-    assert choice_for(asked, tolerance=1.5 * choice.error).level == "string"
-    assert choice_for(asked, tolerance=choice.error).level == "beam"
-    assert choice_for(asked, tolerance=1e-12).level == "violin"
+    assert choice_for(requested, tolerance=1.5 * choice.error).level == "string"
+    assert choice_for(requested, tolerance=choice.error).level == "beam"
+    assert choice_for(requested, tolerance=1e-12).level == "violin"
 
 
 def test_wires_of_unknown_section():
@@ -132,8 +132,8 @@ def test_builds_that_hang_on_strings_alone(tmp_path):
 
 
 def test_no_coupling_in_any_model_is_no_error():
-    asked = job((CONFIGS / "husman2000" / "table1-case3.toml").read_text(), "test")
-    choice = choice_for(replace(asked, axes=(Axis("mass", (0.9, 1.1)),)))
+    requested = job((CONFIGS / "husman2000" / "table1-case3.toml").read_text(), "test")
+    choice = choice_for(replace(requested, axes=(Axis("mass", (0.9, 1.1)),)))
     assert (choice.level, choice.error) == ("string", 0.0)
 
 

@@ -83,12 +83,12 @@ def test_the_batch_gives_exact_zeros_for_perfect_wires(file, hold):
     """Beside builds that are not perfect; forces too."""
     design = read(file).design
     last = design.stage[-1].name
-    asked, known = (
+    requested, known = (
         question(design, f"{last}.1", hold),
         ("support", *(stage.name for stage in design.stage)),
     )
     found = balanced(
-        {"k": np.array([1.0, 1.1, 1.0]), "offset": np.array([0.0, 0.0, 1e-4])}, asked, design
+        {"k": np.array([1.0, 1.1, 1.0]), "offset": np.array([0.0, 0.0, 1e-4])}, requested, design
     )
     assert not found.status.any()
     outputs = [signals.parse_output(f"{last}.{dof}", known) for dof in DOFS]
@@ -105,7 +105,7 @@ def test_the_batch_gives_exact_zeros_for_perfect_wires(file, hold):
         assert (value[0][:, FORBIDDEN] == 0).all()
         assert (value[0][:, OWN, OWN] != 0).all()
         assert (value[1:][..., FORBIDDEN] != 0).any((1, 2)).all()
-    assert (ratios({"k": [1.0], "offset": [0.0]}, asked, design) == 0).all()
+    assert (ratios({"k": [1.0], "offset": [0.0]}, requested, design) == 0).all()
 
 
 def steps(name):
@@ -115,10 +115,10 @@ def steps(name):
 
 @pytest.mark.parametrize(("hold", "name"), FIRST_ORDER)
 def test_ratio_is_proportional_to_a_tiny_imperfection(hold, name):
-    asked = question(hold=hold)
+    requested = question(hold=hold)
     for sign in (1.0, -1.0):
         step = sign * steps(name)
-        found = ratios({name: 1 + step if name == "k" else step}, asked)
+        found = ratios({name: 1 + step if name == "k" else step}, requested)
         slope = found / ((1 + step) - 1 if name == "k" else step)
         middle = np.median(slope)
         assert abs(slope / middle - 1).max() < 1e-4
@@ -195,26 +195,26 @@ def test_which_of_the_four_wires(over, mirror_x, mirror_y, hold):
             for stem, vector in (("offset", upper), ("lower_offset", lower))
             for n, axis in enumerate(("", "_y", "_z"))
         }
-        asked = question(wire=f"test.{wire}", hold=hold, over=over)
+        requested = question(wire=f"test.{wire}", hold=hold, over=over)
         found[wire] = (
-            ratios({"k": k, "length": length, **offsets}, asked)
+            ratios({"k": k, "length": length, **offsets}, requested)
             if over in "xy"
-            else ratios({"k": k, "length": length, **offsets}, at_com(asked, over))
+            else ratios({"k": k, "length": length, **offsets}, at_com(requested, over))
         )
     assert np.abs(found[1]).min() > 1e-9
     for wire, sign in {2: mirror_y, 3: mirror_x, 4: mirror_x * mirror_y}.items():
         np.testing.assert_allclose(found[wire], sign * found[1], rtol=1e-9, atol=1e-15)
 
 
-def at_com(asked, over):
+def at_com(requested, over):
     """The same question about a rotation."""
-    return type(asked)(
-        **vars(asked) | {"over": signals.parse_output(f"test.{over}", ("support", "test"))}
+    return type(requested)(
+        **vars(requested) | {"over": signals.parse_output(f"test.{over}", ("support", "test"))}
     )
 
 
 def figure_6(hold):
-    """The sweep that the design asks for, and its ratios (k, offset)."""
+    """The sweep that the design requests, and its ratios (k, offset)."""
     table = FIGURE_6.analysis["xcouple"]
     axes = tuple(Axis(name, tuple(parse_grid(table[name], name))) for name in ("k", "offset"))
     job = Sweep(read(FILE).text, axes, question(hold=hold))
@@ -245,16 +245,16 @@ def test_figure_6(hold, largest):
 
 
 def test_large_at_resonances_and_constant_above_them():
-    build, asked = (
+    build, requested = (
         {"k": [1.1], "offset": [1e-3]},
         question(frequency=np.geomspace(200.0, 2000.0, 30)),
     )
     raw = {"perturbation": [{"wire": "test.1", "k_factor": 1.1, "upper_offset": [1e-3, 0.0, 0.0]}]}
-    above = answers(build, asked)["ratio"][0].real
+    above = answers(build, requested)["ratio"][0].real
     # (f0 / f)^2 away from what it is at infinity
     limit = answers(build, question(frequency=[1e5]))["ratio"][0, 0].real
     assert abs(above / limit - 1).max() < 2e-2
-    away = (above / limit - 1) * np.array(asked.frequency) ** 2
+    away = (above / limit - 1) * np.array(requested.frequency) ** 2
     np.testing.assert_allclose(away, away[-1], rtol=0.05)
     for dof in ("x", "pitch"):
         at = own_frequency(raw, dof)

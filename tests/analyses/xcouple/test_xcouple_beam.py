@@ -32,19 +32,24 @@ LEVELS = ("beam", "violin")
 on_both = pytest.mark.parametrize("level", LEVELS)
 
 
-def answers(values, asked, design, level):
-    """Results of builds on a rung, by the short names of `pendsus xcouple`."""
+def answers(values, requested, design, level):
+    """Results of builds on a model, by the short names of `pendsus xcouple`."""
     table = {name: np.atleast_1d(np.asarray(value, dtype=float)) for name, value in values.items()}
     return coupling.compute_coupling(
-        coupling.impose(expand(design), table, asked), design, asked, level=level
+        coupling.impose(expand(design), table, requested), design, requested, level=level
     )
 
 
-def one_by_one(raw, asked, level):
+def one_by_one(raw, requested, level):
     """Over and under (f,) of one design by way of its file."""
     model = registry.by_name(level).system(scenes.design_of(raw))
     return (
-        response.solve(model, np.array(asked.frequency), [asked.input], [asked.over, asked.under])
+        response.solve(
+            model,
+            np.array(requested.frequency),
+            [requested.input],
+            [requested.over, requested.under],
+        )
         .value[:, :, 0]
         .T
     )
@@ -68,23 +73,23 @@ def test_what_a_file_of_each_build_gives(kind, level):
     """Losses, gas, dampers, springs, a frame, blades, ribbons, tapers, clamps at bending points:
     all imperfections at once, from far below to violin modes.
 
-    One length is held on one rung and the other on the other, by turns.
+    One length is held on one model and the other on the other, by turns.
     """
     hold = ("loaded-length", "natural-length")[(list(KINDS).index(kind) + LEVELS.index(level)) % 2]
     raw = KINDS[kind]()
     design = scenes.design_of(raw)
     wire = f"{design.stage[-1].name}.1"
-    asked = question(design, wire, hold, frequency=(0.05, 7.0, 50.0, 777.0))
+    requested = question(design, wire, hold, frequency=(0.05, 7.0, 50.0, 777.0))
     values = {
         name: 1 + (value - 1) / 4 if name == "k" else value / 4
         for name, value in random_builds(np.random.default_rng([61, *map(ord, kind)]), 2).items()
     }
-    found = answers(values, asked, design, level)
+    found = answers(values, requested, design, level)
     assert (found["status"] == builds.GOOD).all()
-    for n in (len(kind) % 2,):  # one of them by itself
+    for n in (len(kind) % 2,):  # one of them alone
         over, under = one_by_one(
             perturbed(raw, wire, hold, {name: value[n] for name, value in values.items()}),
-            asked,
+            requested,
             level,
         )
         assert (np.abs(found["over"][n] - over) < 1e-9 * np.abs(over) + 2e-12 * np.abs(under)).all()
@@ -101,10 +106,13 @@ def test_dotted_paths(level):
         "stage.test.body.radius": (0.08, 0.09),
     }
     raw = tomllib.loads(FILE.read_text()) | {"gas": {"pressure": 1.0, "molar_mass": 0.029}}
-    asked = question(frequency=(3.0, 50.0))
+    requested = question(frequency=(3.0, 50.0))
     for path, pair in paths.items():
         job = Sweep(
-            reader.write_toml(raw), (Axis(path, pair), Axis("k", (0.9, 1.1))), asked, level=level
+            reader.write_toml(raw),
+            (Axis(path, pair), Axis("k", (0.9, 1.1))),
+            requested,
+            level=level,
         )
         found = job.compute(0, job.count)
         for n, (i, j) in enumerate(np.ndindex(job.shape)):
@@ -112,7 +120,7 @@ def test_dotted_paths(level):
             reader.apply_overrides(given, (f"{path}={pair[i]!r}",))
             over, under = one_by_one(
                 given | {"perturbation": [{"wire": "test.1", "k_factor": (0.9, 1.1)[j]}]},
-                asked,
+                requested,
                 level,
             )
             np.testing.assert_allclose(found["over"][n], over, rtol=1e-9)
@@ -129,14 +137,14 @@ def test_thin_wires_are_strings(level):
         ("stage", 0, "wires", "k"): 1.2e4,
         ("materials", "fused-silica"): {"loss": {"angle": 0.0, "thermoelastic": False}},
     }
-    asked = question(frequency=(2.0, 50.0))
+    requested = question(frequency=(2.0, 50.0))
     values = random_builds(np.random.default_rng(8), 8)
-    strings = answers(values, asked, scenes.design_of(edited(raw, k)), "string")["over"]
+    strings = answers(values, requested, scenes.design_of(edited(raw, k)), "string")["over"]
     away = [
         np.abs(
             answers(
                 values,
-                asked,
+                requested,
                 scenes.design_of(edited(raw, k | {("stage", 0, "wires", "radius"): radius})),
                 level,
             )["over"]
@@ -156,8 +164,10 @@ def test_bending_changes_the_coupling(level):
     design = scenes.design_of(
         edited(raw, {("stage", n, "wires", "radius"): 1e-3 for n in range(3)})
     )
-    asked, values = question(design, "test.1"), {"k": [1.1], "offset": [1e-3]}
-    one, other = (answers(values, asked, design, rung)["ratio"][0, 0] for rung in ("string", level))
+    requested, values = question(design, "test.1"), {"k": [1.1], "offset": [1e-3]}
+    one, other = (
+        answers(values, requested, design, model)["ratio"][0, 0] for model in ("string", level)
+    )
     assert abs(one / other - 1) > 1e-3
 
 
@@ -170,8 +180,8 @@ def test_against_finite_elements(frequency):
         {("materials", "fused-silica"): {"loss": {"angle": 0.0, "thermoelastic": False}}},
     )
     design = scenes.design_of(raw)
-    asked = question(design, frequency=(frequency,))
-    found = answers({"k": [1.3]}, asked, design, "violin")
+    requested = question(design, frequency=(frequency,))
+    found = answers({"k": [1.3]}, requested, design, "violin")
     scene = finite_elements.with_fibres(expand(design), design)
     first, *others = scene.fibres.wire
     first = replace(
@@ -195,12 +205,12 @@ SYMMETRIC = [FILE, TRIPLE_FILE, CONFIGS / "husman2000" / "table1-case4.toml"]
 def test_exact_zeros_beside_builds_that_are_not_perfect(file, level):
     design = read(file).design
     last = design.stage[-1].name
-    asked, known = (
+    requested, known = (
         question(design, f"{last}.1"),
         ("support", *(stage.name for stage in design.stage)),
     )
     values = {"k": np.array([1.0, 1.1, 1.0]), "offset": np.array([0.0, 0.0, 1e-4])}
-    found = builds.balance(coupling.impose(expand(design), values, asked), design, level=level)
+    found = builds.balance(coupling.impose(expand(design), values, requested), design, level=level)
     inputs, outputs = (
         [signals.parse_input(f"support.{dof}", known) for dof in DOFS],
         [signals.parse_output(f"{last}.{dof}", known) for dof in DOFS],
@@ -219,13 +229,13 @@ def test_a_tiny_coupling_is_in_proportion_down_to_its_last_digits(name, level):
     from either side of none."""
     # a heavier body couples by the offset alone
     factor, paired = name in ("k", "mass"), name == "mass"
-    asked = question()
+    requested = question()
 
     def ratios(steps):
         values = {name: 1 + steps if factor else 1e-3 * steps} | (
             {"lower_offset": np.full(len(steps), 1e-4)} if paired else {}
         )
-        return answers(values, asked, FIGURE_6, level)["ratio"][:, 0].real
+        return answers(values, requested, FIGURE_6, level)["ratio"][:, 0].real
 
     none = ratios(np.zeros(1))[0]
     assert (none == 0) != paired
@@ -253,8 +263,8 @@ def test_a_design_turned_by_a_quarter(level):
         rng.uniform(-1e-4, 1e-4, 6),
         rng.uniform(0.8, 1.2, 6),
     )
-    asked = question(one, wire, frequency=(3.0, 50.0, 400.0))
-    found = answers({"k": k, "offset": x, "offset_y": y, "lower_offset": z}, asked, one, level)
+    requested = question(one, wire, frequency=(3.0, 50.0, 400.0))
+    found = answers({"k": k, "offset": x, "offset_y": y, "lower_offset": z}, requested, one, level)
     again = question(other, wire, frequency=(3.0, 50.0, 400.0), over="y")
     mirrored = answers(
         {"k": k, "offset": -y, "offset_y": x, "lower_offset_y": z}, again, other, level
@@ -297,9 +307,9 @@ def test_wires_that_bend_otherwise_are_no_mirror_images(kind, level):
     drive = [signals.parse_input("support.y", known)]
     single, string = (
         response.solve(
-            registry.by_name(rung).system(design), np.array([2.0, 30.0]), drive, outputs
+            registry.by_name(model).system(design), np.array([2.0, 30.0]), drive, outputs
         ).value[:, :, 0]
-        for rung in (level, "string")
+        for model in (level, "string")
     )
     assert (string == 0).all()
     assert (np.abs(single[:, 0]) > (1e-12 if kind == "temperature" else 1e-8)).all()
@@ -337,7 +347,7 @@ def test_a_failed_build_does_not_touch_the_others(kind, level, monkeypatch):
 
 @on_both
 def test_command(level, tmp_path):
-    """The rung is told in JSON and in the file; auto is string."""
+    """The model is named in JSON and in the file; auto is string."""
     words = (
         "xcouple",
         FILE,
@@ -397,7 +407,7 @@ def test_command(level, tmp_path):
         ),
     ],
 )
-def test_rungs_that_builds_do_not_have(options, problem, tmp_path):
+def test_models_that_builds_do_not_have(options, problem, tmp_path):
     [line] = assert_refused(
         run("xcouple", FILE, *options, "--out", tmp_path / "out"), FILE, tmp_path / "out"
     )

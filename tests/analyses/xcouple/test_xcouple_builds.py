@@ -38,12 +38,12 @@ AXES = ("", "_y", "_z")
 LOSS = {("materials", "fused-silica", "loss_angle"): 1e-3}
 
 
-def one_by_one(raw, asked):
+def one_by_one(raw, requested):
     """Ratio, over and under (f,) of one design by way of its file."""
     design = reader.convert(raw)
     model = surrounded(string_model.linear_model(expand(design)), design)
     value = response.solve(
-        model, np.array(asked.frequency), [asked.input], [asked.over, asked.under]
+        model, np.array(requested.frequency), [requested.input], [requested.over, requested.under]
     ).value[:, :, 0]
     return value[:, 0] / value[:, 1], value[:, 0], value[:, 1]
 
@@ -90,16 +90,16 @@ def perturbed(raw, wire, hold, build):
     ],
 )
 def test_hundreds_of_imperfect_triples(wire, hold):
-    """100 a case: what one build gives by itself the batch gives to 1e-12 of the vertical motion;
+    """100 a case: what one build gives alone the batch gives to 1e-12 of the vertical motion;
     both fail, and for the same reason.
 
-    By itself is tried every twentieth, and the first three of those that failed.
+    Every twentieth is solved alone, and the first three of those that failed.
     """
     rng = np.random.default_rng([31, *map(ord, wire)])
-    values, asked = random_builds(rng, 100), question(TRIPLE, wire, hold)
+    values, requested = random_builds(rng, 100), question(TRIPLE, wire, hold)
     if wire == "test.2":
         values["length"] *= 6  # so that wires are slack
-    found = answers(values, asked, TRIPLE)
+    found = answers(values, requested, TRIPLE)
     good = found["status"] == builds.GOOD
     assert good.mean() > 0.9
     assert good.all() == (wire != "test.2")
@@ -120,7 +120,7 @@ def test_hundreds_of_imperfect_triples(wire, hold):
             assert not eigenmodes.solve(model).stable
             continue
         over, under = response.solve(
-            model, np.array([50.0]), [asked.input], [asked.over, asked.under]
+            model, np.array([50.0]), [requested.input], [requested.over, requested.under]
         ).value[0, :, 0]
         assert abs(over - found["over"][n, 0]) <= 1e-12 * abs(under)
         assert abs(under - found["under"][n, 0]) <= 1e-12 * abs(under)
@@ -134,12 +134,12 @@ def test_digits_survive_far_above_the_resonances(wire):
     not lost among roundings."""
     file = CONFIGS / "quadruple.toml"
     design, raw = reader.read(file).design, tomllib.loads(file.read_text())
-    asked = question(design, wire, frequency=(1.0, 10.0, 100.0, 1000.0))
-    found = answers({"k": [1.1], "offset": [1e-3], "offset_y": [2e-4]}, asked, design)
+    requested = question(design, wire, frequency=(1.0, 10.0, 100.0, 1000.0))
+    found = answers({"k": [1.1], "offset": [1e-3], "offset_y": [2e-4]}, requested, design)
     ratio, over, under = one_by_one(
         raw
         | {"perturbation": [{"wire": wire, "k_factor": 1.1, "upper_offset": [1e-3, 2e-4, 0.0]}]},
-        asked,
+        requested,
     )
     assert abs(under[-1]) < 1e-20
     np.testing.assert_allclose(found["under"][0], under, rtol=1e-12)
@@ -189,15 +189,15 @@ def test_dotted_paths(kind):
         *(Axis(path, values) for path, values in PATHS[kind].items()),
         Axis("k", (0.9, 1.0, 1.1)),
     )
-    asked = question(frequency=(3.0, 50.0))
-    job = Sweep(FILE.read_text(), axes, asked)
+    requested = question(frequency=(3.0, 50.0))
+    job = Sweep(FILE.read_text(), axes, requested)
     found = job.compute(0, job.count)
     for n, chosen in enumerate(np.ndindex(job.shape)):
         value = {axis.name: axis.values[i] for axis, i in zip(axes, chosen, strict=True)}
         raw = tomllib.loads(FILE.read_text())
         reader.apply_overrides(raw, tuple(f"{path}={value[path]!r}" for path in PATHS[kind]))
         ratio, _, under = one_by_one(
-            raw | {"perturbation": [{"wire": "test.1", "k_factor": value["k"]}]}, asked
+            raw | {"perturbation": [{"wire": "test.1", "k_factor": value["k"]}]}, requested
         )
         np.testing.assert_allclose(found["under"][n], under, rtol=1e-12)
         assert np.abs(found["ratio"][n] - ratio).max() < 1e-12 * max(1e-3, np.abs(ratio).max())
@@ -227,7 +227,7 @@ def test_complex_ratios_with_loss(tmp_path):
     )
     assert result.exit_code == 0, result.stderr
     answer = strict_json(result.stdout)
-    asked = question(reader.convert(raw), frequency=(15.0, 50.0))
+    requested = question(reader.convert(raw), frequency=(15.0, 50.0))
     with h5py.File(tmp_path / "husman2000-figure6-xcouple.h5") as stored:
         ratio = stored["xcouple/ratio"][:]
     assert ratio.shape == (3, 2, 2)
@@ -244,7 +244,7 @@ def test_complex_ratios_with_loss(tmp_path):
                         {"wire": "test.1", "k_factor": k, "upper_offset": [offset, 0.0, 0.0]}
                     ]
                 },
-                asked,
+                requested,
             )
             assert np.abs(ratio[i, j] - expected).max() < 1e-14
 

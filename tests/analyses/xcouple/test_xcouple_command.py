@@ -1,5 +1,5 @@
 """What `pendsus xcouple` promises: JSON, defaults from the design, the file, failures that are
-told, faults that stop it."""
+reported, faults that stop it."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def test_every_dataset_has_units_and_scales(tmp_path):
         "10,50",
     )
     with h5py.File(tmp_path / f"{NAME}.h5") as stored:
-        assert (stored.attrs["format"], stored.attrs["format_version"]) == ("pendsus", 1)
+        assert (stored.attrs["format"], stored.attrs["format_version"]) == ("pendsus", 2)
         assert tomllib.loads(stored.attrs["design"]) == RAW
         group = stored["xcouple"]
         assert list(group.attrs["axis_order"]) == ["k", "stage.test.wires.s"]
@@ -187,7 +187,7 @@ def impatient(monkeypatch):
     monkeypatch.setattr(equilibrium, "STEPS", equilibrium.STEPS[:1])
 
 
-def test_failed_builds_are_told_and_the_rest_goes_on(tmp_path, impatient):
+def test_failed_builds_are_reported_and_the_rest_goes_on(tmp_path, impatient):
     result = run(
         "xcouple",
         FILE,
@@ -284,7 +284,7 @@ def test_a_stage_without_wires(tmp_path):
     )
 
 
-def test_picture_unless_not_asked_for(tmp_path):
+def test_picture_unless_switched_off(tmp_path):
     assert run("xcouple", FILE, "--out", tmp_path / "a", "--no-plot", "-q").exit_code == 0
     assert [path.name for path in (tmp_path / "a").iterdir()] == [f"{NAME}.h5"]
     result = run("xcouple", FILE, "--out", tmp_path / "b")

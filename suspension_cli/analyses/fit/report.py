@@ -1,0 +1,169 @@
+"""Text and JSON of what a fit learned: numbers, modes, misfit, and what stays undetermined."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from suspension_cli.analyses import tables
+from suspension_cli.analyses.analysis import plain
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.fit.solve import Fit
+
+SAME = 1e-3
+"""Relative difference of chi^2 below which two searches ended at the same place."""
+
+LARGEST = 6
+"""Numbers of a combination that are printed."""
+
+
+def learned_numbers(found: Fit) -> list[dict[str, Any]]:
+    """Return the JSON rows of the fitted numbers."""
+    return [
+        {
+            "name": label,
+            "start": plain(found.start[n]),
+            "value": plain(found.value[n]),
+            "sigma": plain(found.scale * found.sigma[n]),
+            "at_bound": bool(found.at_bound[n]),
+            "experiments": [
+                name for name, here in zip(found.experiment, found.shared[n], strict=True) if here
+            ],
+        }
+        for n, label in enumerate(found.name)
+    ]
+
+
+def mode_rows(found: Fit) -> list[dict[str, Any]]:
+    """Return the JSON rows of the measured modes, in Hz."""
+    columns = {
+        "measured_hz": found.measured,
+        "uncertainty_hz": found.uncertainty,
+        "before_hz": found.before,
+        "after_hz": found.after,
+        "residual": found.residual,
+    }
+    return [
+        {"experiment": found.experiment[found.of[n]], "label": label}
+        | {key: plain(values[n]) for key, values in columns.items()}
+        for n, label in enumerate(found.label)
+    ]
+
+
+def exchanged_labels(found: Fit) -> dict[str, Any] | None:
+    """Return the JSON entry of two labels that seem exchanged; None if none do."""
+    if found.exchange is None:
+        return None
+    return {
+        "experiment": found.experiment[found.exchange.experiment],
+        "labels": list(found.exchange.labels),
+        "chi_squared": found.exchange.chi_squared,
+    }
+
+
+def _misfit(found: Fit) -> list[str]:
+    """Return lines on how far model and measurements disagree, and what would mend it; none if they
+    agree.
+    """
+    if not found.misfit:
+        return []
+    lines = [
+        f"MISFIT: chi^2 is {found.chi_squared:.4g} for {found.freedom} degrees of freedom, so these"
+        f" numbers do not explain the measurements; uncertainties are given {found.scale:.3g} times"
+        " as large"
+    ]
+    if found.responses is not None:
+        lines.append(
+            "neither an exchanged channel nor a sign mends it: free more numbers, give sensors and"
+            " actuators gain_uncertainty or mix_uncertainty, or check uncertainties"
+        )
+    elif found.exchange is None:
+        lines.append(
+            "no exchange of two labels mends it: free more numbers, or check designs, labels and"
+            " uncertainties"
+        )
+    else:
+        first, second = found.exchange.labels
+        where = (
+            f" in {found.experiment[found.exchange.experiment]}"
+            if len(found.experiment) > 1
+            else ""
+        )
+        lines.append(
+            f'are two labels exchanged? with "{first}" and "{second}" the other way round{where}'
+            f" chi^2 is {found.exchange.chi_squared:.4g}"
+        )
+    return lines
+
+
+def numbers(found: Fit) -> str:
+    """Return a table of the numbers."""
+    from suspension_cli.analyses.fit.file import format_uncertainty
+
+    rows = [
+        (name, found.start[n], found.value[n], format_uncertainty(found, n).strip(", "))
+        for n, name in enumerate(found.parameters)
+    ]
+    return tables.render({"number": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}, rows)
+
+
+def residuals(found: Fit) -> str:
+    """Return a table of the measured modes."""
+    modelled = (
+        [value if math.isfinite(value) else "unstable" for value in values]
+        for values in (found.before, found.after)
+    )
+    columns = dict.fromkeys(("measured\nHz", "+-\nHz", "before\nHz", "after\nHz"), "#.5g")
+    columns |= {"+-\nHz": ".2g", "residual": "+.2f", "mode": ""}
+    rows = zip(
+        found.measured, found.uncertainty, *modelled, found.residual, found.modes, strict=True
+    )
+    return tables.render(columns, rows)
+
+
+def first_lines(found: Fit) -> list[str]:
+    """Return lines on a misfit, and on channels that are not what the file says."""
+    lines = _misfit(found)
+    if found.responses is not None:
+        from suspension_cli.analyses.fit import response_text
+
+        lines += response_text.corrections(found.responses)
+    return lines
+
+
+def search_ends(found: Fit) -> list[str]:
+    """Return chi^2, and where searches ended."""
+    lines = [f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
+    if len(found.ends) > 1:
+        same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
+        rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
+        lines.append(f"{same} of {len(found.ends)} searches ended there{rest}")
+    return lines
+
+
+def known_combinations(found: Fit) -> list[str]:
+    """Return chi^2, and which combinations the modes determine how well."""
+    lines = [
+        *search_ends(found),
+        "",
+        (
+            "what the modes alone determine, from best to worst known combination of relative"
+            " changes:"
+        ),
+    ]
+    for value, row in zip(found.singular, found.direction, strict=True):
+        largest = sorted(zip(row, found.parameters, strict=True), key=lambda item: -abs(item[0]))[
+            :LARGEST
+        ]
+        parts = " ".join(f"{part:+.2f} {name}" for part, name in largest if abs(part) >= 0.05)
+        lines.append(
+            f"  {f'to {100 / value:.2g} %' if value > 1e-9 * found.singular[0] else 'not at all'}:"
+            f" {parts}"
+        )
+    if len(found.singular) < len(found.name):
+        lines.append(
+            f"  and {len(found.name) - len(found.singular)} not at all: there are more numbers than"
+            " modes"
+        )
+    return lines

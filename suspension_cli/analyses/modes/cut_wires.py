@@ -1,0 +1,253 @@
+"""Wires with mass, cut in two: the dynamic stiffness of a suspension, and the shapes of its modes.
+
+Every wire is cut at a point of no symmetry, whose motion becomes six more coordinates: then a
+violin mode that moves no body has a shape too, and no stiffness function is near its pole at a
+mode. The dynamic stiffness of this larger system is singular at a mode; its null vector is the
+shape. The tensions of the pieces are coordinates of the larger system too (`linear.stretching`).
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.analyses.modes import damped
+from suspension_cli.elements import joined_sections
+from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS, TautWire
+from suspension_cli.linear import eigenmodes, frequency_dependent
+from suspension_cli.linear.frequency_terms import LossTerm, WireTerm
+from suspension_cli.linear.mode_count import Progress
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.composition import Fibre
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
+CUT = (3 - 5**0.5) / 2
+"""Fraction of a wire above the cut: the golden section is far from all nodes of low order."""
+DEGENERATE = 1e-10
+"""Relative difference of frequencies below which modes are one degenerate group."""
+ASIDE = np.array([0.97, 1.0, 1.03])
+"""Multiples of a mode's frequency: beside it, for the scale of coordinates, and at it."""
+
+
+@dataclass(frozen=True)
+class CutWires:
+    """Wires of one kind, cut in two.
+
+    Attributes
+    ----------
+    stage : str
+    whole : TautWire
+    pieces : tuple of two TautWire
+        Upper and lower piece.
+    ends : dict of (w, 3 p, A) arrays
+        For each part, the motion of the points (upper, cut, lower; p coordinates each) of every
+        wire as linear forms of the coordinates of the larger system.
+    """
+
+    stage: str
+    whole: TautWire
+    pieces: tuple[TautWire, TautWire]
+    ends: dict[str, Float[np.ndarray, "wire _ coordinate"]]
+
+    def piece_ends(
+        self, part: str
+    ) -> tuple[Float[np.ndarray, "wire end coordinate"], Float[np.ndarray, "wire end coordinate"]]:
+        """Motion of the ends of the upper and of the lower piece: (w, 2 p, A) each."""
+        p = COORDINATES[part] // 2
+        return self.ends[part][:, : 2 * p], self.ends[part][:, p:]
+
+
+def cut_all(model: LinearSystem) -> tuple[list[CutWires], int]:
+    """Cut every wire in two; with the size A of the larger system.
+
+    Its coordinates are the model's, then those of every cut.
+    """
+    terms = [term for term in model.terms if isinstance(term, WireTerm)]
+    per_wire = sum(COORDINATES[part] // 2 for part in PARTS)
+    size = model.size + per_wire * sum(len(term.forms["twist"]) for term in terms)
+    wires, start = [], model.size
+    for term in terms:
+        number, ends, offset = len(term.forms["twist"]), {}, 0
+        for part in PARTS:
+            p = COORDINATES[part] // 2
+            outer = np.einsum("ij,wjN->wiN", joined_sections.ENDS[p], term.forms[part])
+            every = np.zeros((number, 3 * p, size))
+            every[:, :p, : model.size], every[:, 2 * p :, : model.size] = outer[:, :p], outer[:, p:]
+            for w in range(number):
+                for k in range(p):
+                    every[w, p + k, start + per_wire * w + offset + k] = 1.0
+            ends[part] = every
+            offset += p
+        upper, lower = _cut_fibre(term.strand.fibre)
+        wires.append(
+            CutWires(
+                term.stage,
+                term.strand,
+                (replace(term.strand, fibre=upper), replace(term.strand, fibre=lower)),
+                ends,
+            )
+        )
+        start += per_wire * number
+    return wires, size
+
+
+def _cut_fibre(fibre: Fibre) -> tuple[Fibre, Fibre]:
+    """Divide a wire at the cut into an upper and a lower piece."""
+    left = CUT * sum(section.length for section in fibre.sections)
+    upper, lower = [], []
+    for section in fibre.sections:
+        inside = min(max(left, 0.0), section.length)
+        left -= section.length
+        if inside > 1e-12 * section.length:
+            upper.append(replace(section, length=inside))
+        if section.length - inside > 1e-12 * section.length:
+            lower.append(replace(section, length=section.length - inside))
+    return replace(fibre, sections=tuple(upper)), replace(fibre, sections=tuple(lower))
+
+
+def dynamic_stiffness(
+    model: LinearSystem,
+    wires: list[CutWires],
+    size: int,
+    omega: Inexact[np.ndarray, " frequency"],
+    *,
+    lossy: bool = False,
+) -> Inexact[np.ndarray, "frequency all all"]:
+    """Dynamic stiffness (m, A + t, A + t) of the larger system and the tensions of its pieces.
+
+    At omega (m,), rad/s. Where omega is complex, with dampers, and with loss angles if `lossy`.
+    """
+    constant = np.real(frequency_dependent.stiffness_without_stretching(model)).copy()
+    for term in model.terms:
+        if isinstance(term, WireTerm):
+            static = np.array(
+                [
+                    0.0 if part == "stretch" else term.strand.static[part][i, j]
+                    for part, i, j in term.functions
+                ]
+            )
+            constant -= np.tensordot(static, term.matrices, 1)
+    pulled = [
+        _tensions(cut, wire, ends, omega, lossy=lossy)
+        for cut in wires
+        for wire, ends in zip(cut.pieces, cut.piece_ends("stretch"), strict=True)
+    ]
+    whole = size + sum(len(across) for across, _, _ in pulled)
+    result = np.zeros((len(omega), whole, whole), dtype=omega.dtype)
+    own = result[:, : model.size, : model.size]
+    own += constant - omega[:, None, None] ** 2 * model.mass
+    if np.iscomplexobj(omega):
+        own += 1j * omega[:, None, None] * damped.damping_matrix(model)
+        for term in model.terms:
+            if isinstance(term, LossTerm) and term.elastic and lossy:
+                own += 1j * term.angle(np.real(omega))[:, None, None] * term.matrix
+    for cut in wires:
+        for part in PARTS:
+            for wire, ends in zip(cut.pieces, cut.piece_ends(part), strict=True):
+                if part != "stretch":
+                    piece = replace(wire, lossy=lossy).at(omega).stiffness(part)
+                    result[:, :size, :size] += _assemble(ends, joined_sections.to_ends(piece))
+    start = size
+    for across, diagonal, rest in pulled:
+        rows = np.arange(start, start + len(across))
+        result[:, rows, :size] = np.moveaxis(across, -1, 0)
+        result[:, :size, rows] = np.moveaxis(across, -1, 0).swapaxes(1, 2)
+        result[:, rows, rows] = diagonal[:, None]
+        result[:, :size, :size] += rest
+        start += len(across)
+    return result
+
+
+def _tensions(
+    cut: CutWires,
+    wire: TautWire,
+    ends: Float[np.ndarray, "wire end coordinate"],
+    omega: Inexact[np.ndarray, " frequency"],
+    *,
+    lossy: bool,
+) -> tuple[
+    Inexact[np.ndarray, "wire coordinate frequency"],
+    Inexact[np.ndarray, " frequency"],
+    Inexact[np.ndarray, "frequency coordinate coordinate"],
+]:
+    """Stiffness with the tensions of one piece of every wire as coordinates (`linear.stretching`).
+
+    Returns
+    -------
+    across : (w, A, m) array
+        Between the tensions and the other coordinates.
+    diagonal : (m,) array
+        Of the tensions.
+    rest : (m, A, A) array
+        Remaining stiffness of stretching, on the even motion of the ends.
+    """
+    stiffness = replace(wire, lossy=lossy).at(omega).stiffness("stretch")
+    even, odd = np.linalg.inv(joined_sections.ENDS[1]) @ np.moveaxis(ends, 1, 0).reshape(2, -1)
+    even, odd = even.reshape(len(ends), -1), odd.reshape(len(ends), -1)
+    mixed = stiffness[0, 1] / stiffness[1, 1]
+    scale = float(cut.whole.tension) / sum(section.length for section in wire.fibre.sections)
+    across = scale * (odd[..., None] + even[..., None] * mixed)
+    beside = stiffness[0, 0] - mixed * stiffness[0, 1]
+    return across, -(scale**2) / stiffness[1, 1], beside[:, None, None] * (even.T @ even)
+
+
+def _assemble(
+    ends: Float[np.ndarray, "wire end coordinate"],
+    stiffness: Inexact[np.ndarray, "end end frequency"],
+) -> Inexact[np.ndarray, "frequency coordinate coordinate"]:
+    """Sum of E^T F E (m, A, A) over wires, of E (w, a, A) and F (a, a, m)."""
+    rows = np.einsum("abm,wbA->mwaA", stiffness, ends)
+    count, width = ends.shape[0] * ends.shape[1], ends.shape[2]
+    return np.swapaxes(ends.reshape(count, width), 0, 1) @ rows.reshape(len(rows), count, width)
+
+
+def solve_shapes(
+    model: LinearSystem,
+    wires: list[CutWires],
+    size: int,
+    omega: Float[np.ndarray, " mode"],
+    progress: Progress,
+) -> Float[np.ndarray, "mode coordinate"]:
+    """Solve for shapes (m, A): null vectors of the larger system, with the support at rest."""
+    result = np.zeros((len(omega), size))
+    start, began = 0, time.monotonic()
+    while start < len(omega):
+        stop = start + 1
+        while stop < len(omega) and omega[stop] - omega[stop - 1] <= DEGENERATE * omega[stop]:
+            stop += 1
+        below, matrix, above = dynamic_stiffness(
+            model, wires, size, omega[start:stop].mean() * ASIDE
+        )[:, 6:, 6:]
+        # a coordinate that resonates alone has no stiffness at its mode, so the scale is taken
+        # beside it
+        beside = np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above)))
+        scale = (
+            1
+            / frequency_dependent.coordinate_scales(
+                beside[None], np.abs(matrix[None, size - 6 :, : size - 6]), model.size - 6
+            )[0]
+        )
+        values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
+        nearest = np.argsort(np.abs(values))[: stop - start]
+        vectors = eigenmodes.localise(np.zeros(stop - start), vectors[: size - 6, nearest])
+        result[start:stop, 6:] = (vectors * scale[: size - 6, None]).T
+        start = stop
+        progress(start, len(omega), start / max(time.monotonic() - began, 1e-9))
+    return result
+
+
+def piece_motions(
+    cut: CutWires, shapes: Float[np.ndarray, "mode coordinate"]
+) -> list[dict[str, Float[np.ndarray, "_ wire mode"]]]:
+    """Even and odd motion (c, w, m) of both pieces of every wire in shapes (m, A), by part."""
+    pieces: list[dict[str, Any]] = [{}, {}]
+    for part in PARTS:
+        back = np.linalg.inv(joined_sections.ENDS[COORDINATES[part] // 2])
+        for piece, ends in zip(pieces, cut.piece_ends(part), strict=True):
+            piece[part] = np.einsum("ab,wbA,mA->awm", back, ends, shapes, optimize=True)
+    return pieces

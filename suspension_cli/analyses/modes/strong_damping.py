@@ -1,0 +1,212 @@
+"""Poles of strongly damped modes, overdamped ones too.
+
+They start from the eigenvalues of the quadratic problem s^2 M + s C + K (Tisseur and Meerbergen,
+SIAM Review 43, 235 (2001)) and are refined in the equation of the mode that moves most, with all
+other modes eliminated (`modal_basis`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.analyses.modes.modal_basis import CONVERGED, STEPS, Basis, condense
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Inexact
+
+NOISE = 1e-9
+"""Relative change below which an iteration that no longer improves has ended."""
+STRAYED = 0.5
+"""Relative distance from its start beyond which a pole counts as another one."""
+RESISTED = 1e-12
+"""Fraction of the largest damping of rigid modes below which a combination counts as undamped."""
+REAL = 1e-13
+"""Imaginary part over modulus of a pole of the real problem that is a rounding error."""
+
+
+def solve_strong(
+    basis: Basis, light: Complex[np.ndarray, " light"]
+) -> tuple[Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
+    """Solve for poles and shapes of all modes but the light ones, whose poles are given."""
+    from scipy.optimize import linear_sum_assignment
+
+    starts, motions = _solve_quadratic(basis, np.zeros(basis.viscous.shape))
+    kept = ~_mark_rigid(basis, starts)
+    oscillates = np.flatnonzero(kept & (np.imag(starts) > 0))
+    kept[oscillates[linear_sum_assignment(np.abs(starts[oscillates] - light[:, None]))[1]]] = False
+    starts, motions = starts[kept], motions[kept]
+    kept = ~_mark_counterparts(starts)
+    rigid = np.eye(len(basis.stiffness), dtype=complex)[
+        (basis.inertia > 0) & (basis.stiffness == 0)
+    ]
+    starts, motions = (
+        np.concatenate([starts[kept], np.zeros(len(rigid))]),
+        np.concatenate([motions[kept], rigid]),
+    )
+    oscillates = np.flatnonzero(starts.imag > 0)
+    if len(oscillates):
+        lossy, moving = _solve_quadratic(
+            basis, basis.elastic(starts[oscillates].imag, basis.place).mean(0)
+        )
+        if len(light):
+            other = np.ones(len(lossy), dtype=bool)
+            other[linear_sum_assignment(np.abs(lossy - light[:, None]))[1]] = False
+            lossy, moving = lossy[other], moving[other]
+        rows, columns = linear_sum_assignment(np.abs(lossy - starts[oscillates][:, None]))
+        starts[oscillates[rows]], motions[oscillates[rows]] = lossy[columns], moving[columns]
+    refined = [
+        _refine_in_basis(basis, start, motion)
+        for start, motion in zip(starts, motions, strict=True)
+    ]
+    return np.array([value for value, _ in refined], dtype=complex), np.array(
+        [motion for _, motion in refined]
+    ).reshape(-1, len(basis.stiffness))
+
+
+def _solve_quadratic(
+    basis: Basis, loss: Inexact[np.ndarray, "coordinate coordinate"]
+) -> tuple[Inexact[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
+    """Poles and shapes of the quadratic eigenvalue problem with a constant loss L (n, n).
+
+    Those with Im s >= 0; with a loss, Im s > 0.
+    """
+    from scipy.linalg import eig
+
+    massive = np.flatnonzero(basis.inertia > 0)
+    n, m = len(basis.stiffness), len(massive)
+    rate = float(np.sqrt(np.abs(basis.stiffness[massive]).max()) or 1.0)
+    select = np.eye(n)[massive]
+    left = np.block(
+        [
+            [-np.diag(basis.stiffness) - loss, np.zeros((n, m))],
+            [np.zeros((m, n)), np.eye(m) * rate**2],
+        ]
+    )
+    right = np.block(
+        [[basis.viscous * rate, select.T * rate**2], [select * rate**2, np.zeros((m, m))]]
+    )
+    found: Any = eig(left, right, homogeneous_eigvals=True)
+    (top, bottom), vectors = found
+    finite = np.abs(bottom) > 1e-12 * np.abs(top)
+    values = rate * top[finite] / bottom[finite]
+    motions = vectors[:n, finite].T
+    # real poles of the real problem are exactly real, except close pairs
+    values = np.where(np.abs(values.imag) <= REAL * np.abs(values), values.real, values)
+    kept = values.imag > 0 if loss.any() else values.imag >= 0
+    return values[kept], motions[kept].astype(complex)
+
+
+def _mark_rigid(basis: Basis, values: Inexact[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
+    """Mark the poles (p,) that are 0 but for rounding.
+
+    Two per rigid mode, less one per combination of rigid modes that a damper acts on.
+    """
+    rigid = np.flatnonzero((basis.inertia > 0) & (basis.stiffness == 0))
+    out = np.zeros(len(values), dtype=bool)
+    if len(rigid):
+        damping = basis.viscous[np.ix_(rigid, rigid)]
+        left = 2 * len(rigid) - int(
+            np.linalg.matrix_rank(damping, tol=RESISTED * np.abs(damping).max(), hermitian=True)
+        )
+        for n in np.argsort(np.abs(values), kind="stable"):
+            if left <= 0:
+                break
+            out[n] = True
+            left -= 1 + int(np.imag(values[n]) > 0)
+    return out
+
+
+def _mark_counterparts(values: Inexact[np.ndarray, " pole"]) -> Bool[np.ndarray, " pole"]:
+    """Mark the real poles (p,) that are decaying counterparts of growing ones."""
+    out = np.zeros(len(values), dtype=bool)
+    real = np.imag(values) == 0
+    for growing in np.flatnonzero(real & (np.real(values) > 0)):
+        decaying = np.flatnonzero(real & (np.real(values) < 0) & ~out)
+        if len(decaying):
+            out[decaying[np.abs(values[decaying] + values[growing]).argmin()]] = True
+    return out
+
+
+def _refine_in_basis(
+    basis: Basis, start: complex, motion: Complex[np.ndarray, " coordinate"]
+) -> tuple[complex, Complex[np.ndarray, " coordinate"]]:
+    """Refine a pole and its shape by the secant method in the equation of the leading mode."""
+    lead = np.array([int(np.where(basis.inertia > 0, np.abs(motion), -1.0).argmax())])
+    if not np.abs(motion[lead[0]]) > 0 or start == 0:
+        return start, motion
+
+    def equation(s: complex) -> tuple[complex, Any]:
+        matrix, follow, others = condense(basis, lead, s, basis.losses(np.array([s]))[0])
+        moving = np.zeros(len(motion), dtype=complex)
+        moving[lead], moving[others] = 1.0, follow[:, 0]
+        value = basis.stiffness[lead[0]] + s**2 + matrix[0, 0]
+        return (value.real if s.imag == 0 else value), moving
+
+    before, now = start * (1 + 1e-6), start
+    residual = equation(before)[0]
+    for _ in range(STEPS):
+        value, _ = equation(now)
+        if value in (0, residual):
+            break
+        step = -value * (now - before) / (value - residual)
+        before, residual, now = now, value, now + step
+        if abs(now - start) > STRAYED * abs(start) or (now.imag > 0) != (start.imag > 0):
+            return start, motion
+        if abs(step) <= CONVERGED * abs(now):
+            break
+    return now, equation(now)[1]
+
+
+def refine_pole(
+    dynamic: Callable[[Any, bool], Any],
+    start: complex,
+    motion: Complex[np.ndarray, " coordinate"] | None,
+) -> complex:
+    """Refine a pole of any system by the secant method in 1 / (b^T Z(s)^-1 b), which is 0 at poles.
+
+    Parameters
+    ----------
+    dynamic : callable
+        Z (m, A + t, A + t) at s (m,), with or without loss angles; the support's six coordinates
+        first, forces that serve as coordinates last.
+    start : complex
+        rad/s; real for a motion that does not oscillate.
+    motion : (A,) array or None
+        Approximate shape, used for b; None excites all coordinates alike.
+
+    Returns
+    -------
+    complex
+        rad/s; the start where the iteration leaves its neighbourhood.
+    """
+    oscillates = start.imag > 0
+    size = np.abs(np.diagonal(dynamic(np.array([start * 1.03 + 0j]), oscillates)[0, 6:, 6:]))
+    scale = 1 / np.sqrt(np.where(size > 0, size, 1.0))
+    push = np.ones(len(scale))
+    if motion is not None:
+        push = np.pad(motion[6:], (0, len(scale) - len(motion) + 6)) / scale
+
+    def inverse(s: complex) -> complex:
+        matrix = dynamic(np.array([s + 0j]), oscillates)[0, 6:, 6:] * scale[:, None] * scale
+        result = 1 / (push @ np.linalg.solve(matrix, push))
+        return result if oscillates else result.real
+
+    before, now = start * (1 + 1e-6), start
+    residual, last = inverse(before), np.inf
+    for _ in range(STEPS):
+        value = inverse(now)
+        if value in (0, residual):
+            break
+        step = -value * (now - before) / (value - residual)
+        before, residual, now = now, value, now + step
+        if abs(now - start) > STRAYED * abs(start) or (now.imag > 0) != oscillates:
+            return start
+        if abs(step) <= CONVERGED * abs(now) or (
+            abs(step) < NOISE * abs(now) and 2 * abs(step) >= last
+        ):
+            break
+        last = abs(step)
+    return now

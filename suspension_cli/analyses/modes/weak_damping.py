@@ -1,0 +1,128 @@
+"""Poles of weakly damped modes, followed from the undamped ones.
+
+Modes that losses couple strongly, or that lie close together, form a group S. Its poles are found
+by iterating the equation of the group, with all other modes eliminated (`modal_basis`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from suspension_cli.analyses.modes.modal_basis import CONVERGED, ROUNDING, STEPS, Basis, condense
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Int
+
+LIGHT = 0.02
+"""Fraction of omega^2 up to which losses change the equation of a light mode, whose pole is
+followed from the undamped one."""
+WIDE = 0.3
+"""Largest relative difference of omega^2 of modes that are followed together."""
+COUPLED = 0.05
+"""Coupling of two modes by losses, over the difference of their equations, above which they are
+solved together."""
+TOGETHER = 1e-6
+"""Difference of the equations of two modes, over their losses, below which they are solved
+together."""
+NEGLIGIBLE = 1e-18
+"""Relative contribution of another mode to the losses of a mode that is left out."""
+MEMORY = 2_000_000
+"""Elements of G evaluated at once."""
+
+
+def group_modes(
+    basis: Basis,
+) -> tuple[list[Int[np.ndarray, " _"]], Bool[np.ndarray, " coordinate"]]:
+    """Group modes that losses couple strongly; which modes are light, bool (n,)."""
+    massive = np.flatnonzero(basis.inertia > 0)
+    n = len(basis.stiffness)
+    start = np.where(basis.inertia > 0, 1j * np.sqrt(np.maximum(basis.stiffness, 0.0)), 0.0)
+    # G_jk and G_kk at mode j
+    rows, own = np.zeros((n, n), dtype=complex), np.zeros((n, n), dtype=complex)
+    for part in _chunks(basis, n):
+        losses = basis.losses(start[part])
+        rows[part] = losses[np.arange(len(losses)), np.arange(n)[part]]
+        own[part] = np.diagonal(losses, axis1=1, axis2=2)
+    here = basis.stiffness + own - np.outer(basis.stiffness, basis.inertia)  # equation k at mode j
+    coupling, size, apart = (
+        np.abs(rows),
+        np.abs(np.diag(rows)),
+        np.abs(here - np.diag(here)[:, None]),
+    )
+    linked = (coupling > COUPLED * apart) | (apart < TOGETHER * np.add.outer(size, size))
+    linked[:, basis.inertia == 0] = linked[basis.inertia == 0] = False
+    groups = [group for group in connected_groups(linked) if np.isin(group, massive).all()]
+    light = np.zeros(n, dtype=bool)
+    for group in groups:
+        others = np.delete(np.arange(n), group)
+        for j in group:
+            residual = coupling[j, others] ** 2 / np.maximum(
+                np.abs(here[j, others]), np.finfo(float).tiny
+            )
+            spread = np.abs(basis.stiffness[group] - basis.stiffness[j]).max()
+            light[j] = (
+                coupling[j, group].sum() + residual.sum() < LIGHT * basis.stiffness[j]
+                and spread < WIDE * basis.stiffness[j]
+            )
+    return groups, light
+
+
+def follow_poles(
+    basis: Basis, groups: list[Int[np.ndarray, " _"]]
+) -> tuple[Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
+    """Follow the poles and shapes of groups of light modes from the undamped ones.
+
+    Pole by pole, with losses evaluated for all of them together.
+    """
+    group = [own for own in groups for _ in own]
+    member = np.array([k for own in groups for k in range(len(own))], dtype=np.intp)
+    middle = np.array([basis.stiffness[own].mean() for own in group])
+    shift, change = np.zeros(len(group), dtype=complex), np.full(len(group), np.inf)
+    motions = np.zeros((len(group), len(basis.stiffness)), dtype=complex)
+    running = np.arange(len(group))
+    for step in range(STEPS):
+        going = []
+        for part in _chunks(basis, len(running)):
+            s = 1j * np.sqrt(middle[running[part]] + shift[running[part]])
+            for n, at, losses in zip(running[part], s, basis.losses(s), strict=True):
+                own = group[n]
+                matrix, follow, others = condense(basis, own, at, losses, NEGLIGIBLE)
+                small = np.abs(matrix) < ROUNDING * np.abs(matrix).max()
+                every, vectors = np.linalg.eig(
+                    np.diag(basis.stiffness[own] - middle[n]) + np.where(small, 0.0, matrix)
+                )
+                # with equal eigenvalues, each mode continues from its own shape
+                which = (
+                    member[n]
+                    if step == 0
+                    else int(np.abs(motions[n, own].conj() @ vectors).argmax())
+                )
+                moved, last = abs(every[which] - shift[n]), change[n]
+                shift[n], change[n] = every[which], moved
+                motions[n] = 0.0
+                motions[n, own], motions[n, others] = vectors[:, which], follow @ vectors[:, which]
+                if step == 0 or CONVERGED * abs(shift[n]) < moved < last:
+                    going.append(n)
+        running = np.array(going, dtype=np.intp)
+        if not len(running):
+            break
+    return 1j * np.sqrt(middle + shift), motions
+
+
+def connected_groups(
+    linked: Bool[np.ndarray, "coordinate coordinate"],
+) -> list[Int[np.ndarray, " _"]]:
+    """Connected groups of a graph, from its adjacency matrix (n, n)."""
+    reached = linked | linked.T | np.eye(len(linked), dtype=bool)
+    while (further := reached.astype(float) @ reached > 0).sum() > reached.sum():
+        reached = further
+    first = reached.argmax(1)
+    return [np.flatnonzero(first == number) for number in sorted(set(first.tolist()))]
+
+
+def _chunks(basis: Basis, count: int) -> list[slice]:
+    """Split `count` poles into parts whose G fits into memory."""
+    most = max(1, MEMORY // len(basis.stiffness) ** 2)
+    return [slice(start, start + most) for start in range(0, count, most)]
