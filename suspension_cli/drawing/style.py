@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import warnings
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -223,6 +224,22 @@ def millimetres(value: float) -> str:
 def length(value: float) -> str:
     """Write a length in m with its unit, mm below 10 m."""
     return f"{value:.4g} m".replace("-", "−") if abs(value) >= 10 else f"{millimetres(value)} mm"
+
+
+def stage_colours(stages: Iterable[str]) -> dict[str, str]:
+    """Choose the colour of each stage of a design, the same in every picture.
+
+    Parameters
+    ----------
+    stages : iterable of str
+        All stages, top to bottom.
+
+    Examples
+    --------
+    >>> stage_colours(["upper", "test"])
+    {'upper': '#0072b2', 'test': '#d55e00'}
+    """
+    return {name: PALETTE[n % len(PALETTE)] for n, name in enumerate(dict.fromkeys(stages))}
 
 
 def write_title(figure: Figure, heading: str, name: str) -> None:
