@@ -77,13 +77,26 @@ def label_plainly(axis: Axis) -> None:
         axis.set_major_locator(LogLocator(numticks=9))
         axis.set_minor_formatter(NullFormatter())
         return
-    if decades < 1.2:
+    if decades < 2.0:
         axis.set_major_locator(
             LogLocator(subs=(1, 1.5, 2, 3, 5, 7) if decades < 0.6 else (1, 2, 5))
         )
         axis.set_minor_locator(FixedLocator([]))
-    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: write_plainly(x)))
     axis.set_minor_formatter(NullFormatter())
+
+
+def write_plainly(value: float) -> str:
+    """Write a number as 0.05 or 200, with a power of ten only where it is very small or large.
+
+    >>> write_plainly(0.05), write_plainly(2e-6)
+    ('0.05', '$2\\times10^{-6}$')
+    """
+    if value == 0 or 1e-3 <= abs(value) < 1e5:
+        return f"{value:g}".replace("-", "−")
+    power = int(np.floor(np.log10(abs(value)) + 1e-9))
+    factor = f"{value / 10.0**power:g}".replace("-", "−")
+    return f"$10^{{{power}}}$" if factor == "1" else f"${factor}\\times10^{{{power}}}$"
 
 
 def label_phases(axes: Axes) -> None:
@@ -313,7 +326,7 @@ def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
     --------
     >>> f = np.geomspace(0.1, 100, 400)
     >>> [(n, round(low)) for n, low, high in find_slopes(f, 1 / (1 + (f / 2) ** 2)) if n]
-    [(-2, 9)]
+    [(-2, 8)]
     """
     good = np.isfinite(size) & (size > 0) & (frequency > 0)
     if good.sum() < 8:

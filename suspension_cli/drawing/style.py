@@ -134,9 +134,19 @@ def write_text(
 
 def name_model(figure: Figure, choice: Choice) -> Figure:
     """Write the model and what it neglects below a figure, and return it."""
-    across, up = figure.get_size_inches()
     left_out = choice.neglected.partition(" (tolerance")[0]
-    text = f"{choice.level} model" + (f"; {left_out}" if left_out else "")
+    return _write_below(figure, f"{choice.level} model" + (f"; {left_out}" if left_out else ""))
+
+
+def name_neglected(figure: Figure, choice: Choice) -> Figure:
+    """Write what the model neglects below a figure whose heading names it, and return it."""
+    left_out = choice.neglected.partition(" (tolerance")[0]
+    return _write_below(figure, left_out) if left_out else figure
+
+
+def _write_below(figure: Figure, text: str) -> Figure:
+    """Write a line at the lower right edge of a figure, and make room for it."""
+    across, up = figure.get_size_inches()
     room = figure.subplotpars.bottom + 0.12 / up
     figure.subplots_adjust(bottom=min(room, figure.subplotpars.top - 0.01))
     with house_style():
