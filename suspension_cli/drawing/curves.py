@@ -89,14 +89,16 @@ def label_plainly(axis: Axis) -> None:
 def write_plainly(value: float) -> str:
     """Write a number as 0.05 or 200, with a power of ten only where it is very small or large.
 
-    >>> write_plainly(0.05), write_plainly(2e-6)
-    ('0.05', '$2\\times10^{-6}$')
+    >>> write_plainly(0.05), write_plainly(1e-6)
+    ('0.05', '$10^{-6}$')
     """
     if value == 0 or 1e-3 <= abs(value) < 1e5:
         return f"{value:g}".replace("-", "−")
     power = int(np.floor(np.log10(abs(value)) + 1e-9))
-    factor = f"{value / 10.0**power:g}".replace("-", "−")
-    return f"$10^{{{power}}}$" if factor == "1" else f"${factor}\\times10^{{{power}}}$"
+    factor = f"{value / 10.0**power:g}"
+    if factor in ("1", "-1"):
+        return f"${factor[:-1]}10^{{{power}}}$"
+    return f"${factor}\\times10^{{{power}}}$"
 
 
 def label_phases(axes: Axes) -> None:
@@ -179,7 +181,7 @@ def label_ends(
         axes.annotate(
             "",
             (1, 0.5),
-            (7, 0),
+            (8, 0),
             xycoords="axes fraction",
             textcoords="offset points",
             va="center",
