@@ -66,7 +66,7 @@ def rule(axes: Axes) -> None:
 
 def room_for(names: Sequence[str], most: int = 26, size: float = SMALL) -> float:
     """Width of labels at line ends, in."""
-    return 0.2 + 0.0085 * size * max((min(len(name), most) for name in names), default=0)
+    return 0.26 + 0.0085 * size * max((min(len(name), most) for name in names), default=0)
 
 
 def label_plainly(axis: Axis) -> None:
@@ -220,7 +220,8 @@ def label_ends(
             texts, leaders, places, raw, inside, ends, strict=True
         ):
             outside = "↓ " if real < -1 else "↑ " if real > box.height + 1 else ""
-            text.set_text(outside + single_line(shorten(name, most)))
+            plain = name if name.startswith("$") else single_line(shorten(name, most))
+            text.set_text(outside + plain)
             text.xy = (1, at / box.height)
             moved = not outside and abs(at - end) > 0.3 * gap
             leader.set_data(

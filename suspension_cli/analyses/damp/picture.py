@@ -112,7 +112,7 @@ def _draw_poles(axes: Axes, damped: LocalControl) -> None:
         (damped.closed, "x", 4.5, 1.1, "closed"),
     ):
         colour = OPEN if marker == "o" else PALETTE[0]
-        for rate, at, count in _group(poles):
+        for n, (rate, at, count) in enumerate(_group(poles)):
             own = RED if rate > 0 and marker == "x" else colour
             axes.plot(
                 rate,
@@ -128,11 +128,13 @@ def _draw_poles(axes: Axes, damped: LocalControl) -> None:
             )
             label = ""
             if count > 1 and marker == "x":
+                side = 1 if n % 2 else -1
                 axes.annotate(
                     f"×{count}",
                     (rate, at),
-                    (3, 2),
+                    (3 * side, 2),
                     textcoords="offset points",
+                    ha="left" if side > 0 else "right",
                     fontsize=6,
                     color=own,
                 )
