@@ -32,7 +32,7 @@ FAR = 8.0
 """Residual, in standard deviations, beyond which the axis of residuals is logarithmic."""
 BEFORE, AFTER = PALETTE[1], PALETTE[0]
 """Colours of the design as given and as fitted."""
-ROW, NUMBER = 0.17, 0.52
+ROW, NUMBER = 0.17, 0.57
 """Heights of a row of residuals and of a fitted number, in."""
 WIDE = 2.5
 """Width of the panel of residuals and of the axes of numbers, in."""
@@ -179,10 +179,10 @@ def _draw_numbers(figure: Figure, found: Fit, places: list[tuple[float, float]])
         text = f"{format_with_sigma(value, half)} {unit}".strip()
         across, up = figure.get_size_inches()
         figure.text(
-            (left + WIDE) / across, 1 - (top + 0.115) / up, text + (f" ({who})" if who else ""),
+            (left + WIDE) / across, 1 - (top + 0.125) / up, text + (f" ({who})" if who else ""),
             va="top", ha="right", fontsize=7, color=AFTER,
         )  # fmt: skip
-        axes = add_axes(figure, left, top + 0.27, WIDE, 0.08)
+        axes = add_axes(figure, left, top + 0.28, WIDE, 0.08)
         axes.spines["left"].set_visible(False)
         axes.set_yticks([])
         axes.axvline(start, color=BEFORE, linewidth=0.6, ymin=-0.2, ymax=1.4, clip_on=False)
