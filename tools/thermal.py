@@ -49,7 +49,7 @@ def main() -> None:
         origin,
         lambda file: files.fill(file.create_group("thermal"), [noise]),
     )
-    title = f"{design.design.title} · {origin.model} model"
+    title = f"{design.design.title} · {origin.fidelity} model"
     save(draw([noise], title, [stage.name for stage in design.stage]), folder / "thermal.png")
     values = ", ".join(
         f"{value:.2e} at {at:g} Hz"

@@ -199,15 +199,15 @@ def label_ends(
         for *_, colour in ends
     ]
 
-    def place(_: Axes | None = None) -> None:
+    def place(_axes: Axes | None = None) -> None:
         box = axes.get_window_extent()
         gap = 1.18 * size * axes.figure.dpi / 72
         low, high = sorted(axes.get_xlim())
         raw = []
-        for x, y, *_ in ends:
-            x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        for abscissas, ordinates, *_ in ends:
+            x, y = np.asarray(abscissas, dtype=float), np.asarray(ordinates, dtype=float)
             shown = np.flatnonzero(np.isfinite(y) & (x >= low) & (x <= high))
-            last = y[shown[-1]] if len(shown) else np.nan
+            last = float(y[shown[-1]]) if len(shown) else np.nan
             with np.errstate(invalid="ignore", divide="ignore"):
                 at = axes.transData.transform((high, last))[1] - box.y0
             raw.append(float(at) if np.isfinite(at) else -1.0)
@@ -216,7 +216,7 @@ def label_ends(
         order = [at + 1e-9 * min(real, 0.0) for at, real in zip(inside, raw, strict=True)]
         places = _within(spread(order, gap), gap, box.height)
         across = 6 * axes.figure.dpi / 72 / box.width
-        for text, leader, at, real, end, (*_, name, _c) in zip(
+        for text, leader, at, real, end, (_x, _y, name, _colour) in zip(
             texts, leaders, places, raw, inside, ends, strict=True
         ):
             outside = "↓ " if real < -1 else "↑ " if real > box.height + 1 else ""
@@ -347,10 +347,10 @@ def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
         if n < len(grid) and fits[n] and fits[start] and whole[n] == whole[start]:
             continue
         if fits[start]:
-            low, high = grid[start], grid[n - 1]
             own = int(whole[start])
-            if high - low > max(LONG, np.subtract(*found.get(own, (0.0, 0.0))[::-1])):
-                found[own] = (low, high)
+            before = found.get(own, (0.0, 0.0))
+            if grid[n - 1] - grid[start] > max(LONG, before[1] - before[0]):
+                found[own] = float(grid[start]), float(grid[n - 1])
         start = n
     return [(own, float(10**low), float(10**high)) for own, (low, high) in found.items()]
 

@@ -67,10 +67,11 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         if len(found.name) > 2:
             axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7, ncols=4)
         models = _model_line(found)
-        against = f"{', '.join(map(single_line, found.name[1:]))} against {found.name[0]}"
+        items = [single_line(name) for name in found.name]
+        against = f"{', '.join(items[1:])} against {items[0]}"
         curves.write_heading(
             figure,
-            _modes_title(found, change, labels),
+            f"Mode frequencies: {_modes_title(found, change, labels)}",
             f"{against}{f' · {models}' if models else ''}",
         )
         return figure

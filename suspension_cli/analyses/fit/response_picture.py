@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -34,6 +36,8 @@ def draw(found: ResponseFit, title: str) -> Figure:
         curves.set_margins(
             figure, left=0.65, top=curves.HEAD + 0.48, bottom=0.6, wspace=0.22, hspace=0.38
         )
+        handles: list[Any] = []
+        names: list[str] = []
         for place, n in enumerate(order):
             row, column = divmod(place, columns)
             inner = outer[row, column].subgridspec(2, 1, height_ratios=[2.2, 1], hspace=0.1)

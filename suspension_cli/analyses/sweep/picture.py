@@ -123,7 +123,7 @@ def _draw_lines(
     height = 3.0
     foot = 0.45 + 0.14 * len(notes) + 0.14
     figure = new_figure(4.4 + right, curves.HEAD + 0.2 + (height + 0.12) * len(units) + foot)
-    panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+    panels: list[Axes] = [*figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]]
     curves.set_margins(figure, right=right, top=curves.HEAD + 0.2, bottom=foot, hspace=0.1)
     x = np.array(first.values) * _unit(first)[1]
     remarks = []
@@ -363,8 +363,9 @@ def _round_levels(low: float, high: float, norm: Normalize) -> Any:
 
     if isinstance(norm, LogNorm):
         many = np.log10(high / low) > 3
-        found = LogLocator(subs=(1,) if many else (1, 2, 5)).tick_values(low, high)
+        levels = LogLocator(subs=(1,) if many else (1, 2, 5)).tick_values(low, high)
     else:
-        found = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+        levels = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    found: Any = np.asarray(levels)
     inside = found[(found > low) & (found < high)]
     return inside if len(inside) else [(low + high) / 2]

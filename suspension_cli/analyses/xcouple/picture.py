@@ -7,6 +7,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.xcouple.file import Coupling
@@ -61,7 +62,7 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         right = curves.room_for(names) if names else 0.2
         figure = new_figure(4.3 + right, 3.85)
         axes = figure.subplots()
-        curves.set_margins(figure, left=0.85, right=right, top=curves.HEAD + 0.5, bottom=0.5)
+        curves.set_margins(figure, left=0.85, right=right, top=curves.HEAD + 0.5, bottom=0.6)
         curves.rule(axes)
         if len(coupling.frequency) > 1:
             _draw_over_frequency(axes, coupling, limit)
@@ -147,7 +148,7 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
         span = float(np.ptp(values)) or 1.0
         for column in _shown(second):
             place = 0.88 * (values[column] - values.min()) / span  # the rest is too pale
-            colour = matplotlib.colors.to_hex(matplotlib.colormaps[COLOURS](place))
+            colour = to_hex(matplotlib.colormaps[COLOURS](place))
             fine, drawn = _draw_curve(axes, x, ratio[:, column], colour)
             ends.append((fine, drawn, _format_value(second, int(column)), colour))
     size = np.abs(ratio)
