@@ -12,11 +12,11 @@ from suspension_cli.scene.arrays import Array
 
 STEP = 0.5
 """Largest change of log |H| or of its angle between neighbours."""
-NARROWEST = 1e-11
+NARROWEST = 1e-12
 """Relative distance of neighbours at which the refinement ends: a pole or zero without loss."""
 QUARTERS = np.array([0.25, 0.5, 0.75])
 """Where an interval is divided, on a logarithmic scale."""
-MOST = 30
+MOST = 18
 """Largest number of passes."""
 UNSEEN = 2
 """Passes in which intervals beside local maxima are divided whatever the change."""

@@ -15,7 +15,7 @@ from suspension_cli.linear.response import Response
 
 WIDTH, PANEL, PHASE = 4.7, 2.3, 1.3
 """Width of the figure, and heights of a panel of magnitudes and of that of phases, in."""
-ENDLESS = 1e7
+ENDLESS = 3e6
 """Ratio of the highest point of a peak to the response around it, from which it is infinite."""
 NEAR = 3e-4
 """Relative distance from an infinite peak beyond which points set the limits of the axis."""
