@@ -13,6 +13,7 @@ from suspension_cli.analyses.thermal import file as files
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.thermal.picture import draw
 from suspension_cli.design.reader import read
+from suspension_cli.design.schema import Design
 from suspension_cli.drawing.style import save
 from suspension_cli.files.hdf5 import Provenance, write
 from suspension_cli.models import auto, registry
@@ -23,8 +24,8 @@ ARM = 600.0
 FREQUENCY = np.geomspace(0.1, 3000.0, 6000)
 
 
-def solved() -> tuple[thermal.Thermal, str, Provenance]:
-    """Compute the noise of the mirror along the beam; also return the design's title."""
+def solved() -> tuple[thermal.Thermal, Design, Provenance]:
+    """Compute the noise of the mirror along the beam; also return the design."""
     source = read(ROOT / "configs" / "geo-silica-triple.toml")
     choice = auto.for_thermal_noise(source.design, "auto", FREQUENCY[-1])
     model = registry.by_name(choice.level).system(source.design)
@@ -33,14 +34,14 @@ def solved() -> tuple[thermal.Thermal, str, Provenance]:
     noise = thermal.solve(model, FREQUENCY, row, signal, source.design.constants.temperature)
     return (
         replace(noise, tilt=tilt),
-        source.design.design.title,
+        source.design,
         Provenance(source.text, "make thermal", choice.level, choice.reason),
     )
 
 
 def main() -> None:
     """Draw the figure."""
-    noise, title, origin = solved()
+    noise, design, origin = solved()
     folder = ROOT / "results"
     folder.mkdir(exist_ok=True)
     write(
@@ -48,7 +49,8 @@ def main() -> None:
         origin,
         lambda file: files.fill(file.create_group("thermal"), [noise]),
     )
-    save(draw([noise], title), folder / "thermal.png")
+    title = f"{design.design.title} · {origin.fidelity} model"
+    save(draw([noise], title, [stage.name for stage in design.stage]), folder / "thermal.png")
     values = ", ".join(
         f"{value:.2e} at {at:g} Hz"
         for at, value in zip(

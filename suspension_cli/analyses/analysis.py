@@ -173,6 +173,11 @@ class Result(Report):
         return self.choice.level
 
     @property
+    def subtitle(self) -> str:
+        """Title of the design and name of the model, for the second line of a picture."""
+        return f"{self.title} · {self.model} model" if self.analysis.has_model else self.title
+
+    @property
     def estimated_error(self) -> float:
         """Relative error of the model, estimated; NaN where it cannot be."""
         return self.choice.error

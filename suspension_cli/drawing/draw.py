@@ -15,7 +15,7 @@ from suspension_cli.drawing.canvas import Canvas, full_canvas
 from suspension_cli.drawing.geometry import FACE, SIDE, View
 from suspension_cli.drawing.imperfect import Exaggerated
 from suspension_cli.drawing.parts import Look, Sketch
-from suspension_cli.drawing.style import INK, NOTE, PALE, PALETTE
+from suspension_cli.drawing.style import INK, NOTE, PALE
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import nominal_pose
 from suspension_cli.scene.scene import Scene
@@ -165,7 +165,7 @@ def _plan(figure: Figure, sketch: Sketch, bounds: _Bounds, scale: float, left: f
 
 
 def _colours(scene: Scene) -> tuple[str, ...]:
-    return tuple(PALETTE[n % len(PALETTE)] for n in range(len(scene.bodies.name)))
+    return tuple(style.stage_colours(scene.bodies.name).values())
 
 
 def _views(canvas: Canvas, plan: Plan, flawed: Exaggerated | None) -> None:

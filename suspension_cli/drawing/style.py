@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import warnings
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -133,9 +134,19 @@ def write_text(
 
 def name_model(figure: Figure, choice: Choice) -> Figure:
     """Write the model and what it neglects below a figure, and return it."""
-    across, up = figure.get_size_inches()
     left_out = choice.neglected.partition(" (tolerance")[0]
-    text = f"{choice.level} model" + (f"; {left_out}" if left_out else "")
+    return _write_below(figure, f"{choice.level} model" + (f"; {left_out}" if left_out else ""))
+
+
+def name_neglected(figure: Figure, choice: Choice) -> Figure:
+    """Write what the model neglects below a figure whose heading names it, and return it."""
+    left_out = choice.neglected.partition(" (tolerance")[0]
+    return _write_below(figure, left_out) if left_out else figure
+
+
+def _write_below(figure: Figure, text: str) -> Figure:
+    """Write a line at the lower right edge of a figure, and make room for it."""
+    across, up = figure.get_size_inches()
     room = figure.subplotpars.bottom + 0.12 / up
     figure.subplots_adjust(bottom=min(room, figure.subplotpars.top - 0.01))
     with house_style():
@@ -223,6 +234,22 @@ def millimetres(value: float) -> str:
 def length(value: float) -> str:
     """Write a length in m with its unit, mm below 10 m."""
     return f"{value:.4g} m".replace("-", "−") if abs(value) >= 10 else f"{millimetres(value)} mm"
+
+
+def stage_colours(stages: Iterable[str]) -> dict[str, str]:
+    """Choose the colour of each stage of a design, the same in every picture.
+
+    Parameters
+    ----------
+    stages : iterable of str
+        All stages, top to bottom.
+
+    Examples
+    --------
+    >>> stage_colours(["upper", "test"])
+    {'upper': '#0072b2', 'test': '#d55e00'}
+    """
+    return {name: PALETTE[n % len(PALETTE)] for n, name in enumerate(dict.fromkeys(stages))}
 
 
 def write_title(figure: Figure, heading: str, name: str) -> None:

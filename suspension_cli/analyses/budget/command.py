@@ -177,9 +177,9 @@ class BudgetAnalysis(Analysis):
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw a panel per output."""
         from suspension_cli.analyses.budget import picture
-        from suspension_cli.drawing.style import name_model
+        from suspension_cli.drawing.style import name_neglected
 
-        return {"": name_model(picture.draw(result.data, result.title), result.choice)}
+        return {"": name_neglected(picture.draw(result.data, result.subtitle), result.choice)}
 
 
 def _sources(one: Budget) -> dict[str, str]:

@@ -9,46 +9,51 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from suspension_cli.analyses.budget.solve import Budget
+from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
-    PALE,
     PALETTE,
     house_style,
     new_figure,
-    shorten,
     single_line,
 )
 
-WIDTH, HEIGHT = 7.4, 3.7
-"""Width of the figure and height of a panel, in."""
+WIDTH, HEIGHT, BETWEEN = 4.7, 2.4, 0.95
+"""Width of the figure without labels, height of a panel and distance to the next, in."""
+LIMIT = "#cc0000"
+"""Colour of requirements."""
 FAINT = 1e-3
 """Fraction of the sum that a cause must reach somewhere to be drawn."""
-ROOM = (30.0, 3.0)
+ROOM = (10.0, 3.0)
 """Factors of room below the lowest sum and above the highest."""
-DECADES = 16
+DECADES = 22
 """Largest number of decades in a panel."""
 SMALL = 6.5
 """Font size of labels, points."""
 MOST = 99.0
 """Part of the mean square, per cent, from which one cause is named alone."""
-APART = 0.045
-"""Smallest distance between two labels, fraction of the panel's height."""
 
 
 def draw(budgets: list[Budget], title: str) -> Figure:
     """Draw one panel per output, whose title says what it shows."""
     with house_style():
-        figure = new_figure(WIDTH, HEIGHT * len(budgets) + 0.2)
+        right = curves.room_for([name for one in budgets for name in ["all", *_drawn(one)]], 22)
+        head = curves.HEAD + 0.36
+        height = head + (HEIGHT + BETWEEN) * len(budgets) - 0.1
+        figure = new_figure(WIDTH + right, height)
         panels = figure.subplots(len(budgets), 1, squeeze=False)[:, 0]
+        curves.set_margins(
+            figure, right=right, top=head, bottom=BETWEEN - 0.1, hspace=BETWEEN / HEIGHT
+        )
         colours = _colours(budgets)
         for axes, one in zip(panels, budgets, strict=True):
             _panel(axes, one, colours)
-        figure.suptitle(single_line(title, 80), x=0.01, ha="left", fontsize=9)
-        figure.tight_layout(rect=(0, 0, 0.86, 1 - 0.08 / figure.get_figheight()))
+        figure.align_ylabels(panels)
+        outputs = ", ".join(one.output for one in budgets)
+        curves.write_heading(figure, f"Noise budget of {outputs}", title)
         return figure
 
 
@@ -92,7 +97,8 @@ def _drawn(one: Budget) -> list[str]:
 
 def _panel(axes: Axes, one: Budget, colours: dict[str, tuple[str, Any]]) -> None:
     mark = "" if len(one.frequency) > 8 else "o"
-    total, labels = one.amplitude, []
+    total = one.amplitude
+    ends = [(one.frequency, _positive(total), "all", INK)]
     if total.any():
         axes.set_ylim(*_limits(one))
     axes.loglog(
@@ -110,34 +116,40 @@ def _panel(axes: Axes, one: Budget, colours: dict[str, tuple[str, Any]]) -> None
             marker=mark,
             markersize=2,
         )
-        labels.append((one.parts[name][-1], name, colour))
+        ends.append((one.frequency, _positive(one.parts[name]), name, colour))
     if np.isfinite(one.rms).all():
         axes.plot(one.frequency, _positive(one.rms), color=NOTE, linewidth=0.7)
-        labels.append((one.rms[0], f"RMS above f ({one.unit})", NOTE))
+        axes.annotate(
+            f"RMS above f ({one.unit})",
+            (one.frequency[0], one.rms[0]),
+            (3, 2),
+            textcoords="offset points",
+            fontsize=SMALL,
+            color=NOTE,
+        )
     if one.requirement is not None:
         axes.plot(
             one.requirement.frequency,
             _positive(one.requirement.density),
-            color="#cc0000",
+            color=LIMIT,
             linewidth=1.1,
             linestyle="--",
         )
-        inside = one.requirement.frequency <= one.frequency[-1]
-        name = shorten(single_line(Path(one.requirement.name).stem), 16)
-        labels.append((one.requirement.density[inside][-1], name, "#cc0000"))
+        name = single_line(Path(one.requirement.name).stem)
+        ends.append((one.requirement.frequency, _positive(one.requirement.density), name, LIMIT))
     axes.set_xlim(one.frequency[0], one.frequency[-1] * (1 + 1e-9 + (len(one.frequency) == 1)))
     axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel(f"{single_line(one.output, 40)} ({one.unit}/√Hz)")
-    axes.set_title(write_message(one), loc="left", fontsize=8, color=INK)
-    axes.yaxis.set_major_locator(LogLocator(numticks=9))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
-    _label(axes, [*labels, (total[-1], "all", INK)])
+    message = textwrap.fill(write_message(one), 78)
+    axes.set_title(message, loc="left", fontsize=7.5, color=INK)
+    curves.rule(axes)
+    curves.label_plainly(axes.yaxis)
+    curves.label_ends(axes, ends, most=22)
     faint = [name for name in one.cause if name not in drawn]
     if faint:
         axes.annotate(
             textwrap.fill(
-                f"not drawn, below {FAINT:g} of the sum everywhere: {', '.join(faint)}", 105
+                f"not drawn, below {FAINT:g} of the sum everywhere: {', '.join(faint)}", 90
             ),
             (0, 0),
             (0, -28),
@@ -163,44 +175,3 @@ def _limits(one: Budget) -> tuple[float, float]:
         positive = one.requirement.density[one.requirement.density > 0]
         least = min(least, positive.min(initial=least))
     return max(least / ROOM[0], top / 10**DECADES), top
-
-
-def _label(axes: Axes, labels: list[tuple[float, str, str]]) -> None:
-    """Write labels at the right ends of lines, moved apart; the RMS ends on the left."""
-    low, high = np.log10(axes.get_ylim())
-    places = []
-    for value, name, colour in labels:
-        left = name.startswith("RMS")
-        at = (np.log10(value) - low) / (high - low) if value > 0 else -1.0
-        if left:
-            axes.annotate(
-                name,
-                (0.01, min(at, 0.97)),
-                (0, -2),
-                xycoords="axes fraction",
-                textcoords="offset points",
-                va="top",
-                fontsize=SMALL,
-                color=colour,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8},
-            )
-        else:
-            places.append([float(np.clip(at, 0.0, 1.0)), name, colour])
-    places.sort(key=lambda place: place[0])
-    heights = np.array([place[0] for place in places])
-    for n in range(1, len(heights)):
-        heights[n] = max(heights[n], heights[n - 1] + APART)
-    heights -= max(heights[-1] - 1.0, 0.0)
-    for n in range(len(heights) - 2, -1, -1):
-        heights[n] = min(heights[n], heights[n + 1] - APART)
-    for height, (_, name, colour) in zip(heights, places, strict=True):
-        axes.text(
-            1.01,
-            height,
-            shorten(name, 22),
-            transform=axes.transAxes,
-            va="center",
-            fontsize=SMALL,
-            color=colour,
-            fontweight="bold" if name == "all" else "normal",
-        )

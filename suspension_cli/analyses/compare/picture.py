@@ -7,13 +7,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from suspension_cli.analyses.compare.solve import Comparison, Overlay, PairedModes
-from suspension_cli.analyses.response.picture import insert_gaps
+from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
-    INK,
-    NOTE,
     PALE,
     PALETTE,
     format_significant,
@@ -22,6 +19,10 @@ from suspension_cli.drawing.style import (
     single_line,
 )
 
+DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
+"""Line styles of the items, so that equal curves do not hide each other."""
+MARKERS = ("o", "D", "s", "^", "v")
+"""Markers of the items."""
 LINEAR = 1e-4
 """Change of a frequency, relative, below which the axis of changes is linear."""
 
@@ -33,15 +34,20 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
     first = np.array([row[np.isfinite(row)][0] for row in modes.frequency[shown]])
     base = [int(np.flatnonzero(np.isfinite(row))[0]) for row in modes.frequency[shown]]
     with house_style():
-        figure = new_figure(6.3, 1.3 + 0.2 * max(len(shown), 4))
+        left = 0.3 + 0.058 * max(len(label) + 9 for label in [*labels, ""])
+        tall = 0.17 * max(len(shown), 4)
+        figure = new_figure(left + 3.0, curves.HEAD + 0.3 + tall + 0.55)
         axes = figure.subplots()
-        change = 100 * (modes.frequency[shown] / first[:, None] - 1)
+        curves.set_margins(figure, left=left, top=curves.HEAD + 0.3, bottom=0.55)
+        change: Any = 100 * (modes.frequency[shown] / first[:, None] - 1)
         rows = np.arange(len(shown))
         for n, name in enumerate(found.name):
             own = np.isfinite(change[:, n]) & (np.array(base) != n)
             if own.any():
                 colour = PALETTE[n % len(PALETTE)]
-                axes.plot(change[own, n], rows[own], "o", ms=4, color=colour, label=name)
+                marker = MARKERS[n % len(MARKERS)]
+                axes.hlines(rows[own], 0, change[own, n], color=colour, lw=0.6, alpha=0.5)
+                axes.plot(change[own, n], rows[own], marker, ms=4, color=colour, label=name)
         largest = float(np.nanmax(np.abs(change), initial=0.0))
         if largest > 5:
             axes.set_xscale("symlog", linthresh=1.0)
@@ -57,18 +63,26 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         axes.set_ylim(len(shown) - 0.5, -0.5)
         axes.grid(visible=True, axis="y", color=PALE, linewidth=0.3)
         axes.set_xlabel(f"frequency relative to {single_line(found.name[0], 40)} (%)")
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7, ncols=4)
-        axes.set_title(_modes_title(found, change, labels), loc="left", color=INK)
-        figure.tight_layout()
+        axes.tick_params(labelsize=7)
+        if len(found.name) > 2:
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7, ncols=4)
+        models = _model_line(found)
+        items = [single_line(name) for name in found.name]
+        against = f"{', '.join(items[1:])} against {items[0]}"
+        curves.write_heading(
+            figure,
+            f"Mode frequencies: {_modes_title(found, change, labels)}",
+            f"{against}{f' · {models}' if models else ''}",
+        )
         return figure
 
 
 def _modes_title(found: Comparison, change: Any, labels: list[str]) -> str:
     if not np.isfinite(change).any():
-        return "No mode in common"
+        return "none in common"
     row, column = np.unravel_index(np.nanargmax(np.abs(change)), change.shape)
     if change[row, column] == 0:
-        return "No mode differs"
+        return "none differs"
     return single_line(
         f"{labels[row]} differs most: {change[row, column]:+.3g} % in {found.name[column]}", 90
     )
@@ -79,18 +93,28 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
     response = overlay.kind == "response"
     with house_style():
         compared = len(overlay.curves) > 1
-        heights = [2.2, *[1] * (response + compared)]
-        figure = new_figure(6.3, 2.4 + 0.8 * sum(heights[1:]) + 1.6)
+        heights = [2.3, *[1.2] * (response + compared)]
+        names = [single_line(found.name[curve.item], 40) for curve in overlay.curves]
+        right = curves.room_for(names)
+        figure = new_figure(4.5 + right, curves.HEAD + sum(heights) + 0.15 * len(heights) + 0.6)
         panels = figure.subplots(
             len(heights), 1, sharex=True, height_ratios=heights, squeeze=False
         )[:, 0]
-        for curve in overlay.curves:
-            name = single_line(found.name[curve.item], 40)
+        curves.set_margins(figure, right=right, top=curves.HEAD + 0.08, bottom=0.5, hspace=0.1)
+        for axes in panels:
+            axes.set_xscale("log")
+            curves.rule(axes)
+            axes.margins(x=0)
+        panels[0].set_yscale("log")
+        ends = []
+        for curve, name in zip(overlay.curves, names, strict=True):
             measured = found.kind[curve.item] == "measurement"
             how: dict[str, Any] = {"color": PALETTE[curve.item % len(PALETTE)]}
+            how |= {"ls": DASHES[curve.item % len(DASHES)]}
             how |= {"ls": "none", "marker": ".", "ms": 3} if measured else {}
             size = np.where(curve.value == 0, np.nan, np.abs(curve.value))
             panels[0].plot(curve.frequency, size, label=name, **how)
+            ends.append((curve.frequency, size, name, how["color"]))
             if measured and np.isfinite(curve.uncertainty).any():
                 panels[0].errorbar(
                     curve.frequency,
@@ -101,27 +125,20 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
                     ecolor=how["color"],
                 )
             if response:
-                panels[1].plot(curve.frequency, _phase(curve.value), **how)
+                panels[1].plot(curve.frequency, curves.unwrap_phase(curve.value), **how)
             if len(curve.ratio):
                 panels[-1].plot(curve.ratio_frequency, np.abs(curve.ratio), **how)
-        panels[0].set_yscale("log")
         panels[0].set_ylabel(overlay.unit)
+        curves.label_plainly(panels[0].yaxis)
         if response:
             panels[1].set_ylabel("phase (degrees)")
-            panels[1].set_ylim(-190, 190)
-            panels[1].set_yticks([-180, -90, 0, 90, 180])
+            curves.label_phases(panels[1])
         if compared:
             _finish_ratios(panels[-1], found, overlay)
         panels[-1].set_xlabel("frequency (Hz)")
-        for axes in panels:
-            axes.set_xscale("log")
-            axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
-            axes.margins(x=0)
-        panels[0].legend(fontsize=7)
-        kind = "" if response else "thermal "
-        panels[0].set_title(kind + overlay.name, loc="left", color=INK)
-        figure.text(0.99, 0.005, _model_line(found), ha="right", va="bottom", size=6, color=NOTE)
-        figure.tight_layout(rect=(0, 0.015, 1, 1))
+        curves.label_ends(panels[0], ends)
+        kind = "Transfer function " if response else "Thermal noise of "
+        curves.write_heading(figure, kind + overlay.name, _model_line(found))
         figure.align_ylabels(panels)
         return figure
 
@@ -134,18 +151,8 @@ def _finish_ratios(axes: Axes, found: Comparison, overlay: Overlay) -> None:
     known = np.concatenate([s[np.isfinite(s) & (s > 0)] for s in sizes] or [np.ones(1)])
     if len(known) and known.max() > 3 * known.min():
         axes.set_yscale("log")
-        if known.max() < 100 * known.min():
-            axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        curves.label_plainly(axes.yaxis)
     axes.axhline(1, color=PALE, lw=0.8, zorder=0)
-
-
-def _phase(value: Any) -> Any:
-    """Phase in degrees from -185 to 175, where -180 does not flip, with a gap where it wraps."""
-    phase = np.degrees(np.angle(value))
-    phase[phase > 175] -= 360
-    return insert_gaps(phase)
 
 
 def _model_line(found: Comparison) -> str:

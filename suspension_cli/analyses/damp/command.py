@@ -216,9 +216,9 @@ class DampAnalysis(Analysis):
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw poles, impulse response, sensor noise, loop gains and their Nichols chart."""
-        from suspension_cli.analyses.damp import picture
+        from suspension_cli.analyses.damp import fine, picture
 
-        return {"": picture.draw(result.data, result.title)}
+        return {"": picture.draw(result.data, result.subtitle, fine.refine_gains(result))}
 
 
 def _all_at_once(answer: LocalControl) -> list[str]:

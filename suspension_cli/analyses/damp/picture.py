@@ -2,120 +2,302 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from suspension_cli.analyses.damp.solve import LocalControl
-from suspension_cli.drawing.style import NOTE, PALE, PALETTE, house_style, new_figure
+from suspension_cli.drawing import curves
+from suspension_cli.drawing.style import (
+    DOF_COLOUR,
+    INK,
+    NOTE,
+    PALE,
+    PALETTE,
+    add_axes,
+    house_style,
+    new_figure,
+    single_line,
+)
+from suspension_cli.linear.poles import Poles
 
-HIGHEST_Q = 1e5
-"""Largest Q drawn; poles without loss are drawn there."""
-LOWEST = -80.0
-"""Lowest gain in the Nichols chart, dB."""
+LEFT, ACROSS, WIDE, TALL, APART = 0.68, 3.62, 2.3, 1.75, 2.42
+"""Place of the first panel, distance of the columns, size of panels, distance of the rows, in."""
+RED = "#cc0000"
+"""Colour of unstable poles."""
+OPEN = "#9aa1a8"
+"""Colour of the open loop."""
+ALIKE, SIMILAR = 0.08, 0.35
+"""Relative distances in frequency and in rate of poles drawn as one, with their number."""
+NEAR = 40.0
+"""Gains drawn in the Nichols chart, dB to both sides of 1."""
+DECADES = 12
+"""Largest number of decades of sensor noise."""
+DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)), (0, (8, 1.5)), (0, (2, 2)))
+"""Line styles of the loops, so that one on top of another does not hide it."""
 
 
-def draw(damped: LocalControl, title: str) -> Figure:
-    """Draw the figure of `pendsus damp`."""
+def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None) -> Figure:
+    """Draw the figure of `pendsus damp`.
+
+    Parameters
+    ----------
+    damped : LocalControl
+    title : str
+        Names of the design and the model.
+    gains : tuple of arrays, optional
+        Frequencies (f,) in Hz and loop gains (f, l) with resonances resolved; without, those of
+        `damped`.
+    """
+    frequency, gain = gains or (damped.frequency, damped.gain)
+    looks = _looks(damped.loop)
     with house_style():
-        figure = new_figure(7.2, 8.0)
-        (poles, impulse), (gain, noise), (phase, nichols) = figure.subplots(3, 2)
+        figure = new_figure(7.3, 0.62 + 3 * APART)
+        poles, impulse, size, noise, phase, nichols = (
+            add_axes(figure, LEFT + column * ACROSS, 0.75 + row * APART, WIDE, TALL)
+            for row in range(3)
+            for column in range(2)
+        )
+        for axes in (poles, impulse, size, noise, phase, nichols):
+            curves.rule(axes)
         _draw_poles(poles, damped)
         _draw_impulse(impulse, damped)
-        _draw_gains(gain, damped)
-        _draw_noise(noise, damped)
-        _draw_phases(phase, damped)
-        _draw_nichols(nichols, damped)
-        for axes in (poles, impulse, gain, noise, phase, nichols):
-            axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
-        figure.suptitle(title, x=0.01, ha="left", fontsize=9)
-        figure.tight_layout()
+        _draw_gains(size, damped, frequency, gain, looks)
+        _draw_noise(noise, damped, looks)
+        _draw_phases(phase, damped, frequency, gain, looks)
+        _draw_nichols(nichols, damped, gain, looks)
+        state = "stable" if damped.stable else "UNSTABLE"
+        curves.write_heading(figure, f"Local control: closed loop {state}", title)
         return figure
 
 
+def _looks(loops: Sequence[str]) -> list[tuple[str, Any]]:
+    """Colour and dashes of each loop: the colour of its motion if all are named after one."""
+    colours = (
+        [DOF_COLOUR[name] for name in loops]
+        if all(name in DOF_COLOUR for name in loops)
+        else [PALETTE[n % len(PALETTE)] for n in range(len(loops))]
+    )
+    return [(colour, DASHES[n % len(DASHES)]) for n, colour in enumerate(colours)]
+
+
+def _name(axes: Axes, text: str) -> None:
+    axes.set_title(text, loc="left", fontsize=8, color=INK, pad=3)
+
+
 def _draw_poles(axes: Axes, damped: LocalControl) -> None:
-    for poles, marker, colour, label in (
-        (damped.open, "o", NOTE, "loops open"),
-        (damped.closed, "x", PALETTE[1], "loops closed"),
+    """Draw the complex plane: decay rates on both sides of 0, frequencies logarithmic."""
+    both = (damped.open, damped.closed)
+    real = np.concatenate([_rates(poles) for poles in both])
+    sizes = np.abs(real[real != 0])
+    high = 10 ** np.ceil(np.log10(sizes.max(initial=1.0)))
+    least = 10 ** np.floor(np.log10(max(sizes.min(initial=high), 1e-9 * high)))
+    frequency = np.concatenate([poles.frequency for poles in both])
+    frequency = frequency[frequency > 0]
+    axes.set_xscale("symlog", linthresh=least, linscale=0.8)
+    axes.set_yscale("log")
+    grows = bool((real > 0).any())
+    right = 10 ** np.ceil(np.log10(max(real.max(), least))) if grows else 2 * least
+    axes.set_xlim(-high, right * (1.0 if not grows else 2.0))
+    axes.set_ylim(frequency.min() / 1.5, frequency.max() * 1.5)
+    axes.axvspan(0, right * 10, color=RED, alpha=0.08, linewidth=0)
+    axes.axvline(0, color=INK, linewidth=0.6)
+    _draw_q(axes, least, high)
+    for poles, marker, size, wide, label in (
+        (damped.open, "o", 4.0, 0.7, "open"),
+        (damped.closed, "x", 4.5, 1.1, "closed"),
     ):
-        oscillates = (np.imag(poles.value) > 0) & (poles.frequency > 0)
-        q = np.where(poles.q[oscillates] > 0, np.minimum(poles.q[oscillates], HIGHEST_Q), HIGHEST_Q)
-        axes.loglog(
-            poles.frequency[oscillates],
-            q,
-            marker,
-            color=colour,
-            label=label,
-            fillstyle="none",
-            markersize=5,
-        )
-    axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel(f"Q (at most {HIGHEST_Q:g} drawn)")
-    axes.legend()
+        colour = OPEN if marker == "o" else PALETTE[0]
+        for n, (rate, at, count) in enumerate(_group(poles)):
+            own = RED if rate > 0 and marker == "x" else colour
+            axes.plot(
+                rate,
+                at,
+                marker,
+                color=own,
+                fillstyle="none",
+                markersize=size,
+                markeredgewidth=wide,
+                linestyle="none",
+                label=label,
+                zorder=3 + (marker == "x"),
+            )
+            label = ""
+            if count > 1 and marker == "x":
+                side = 1 if n % 2 else -1
+                axes.annotate(
+                    f"×{count}",
+                    (rate, at),
+                    (3 * side, 2),
+                    textcoords="offset points",
+                    ha="left" if side > 0 else "right",
+                    fontsize=6,
+                    color=own,
+                )
+    decades = np.log10(high / least)
+    step = int(np.ceil((decades + 1) / 4))
+    powers = np.arange(round(np.log10(high)), round(np.log10(least)), -step)
+    ticks = [*(-(10.0**powers)), 0.0]
+    axes.set_xticks([*ticks, *([right] if grows else [])])
+    axes.set_xticks([], minor=True)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: _plain_or_power(x)))
+    curves.label_plainly(axes.yaxis)
+    axes.set_xlabel("Re pole (1/s), unstable right of 0")
+    axes.set_ylabel("|pole|/2π (Hz)")
+    _name(axes, "poles")
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=2, fontsize=7, handletextpad=0.1,
+        columnspacing=0.8, borderaxespad=0.0,
+    )  # fmt: skip
+
+
+def _plain_or_power(value: float) -> str:
+    return "0" if value == 0 else curves.write_plainly(value)
+
+
+def _rates(poles: Poles) -> Any:
+    """Real parts, 1/s; 0 where they may be rounding errors."""
+    small = np.abs(poles.value.real) <= poles.rounding * np.abs(poles.value)
+    return np.where(small, 0.0, poles.value.real)
+
+
+def _group(poles: Poles) -> list[tuple[float, float, int]]:
+    """Rates (1/s) and frequencies (Hz) of the poles, those alike as one with their number."""
+    found: list[list[float]] = []
+    for rate, at in zip(_rates(poles), poles.frequency, strict=True):
+        if at <= 0:
+            continue
+        for one in found:
+            alike = abs(one[1] / at - 1) < ALIKE and abs(one[0] - rate) <= SIMILAR * abs(rate)
+            if alike:
+                one[2] += 1
+                break
+        else:
+            found.append([float(rate), float(at), 1])
+    return [(rate, at, int(count)) for rate, at, count in found]
+
+
+def _draw_q(axes: Axes, least: float, high: float) -> None:
+    """Draw lines of constant Q."""
+    low, top = axes.get_ylim()
+    for power in range(0, 12, 2):
+        q = 10.0**power
+        at = np.array([max(low, least * q / np.pi), min(top, high * q / np.pi)])
+        if at[0] >= at[1]:
+            continue
+        rate = -np.pi * at / q
+        axes.plot(rate, at, color=PALE, linewidth=0.7, zorder=1)
+        if rate[1] < -least and top * 0.98 <= at[1]:
+            axes.annotate(
+                f"Q {curves.write_plainly(q)}",
+                (rate[1], at[1]),
+                (2, -2),
+                textcoords="offset points",
+                fontsize=6,
+                color=NOTE,
+                va="top",
+                ha="left",
+                annotation_clip=True,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.3},
+            )
 
 
 def _draw_impulse(axes: Axes, damped: LocalControl) -> None:
-    axes.plot(damped.time, damped.undamped, color=PALE, label="loops open", linewidth=0.7)
-    axes.plot(damped.time, damped.impulse, color=PALETTE[0], label="loops closed")
+    axes.plot(damped.time, damped.undamped, color=OPEN, alpha=0.55, linewidth=0.5)
+    axes.plot(damped.time, damped.impulse, color=PALETTE[0], linewidth=1.1)
     axes.set_xlabel("time (s)")
     dof = damped.drive.partition("@")[0].rpartition(".")[2]
     units = {"force_": "N", "torque_": "N m"}
     unit = next((units[kind] for kind in units if dof.startswith(kind)), _unit(damped.drive))
-    axes.set_ylabel(f"{damped.output} ({_unit(damped.output)})")
-    axes.set_title(f"after an impulse of 1 {unit} s of {damped.drive}", fontsize=7.5, loc="left")
-    axes.margins(x=0, y=0.2)
-    axes.legend(ncols=2, loc="upper right", fontsize=6.5)
+    axes.set_ylabel(single_line(f"{damped.output} ({_unit(damped.output)})", 30))
+    _name(axes, single_line(f"response to 1 {unit} s of {damped.drive}", 44))
+    axes.margins(x=0, y=0.05)
+    ends = [
+        (damped.time, damped.impulse, "closed", PALETTE[0]),
+        (damped.time, damped.undamped, "open", OPEN),
+    ]
+    curves.label_ends(axes, ends)
 
 
-def _draw_gains(axes: Axes, damped: LocalControl) -> None:
+def _draw_gains(
+    axes: Axes, damped: LocalControl, frequency: Any, gain: Any, looks: list[tuple[str, Any]]
+) -> None:
+    ends = []
+    axes.set_xscale("log")
+    axes.set_yscale("log")
     for n, name in enumerate(damped.loop):
-        axes.loglog(
-            damped.frequency, np.abs(damped.gain[:, n]), color=PALETTE[n % len(PALETTE)], label=name
-        )
-    axes.axhline(1.0, color=NOTE, linewidth=0.6, linestyle="--")
+        colour, dashes = looks[n]
+        size = np.abs(gain[:, n])
+        axes.plot(frequency, size, color=colour, linestyle=dashes, linewidth=0.9)
+        ends.append((frequency, size, name, colour))
+    axes.axhline(1.0, color=INK, linewidth=0.6, linestyle="--")
     axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel("|loop gain|, other loops closed")
+    axes.set_ylabel("|loop gain|")
+    _name(axes, "loop gain, the other loops closed")
     axes.margins(x=0)
-    axes.legend(fontsize=6.5)
+    curves.label_plainly(axes.yaxis)
+    curves.label_ends(axes, ends, most=10)
 
 
-def _draw_phases(axes: Axes, damped: LocalControl) -> None:
+def _draw_phases(
+    axes: Axes, damped: LocalControl, frequency: Any, gain: Any, looks: list[tuple[str, Any]]
+) -> None:
     """Draw unwrapped phases, with a dot at each phase margin."""
-    for n in range(len(damped.loop)):
-        phase = np.degrees(np.unwrap(np.angle(damped.gain[:, n])))
-        colour = PALETTE[n % len(PALETTE)]
-        axes.semilogx(damped.frequency, phase, color=colour)
+    ends = []
+    axes.set_xscale("log")
+    for n, name in enumerate(damped.loop):
+        phase = curves.unwrap_phase(gain[:, n])
+        colour, dashes = looks[n]
+        axes.plot(frequency, phase, color=colour, linestyle=dashes, linewidth=0.9)
+        ends.append((frequency, phase, name, colour))
         if damped.margin is not None:
             where = damped.margin[n].phase_frequency
-            if damped.frequency[0] <= where <= damped.frequency[-1]:
-                at = np.interp(np.log(where), np.log(damped.frequency), phase)
-                axes.plot(where, at, "o", color=colour, markersize=3.5)
-    low, high = axes.get_ylim()
-    axes.set_yticks(_quarters(low, high))
+            if frequency[0] <= where <= frequency[-1]:
+                at = np.interp(np.log(where), np.log(frequency), phase)
+                axes.plot(where, at, "o", color=colour, markersize=3.5, zorder=4)
     axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel("phase of the loop gain (degrees)")
-    axes.set_title("dots: smallest phase margins", fontsize=7, loc="left")
+    axes.set_ylabel("phase (degrees)")
+    _name(axes, "phase of the loop gain; dots: phase margins")
     axes.margins(x=0)
+    curves.label_phases(axes)
+    curves.label_ends(axes, ends, most=10)
 
 
-def _quarters(low: float, high: float) -> np.ndarray:
-    """Multiples of 90 degrees, or of more where these are many."""
-    step = 90.0 * max(1.0, np.ceil((high - low) / 90.0 / 8))
-    return np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
-
-
-def _draw_nichols(axes: Axes, damped: LocalControl) -> None:
-    """Draw loop gains against phases from -270 to 90 degrees, with -1 and the gain margins."""
+def _draw_nichols(
+    axes: Axes, damped: LocalControl, gain: Any, looks: list[tuple[str, Any]]
+) -> None:
+    """Draw loop gains against phases from -270 to 90 degrees, with -1 and the margins."""
     turn = np.linspace(0, 2 * np.pi, 181)[1:-1]
     circle = -1 + 0.5 * np.exp(1j * turn)
-    axes.plot(*_nichols(circle), color=NOTE, linewidth=0.7, linestyle="--")
-    axes.plot(-180, 0, "+", color=NOTE, markersize=7)
+    phase = (np.degrees(np.angle(circle)) + 270) % 360 - 270
+    axes.plot(phase, 20 * np.log10(np.abs(circle)), color=NOTE, linewidth=0.7, linestyle="--")
+    axes.plot(-180, 0, "+", color=INK, markersize=7)
     for n in range(len(damped.loop)):
-        colour = PALETTE[n % len(PALETTE)]
-        phase, size = _nichols(damped.gain[:, n])
-        jumps = (np.abs(np.diff(phase)) > 60) | (np.abs(np.diff(size)) > 20)
-        phase[1:][jumps] = np.nan  # across a resonance narrower than the grid, or the edge
-        axes.plot(phase, size, color=colour, linewidth=0.8)
+        colour, dashes = looks[n]
+        phase = curves.unwrap_phase(gain[:, n])
+        size = 20 * np.log10(np.maximum(np.abs(gain[:, n]), np.finfo(float).tiny))
+        known = np.isfinite(phase)
+        if known.any():
+            first = int(np.floor((np.min(phase[known]) + 270) / 360))
+            last = int(np.floor((np.max(phase[known]) + 270) / 360))
+            for number in range(first, last + 1):
+                own = phase - 360 * number
+                seen = (own > -300) & (own < 120) & (np.abs(size) < 1.5 * NEAR)
+                if seen.any():
+                    # neighbours too, so that lines reach the edges
+                    seen = seen | np.roll(seen, 1) | np.roll(seen, -1)
+                    kept = seen | np.roll(seen, 1)  # and one gap after each part
+                    axes.plot(
+                        np.where(seen, own, np.nan)[kept],
+                        size[kept],
+                        color=colour,
+                        linestyle=dashes,
+                        linewidth=0.8,
+                    )
         if damped.margin is None:
             continue
         margin = damped.margin[n]
@@ -127,50 +309,31 @@ def _draw_nichols(axes: Axes, damped: LocalControl) -> None:
             near = damped.gain[np.abs(damped.frequency - where).argmin(), n]
             side = np.sign(np.angle(-near)) or 1.0
             at = (-180 + side * margin.phase + 270) % 360 - 270
-            axes.plot(at, 0, "o", color=colour, markersize=3.5)
-    axes.axhline(0.0, color=NOTE, linewidth=0.4)
+            axes.plot(at, 0, "o", color=colour, markersize=3.5, zorder=4)
+    axes.axhline(0.0, color=INK, linewidth=0.4)
     axes.set_xlim(-270, 90)
     axes.set_xticks([-270, -180, -90, 0, 90])
-    low, high = axes.get_ylim()
-    axes.set_ylim(max(low, LOWEST), min(high, -LOWEST))
+    axes.set_ylim(-NEAR, NEAR)
     axes.set_xlabel("phase of the loop gain (degrees)")
     axes.set_ylabel("loop gain (dB)")
-    axes.set_title("dots: margins; dashed: |1 + L| = 1/2", fontsize=7, loc="left")
-
-
-def _nichols(gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Phases from -270 to 90 degrees and magnitudes in dB of complex gains."""
-    phase = (np.degrees(np.angle(gain)) + 270) % 360 - 270
-    return phase, 20 * np.log10(np.maximum(np.abs(gain), np.finfo(float).tiny))
+    _name(axes, f"±{NEAR:g} dB around −1 (+); dots: margins")
+    axes.annotate(
+        "$|1+L|=\\frac{1}{2}$", (-180, 6.5), ha="center", va="bottom", fontsize=7, color=NOTE
+    )
 
 
 def _unit(motion: str) -> str:
     return "m" if motion.split("@")[0].endswith((".x", ".y", ".z")) else "rad"
 
 
-def _draw_noise(axes: Axes, damped: LocalControl) -> None:
+def _draw_noise(axes: Axes, damped: LocalControl, looks: list[tuple[str, Any]]) -> None:
     unit = _unit(damped.output)
-    drawn = False
-    for n, name in enumerate(damped.loop):
-        if damped.noise[:, n].any():
-            axes.loglog(
-                damped.frequency,
-                np.where(damped.noise[:, n] > 0, damped.noise[:, n], np.nan),
-                color=PALETTE[n % len(PALETTE)],
-                label=name,
-            )
-            drawn = True
-    if drawn:
-        axes.loglog(
-            damped.frequency,
-            np.sqrt((damped.noise**2).sum(1)),
-            color="black",
-            linewidth=0.7,
-            linestyle=":",
-            label="sum",
-        )
-        axes.legend(fontsize=6.5)
-    else:
+    axes.set_xscale("log")
+    axes.set_xlabel("frequency (Hz)")
+    axes.set_ylabel(single_line(f"{damped.output} ({unit}/√Hz)", 32))
+    _name(axes, "sensor noise at the output")
+    total = np.sqrt((damped.noise**2).sum(1))
+    if not total.any():
         axes.text(
             0.5,
             0.5,
@@ -180,8 +343,18 @@ def _draw_noise(axes: Axes, damped: LocalControl) -> None:
             transform=axes.transAxes,
             color=NOTE,
         )
-        axes.set_xscale("log")
-    axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel(f"sensor noise at {damped.output} ({unit}/√Hz)")
-    axes.yaxis.label.set_fontsize(7)
+        return
+    axes.set_yscale("log")
+    axes.plot(damped.frequency, total, color=INK, linewidth=2.0)
+    ends = [(damped.frequency, total, "sum", INK)]
+    for n, name in enumerate(damped.loop):
+        if damped.noise[:, n].any():
+            part = np.where(damped.noise[:, n] > 0, damped.noise[:, n], np.nan)
+            colour, dashes = looks[n]
+            axes.plot(damped.frequency, part, color=colour, linestyle=dashes, linewidth=0.9)
+            ends.append((damped.frequency, part, name, colour))
+    top = 3 * total.max()
+    axes.set_ylim(max(total[total > 0].min() / 30, top / 10**DECADES), top)
     axes.margins(x=0)
+    curves.label_plainly(axes.yaxis)
+    curves.label_ends(axes, ends, most=10)

@@ -198,13 +198,14 @@ class FitAnalysis(Analysis):
         from suspension_cli.analyses.fit import picture
         from suspension_cli.drawing import style
 
-        drawn = picture.draw(result.data, result.data.title)
-        pages = {"": style.name_model(drawn, result.choice)}
+        title = f"{result.data.title} · {result.model} model"
+        drawn = picture.draw(result.data, title)
+        pages = {"": style.name_neglected(drawn, result.choice)}
         if result.data.responses is not None:
             from suspension_cli.analyses.fit import response_picture
 
-            drawn = response_picture.draw(result.data.responses, result.data.title)
-            pages["-responses"] = style.name_model(drawn, result.choice)
+            drawn = response_picture.draw(result.data.responses, title)
+            pages["-responses"] = style.name_neglected(drawn, result.choice)
         return pages
 
     def path(self, result: Result, folder: Path) -> Path:

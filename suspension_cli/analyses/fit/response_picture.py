@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.fit.response_fit import ResponseFit
+from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import NOTE, PALE, PALETTE, house_style, new_figure, single_line
 
 SHOWN = 6
@@ -26,31 +29,36 @@ def draw(found: ResponseFit, title: str) -> Figure:
     columns = min(len(order), 2)
     rows = -(-len(order) // columns)
     with house_style():
-        figure = new_figure(4.4 * columns, 2.9 * rows + 0.4)
+        across = 4.4 * columns + 0.2
+        up = curves.HEAD + 0.3 + 2.8 * rows + 0.3
+        figure = new_figure(across, up)
         outer = figure.add_gridspec(rows, columns)
+        curves.set_margins(
+            figure, left=0.65, top=curves.HEAD + 0.48, bottom=0.6, wspace=0.22, hspace=0.38
+        )
+        handles: list[Any] = []
+        names: list[str] = []
         for place, n in enumerate(order):
             row, column = divmod(place, columns)
             inner = outer[row, column].subgridspec(2, 1, height_ratios=[2.2, 1], hspace=0.1)
             top = figure.add_subplot(inner[0])
             below = figure.add_subplot(inner[1], sharex=top)
-            _draw_one(top, below, found, int(n), float(ratio[n]), legend=place == 0)
+            _draw_one(top, below, found, int(n), float(ratio[n]))
+            figure.align_ylabels([top, below])
+            if place == 0:
+                handles = [*top.get_legend_handles_labels()[0], *below.lines]
+                names = [str(handle.get_label()) for handle in handles]
+        figure.legend(
+            handles, names, loc="upper left", bbox_to_anchor=(0.05 / across, 1 - 0.42 / up),
+            ncols=5, fontsize=7, handletextpad=0.3, columnspacing=1.2, handlelength=1.4,
+        )  # fmt: skip
         left = len(found.function) - len(order)
-        which = (
-            f"the {len(order)} of {len(found.function)} functions that fit worst" if left else ""
-        )
-        figure.suptitle(
-            f"{single_line(title, 70)}" + (f": {which}" if which else ""),
-            x=0.01,
-            ha="left",
-            fontsize=9,
-        )
-        figure.tight_layout()
+        which = f", the {len(order)} of {len(found.function)} that fit worst" if left else ""
+        curves.write_heading(figure, f"Fitted transfer functions{which}", title)
         return figure
 
 
-def _draw_one(
-    top: Axes, below: Axes, found: ResponseFit, n: int, ratio: float, *, legend: bool
-) -> None:
+def _draw_one(top: Axes, below: Axes, found: ResponseFit, n: int, ratio: float) -> None:
     own = found.of == n
     frequency = found.frequency[own]
     size = np.abs(found.measured[own])
@@ -65,23 +73,20 @@ def _draw_one(
     low, high = size[size > 0].min(initial=np.inf), size.max()
     if low < high:
         top.set_ylim(low / 3, high * 3)
-    top.set_ylabel("magnitude")
-    name = single_line(f"{found.function[n]}: {found.output[n]} / {found.input[n]}", 56)
-    top.set_title(f"{name}, $\\chi^2$ per value {ratio:.3g}", fontsize=7, loc="left")
+    top.set_ylabel("|reading / drive|")
+    name = single_line(f"{found.function[n]}: {found.output[n]} / {found.input[n]}", 46)
+    top.set_title(rf"{name}, $\chi^2$ per value {ratio:.3g}", fontsize=7.5, loc="left", pad=3)
     top.tick_params(which="both", labelbottom=False)
-    top.grid(visible=True, color=PALE, linewidth=0.4)
-    if legend:
-        top.legend(fontsize=6.5)
+    curves.rule(top)
     off = (found.after[own] - found.measured[own]) / found.uncertainty[own]
-    below.axhspan(-2, 2, color=PALE, linewidth=0, alpha=0.5, label="2 $\\sigma$")
-    below.semilogx(frequency, off.real, ".", markersize=2, color=PALETTE[0], label="real")
-    below.semilogx(frequency, off.imag, ".", markersize=2, color=PALETTE[2], label="imaginary")
+    below.axhspan(-2, 2, color=PALE, linewidth=0, alpha=0.5)
+    below.semilogx(frequency, off.real, ".", markersize=3, color=PALETTE[0], label="residual, real")
+    below.semilogx(
+        frequency, off.imag, "x", markersize=2.5, color=PALETTE[2], label="residual, imaginary"
+    )
     largest = max(4.0, 1.1 * float(np.abs([off.real, off.imag]).max()))
     below.set_ylim(-largest, largest)
-    below.set_ylabel("residual / $\\sigma$", fontsize=6.5)
+    below.set_ylabel(r"residual / $\sigma$")
     below.set_xlabel("frequency (Hz)")
-    below.grid(visible=True, color=PALE, linewidth=0.4)
-    if legend:
-        below.legend(
-            fontsize=6, ncols=3, loc="upper right", bbox_to_anchor=(1, -0.25), borderaxespad=0
-        )
+    curves.rule(below)
+    curves.label_plainly(top.yaxis)

@@ -129,7 +129,14 @@ class ResponseAnalysis(Analysis):
             found = _compared(model, items, found, closed, run.log)
             return Result(self, run.source, choice, found, command=run.command)
         largest = peaks.find_peaks(model, found, wanted.inputs, wanted.outputs, solve, resonances)
-        return Result(self, run.source, choice, found, {"largest": largest}, command=run.command)
+        return Result(
+            self,
+            run.source,
+            choice,
+            found,
+            {"largest": largest, "model": model},
+            command=run.command,
+        )
 
     def document(self, result: Result) -> dict[str, Any]:
         """Return one response flat, several in a list."""
@@ -180,14 +187,15 @@ class ResponseAnalysis(Analysis):
         return "\n".join(lines)
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
-        """Draw magnitude and phase."""
-        from suspension_cli.analyses.response import measured_picture, picture
+        """Draw magnitude and phase, with the points that resolve resonances added."""
+        from suspension_cli.analyses.response import fine, measured_picture, picture
 
         scale = setting.get("scale", "db")
-        title = result.title + (", loops closed" if result.data.closed_loop else "")
         if measured := comparisons(result.data):
-            return {"": measured_picture.draw(measured, title, scale)}
-        return {"": picture.draw(result.data, title, scale)}
+            closed = ", loops closed" if result.data.closed_loop else ""
+            return {"": measured_picture.draw(measured, result.subtitle + closed, scale)}
+        stages = [stage.name for stage in result.design.stage]
+        return {"": picture.draw(fine.refine(result), result.subtitle, scale, stages)}
 
 
 def comparisons(data: Response) -> tuple[Comparison, ...]:

@@ -2,79 +2,187 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.drawing.style import INK, NOTE, PALE, PALETTE, house_style, new_figure
+from suspension_cli.drawing import curves
+from suspension_cli.drawing.style import house_style, new_figure, stage_colours
 from suspension_cli.linear.response import Response
 
-MANY = 8
-"""Number of curves per column of the legend."""
+WIDTH, PANEL, PHASE = 4.7, 2.3, 1.3
+"""Width of the figure, and heights of a panel of magnitudes and of that of phases, in."""
+ENDLESS = 3e6
+"""Ratio of the highest point of a peak to the response around it, from which it is infinite."""
+NEAR = 3e-4
+"""Relative distance from an infinite peak beyond which points set the limits of the axis."""
+DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.5, 1.2, 1.5)))
+"""Line styles of responses of one colour."""
+MOST = 12
+"""Largest number of curves with labels of peaks and slopes."""
 
 
-def draw(response: Response, title: str, scale: str = "db") -> Figure:
-    """Draw magnitude and phase of every response against frequency.
+def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str] = ()) -> Figure:
+    """Draw magnitudes, a panel per unit, and unwrapped phases against frequency.
+
+    Curves have the colours of the stages of their outputs.
 
     Parameters
     ----------
     response : Response
+        With the frequencies at which resonances are resolved, if those are to be seen.
     title : str
+        Names of the design and the model, below the name of the quantity.
     scale : {"db", "absolute"}
         Magnitude axis: 20 log10 of the SI value, or the value itself on a log axis.
+    stages : sequence of str
+        Of the design, top to bottom.
     """
+    pairs = [(o, i) for o in range(len(response.output)) for i in range(len(response.input))]
+    units = list(dict.fromkeys(response.unit[o][i] for o, i in pairs))
+    many = len(pairs) > 1
     with house_style():
-        figure = new_figure(6.3, 4.8)
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
-        curves = [(o, i) for o in range(len(response.output)) for i in range(len(response.input))]
-        for n, (o, i) in enumerate(curves):
-            draw_magnitude(
-                upper,
-                response.frequency,
-                response.value[:, o, i],
-                scale,
-                PALETTE[n % len(PALETTE)],
-                f"{response.output[o]} / {response.input[i]}",
-            )
-            phase = np.degrees(np.angle(response.value[:, o, i]))
-            lower.plot(response.frequency, insert_gaps(phase), color=PALETTE[n % len(PALETTE)])
-        upper.set_ylabel(_magnitude_label(response, scale))
-        lower.set_ylabel("phase (degrees)")
-        lower.set_xlabel("frequency (Hz)")
-        lower.set_ylim(-190, 190)
-        lower.set_yticks([-180, -90, 0, 90, 180])
-        for axes in (upper, lower):
-            axes.set_xscale(
-                "log" if response.frequency[0] > 0 and len(response.frequency) > 1 else "linear"
-            )
-            axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
+        heights = [PANEL] * len(units) + [PHASE]
+        height = sum(heights) + 0.18 * len(units) + curves.HEAD + 0.55
+        right = curves.room_for([_name(response, *pair) for pair in pairs]) if many else 0.2
+        figure = new_figure(WIDTH + right - 0.2, height)
+        panels = figure.subplots(
+            len(heights), 1, sharex=True, height_ratios=heights, squeeze=False
+        )[:, 0]
+        curves.set_margins(figure, right=right, top=curves.HEAD, bottom=0.45, hspace=0.09)
+        looks = _looks(response, pairs, stages)
+        logarithmic = response.frequency[0] > 0 and len(response.frequency) > 1
+        for axes in panels:
+            axes.set_xscale("log" if logarithmic else "linear")
             axes.margins(x=0)
-        upper.set_title(title, loc="left", color=INK)
-        if len(curves) > 1:
-            upper.legend(fontsize=6.5 if len(curves) > MANY else 7.5, ncols=1 + len(curves) // MANY)
-        else:
-            upper.text(
-                0.99,
-                0.95,
-                f"{response.output[0]} / {response.input[0]}",
-                transform=upper.transAxes,
-                ha="right",
-                va="top",
-                color=NOTE,
-            )
-        figure.tight_layout()
+            curves.rule(axes)
+        for axes, unit in zip(panels, units, strict=False):
+            own = [pair for pair in pairs if response.unit[pair[0]][pair[1]] == unit]
+            _draw_magnitudes(axes, response, own, looks, scale, many=many)
+            axes.set_ylabel(label_magnitude(unit, scale == "db"))
+        ends = []
+        for o, i in pairs:
+            phase = curves.unwrap_phase(response.value[:, o, i])
+            colour, dashes = looks[o, i]
+            panels[-1].plot(response.frequency, phase, color=colour, linestyle=dashes)
+            ends.append((response.frequency, phase, _name(response, o, i), colour))
+        panels[-1].set_ylabel("phase (degrees)")
+        panels[-1].set_xlabel("frequency (Hz)")
+        curves.label_phases(panels[-1])
+        if many and len(pairs) <= MOST:
+            curves.label_ends(panels[-1], ends)
+        figure.align_ylabels(panels)
+        loops = ", loops closed" if response.closed_loop else ""
+        one = f"Transfer function {_name(response, 0, 0)}" if not many else "Transfer functions"
+        curves.write_heading(figure, one + loops, title)
         return figure
 
 
-def draw_magnitude(
-    axes: Axes, frequency: np.ndarray, value: np.ndarray, scale: str, colour: str, label: str
+def _name(response: Response, o: int, i: int) -> str:
+    return f"{response.output[o]} / {response.input[i]}"
+
+
+def _looks(
+    response: Response, pairs: Sequence[tuple[int, int]], stages: Sequence[str]
+) -> dict[tuple[int, int], tuple[str, Any]]:
+    """Colour of each pair's output stage, and dashes that tell pairs of one colour apart."""
+    body = [output.partition("@")[0].rpartition(".")[0] for output in response.output]
+    colours = stage_colours([*stages, *body])
+    used: dict[str, int] = {}
+    looks: dict[tuple[int, int], tuple[str, Any]] = {}
+    for o, i in pairs:
+        colour = colours[body[o]]
+        number = used[colour] = used.get(colour, -1) + 1
+        looks[o, i] = colour, DASHES[number % len(DASHES)]
+    return looks
+
+
+def _draw_magnitudes(
+    axes: Axes,
+    response: Response,
+    pairs: Sequence[tuple[int, int]],
+    looks: dict[tuple[int, int], tuple[str, Any]],
+    scale: str,
+    *,
+    many: bool,
 ) -> None:
-    """Draw the magnitude of one response; exact zeros are left out."""
-    size = np.where(value == 0, np.nan, np.abs(value))
-    if scale == "db":
-        axes.plot(frequency, 20 * np.log10(size), color=colour, label=label)
+    frequency, ends, peaks, levels = response.frequency, [], [], []
+    for o, i in pairs:
+        colour, dashes = looks[o, i]
+        size = np.abs(response.value[:, o, i])
+        drawn = draw_magnitude(
+            axes, frequency, response.value[:, o, i], scale, colour, _name(response, o, i), dashes
+        )
+        ends.append((frequency, drawn, _name(response, o, i), colour))
+        around = np.ones(len(size), dtype=bool)
+        for top in curves.find_peaks(size):
+            at = frequency[top]
+            beyond = np.abs(frequency / at - 1) > NEAR
+            endless = beyond.any() and size[top] > ENDLESS * np.interp(
+                at * (1 + NEAR), frequency, size
+            )
+            around &= beyond | (not endless)
+            peaks.append((at, drawn[top], " ∞" if endless else ""))
+        levels.append(_lowest_and_highest(drawn[around]))
+    low, high = _limits(levels, scale == "db")
+    if low < high:
+        axes.set_ylim(low, high)
+    peaks = [(at, min(level, high), remark) for at, level, remark in peaks]
+    if scale != "db":
+        curves.label_plainly(axes.yaxis)
+    if len(frequency) > 1 and frequency[0] > 0 and len(pairs) <= MOST:
+        curves.label_peaks(axes, peaks)
+        for (o, i), (_, drawn, *_) in zip(pairs, ends, strict=True):
+            curves.label_slopes(
+                axes, frequency, np.abs(response.value[:, o, i]), drawn, looks[o, i][0]
+            )
+    if not many:
+        return
+    if len(pairs) <= MOST:
+        curves.label_ends(axes, ends)
     else:
-        axes.semilogy(frequency, size, color=colour, label=label)
+        axes.legend(fontsize=6, ncols=1 + len(pairs) // 16, loc="lower left")
+
+
+def _lowest_and_highest(drawn: Any) -> tuple[float, float]:
+    """Smallest value (but for the tips of zeros) and largest value."""
+    finite = drawn[np.isfinite(drawn)]
+    return (float(finite.min()), float(finite.max())) if len(finite) else (np.nan, np.nan)
+
+
+def _limits(levels: Sequence[tuple[float, float]], decibels: bool) -> tuple[float, float]:
+    """Limits of the magnitude axis, with room for a row of labels at the top."""
+    found = np.array(levels)
+    if np.isnan(found).all():
+        return 0.0, 0.0
+    low, high = np.nanmin(found), np.nanmax(found)
+    if not decibels:
+        low, high = 20 * np.log10([low, high])
+    span = max(high - low, 6.0)
+    low, high = low - 0.04 * span, high + 0.17 * span
+    return (low, high) if decibels else (10 ** (low / 20), 10 ** (high / 20))
+
+
+def draw_magnitude(
+    axes: Axes,
+    frequency: Any,
+    value: Any,
+    scale: str,
+    colour: str,
+    label: str,
+    dashes: Any = "-",
+) -> Any:
+    """Draw the magnitude of one response; exact zeros are left out. Returns the ordinates."""
+    size = np.where(value == 0, np.nan, np.abs(value))
+    drawn = 20 * np.log10(size) if scale == "db" else size
+    if scale != "db":
+        axes.set_yscale("log")
+    mark = "o" if len(frequency) == 1 else ""
+    axes.plot(frequency, drawn, color=colour, label=label, linestyle=dashes, marker=mark)
+    return drawn
 
 
 def insert_gaps(phase: np.ndarray) -> np.ndarray:
@@ -84,9 +192,8 @@ def insert_gaps(phase: np.ndarray) -> np.ndarray:
     return result
 
 
-def _magnitude_label(response: Response, scale: str) -> str:
-    units = {unit for row in response.unit for unit in row}
-    unit = units.pop() if len(units) == 1 else "SI units"
-    if scale == "db":
-        return "magnitude (dB)" if unit == "m/m" else f"magnitude (dB re 1 {unit})"
-    return f"magnitude ({unit})"
+def label_magnitude(unit: str, decibels: bool) -> str:
+    """Label of an axis of magnitudes with its unit."""
+    if decibels:
+        return "magnitude (dB)" if unit in ("m/m", "") else f"magnitude (dB re 1 {unit})"
+    return f"magnitude ({unit})" if unit else "magnitude"

@@ -159,10 +159,17 @@ class SweepAnalysis(Analysis):
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
-        from suspension_cli.analyses.sweep import picture
-        from suspension_cli.drawing.style import name_model
+        from suspension_cli.analyses.sweep import crossings, picture
+        from suspension_cli.drawing.style import name_neglected
+        from suspension_cli.files.hdf5 import open_results
 
-        return {"": name_model(picture.draw(result.data, result.title), result.choice)}
+        found = []
+        if result.file is not None and result.file.exists():
+            with open_results(result.file) as file:
+                found = crossings.find_crossings(file["sweep"], result.data)
+        stages = [stage.name for stage in result.design.stage]
+        drawn = picture.draw(result.data, result.subtitle, stages, found)
+        return {"": name_neglected(drawn, result.choice)}
 
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
+from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.file import SweepResult
-from suspension_cli.conventions import DOFS
+from suspension_cli.analyses.sweep.solve import STATUS
+from suspension_cli.design.path_units import DISPLAYED, unit_of
+from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
-    DOF_COLOUR,
     INK,
     NOTE,
     PALE,
@@ -20,35 +25,55 @@ from suspension_cli.drawing.style import (
     house_style,
     new_figure,
     single_line,
+    stage_colours,
 )
+from suspension_cli.studies.axes import Axis
 
 MAX_MAPS = 6
 """Maps in one figure at most: the results that change most."""
 LOG_RATIO = 8.0
 """Ratio of largest to smallest value above which a scale is logarithmic."""
-DASHES = ("-", "--", "-.", ":")
-"""Line styles of the stages, from the last one up."""
+DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.3)), (0, (6, 1.4, 1.2, 1.4)))
+"""Line styles of moving modes of one stage."""
+MOVES = 0.01
+"""Relative change over the grid from which a mode is drawn in colour."""
+STILL = "#b4b9be"
+"""Colour of results that do not change."""
+BEYOND = 1.6
+"""Factor of room around the changing modes; modes farther off are not drawn."""
+MOST_CROSSINGS = 5
+"""Crossings marked at most."""
+SHADES = {1: "#f3d9c9", 2: "#e3e3e3", 3: "#f6d5dc", 4: "#e3e3e3", 5: "#e3e3e3"}
+"""Shade of points without results, by status."""
+SHORT = {1: "slack", 2: "no equilibrium", 3: "unstable", 4: "impossible", 5: "other coordinates"}
+"""Name of each shade."""
 
 
-def draw(swept: SweepResult, title: str) -> Figure:
+def draw(
+    swept: SweepResult,
+    title: str,
+    stages: Sequence[str] = (),
+    crossings: Sequence[Crossing] = (),
+) -> Figure:
     """Draw the figure of `pendsus sweep`.
 
     Parameters
     ----------
-    swept : Swept
+    swept : SweepResult
         Parameters after the second are kept at the grid point nearest to the nominal design.
     title : str
+        Names of the design and the model.
+    stages : sequence of str
+        Of the design, top to bottom.
+    crossings : sequence of Crossing
+        To be marked on lines.
     """
     with house_style():
-        value = (
-            swept.value[(slice(None), slice(None), *swept.start[2:])[: len(swept.axes)]]
-            if len(swept.axes) > 2
-            else swept.value
-        )
-        figure = _draw_maps(swept, value) if value.ndim == 3 else _draw_lines(swept, value)
-        figure.suptitle(single_line(title, 90), x=0.01, ha="left", fontsize=9)
-        figure.tight_layout(rect=(0, 0, 1, 0.99))
-        return figure
+        rest = swept.start[2:]
+        value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
+        if value.ndim == 3:
+            return _draw_maps(swept, value, title)
+        return _draw_lines(swept, value, title, stages, crossings)
 
 
 def _is_geometric(values: Any) -> bool:
@@ -66,69 +91,195 @@ def _is_wide(values: Any) -> bool:
     return bool(positive.size and positive.max() > LOG_RATIO * positive.min())
 
 
-def _draw_lines(swept: SweepResult, value: Any) -> Figure:
+def _unit(axis: Axis) -> tuple[str, float]:
+    """Unit in which a parameter is read, and the factor to it."""
+    return DISPLAYED.get(unit_of(axis.name), (unit_of(axis.name), 1.0))
+
+
+def _parameter_label(axis: Axis, most: int) -> str:
+    unit = _unit(axis)[0]
+    return single_line(axis.name, most) + (f" ({unit})" if unit not in ("", "1") else "")
+
+
+def _quantity(swept: SweepResult) -> str:
+    kinds = dict.fromkeys("mode frequencies" if u == "Hz" else "responses" for u in swept.unit)
+    return " and ".join(kinds).capitalize()
+
+
+def _draw_lines(
+    swept: SweepResult,
+    value: Any,
+    title: str,
+    stages: Sequence[str],
+    crossings: Sequence[Crossing],
+) -> Figure:
     units = list(dict.fromkeys(swept.unit))
-    figure = new_figure(6.8, 0.5 + 3.6 * len(units))
     first = swept.axes[0]
-    for axes, unit in zip(
-        figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0], units, strict=True
-    ):
+    looks = _looks(swept, stages)
+    named = [swept.result[n] for n in looks]
+    right = curves.room_for(named, 30) if named else 0.2
+    marked = [one for one in crossings if {*one.modes} & {*named}][:MOST_CROSSINGS]
+    notes = [f"{'abcdefgh'[n]}: {one}" for n, one in enumerate(marked)]
+    height = 3.0
+    foot = 0.45 + 0.14 * len(notes) + 0.14
+    figure = new_figure(4.4 + right, curves.HEAD + 0.2 + (height + 0.12) * len(units) + foot)
+    panels: list[Axes] = [*figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]]
+    curves.set_margins(figure, right=right, top=curves.HEAD + 0.2, bottom=foot, hspace=0.1)
+    x = np.array(first.values) * _unit(first)[1]
+    remarks = []
+    for axes, unit in zip(panels, units, strict=True):
         chosen = [n for n, own in enumerate(swept.unit) if own == unit]
-        for n in chosen:
-            colour, dashes = _style(swept, n, chosen.index(n))
-            marker = "o" if len(first.values) == 1 else None
-            axes.plot(
-                first.values,
-                value[:, n],
-                color=colour,
-                linestyle=dashes,
-                marker=marker,
-                markersize=3,
-                label=single_line(swept.result[n], 60),
-            )
-        if _is_geometric(first.values):
-            axes.set_xscale("log")
-        if _is_wide(value[:, chosen]) and not (value[:, chosen] == 0).all(0).any():
-            axes.set_yscale("log", nonpositive="mask")  # lines end where they reach 0
+        remarks += _panel(axes, swept, value, chosen, looks, x)
         axes.set_ylabel(_axis_label(unit))
-        axes.margins(x=0)
-        _mark_nominal(axes, swept)
-        axes.grid(visible=True, color=PALE, linewidth=0.4)
-        order = sorted(chosen, key=lambda n: -np.nan_to_num(swept.nominal[n], posinf=0.0))
-        handles = axes.get_legend_handles_labels()[0]
-        axes.legend(
-            [handles[chosen.index(n)] for n in order],
-            [single_line(swept.result[n], 60) for n in order],
-            loc="center left",
-            bbox_to_anchor=(1.01, 0.5),
-            fontsize=6.5,
-        )
-    figure.axes[-1].set_xlabel(single_line(first.name, 84) + " (SI)")
+    _mark_failures(panels, swept, x)
+    _mark_nominal(panels, swept)
+    _mark_crossings(panels[units.index("Hz")] if "Hz" in units else panels[0], marked, first)
+    panels[-1].set_xlabel(_parameter_label(first, 60))
+    across, up = figure.get_size_inches()
+    for n, text in enumerate([*notes, *remarks[:1]]):
+        at = (foot - 0.45 - 0.14 * n) / up
+        figure.text(0.1 / across, at, single_line(text, 110), va="top", fontsize=6.5, color=NOTE)
+    heading = f"{_quantity(swept)} against {first.name}"
+    curves.write_heading(figure, heading, title)
     return figure
 
 
-def _style(swept: SweepResult, n: int, place: int) -> tuple[str, str]:
-    """Colour and dashes of result n: of its degree of freedom and stage, or from the palette."""
-    body, _, dof = swept.degree[n].rpartition(".")
-    if sum(bool(home) for home in swept.degree) < 2 or dof not in DOFS:
-        return PALETTE[place % len(PALETTE)], "-"
-    bodies = list(dict.fromkeys(home.rpartition(".")[0] for home in swept.degree if home))
-    return DOF_COLOUR[dof], DASHES[(len(bodies) - 1 - bodies.index(body)) % len(DASHES)]
+def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, Any]]:
+    """Colour and dashes of the results that change: of its stage for a mode."""
+    modes = [n for n, home in enumerate(swept.degree) if home]
+    most = max((swept.change[n] for n in modes), default=0.0)
+    limit = min(MOVES, 0.3 * most)
+    bodies = [home.rpartition(".")[0] for home in swept.degree if home]
+    colours = stage_colours([*stages, *bodies])
+    used: dict[str, int] = {}
+    looks: dict[int, tuple[str, Any]] = {}
+    for n, home in enumerate(swept.degree):
+        if home and not (swept.change[n] >= limit > 0 or len(modes) <= 3):
+            continue
+        colour = colours[home.rpartition(".")[0]] if home else PALETTE[n % len(PALETTE)]
+        number = used[colour] = used.get(colour, -1) + 1
+        looks[n] = colour, DASHES[number % len(DASHES)]
+    return looks
 
 
-def _mark_nominal(axes: Axes, swept: SweepResult) -> None:
+def _panel(
+    axes: Axes,
+    swept: SweepResult,
+    value: Any,
+    chosen: Sequence[int],
+    looks: dict[int, tuple[str, Any]],
+    x: Any,
+) -> list[str]:
+    """Draw the results of one unit; returns remarks on what is grey or beyond the axes."""
+    marker = "o" if len(x) == 1 else None
+    if _is_geometric(swept.axes[0].values):
+        axes.set_xscale("log")
+        curves.label_plainly(axes.xaxis)
+    moving = [n for n in chosen if n in looks]
+    still = [n for n in chosen if n not in looks]
+    positive = value[:, moving or chosen]
+    logarithmic = _is_wide(value[:, chosen]) and not (value[:, chosen] == 0).all(0).any()
+    beyond = []
+    if logarithmic:
+        axes.set_yscale("log", nonpositive="mask")  # lines end where they reach 0
+        good = positive[np.isfinite(positive) & (positive > 0)]
+        low, high = good.min() / BEYOND, good.max() * BEYOND
+        if not still:
+            low, high = low * BEYOND / 1.1, high / BEYOND * 1.1
+        beyond = [n for n in still if not low < swept.nominal[n] < high]
+        axes.set_ylim(low, high)
+    for n in still:
+        if n not in beyond:
+            axes.plot(x, value[:, n], color=STILL, linewidth=0.8, marker=marker, zorder=1.5)
+    ends = []
+    for n in moving:
+        colour, dashes = looks[n]
+        axes.plot(
+            x, value[:, n], color=colour, linestyle=dashes, linewidth=1.4, marker=marker,
+            markersize=3, label=swept.result[n],
+        )  # fmt: skip
+        ends.append((x, value[:, n], swept.result[n], colour))
+    axes.margins(x=0)
+    if len(x) > 1:
+        axes.set_xlim(x.min(), x.max())
+    curves.rule(axes)
+    if logarithmic:
+        curves.label_plainly(axes.yaxis)
+    curves.label_ends(axes, ends, most=30)
+    if not still:
+        return []
+    text = f"grey: modes that change by less than {100 * MOVES:g} %"
+    if beyond:
+        at = [f"{swept.nominal[n]:.3g}" for n in beyond]
+        text += f"; not drawn of these: {', '.join(at)} Hz"
+    return [text]
+
+
+def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
+    """Shade the points without results, and name the reason above them."""
+    status = np.asarray(swept.status)
+    if status.ndim != 1 or len(x) < 2 or not status.any():
+        return
+    edges = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
+    start = 0
+    for n in range(1, len(status) + 1):
+        if n < len(status) and status[n] == status[start]:
+            continue
+        code = int(status[start])
+        if code:
+            low, high = sorted((edges[start], edges[n]))
+            for axes in panels:
+                axes.axvspan(low, high, color=SHADES.get(code, PALE), linewidth=0, zorder=0.5)
+            panels[0].annotate(
+                SHORT.get(code, STATUS[code]),
+                ((low + high) / 2, 0.02),
+                xycoords=("data", "axes fraction"),
+                ha="center",
+                va="bottom",
+                fontsize=7,
+                color=NOTE,
+            )
+        start = n
+
+
+def _mark_nominal(panels: Sequence[Axes], swept: SweepResult) -> None:
+    """Mark the design's own value of the parameter."""
+    unit, factor = _unit(swept.axes[0])
     at = swept.drawn[0]
-    if min(swept.axes[0].values) <= at <= max(swept.axes[0].values):
-        axes.axvline(at, color=NOTE, linewidth=0.6, linestyle=(0, (1, 2)))
+    if not min(swept.axes[0].values) <= at <= max(swept.axes[0].values):
+        return
+    for axes in panels:
+        axes.axvline(at * factor, color=INK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.6)
+    panels[0].annotate(
+        f"as designed: {at * factor:.4g}{f' {unit}' if unit not in ('', '1') else ''}",
+        (at * factor, 1),
+        (0, 2),
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+        va="bottom",
+        ha="center",
+        color=INK,
+        fontsize=7,
+        annotation_clip=False,
+    )
+
+
+def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> None:
+    """Mark where modes meet, with letters that the remarks explain."""
+    for n, one in enumerate(crossings):
+        at = one.at * _unit(first)[1]
+        face = INK if one.is_avoided else "white"
+        axes.plot(at, one.frequency, "o", markersize=5, markeredgecolor=INK, markerfacecolor="none")
         axes.annotate(
-            "nominal",
-            (at, 1),
-            xycoords=("data", "axes fraction"),
-            xytext=(2, -2),
+            "abcdefgh"[n],
+            (at, one.frequency),
+            (0, -6),
             textcoords="offset points",
+            ha="center",
             va="top",
-            color=NOTE,
-            fontsize=6.5,
+            fontsize=7,
+            color="white" if one.is_avoided else INK,
+            bbox={"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5},
         )
 
 
@@ -136,50 +287,85 @@ def _axis_label(unit: str) -> str:
     return "frequency (Hz)" if unit == "Hz" else f"magnitude ({unit})" if unit != "1" else "ratio"
 
 
-def _draw_maps(swept: SweepResult, value: Any) -> Figure:
+def _draw_maps(swept: SweepResult, value: Any, title: str) -> Figure:
     order = np.argsort(-swept.change, kind="stable")[:MAX_MAPS]
     shown = (
         sorted(order.tolist()) if len(swept.result) > MAX_MAPS else list(range(len(swept.result)))
     )
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
-    figure = new_figure(0.6 + 3.1 * columns, 0.4 + 2.6 * rows)
+    figure = new_figure(0.4 + 3.1 * columns, 0.55 + 2.6 * rows)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels[len(shown) :]:
         axes.set_visible(False)
-    for axes, n in zip(panels, shown, strict=False):
-        _draw_map(axes, swept, value[:, :, n], n)
+    for n, (axes, result) in enumerate(zip(panels, shown, strict=False)):
+        _draw_map(axes, swept, value[:, :, result], result)
+        if n % columns:
+            axes.set_ylabel("")
+    curves.write_heading(figure, f"{_quantity(swept)} over two parameters", title)
+    figure.tight_layout(rect=(0, 0, 1, 1 - 0.45 / figure.get_figheight()))
     return figure
 
 
 def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
     first, second = swept.axes[:2]
+    x, y = (np.array(axis.values) * _unit(axis)[1] for axis in (first, second))
     finite = np.ma.masked_invalid(value.T)
     low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
-    norm = LogNorm(low, high) if _is_wide(value) and low > 0 else Normalize(low, high)
+    wide = _is_wide(value) and low > 0
+    if high <= low:
+        high = low + (abs(low) or 1.0) * 1e-9
+    norm = LogNorm(low, high) if wide else Normalize(low, high)
     axes.set_facecolor("#eeeeee")
-    drawn = axes.pcolormesh(
-        first.values,
-        second.values,
-        finite,
-        norm=norm,
-        cmap="viridis",
-        shading="nearest",
-        rasterized=True,
-    )
-    bar = axes.figure.colorbar(drawn, ax=axes, pad=0.02)
-    bar.set_label(_axis_label(swept.unit[n]), fontsize=6.5)
-    bar.ax.tick_params(labelsize=6)
-    if _is_geometric(first.values):
-        axes.set_xscale("log")
-    if _is_geometric(second.values):
-        axes.set_yscale("log")
+    if min(value.shape) > 1 and finite.count() and np.ptp(finite) > 1e-9 * abs(high):
+        _draw_surface(axes, x, y, finite, norm)
+    else:
+        axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
+    bar = axes.figure.colorbar(ScalarMappable(norm, "viridis"), ax=axes, pad=0.02)
+    bar.set_label(_axis_label(swept.unit[n]), fontsize=7)
+    bar.ax.tick_params(labelsize=6.5)
+    if wide:
+        curves.label_plainly(bar.ax.yaxis)
+    for axis, own in ((axes.xaxis, first), (axes.yaxis, second)):
+        if _is_geometric(own.values):
+            (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
+            curves.label_plainly(axis)
     if all(
         min(axis.values) <= at <= max(axis.values)
         for axis, at in zip(swept.axes[:2], swept.drawn[:2], strict=True)
     ):
-        axes.plot(*swept.drawn[:2], "+", color="white", markersize=9, markeredgewidth=2.2)
-        axes.plot(*swept.drawn[:2], "+", color=INK, markersize=8, markeredgewidth=0.9)
-    axes.set_title(single_line(swept.result[n], 44), loc="left", fontsize=7.5)
-    axes.set_xlabel(single_line(first.name, 38) + " (SI)", fontsize=7)
-    axes.set_ylabel(single_line(second.name, 38) + " (SI)", fontsize=7)
+        here = [at * _unit(axis)[1] for axis, at in zip(swept.axes[:2], swept.drawn, strict=False)]
+        axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
+        axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0, label="as designed")
+    axes.set_title(textwrap.fill(single_line(swept.result[n], 70), 40), loc="left", fontsize=7.5)
+    axes.set_xlabel(_parameter_label(first, 34), fontsize=7)
+    axes.set_ylabel(_parameter_label(second, 34), fontsize=7)
+
+
+def _draw_surface(axes: Axes, x: Any, y: Any, finite: Any, norm: Normalize) -> None:
+    """Draw smooth colours and labelled contours."""
+    low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
+    spaced = np.geomspace if isinstance(norm, LogNorm) else np.linspace
+    levels = spaced(low, high, 48)
+    levels[0], levels[-1] = low, high
+    drawn = axes.contourf(x, y, finite, levels=levels, norm=norm, cmap="viridis", extend="both")
+    drawn.set_rasterized(True)
+    drawn.set_edgecolor("face")
+    lines = axes.contour(
+        x, y, finite, levels=_round_levels(low, high, norm), colors="white", linewidths=0.6
+    )
+    axes.clabel(lines, fontsize=6.5, fmt=curves.write_plainly)
+
+
+def _round_levels(low: float, high: float, norm: Normalize) -> Any:
+    """Round numbers between the limits, about six."""
+    from matplotlib.ticker import LogLocator, MaxNLocator
+
+    if isinstance(norm, LogNorm):
+        many = np.log10(high / low) > 3
+        levels = LogLocator(subs=(1,) if many else (1, 2, 5)).tick_values(low, high)
+    else:
+        levels = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    found: Any = np.asarray(levels)
+    inside = found[(found > low) & (found < high)]
+    return inside if len(inside) else [(low + high) / 2]

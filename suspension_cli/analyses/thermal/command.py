@@ -118,10 +118,11 @@ class ThermalAnalysis(Analysis):
         return "\n".join(lines)
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
-        """Draw amplitude spectral densities."""
-        from suspension_cli.analyses.thermal import picture
+        """Draw amplitude spectral densities, with the points that resolve resonances added."""
+        from suspension_cli.analyses.thermal import fine, picture
 
-        return {"": picture.draw(result.data, result.title)}
+        stages = [stage.name for stage in result.design.stage]
+        return {"": picture.draw(fine.refine(result), result.subtitle, stages)}
 
 
 def _solved(source: Source, setting: dict[str, Any], log: Log) -> tuple[Choice, list[Thermal]]:

@@ -1,147 +1,158 @@
-"""Figure of thermal noise: amplitude spectral densities of the sum and of its sources."""
+"""Figure of thermal noise: amplitude spectral densities of the sum, by stage and by cause."""
 
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from suspension_cli.analyses.thermal.solve import Thermal
 from suspension_cli.design.losses.registry import MECHANISMS
+from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
-    DPI,
     INK,
     NOTE,
-    PALE,
-    PALETTE,
     house_style,
     new_figure,
-    shorten,
     single_line,
+    stage_colours,
 )
 
-WIDTH, HEIGHT = 7.0, 4.0
-"""Width of the figure and least height of its panels, in; a long legend makes a panel taller."""
-ROW, MARGIN = 0.125, 0.8
-"""Height of a line of the legend, and of the margins above and below it, in."""
-FAINT = 1e-3
-"""Fraction of the sum that a source must reach somewhere to be drawn."""
+WIDTH, HEIGHT = 4.5, 2.3
+"""Width of the figure without labels, and height of a panel, in."""
+LINES = 7
+"""Largest number of lines in a panel: the sum, the largest parts, and the others together."""
 ROOM = (30.0, 3.0)
 """Factors of room below the lowest sum and above the highest."""
-SMALL, HANDLE, GAP = 6.5, 3.0, 0.8
-"""Legend: font size (points), length of its lines and space after them (font sizes)."""
-DECADES = 14
+DECADES = 20
 """Largest number of decades in a panel."""
+OTHER, SUPPORT = "other", "whole suspension"
+"""Names of the sum of small parts, and of sources that belong to no stage."""
 
-KINDS: dict[str, tuple[str, Any]] = {
-    "bending-upper": ("bending, upper ends", "-"),
-    "bending-lower": ("bending, lower ends", (0, (4, 1.6))),
-    "stretching": ("stretching", (0, (1, 1.4))),
-    "torsion": ("torsion", (0, (5, 1.4, 1, 1.4))),
-    "blades": ("blades", (0, (8, 2))),
-    "springs": ("springs", (0, (3, 1.2, 1, 1.2, 1, 1.2))),
-    "gas": ("gas", (0, (1, 3))),
-    "damping": ("dampers", (0, (6, 1.5, 2, 1.5))),
-    "support": ("support", (0, (2, 2))),
-} | {own.cause: (own.cause, (0, (1, 1, 5, 1))) for own in MECHANISMS if own.cause}
-"""Label and line style of each kind of source."""
+CAUSES: dict[str, str] = {
+    "bending-upper": "bending, upper ends",
+    "bending-lower": "bending, lower ends",
+    "stretching": "stretching",
+    "torsion": "torsion",
+    "blades": "blades",
+    "springs": "springs",
+    "gas": "gas",
+    "damping": "dampers",
+    "support": "support",
+} | {own.cause: own.cause for own in MECHANISMS if own.cause}
+"""Label of each cause."""
+SHADES = ("#332288", "#cc6677", "#117733", "#88ccee", "#999933", "#aa4499", "#44aa99", "#ddaa33")
+"""Colours of causes, in their order, which are not those of stages (Tol 2021, muted)."""
+DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
+"""Line styles, so that lines that cover each other are seen."""
 
 
-def draw(noises: list[Thermal], title: str) -> Figure:
-    """Draw one panel per motion: the sum, and the sources that come near it.
-
-    Sources of one stage share a colour, those of one kind a line style.
+def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figure:
+    """Draw two panels per motion: the sum with its parts by stage, and by cause.
 
     Parameters
     ----------
     noises : list of Thermal
     title : str
+        Names of the design and the model.
+    stages : sequence of str
+        Of the design, top to bottom.
     """
     with house_style():
-        heights = [max(HEIGHT, ROW * _count_rows(noise) + MARGIN) for noise in noises]
-        figure = new_figure(WIDTH, sum(heights))
-        panels = figure.subplots(len(noises), 1, squeeze=False, height_ratios=heights)[:, 0]
-        colours = _stage_colours(noises)
-        for axes, noise in zip(panels, noises, strict=True):
-            _panel(axes, noise, colours)
-        panels[0].set_title(single_line(title, 80), loc="left", color=INK)
-        figure.tight_layout()
+        parts = [(by_stage(noise, stages), by_cause(noise)) for noise in noises]
+        names = [name for both in parts for one in both for name in one]
+        right = curves.room_for(["sum", *names])
+        notes = [_remark(noise) for noise in noises]
+        foot = 0.45 + 0.13 * sum(map(bool, notes))
+        height = curves.HEAD + 0.1 + 2 * len(noises) * (HEIGHT + 0.3) + foot
+        figure = new_figure(WIDTH + right, height)
+        panels = figure.subplots(2 * len(noises), 1, sharex=True, squeeze=False)[:, 0]
+        curves.set_margins(figure, right=right, top=curves.HEAD + 0.18, bottom=foot, hspace=0.16)
+        colours = stage_colours([*stages, *(name for one, _ in parts for name in one)])
+        colours |= {OTHER: NOTE, SUPPORT: NOTE}
+        shades = {
+            label: SHADES[n % len(SHADES)] for n, label in enumerate(dict.fromkeys(CAUSES.values()))
+        }
+        shades[OTHER] = NOTE
+        for n, (noise, (own, causes)) in enumerate(zip(noises, parts, strict=True)):
+            _panel(panels[2 * n], noise, own, colours, "by stage")
+            _panel(panels[2 * n + 1], noise, causes, shades, "by cause")
+        panels[-1].set_xlabel("frequency (Hz)")
+        figure.align_ylabels(panels)
+        outputs = ", ".join(noise.output for noise in noises)
+        curves.write_heading(figure, f"Thermal noise of {outputs}", title)
+        for n, note in enumerate(filter(None, notes)):
+            at = (foot - 0.42 - 0.13 * n) / height
+            figure.text(0.02, at, textwrap.shorten(note, 120), va="top", fontsize=6.5, color=NOTE)
         return figure
 
 
 def split_source(source: str) -> tuple[str, str]:
-    """Split a source into its stage ("" if it belongs to none) and its kind."""
-    stage, _, kind = source.rpartition(".")
-    return stage, kind
+    """Split a source into its stage ("" if it belongs to none) and its cause."""
+    stage, _, cause = source.rpartition(".")
+    return stage, cause
 
 
-def split_by_size(noise: Thermal) -> tuple[list[str], list[str]]:
-    """Split sources into those drawn and those too far below the sum (`FAINT`)."""
-    total = noise.amplitude
-    near = {name: bool((part >= FAINT * total).any()) for name, part in noise.parts.items()}
-    drawn = [name for name in noise.source if near[name]]
-    return drawn, [name for name in noise.source if not near[name]]
+def by_stage(noise: Thermal, stages: Sequence[str] = ()) -> dict[str, Any]:
+    """Sum amplitudes (f,) by stage, in the order of the stages."""
+    order = {name: n for n, name in enumerate(stages)}
+    found = _sum_groups(noise, lambda source: split_source(source)[0] or SUPPORT)
+    return dict(sorted(found.items(), key=lambda one: order.get(one[0], len(order))))
 
 
-def _stage_colours(noises: list[Thermal]) -> dict[str, str]:
-    """Choose a colour for each stage, the same in all panels."""
-    stages = dict.fromkeys(
-        split_source(name)[0] for noise in noises for name in split_by_size(noise)[0]
-    )
-    return {
-        stage: NOTE if stage == "" else PALETTE[n % len(PALETTE)] for n, stage in enumerate(stages)
-    }
+def by_cause(noise: Thermal) -> dict[str, Any]:
+    """Sum amplitudes (f,) by cause, in the order of `CAUSES`."""
+    order = [*CAUSES.values(), OTHER]
+    found = _sum_groups(noise, lambda source: CAUSES[split_source(source)[1]])
+    return dict(sorted(found.items(), key=lambda one: order.index(one[0])))
 
 
-def _count_rows(noise: Thermal) -> int:
-    """Count the lines of the legend: the sum, the sources, a heading per stage."""
-    drawn, _ = split_by_size(noise)
-    return 1 + len(drawn) + len({split_source(name)[0] for name in drawn})
+def _sum_groups(noise: Thermal, group: Any) -> dict[str, Any]:
+    """Sum sources by group; beyond `LINES` lines, the smallest groups become one."""
+    square: dict[str, Any] = {}
+    for source, density in zip(noise.source, noise.density, strict=True):
+        name = group(source)
+        square[name] = square.get(name, 0.0) + density
+    if len(square) > LINES - 1:
+        total = noise.density.sum(0)
+        total = np.where(total > 0, total, 1.0)
+        largest = sorted(square, key=lambda name: -float((square[name] / total).max()))
+        rest = sum(square.pop(name) for name in largest[LINES - 2 :])
+        square[OTHER] = rest
+    return {name: np.sqrt(density) for name, density in square.items()}
 
 
-def _panel(axes: Axes, noise: Thermal, colours: dict[str, str]) -> None:
+def _panel(
+    axes: Axes, noise: Thermal, parts: dict[str, Any], colours: dict[str, str], what: str
+) -> None:
     mark = "" if len(noise.frequency) > 1 else "o"
-    drawn, faint = split_by_size(noise)
-    axes.loglog(noise.frequency, noise.amplitude, color=INK, linewidth=2.0, marker=mark, zorder=2)
-    for name in drawn:
-        stage, kind = split_source(name)
-        part = np.where(noise.parts[name] > 0, noise.parts[name], np.nan)
+    frequency, total = noise.frequency, noise.amplitude
+    axes.loglog(frequency, total, color=INK, linewidth=2.2, marker=mark, zorder=2)
+    ends = [(frequency, total, "sum", INK)]
+    for n, (name, amplitude) in enumerate(parts.items()):
+        part = np.where(amplitude > 0, amplitude, np.nan)
         axes.plot(
-            noise.frequency,
+            frequency,
             part,
-            color=colours[stage],
-            linestyle=KINDS[kind][1],
-            linewidth=0.9,
+            color=colours[name],
+            linestyle=DASHES[n % len(DASHES)],
+            linewidth=1.0,
             marker=mark,
             markersize=3,
             zorder=3,
         )
-    axes.set_ylim(*_limits(noise.amplitude))
+        ends.append((frequency, part, name, colours[name]))
+    axes.set_ylim(*_limits(total))
     axes.margins(x=0)
-    axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel(f"{single_line(noise.output, 40)} ({noise.unit}/√Hz)")
-    axes.yaxis.set_major_locator(LogLocator(numticks=9))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
-    _draw_legend(axes, drawn, colours)
-    remarks = _remarks(noise, faint)
-    if remarks:
-        axes.annotate(
-            remarks,
-            (0, 0),
-            (0, -34),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            ha="left",
-            va="top",
-            fontsize=SMALL,
-            color=NOTE,
-        )
+    axes.set_ylabel(f"{single_line(noise.output, 30)} ({noise.unit}/√Hz)")
+    axes.set_title(what, loc="left", fontsize=8, color=INK, pad=2)
+    curves.rule(axes)
+    curves.label_plainly(axes.yaxis)
+    curves.label_ends(axes, ends)
 
 
 def _limits(total: Any) -> tuple[float, float]:
@@ -150,51 +161,8 @@ def _limits(total: Any) -> tuple[float, float]:
     return max(total[total > 0].min() / ROOM[0], top / 10**DECADES), top
 
 
-def _draw_legend(axes: Axes, drawn: list[str], colours: dict[str, str]) -> None:
-    """Draw the legend beside the panel, with a heading per stage."""
-    handles, texts, heads = [Line2D([], [], color=INK, linewidth=2.0)], ["sum"], {}
-    order = list(KINDS)
-    for stage in dict.fromkeys(split_source(name)[0] for name in drawn):
-        if stage:
-            heads[len(texts)] = colours[stage]
-            handles.append(Line2D([], [], linestyle=""))
-            texts.append(single_line(stage, 20))
-        for kind in sorted(
-            (split_source(name)[1] for name in drawn if split_source(name)[0] == stage),
-            key=order.index,
-        ):
-            handles.append(
-                Line2D([], [], color=colours[stage], linestyle=KINDS[kind][1], linewidth=1.1)
-            )
-            texts.append(KINDS[kind][0])
-    place: dict[str, Any] = {
-        "loc": "upper left",
-        "bbox_to_anchor": (1.01, 1.02),
-        "borderaxespad": 0.0,
-    }
-    legend = axes.legend(
-        handles,
-        texts,
-        fontsize=SMALL,
-        handlelength=HANDLE,
-        handletextpad=GAP,
-        labelspacing=0.35,
-        **place,
-    )
-    for n, colour in heads.items():
-        legend.get_texts()[n].set(color=colour, fontweight="bold")
-        legend.get_texts()[n].set_x(-(HANDLE + GAP) * SMALL * DPI / 72)
-
-
-def _remarks(noise: Thermal, faint: list[str]) -> str:
-    """Remarks below a panel: the tilt of the beam, and sources that are not drawn."""
-    lines = []
-    if noise.tilt:
-        lines.append(f"along a beam that rises by {1e6 * noise.tilt:.3g} µrad")
-    if faint:
-        lines.append(
-            f"not drawn, below {FAINT:g} of the sum everywhere: {shorten(', '.join(faint), 240)}"
-        )
-    return "\n".join(
-        row for line in lines for row in textwrap.wrap(line, 120, break_on_hyphens=False)
-    )
+def _remark(noise: Thermal) -> str:
+    """Return the tilt of the beam, if there is one."""
+    if not noise.tilt:
+        return ""
+    return f"{noise.output}: along a beam that rises by {1e6 * noise.tilt:.3g} µrad"

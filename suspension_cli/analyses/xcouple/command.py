@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.xcouple.file import Coupling
     from suspension_cli.analyses.xcouple.solve import CouplingRequest
+    from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
     from suspension_cli.models.quantity_of_interest import Transfer
     from suspension_cli.studies.axes import Axis
@@ -167,9 +168,11 @@ class CouplingAnalysis(Analysis):
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw the coupling against the imperfections, or against frequency."""
         from suspension_cli.analyses.xcouple import picture
-        from suspension_cli.drawing.style import name_model
+        from suspension_cli.drawing.style import name_neglected
 
-        return {"": name_model(picture.draw(result.data, result.title), result.choice)}
+        data: Coupling = result.data
+        limit = _limit(result.design) if data.axes and _is_longitudinal(data) else None
+        return {"": name_neglected(picture.draw(data, result.subtitle, limit), result.choice)}
 
 
 class MatrixAnalysis(Analysis):
@@ -263,9 +266,25 @@ class MatrixAnalysis(Analysis):
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
         """Draw the table."""
         from suspension_cli.analyses.xcouple import matrix_picture
-        from suspension_cli.drawing.style import name_model
+        from suspension_cli.drawing.style import name_neglected
 
-        return {"": name_model(matrix_picture.draw(result.data, result.title), result.choice)}
+        drawn = matrix_picture.draw(result.data, result.subtitle)
+        return {"": name_neglected(drawn, result.choice)}
+
+
+def _is_longitudinal(data: Coupling) -> bool:
+    """Whether the coupling is that of the vertical motion to the longitudinal one."""
+    return data.over.partition("@")[0].endswith(".x") and data.under.partition("@")[0].endswith(
+        ".z"
+    )
+
+
+def _limit(design: Design) -> float:
+    """Limit on the coupling: of the design's `[analysis.tolerance]`, or the default there."""
+    from suspension_cli.analyses import registry, settings
+
+    analysis = registry.get("tolerance")
+    return float(settings.defaults(analysis, design.analysis.get("tolerance", {}))["limit"])
 
 
 def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:

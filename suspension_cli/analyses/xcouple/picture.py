@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.xcouple.file import Coupling
-from suspension_cli.drawing.style import NOTE, PALE, PALETTE, house_style, new_figure
+from suspension_cli.design.path_units import DISPLAYED, unit_of
+from suspension_cli.drawing import curves
+from suspension_cli.drawing.style import INK, NOTE, PALETTE, house_style, new_figure, single_line
 from suspension_cli.studies.axes import Axis
 
 LABELS = {
@@ -27,104 +33,254 @@ LABELS = {
 }
 MOST_CURVES = 9
 """Curves at most; more values of the second axis are thinned out evenly."""
+FINE = 16
+"""Points per interval of the first axis, interpolated, so that zeros are sharp."""
+NOMINAL = {"k": 1.0, "mass": 1.0, "inertia": 1.0}
+"""Value without imperfection of parameters that are ratios; of others 0."""
+LIMIT = "#cc0000"
+"""Colour of the limit."""
+COLOURS = "viridis"
+"""Colour map of the second axis."""
 
 
-def draw(coupling: Coupling, title: str) -> Figure:
+def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
     """Draw the figure of `pendsus xcouple`: a curve per value of the second axis.
 
     With several frequencies: ratio against frequency, of the build with the largest ratio and as
     the median of all builds.
+
+    Parameters
+    ----------
+    coupling : Coupling
+    title : str
+        Names of the design and the model.
+    limit : float, optional
+        Largest ratio that is allowed.
     """
     with house_style():
-        figure = new_figure(5.6, 4.2)
+        names = _curve_names(coupling)
+        right = curves.room_for(names) if names else 0.2
+        figure = new_figure(4.3 + right, 3.85)
         axes = figure.subplots()
+        curves.set_margins(figure, left=0.85, right=right, top=curves.HEAD + 0.5, bottom=0.6)
+        curves.rule(axes)
         if len(coupling.frequency) > 1:
-            _draw_over_frequency(axes, coupling)
+            _draw_over_frequency(axes, coupling, limit)
+            at = ""
         else:
-            _draw_over_axes(axes, coupling)
-        axes.set_ylabel(f"|{coupling.over} / {coupling.under}|")
-        axes.set_title(title, loc="left")
-        axes.grid(visible=True, color=PALE, linewidth=0.4)
-        figure.tight_layout()
+            _draw_over_axes(axes, coupling, limit)
+            at = f" at {coupling.frequency[0]:g} Hz"
+        axes.set_ylabel(single_line(f"|{coupling.over} / {coupling.under}|", 46))
+        _write_conditions(axes, coupling)
+        curves.write_heading(figure, f"Cross-coupling{at}", title)
         return figure
 
 
-def _draw_over_frequency(axes: Axes, coupling: Coupling) -> None:
+def _write_conditions(axes: Axes, coupling: Coupling) -> None:
+    """Write what is driven, imperfect and kept above the axes."""
+    parts = [f"for {coupling.input}"]
+    if coupling.wire:
+        parts.append(f"wire {coupling.wire}, {coupling.hold.replace('-', ' ')} held")
+    if coupling.failures:
+        parts.append("gaps: " + "; ".join(coupling.failures))
+    lines = [single_line("; ".join(parts), 84)]
+    if len(coupling.frequency) == 1 and len(coupling.axes) > 1:
+        lines.append(f"lines: {_label(coupling.axes[1].name)}")
+    axes.set_title("\n".join(lines), loc="left", fontsize=7, color=NOTE, pad=13)
+
+
+def _curve_names(coupling: Coupling) -> list[str]:
+    """Labels at the ends of curves."""
+    if len(coupling.frequency) > 1:
+        return ["largest at the end", "median"] if coupling.ratio.shape[0] > 1 else []
+    if len(coupling.axes) < 2:
+        return []
+    second = coupling.axes[1]
+    return [_format_value(second, n) for n in _shown(second)]
+
+
+def _shown(axis: Axis) -> Any:
+    """Numbers of the values of the second axis that have curves."""
+    count = len(axis.values)
+    return np.unique(np.linspace(0, count - 1, min(MOST_CURVES, count)).round().astype(int))
+
+
+def _draw_over_frequency(axes: Axes, coupling: Coupling, limit: float | None) -> None:
     size = np.abs(coupling.ratio).reshape(-1, len(coupling.frequency))
     good = np.isfinite(size).all(1)
     if not good.any():
         axes.text(0.5, 0.5, "no build has an equilibrium", ha="center", transform=axes.transAxes)
         return
+    axes.set_xscale("log")
+    axes.set_yscale("log")
     worst = size[good][int(size[good][:, -1].argmax())]
-    axes.loglog(
-        coupling.frequency,
-        np.where(worst > 0, worst, np.nan),
-        color=PALETTE[1],
-        label="largest at the highest frequency",
-    )
-    if good.sum() > 1:
-        middle = np.median(size[good], axis=0)
-        axes.loglog(
-            coupling.frequency,
-            np.where(middle > 0, middle, np.nan),
-            color=PALETTE[0],
-            label="median of all builds",
-        )
-        axes.legend()
+    ends = []
+    several = good.sum() > 1
+    for values, colour, name in (
+        (worst, PALETTE[1], "largest at the end" if several else ""),
+        (np.median(size[good], axis=0), PALETTE[0], "median"),
+    )[: 1 + several]:
+        drawn = np.where(values > 0, values, np.nan)
+        axes.plot(coupling.frequency, drawn, color=colour)
+        ends.append((coupling.frequency, drawn, name, colour))
     axes.set_xlabel("frequency (Hz)")
     axes.margins(x=0)
+    if limit is not None:
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(low, limit / 1.5), max(high, limit * 1.5))
+        _draw_limit(axes, limit)
+    curves.label_plainly(axes.yaxis)
+    if several:
+        curves.label_ends(axes, ends)
 
 
-def _draw_over_axes(axes: Axes, coupling: Coupling) -> None:
-    size = np.abs(coupling.ratio[..., 0])
-    while size.ndim > 2:  # worst case over further axes
-        size = np.nanmax(size, axis=-1)
-    first = coupling.axes[0]
-    if size.ndim == 1:
-        _draw_curve(axes, first, size, PALETTE[0], "")
+def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None:
+    ratio = coupling.ratio[..., 0]
+    while ratio.ndim > 2:  # worst case over further axes
+        ratio = np.nanmax(np.abs(ratio), axis=-1)
+    first, ends = coupling.axes[0], []
+    x = np.array(first.values) * _scale(first.name)
+    if ratio.ndim == 1:
+        _draw_curve(axes, x, ratio, PALETTE[0])
     else:
         second = coupling.axes[1]
-        shown = np.unique(
-            np.linspace(0, len(second.values) - 1, min(MOST_CURVES, len(second.values)))
-            .round()
-            .astype(int)
-        )
-        for n, column in enumerate(shown):
-            _draw_curve(
-                axes,
-                first,
-                size[:, column],
-                PALETTE[n % len(PALETTE)],
-                _format_value(second, column),
+        values = np.array(second.values)
+        span = float(np.ptp(values)) or 1.0
+        for column in _shown(second):
+            place = 0.88 * (values[column] - values.min()) / span  # the rest is too pale
+            colour = to_hex(matplotlib.colormaps[COLOURS](place))
+            fine, drawn = _draw_curve(axes, x, ratio[:, column], colour)
+            ends.append((fine, drawn, _format_value(second, int(column)), colour))
+    size = np.abs(ratio)
+    top = float(np.nanmax(size)) if np.isfinite(size).any() else 1.0
+    top = top or 1.0
+    axes.set_ylim(0, 1.05 * top)
+    if limit is not None:
+        if limit < 2.5 * top:
+            axes.set_ylim(0, 1.08 * max(top, limit))
+            _draw_limit(axes, limit)
+        else:
+            axes.annotate(
+                f"limit {limit:g} is above",
+                (0.01, 0.985),
+                xycoords="axes fraction",
+                va="top",
+                fontsize=7,
+                color=LIMIT,
             )
-        axes.legend(title=LABELS.get(second.name, second.name), title_fontsize=7)
-    axes.set_xlabel(LABELS.get(first.name, first.name))
-    axes.set_ylim(bottom=0)
-    remark = (
-        f"{coupling.hold.replace('-', ' ')} held, {coupling.frequency[0]:g} Hz, wire"
-        f" {coupling.wire}"
-    )
-    axes.text(
-        0.99,
-        1.01,
-        remark,
-        transform=axes.transAxes,
-        ha="right",
-        va="bottom",
-        color=NOTE,
-        fontsize=6.5,
+    if len(x) > 1:
+        axes.set_xlim(x.min(), x.max())
+    axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4), useMathText=True)
+    axes.yaxis.get_offset_text().set_fontsize(7)
+    axes.set_xlabel(_label(first.name))
+    at = NOMINAL.get(first.name, 0.0 if first.name in LABELS else np.nan)
+    if x.min() < at < x.max():
+        axes.axvline(at, color=INK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.6)
+        axes.annotate(
+            "as designed",
+            (at, 1),
+            (0, 2),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            va="bottom",
+            ha="center",
+            fontsize=7,
+        )
+    if ends:
+        curves.label_ends(axes, ends)
+
+
+def _draw_limit(axes: Axes, limit: float) -> None:
+    axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle=(0, (6, 2)), zorder=1.7)
+    axes.annotate(
+        f"limit {limit:g}",
+        (0.01, limit),
+        (0, -2),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        va="top",
+        fontsize=7,
+        color=LIMIT,
     )
 
 
-def _draw_curve(axes: Axes, along: Axis, size: np.ndarray, colour: str, label: str) -> None:
-    """Draw one curve, or a marker where it has a single point."""
-    x = np.array(along.values) * _scale(along.name)
-    axes.plot(x, size, color=colour, label=label, marker="o" if len(x) == 1 else None)
+def _draw_curve(axes: Axes, x: Any, ratio: Any, colour: str) -> tuple[Any, Any]:
+    """Draw the size of a smooth complex ratio, interpolated between the builds, or one marker."""
+    if len(x) == 1:
+        axes.plot(x, np.abs(ratio), color=colour, marker="o")
+        return x, np.abs(ratio)
+    at, size = interpolate(x, ratio)
+    axes.plot(at, size, color=colour, linewidth=1.2)
+    if len(x) <= 15:
+        axes.plot(x, np.abs(ratio), ".", color=colour, markersize=4)
+    return at, size
+
+
+def interpolate(x: Any, ratio: Any) -> tuple[Any, Any]:
+    """Interpolate a complex ratio between points, and return its magnitude: sharp at its zeros.
+
+    Parameters
+    ----------
+    x : (n,) array
+    ratio : (n,) complex array
+        NaN where there is none.
+
+    Examples
+    --------
+    >>> at, size = interpolate(np.array([0.0, 1.0, 2.0, 3.0]), np.array([-1.5, -0.5, 0.5, 1.5]))
+    >>> bool(size.min() < 1e-12)
+    True
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    if np.iscomplexobj(ratio) and not ratio.imag.any():
+        ratio = ratio.real
+    if len(x) < 3:
+        return x, np.abs(ratio)
+    order = np.argsort(x, kind="stable")
+    x, ratio = np.asarray(x)[order], np.asarray(ratio)[order]
+    weights = np.linspace(0, 1, FINE, endpoint=False)
+    at = np.append((x[:-1, None] + np.diff(x)[:, None] * weights).ravel(), x[-1])
+    found = np.full(len(at), np.nan, dtype=ratio.dtype)
+    known = np.isfinite(ratio)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]])))
+    for start, stop in edges.reshape(-1, 2):
+        inside = (at >= x[start]) & (at <= x[stop - 1])
+        if stop - start < 2:
+            found[inside] = ratio[start]
+            continue
+        own = slice(start, stop)
+        found[inside] = PchipInterpolator(x[own], ratio[own].real)(at[inside])
+        if np.iscomplexobj(ratio):
+            found[inside] += 1j * PchipInterpolator(x[own], ratio[own].imag)(at[inside])
+    # the zero of the real part between two points, where the magnitude is least
+    with np.errstate(invalid="ignore"):
+        crossed = np.flatnonzero(found.real[:-1] * found.real[1:] < 0)
+    part = found.real[crossed] / (found.real[crossed] - found.real[crossed + 1])
+    zeros = at[crossed] + part * (at[crossed + 1] - at[crossed])
+    least = np.abs(np.imag(found[crossed] + part * (found[crossed + 1] - found[crossed])))
+    return np.insert(at, crossed + 1, zeros), np.insert(np.abs(found), crossed + 1, least)
+
+
+def _label(name: str) -> str:
+    if name in LABELS:
+        return LABELS[name]
+    unit = DISPLAYED.get(unit_of(name), (unit_of(name), 1.0))[0]
+    return single_line(name, 50) + (f" ({unit})" if unit not in ("", "1") else "")
 
 
 def _scale(name: str) -> float:
-    return 1e3 if "(mm)" in LABELS.get(name, "") else 1.0
+    if name in LABELS:
+        return 1e3 if "(mm)" in LABELS[name] else 1.0
+    return DISPLAYED.get(unit_of(name), ("", 1.0))[1]
 
 
 def _format_value(axis: Axis, n: int) -> str:
-    return f"{axis.values[n] * _scale(axis.name):.4g}"
+    """Write a value of the second axis with its unit."""
+    value = axis.values[n] * _scale(axis.name)
+    label = _label(axis.name)
+    if label.startswith("$"):
+        return f"{label} = {value:.4g}"
+    sign = "+" if min(axis.values) < 0 < value else ""
+    unit = label.rpartition(" (")[2].rstrip(")") if label.endswith(")") else ""
+    return f"{sign}{value:.4g} {unit}".strip().replace("-", "−")

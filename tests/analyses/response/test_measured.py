@@ -122,7 +122,7 @@ def test_command(tmp_path):
         assert group["model"].dims[0].label == "frequency"
     again = sus.load(tmp_path / "triple-response.h5")
     assert json.dumps(again.document()["measured"]) == json.dumps(answer["measured"])
-    assert len(again.plot(scale="absolute").axes) == 3
+    assert len(again.plot(scale="absolute").axes) == 4
 
 
 def test_many_points_are_a_line_and_units_are_checked(design, tmp_path):

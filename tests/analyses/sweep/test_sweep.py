@@ -380,7 +380,7 @@ def test_a_mode_that_comes_to_nothing_does_not_hide_the_others(tmp_path):
         swept(CONFIGS / "double.toml", tmp_path, *options)
         with h5py.File(tmp_path / "double-sweep.h5") as file:
             (axes,) = picture.draw(files.read(file["sweep"]), "").axes
-        assert axes.get_yscale() == scale and axes.get_xlabel().endswith(" (SI)")
+        assert axes.get_yscale() == scale and axes.get_xlabel().endswith(" (mm)")
 
 
 def test_pictures_and_the_table(tmp_path):

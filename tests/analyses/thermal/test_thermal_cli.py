@@ -6,9 +6,12 @@ import h5py
 import numpy as np
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.analyses.thermal import file as files
 from suspension_cli.analyses.thermal import picture
 from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.analyses.thermal.fine import refine as refined
+from suspension_cli.drawing.style import stage_colours
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.grids import decade_points
 from suspension_cli.models import registry
@@ -342,38 +345,42 @@ def many(sources):
 
 
 def test_what_is_drawn_and_what_is_said():
-    names = [f"stage{n}.{kind}" for n in range(4) for kind in list(picture.KINDS)[:6]] + [
-        "damping",
-        "support",
-    ]
-    noise = many(names)
-    drawn, faint = picture.split_by_size(noise)
-    assert drawn + faint == names
-    assert all((noise.parts[name] < picture.FAINT * noise.amplitude).all() for name in faint)
-    figure = picture.draw([noise], "Many sources")
-    (axes,) = figure.axes
-    assert len(axes.lines) == 1 + len(drawn)
-    assert axes.get_ylabel() == "test.x (m/√Hz)"
-    texts = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert texts[:3] == ["sum", "stage0", "bending, upper ends"]
-    assert len(texts) == 1 + len(drawn) + len({name.split(".")[0] for name in drawn})
-    (remark,) = axes.texts
-    assert "300 µrad" in remark.get_text()
-    assert faint[0] in remark.get_text()
-    low, high = axes.get_ylim()
+    causes = [f"stage{n}.{cause}" for n in range(4) for cause in list(picture.CAUSES)[:7]]
+    noise = many([*causes, "damping", "support"])
+    stages = [f"stage{n}" for n in range(4)]
+    figure = picture.draw([noise], "Many sources", stages[::-1])
+    above, below = figure.axes
+    assert above.get_ylabel() == below.get_ylabel() == "test.x (m/√Hz)"
+    said = [[text.get_text().strip("↓ ") for text in axes.texts] for axes in figure.axes]
+    assert said[0] == ["sum", *stages[::-1], "whole suspension"]
+    assert len(said[1]) == picture.LINES and said[1][0] == "sum" and said[1][-1] == "other"
+    drawn = {line.get_color() for line in above.lines}
+    assert set(stage_colours(stages[::-1]).values()) < drawn
+    assert any("300 µrad" in text.get_text() for text in figure.texts)
+    low, high = above.get_ylim()
     assert low < noise.amplitude.min() and high > noise.amplitude.max()
+    for axes in figure.axes:
+        boxes = [text.get_window_extent() for text in axes.texts]
+        assert all(box.y0 >= 0 and box.x1 <= figure.bbox.width for box in boxes)
+        for n, box in enumerate(boxes):
+            assert not any(box.overlaps(other) for other in boxes[n + 1 :])
 
 
-def test_every_source_can_be_drawn():
-    """All of the longest list at once, inside the figure."""
-    names = [f"stage{n}.{kind}" for n in range(9) for kind in list(picture.KINDS)[:5]] + [
-        "damping",
-        "support",
-    ]
-    noise = thermal.Thermal(
-        np.geomspace(0.1, 10, 9), "test.x", "m", tuple(names), np.ones((len(names), 9)) * 1e-30
-    )
-    figure = picture.draw([noise], "All alike")
-    box = figure.axes[0].get_legend().get_window_extent(figure.canvas.get_renderer())
-    assert box.y0 >= 0 and box.x1 <= figure.bbox.width
-    assert len(figure.axes[0].lines) == 1 + len(names)
+def test_sums_by_stage_and_by_cause_are_the_whole():
+    noise = many([f"stage{n}.{cause}" for n in range(9) for cause in list(picture.CAUSES)])
+    for parts in (picture.by_stage(noise), picture.by_cause(noise)):
+        assert len(parts) == picture.LINES - 1
+        whole = np.sqrt(sum(part**2 for part in parts.values()))
+        np.testing.assert_allclose(whole, noise.amplitude, rtol=1e-12)
+
+
+def test_peaks_reach_their_tips_in_the_picture(file):
+    coarse = sus.thermal(sus.read(file), frequency="0.1:50:60")
+    fine = refined(coarse)[0]
+    at = np.searchsorted(fine.frequency, coarse.data[0].frequency)
+    assert len(fine.frequency) > 200
+    np.testing.assert_allclose(fine.amplitude[at], coarse.data[0].amplitude, rtol=1e-12)
+    tip = fine.frequency[fine.amplitude.argmax()]
+    (near,) = sus.thermal(sus.read(file), frequency=f"{tip * (1 - 1e-4)!r},{tip!r}").data
+    assert fine.amplitude.max() == pytest.approx(near.amplitude[1], rel=1e-6)
+    assert fine.amplitude.max() > coarse.data[0].amplitude.max()

@@ -1,0 +1,45 @@
+"""Loop gains between the points of a grid, for drawing alone: resonances to their tips."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp.solve import LocalControl
+from suspension_cli.drawing.added_points import add_points
+from suspension_cli.errors import InputError
+from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Result
+
+
+def refine_gains(result: Result) -> tuple[Array, Any]:
+    """Add the frequencies at which resonances are resolved to the loop gains of a result.
+
+    The gains there are those of the result's model, built from its design.
+
+    Returns
+    -------
+    frequency : (f,) array
+        Hz.
+    gain : (f, l) complex array
+        Of each loop, the others closed.
+    """
+    damped: LocalControl = result.data
+    grid = damped.frequency
+    if len(grid) < 8 or grid[0] <= 0 or (np.diff(grid) <= 0).any():
+        return grid, damped.gain
+    try:
+        plant = control.build_plant(result.design, result.choice.model.system(result.design))
+        frequency, gain = add_points(
+            lambda at: control.compute_loop_gains(plant, at)[:, None],
+            grid,
+            damped.gain[:, None],
+            np.empty(0),
+        )
+    except InputError:
+        return grid, damped.gain
+    return frequency, gain[:, 0]

@@ -1,0 +1,107 @@
+"""Points added to curves for drawing alone, so that narrow peaks and zeros reach their tips."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.errors import InputError
+from suspension_cli.scene.arrays import Array
+
+STEP = 0.5
+"""Largest change of log |H| or of its angle between neighbours."""
+NARROWEST = 1e-12
+"""Relative distance of neighbours at which the refinement ends: a pole or zero without loss."""
+QUARTERS = np.array([0.25, 0.5, 0.75])
+"""Where an interval is divided, on a logarithmic scale."""
+MOST = 18
+"""Largest number of passes."""
+UNSEEN = 2
+"""Passes in which intervals beside local maxima are divided whatever the change."""
+
+
+def add_points(
+    solve: Callable[[Array], Any],
+    frequency: Array,
+    value: Any,
+    modes: Array,
+    *,
+    few: bool = True,
+    sums: bool = False,
+    step: float = STEP,
+) -> tuple[Array, Any]:
+    """Add frequencies until a response changes little between neighbours.
+
+    Parameters
+    ----------
+    solve : callable
+        Values (f, o, i) at frequencies (f,) in Hz.
+    frequency : (f,) array
+        Hz, ascending, above 0.
+    value : (f, o, i) complex array
+        Values there.
+    modes : (m,) array
+        Hz, where resonances are to be looked for.
+    few : bool
+        Whether to refine; otherwise the modes and points beside them are added.
+    sums : bool
+        Whether the last axis are amplitudes of parts, whose root sum of squares counts.
+    step : float
+        Largest change of log |H| or of its angle between neighbours.
+
+    Returns
+    -------
+    frequency : (g,) array
+        Hz, with those given.
+    value : (g, o, i) complex array
+
+    Examples
+    --------
+    >>> pole = lambda f: (1 / (1 - f**2 + 1e-5j * f))[:, None, None]
+    >>> grid = np.array([0.5, 0.9, 1.2, 2.0])
+    >>> _, found = add_points(pole, grid, pole(grid), np.array([1.0]))
+    >>> round(float(abs(found).max()))
+    100000
+    """
+    inside = modes[(modes > frequency[0]) & (modes < frequency[-1])]
+    beside = inside[:, None] * (1 + np.array([-3e-3, -3e-4, -1e-5, 0.0, 1e-5, 3e-4, 3e-3]))
+    frequency, value = _insert(solve, frequency, value, beside.ravel())
+    for number in range(MOST if few else 0):
+        flat = np.sqrt((value**2).sum(-1)) if sums else value.reshape(len(value), -1)
+        size = np.maximum(np.abs(flat), np.finfo(float).tiny)
+        turn = np.angle(flat[1:] * flat[:-1].conj() / (size[1:] * size[:-1]))
+        change = np.maximum(np.abs(np.diff(np.log(size), axis=0)), np.abs(turn))
+        change = np.where((flat[1:] == 0) | (flat[:-1] == 0), 0.0, change).max(1, initial=0.0)
+        gap = np.log(frequency[1:] / frequency[:-1])
+        wanted = change > step
+        if number < UNSEEN:  # a peak midway between two points changes neither
+            top = ((size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:])).any(1)
+            wanted[:-1] |= top
+            wanted[1:] |= top
+        wide = np.flatnonzero(wanted & (gap > NARROWEST))
+        if not len(wide):
+            break
+        between = frequency[wide, None] * np.exp(gap[wide, None] * QUARTERS)
+        frequency, value = _insert(solve, frequency, value, between.ravel())
+    return frequency, value
+
+
+def _insert(
+    solve: Callable[[Array], Any], frequency: Array, value: Any, more: Array
+) -> tuple[Array, Any]:
+    """Insert the values at more frequencies inside a grid; those without a finite value are not."""
+    more = np.setdiff1d(more[(more > frequency[0]) & (more < frequency[-1])], frequency)
+    if not len(more):
+        return frequency, value
+    try:
+        found = solve(more)
+    except InputError:  # one of them is a pole without loss to the last bit
+        more = more * (1 + 3e-13)
+        try:
+            found = solve(more)
+        except InputError:
+            return frequency, value
+    place = np.searchsorted(frequency, more)
+    return np.insert(frequency, place, more), np.insert(value, place, found, axis=0)

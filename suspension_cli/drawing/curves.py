@@ -1,0 +1,387 @@
+"""Helpers of figures with curves: headings, plain ticks, labels at line ends and peaks, phases."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
+
+from suspension_cli.drawing.dimensions import spread
+from suspension_cli.drawing.style import INK, NOTE, PALE, shorten, single_line, write_text
+
+HEAD = 0.5
+"""Room for the heading at the top of a figure, in."""
+FOOT = 0.16
+"""Room for the remark on the model at the bottom of a figure, in."""
+SMALL = 7.5
+"""Font size of labels, points."""
+WIDE = 3.0
+"""Decades from which a logarithmic axis has powers of ten as labels."""
+PROMINENT = 2.0
+"""Factor by which a peak must stand out of the curve on both sides to be labelled."""
+STRAIGHT = 0.12
+"""Largest deviation of the exponent of a power law that is labelled."""
+LONG = 0.25
+"""Shortest part of a curve along a power law that is labelled, decades."""
+
+
+def write_heading(figure: Figure, quantity: str, design: str) -> None:
+    """Write the quantity at the top of a figure and, below and smaller, design and model."""
+    across, _ = figure.get_size_inches()
+    write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.078)), 9.5, bold=True)
+    write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
+
+
+def set_margins(
+    figure: Figure,
+    left: float = 0.75,
+    right: float = 0.15,
+    top: float = HEAD + 0.08,
+    bottom: float = 0.45 + FOOT,
+    **between: float,
+) -> None:
+    """Set the margins of a figure in inches; `between` are `wspace` and `hspace`."""
+    across, up = figure.get_size_inches()
+    figure.subplots_adjust(
+        left=left / across,
+        right=1 - right / across,
+        top=1 - top / up,
+        bottom=bottom / up,
+        **between,
+    )
+
+
+def rule(axes: Axes) -> None:
+    """Draw the faint grid, and numbers that stay legible in a column of 8.5 cm."""
+    axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=7.5)
+
+
+def room_for(names: Sequence[str], most: int = 26, size: float = SMALL) -> float:
+    """Width of labels at line ends, in."""
+    return 0.26 + 0.0085 * size * max((min(len(name), most) for name in names), default=0)
+
+
+def label_plainly(axis: Axis) -> None:
+    """Label a logarithmic axis with 0.1, 1, 10, or with powers of ten if it is wide."""
+    low, high = sorted(axis.get_view_interval())
+    decades = np.log10(high / low) if low > 0 else 0.0
+    if decades > WIDE and not (low >= 0.9e-3 and high <= 1.1e4):
+        axis.set_major_locator(LogLocator(numticks=9))
+        axis.set_minor_formatter(NullFormatter())
+        return
+    if decades < 2.0:
+        axis.set_major_locator(
+            LogLocator(subs=(1, 1.5, 2, 3, 5, 7) if decades < 0.6 else (1, 2, 5))
+        )
+        axis.set_minor_locator(FixedLocator([]))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: write_plainly(x)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def write_plainly(value: float) -> str:
+    """Write a number as 0.05 or 200, with a power of ten only where it is very small or large.
+
+    >>> write_plainly(0.05), write_plainly(1e-6)
+    ('0.05', '$10^{-6}$')
+    """
+    if value == 0 or 1e-3 <= abs(value) < 1e5:
+        return f"{value:g}".replace("-", "−")
+    power = int(np.floor(np.log10(abs(value)) + 1e-9))
+    factor = f"{value / 10.0**power:g}"
+    if factor in ("1", "-1"):
+        return f"${factor[:-1]}10^{{{power}}}$"
+    return f"${factor}\\times10^{{{power}}}$"
+
+
+def label_phases(axes: Axes) -> None:
+    """Label a vertical axis of phases at multiples of 90 degrees, or of more where many."""
+    low, high = axes.get_ylim()
+    low, high = min(low, -8.0), max(high, 8.0)
+    steps = np.array([45.0, 90.0, 180.0, 360.0, 720.0, 1440.0, 3600.0])
+    step = steps[1:][(high - low) / steps[1:] <= 4.6][:1]
+    step = float(step[0]) if len(step) else 3600.0 * np.ceil((high - low) / 3600.0 / 4)
+    axes.set_ylim(low, high)
+    axes.set_yticks(np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "−")))
+
+
+def unwrap_phase(value: Any) -> Any:
+    """Unwrap the phase of a response along its frequencies, in degrees.
+
+    A step of half a turn between two points, too narrow for them, is downwards at a pole and
+    upwards at a zero, as for a little loss: |value| rises or falls towards it on both sides.
+
+    Examples
+    --------
+    >>> unwrap_phase(np.array([1.0, 2.0, 9.0, -9.0, -2.0]) + 0j).tolist()
+    [0.0, 0.0, 0.0, -180.0, -180.0]
+    """
+    found = np.full(len(value), np.nan)
+    some = np.flatnonzero(np.isfinite(value) & (value != 0))
+    if not len(some):
+        return found
+    known = np.asarray(value)[some]
+    size = np.log(np.abs(known))
+    angle = np.degrees(np.angle(known))
+    step = (np.diff(angle) + 180.0) % 360.0 - 180.0
+    before = np.concatenate([[0.0], np.diff(size)[:-1]])
+    after = np.concatenate([np.diff(size)[1:], [0.0]])
+    pole = before - after > 0
+    half = np.abs(step) > 120.0
+    step = np.where(half & pole & (step > 0), step - 360.0, step)
+    step = np.where(half & ~pole & (step < 0), step + 360.0, step)
+    start = angle[0] + (360.0 if angle[0] < -179.0 else 0.0)
+    found[some] = start + np.concatenate([[0.0], np.cumsum(step)])
+    return found
+
+
+def to_branch(phase: Any, near: Any) -> Any:
+    """Shift phases (degrees) by full turns to between 200 below and 160 above others.
+
+    So phases of the opposite sign, scattered about half a turn away, stay together.
+
+    >>> to_branch(np.array([179.0, -179.0]), 0.0).tolist()
+    [-181.0, -179.0]
+    """
+    return near + (phase - near + 200.0) % 360.0 - 200.0
+
+
+def label_ends(
+    axes: Axes,
+    ends: Sequence[tuple[Any, Any, str, str]],
+    size: float = SMALL,
+    most: int = 26,
+) -> None:
+    """Write labels right of the axes where lines end, moved apart, with leaders where moved.
+
+    An end outside the panel gets an arrow up or down. Labels follow changed limits.
+
+    Parameters
+    ----------
+    axes : Axes
+        With its limits and its place in the figure.
+    ends : sequence of tuple
+        Abscissas and ordinates of a line, its label and its colour.
+    size : float
+        Of the font, points.
+    most : int
+        Characters of a label.
+    """
+    if not ends:
+        return
+    texts = [
+        axes.annotate(
+            "",
+            (1, 0.5),
+            (8, 0),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            va="center",
+            ha="left",
+            fontsize=size,
+            color=colour,
+            annotation_clip=False,
+        )
+        for *_, colour in ends
+    ]
+    leaders = [
+        axes.add_line(
+            Line2D([], [], color=colour, linewidth=0.6, clip_on=False, transform=axes.transAxes)
+        )
+        for *_, colour in ends
+    ]
+
+    def place(_axes: Axes | None = None) -> None:
+        box = axes.get_window_extent()
+        gap = 1.18 * size * axes.figure.dpi / 72
+        low, high = sorted(axes.get_xlim())
+        raw = []
+        for abscissas, ordinates, *_ in ends:
+            x, y = np.asarray(abscissas, dtype=float), np.asarray(ordinates, dtype=float)
+            shown = np.flatnonzero(np.isfinite(y) & (x >= low) & (x <= high))
+            last = float(y[shown[-1]]) if len(shown) else np.nan
+            with np.errstate(invalid="ignore", divide="ignore"):
+                at = axes.transData.transform((high, last))[1] - box.y0
+            raw.append(float(at) if np.isfinite(at) else -1.0)
+        inside = [float(np.clip(at, 0.0, box.height)) for at in raw]
+        # below the panel the order is that of the values
+        order = [at + 1e-9 * min(real, 0.0) for at, real in zip(inside, raw, strict=True)]
+        places = _within(spread(order, gap), gap, box.height)
+        across = 6 * axes.figure.dpi / 72 / box.width
+        for text, leader, at, real, end, (_x, _y, name, _colour) in zip(
+            texts, leaders, places, raw, inside, ends, strict=True
+        ):
+            outside = "↓ " if real < -1 else "↑ " if real > box.height + 1 else ""
+            plain = name if name.startswith("$") else single_line(shorten(name, most))
+            text.set_text(outside + plain)
+            text.xy = (1, at / box.height)
+            moved = not outside and abs(at - end) > 0.3 * gap
+            leader.set_data(
+                [1, 1 + across] if moved else [],
+                [end / box.height, at / box.height] if moved else [],
+            )
+
+    place()
+    for event in ("xlim_changed", "ylim_changed"):
+        axes.callbacks.connect(event, place)
+
+
+def _within(places: list[float], gap: float, height: float) -> list[float]:
+    """Shift places at least a gap apart into 0 to a height, as far as they fit."""
+    order = np.argsort(places, kind="stable")
+    found = np.array(places)[order]
+    found = np.minimum(found, height - gap * np.arange(len(found))[::-1])
+    low = min(0.0, height - gap * (len(found) - 1))
+    for n in range(len(found)):
+        found[n] = max(found[n], low + n * gap if n == 0 else found[n - 1] + gap)
+    result = np.empty(len(found))
+    result[order] = found
+    return result.tolist()
+
+
+def find_peaks(size: Any, prominent: float = PROMINENT) -> Any:
+    """Find local maxima that exceed both valleys beside them by a factor: indices, highest last."""
+    level = np.log(np.where(np.isfinite(size) & (size > 0), size, np.nan))
+    level = np.where(np.isfinite(level), level, np.nanmin(level, initial=0.0))
+    tops = 1 + np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] >= level[2:]))
+    found = []
+    for top in tops:
+        higher = np.flatnonzero(level > level[top])
+        left, right = higher[higher < top], higher[higher > top]
+        valley = max(
+            level[left[-1] if len(left) else 0 : top].min(),
+            level[top : (right[0] if len(right) else len(level)) + 1].min(),
+        )
+        if level[top] - valley > np.log(prominent):
+            found.append((level[top] - valley, top))
+    return np.array([top for _, top in sorted(found)], dtype=int)
+
+
+def label_peaks(
+    axes: Axes, peaks: Sequence[tuple[float, float, str]], size: float = 7.0, most: int = 12
+) -> None:
+    """Write the frequencies of peaks in a row above them, moved apart, with leaders.
+
+    Parameters
+    ----------
+    axes : Axes
+        With its limits; there must be room for the row at its top.
+    peaks : sequence of tuple
+        Frequency (Hz), ordinate and remark of each, the most important last.
+    size, most
+        Font size (points) and largest number of labels.
+    """
+    chosen: list[tuple[float, float, str]] = []
+    low, high = axes.get_xlim()
+    for peak in reversed(peaks):
+        near = any(abs(np.log(peak[0] / other[0])) < 5e-3 for other in chosen)
+        if low <= peak[0] <= high and not near and len(chosen) < most:
+            chosen.append(peak)
+    if not chosen:
+        return
+    box = axes.get_window_extent()
+    dot = axes.figure.dpi / 72
+    texts = [f"{at:.3g}{remark}" for at, _, remark in chosen]
+    wide = max(map(len, texts)) * 0.62 * size * dot + 3 * dot
+    raw = [float(axes.transData.transform((at, 1))[0] - box.x0) for at, *_ in chosen]
+    fits = max(1, int(box.width / wide))
+    chosen, texts, raw = chosen[:fits], texts[:fits], raw[:fits]
+    places = _within(spread([x - wide / 2 for x in raw], wide), wide, box.width - wide)
+    foot = 1 - (1.25 * size + 2) * dot / box.height
+    for (at, top, _), text, place in zip(chosen, texts, places, strict=True):
+        middle = place + wide / 2
+        axes.text(
+            middle / box.width,
+            1 - 1 * dot / box.height,
+            text,
+            transform=axes.transAxes,
+            ha="center",
+            va="top",
+            fontsize=size,
+            color=NOTE,
+        )
+        height = (axes.transData.transform((at, top))[1] - box.y0) / box.height
+        start = axes.transData.transform((at, top))[0] - box.x0
+        axes.add_line(
+            Line2D(
+                [start / box.width, middle / box.width],
+                [min(height + 0.01, foot), foot],
+                transform=axes.transAxes,
+                color=NOTE,
+                linewidth=0.4,
+                zorder=1,
+            )
+        )
+
+
+def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
+    """Find the longest part along each power law: exponent, and its ends in Hz.
+
+    Examples
+    --------
+    >>> f = np.geomspace(0.1, 100, 400)
+    >>> [(n, round(low)) for n, low, high in find_slopes(f, 1 / (1 + (f / 2) ** 2)) if n]
+    [(-2, 8)]
+    """
+    good = np.isfinite(size) & (size > 0) & (frequency > 0)
+    if good.sum() < 8:
+        return []
+    x, y = np.log10(frequency[good]), np.log10(size[good])
+    grid = np.arange(x[0], x[-1], 0.02)
+    if len(grid) < 8:
+        return []
+    slope = np.gradient(np.interp(grid, x, y), 0.02)
+    whole = np.round(slope)
+    fits = (np.abs(slope - whole) < STRAIGHT) & (whole != 0) & (np.abs(whole) <= 24)
+    found: dict[int, tuple[float, float]] = {}
+    start = 0
+    for n in range(1, len(grid) + 1):
+        if n < len(grid) and fits[n] and fits[start] and whole[n] == whole[start]:
+            continue
+        if fits[start]:
+            own = int(whole[start])
+            before = found.get(own, (0.0, 0.0))
+            if grid[n - 1] - grid[start] > max(LONG, before[1] - before[0]):
+                found[own] = float(grid[start]), float(grid[n - 1])
+        start = n
+    return [(own, float(10**low), float(10**high)) for own, (low, high) in found.items()]
+
+
+def label_slopes(axes: Axes, frequency: Any, size: Any, drawn: Any, colour: str = INK) -> None:
+    """Write power laws beside a curve, f^-6, away from its peaks.
+
+    Parameters
+    ----------
+    axes : Axes
+    frequency, size : (f,) arrays
+        Hz, and the values that follow the power law.
+    drawn : (f,) array
+        Ordinates.
+    colour : str
+    """
+    peaks = np.log(frequency[find_peaks(size)])
+    for power, low, high in find_slopes(frequency, size):
+        places = np.log(low) + np.array([0.5, 0.3, 0.7]) * np.log(high / low)
+        free = np.abs(places[:, None] - peaks).min(1, initial=0.3)
+        middle = np.exp(places[free.argmax()])
+        at = np.interp(np.log(middle), np.log(frequency), drawn)
+        axes.annotate(
+            f"$f^{{{power}}}$",
+            (middle, at),
+            (5 if power < 0 else -5, 4),
+            textcoords="offset points",
+            ha="left" if power < 0 else "right",
+            va="bottom",
+            fontsize=8,
+            color=colour,
+            annotation_clip=True,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.85},
+        )

@@ -1,0 +1,268 @@
+"""Pictures of curves: labels, units, phases and marks that make their point."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from suspension_cli.analyses.response.picture import draw as draw_response
+from suspension_cli.analyses.sweep.crossings import Crossing
+from suspension_cli.analyses.sweep.file import SweepResult
+from suspension_cli.analyses.sweep.picture import draw as draw_sweep
+from suspension_cli.analyses.xcouple.file import Coupling
+from suspension_cli.analyses.xcouple.picture import draw as draw_coupling
+from suspension_cli.analyses.xcouple.picture import interpolate
+from suspension_cli.drawing import curves
+from suspension_cli.drawing.added_points import add_points
+from suspension_cli.drawing.style import PALETTE, house_style, new_figure, stage_colours
+from suspension_cli.linear.response import Response
+from suspension_cli.studies.axes import Axis
+from tests.support.golden import CONFIGS
+
+
+def texts(figure):
+    found = [text for axes in figure.axes for text in [*axes.texts, axes.title, axes._left_title]]
+    return [text for text in [*figure.texts, *found] if text.get_text() and text.get_visible()]
+
+
+def assert_legible(figure):
+    """Texts lie within the figure and apart from each other, ticks and axis labels included."""
+    with house_style():
+        figure.draw_without_rendering()
+    renderer = figure.canvas.get_renderer()
+    found = texts(figure)
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            ticks = [t for t in axis.get_major_ticks() if low <= t.get_loc() <= high]
+            shown = [tick.label1 for tick in ticks if tick.label1.get_visible()]
+            found += [text for text in [*shown, axis.label] if text.get_text()]
+    boxes = [text.get_window_extent(renderer) for text in found]
+    for text, box in zip(found, boxes, strict=True):
+        inside = box.x0 >= -1 and box.y0 >= -1
+        assert inside and box.x1 <= figure.bbox.x1 + 1 and box.y1 <= figure.bbox.y1 + 1, (
+            text.get_text()
+        )
+    apart = 0.02 * figure.dpi
+    for n, one in enumerate(boxes):
+        for k in range(n + 1, len(boxes)):
+            other = boxes[k]
+            wide = min(one.x1, other.x1) - max(one.x0, other.x0)
+            high = min(one.y1, other.y1) - max(one.y0, other.y0)
+            pair = found[n].get_text(), found[k].get_text()
+            assert min(wide, high) <= apart, pair
+
+
+def said(figure):
+    return [text.get_text() for text in texts(figure)]
+
+
+@pytest.fixture(scope="module")
+def triple():
+    return sus.read(CONFIGS / "geo-silica-triple.toml")
+
+
+def test_every_stage_has_one_colour():
+    assert stage_colours(["a", "b", "a", "c"]) == dict(zip("abc", PALETTE, strict=False))
+
+
+@pytest.mark.parametrize("loss", [0.0, 1e-6])
+def test_phase_falls_at_poles_rises_at_zeros_and_nowhere_else(loss):
+    """Poles at 1 and 3, a zero at 2: lossless steps are those of a little loss."""
+    f = np.geomspace(0.1, 30, 501)
+    square = f**2 * (1 - 1j * loss)
+    value = (4 - square) / ((1 - square) * (9 - square))
+    found = curves.unwrap_phase(value)
+    for low, high, phase in ((0, 0.9, 0), (1.1, 1.9, -180), (2.1, 2.9, 0), (3.2, 30, -180)):
+        own = (f > low) & (f < high)
+        assert found[own] == pytest.approx(phase, abs=0.1)
+
+
+def test_labels_at_line_ends_keep_apart_and_follow_the_limits():
+    with house_style():
+        figure = new_figure(5, 3)
+        axes = figure.subplots()
+        curves.set_margins(figure, right=1.2)
+        x = np.array([0.0, 1.0, 2.0])
+        axes.set_xlim(0, 2)
+        axes.set_ylim(0, 10)
+        levels = [5.0, 5.0, 5.01, -50.0, -60.0]
+        names = ["a", "b", "c", "low", "lower"]
+        curves.label_ends(
+            axes, [(x, level * x / 2, name, "k") for name, level in zip(names, levels, strict=True)]
+        )
+    assert [text.get_text() for text in axes.texts] == ["a", "b", "c", "↓ low", "↓ lower"]
+    assert_legible(figure)
+    axes.set_ylim(0, 4)
+    assert axes.texts[0].get_text() == "↑ a"
+    assert_legible(figure)
+
+
+def test_slopes_and_peaks_are_found():
+    f = np.geomspace(0.01, 100, 2000)
+    size = 1 / np.abs(1 - f**2 + 1e-4j * f)
+    assert f[curves.find_peaks(size)] == pytest.approx([1.0], rel=5e-3)
+    ((power, low, high),) = curves.find_slopes(f, size)
+    assert power == -2
+    assert 1 < low < 10
+    assert high > 90
+
+
+def test_added_points_reach_a_tip_and_keep_the_grid():
+    def pole(f):
+        return (1 / (1 - f**2 + 1e-9j * f))[:, None, None]
+
+    grid = np.geomspace(0.1, 10, 50)
+    frequency, value = add_points(pole, grid, pole(grid), np.array([1.0001]))
+    assert set(grid) <= set(frequency)
+    assert np.abs(value).max() == pytest.approx(1e9, rel=0.05)
+    assert len(frequency) < 400
+
+
+def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
+    found = sus.response(
+        triple,
+        inputs=["support.x"],
+        outputs=["test.x", "test.pitch", "upper.x"],
+        frequency="0.1:100:300",
+        model="beam",
+    )
+    figure = found.plot(scale="absolute")
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels == ["magnitude (m/m)", "magnitude (rad/m)", "phase (degrees)"]
+    assert "Transfer functions" in said(figure)
+    assert "Triple pendulum with a fused-silica final stage · beam model" in said(figure)
+    assert {"$f^{-6}$", "$f^{-2}$", "test.x / support.x", "0.552"} <= {*said(figure)}
+    colours = stage_colours(["upper", "middle", "test"])
+    assert [line.get_color() for line in figure.axes[2].lines[:3]] == [
+        colours["test"],
+        colours["test"],
+        colours["upper"],
+    ]
+    phase = figure.axes[2].lines[0].get_ydata()
+    assert np.abs(np.diff(phase)).max() < 100
+    assert phase[-1] == pytest.approx(-540, abs=2)
+    assert_legible(figure)
+    assert len(found.frequency) == 300
+
+
+def test_response_without_loss_marks_its_peaks():
+    def pole(f):
+        return (1 / (1 - f**2) + 0j)[:, None, None]
+
+    grid = np.geomspace(0.1, 10, 100)
+    frequency, value = add_points(pole, grid, pole(grid), np.empty(0))
+    signals = (("support.x",), ("test.x",), (("m/m",),))
+    figure = draw_response(Response(frequency, *signals, value, 1), "A design")
+    assert "1 ∞" in said(figure)
+    low, high = figure.axes[0].get_ylim()
+    assert high - low < 200
+    assert_legible(figure)
+
+
+def sweep_result():
+    x = np.linspace(-0.003, 0.006, 7)
+    value = np.stack([1 + 0 * x, 0.6 + 30 * x, 0.7 - 20 * x, 40 + 0 * x], axis=1)
+    status = np.array([3, 3, 0, 0, 0, 1, 1])
+    value[status == 1] = np.nan
+    return SweepResult(
+        axes=(Axis("stage.test.wires.d", tuple(x.tolist())),),
+        drawn=(0.001,),
+        start=(3,),
+        result=("upper yaw", "test pitch", "upper roll", "test vertical"),
+        unit=("Hz",) * 4,
+        degree=("upper.yaw", "test.pitch", "upper.roll", "test.z"),
+        nominal=value[3],
+        value=value,
+        status=status,
+        overlap=1.0,
+    )
+
+
+def test_sweep_colours_what_moves_and_shades_what_fails():
+    modes = ("test pitch", "upper roll")
+    crossing = Crossing(0.002, 0.66, modes, (0.3, 0.3))
+    figure = draw_sweep(sweep_result(), "A design", ["upper", "test"], [crossing])
+    (axes,) = figure.axes
+    assert axes.get_xlabel() == "stage.test.wires.d (mm)"
+    words = said(figure)
+    assert {"test pitch", "upper roll", "unstable", "slack", "as designed: 1 mm", "a"} <= {*words}
+    assert "upper yaw" not in words
+    assert any(w.startswith("grey: modes that change by less than 1 %") for w in words)
+    assert any(w.endswith("not drawn of these: 40 Hz") for w in words)
+    assert "a: test pitch and upper roll mix: 70 % + 30 %" in words
+    by_name = {line.get_label(): line.get_color() for line in axes.lines}
+    assert by_name["upper roll"] == PALETTE[0]
+    assert by_name["test pitch"] == PALETTE[1]
+    assert_legible(figure)
+
+
+def test_avoided_crossings_are_found():
+    """Pitch of the test mass and its pendulum mode mix where they come close."""
+    found = sus.sweep(
+        sus.read(CONFIGS / "double.toml"),
+        vary={"stage.test.wires.d": "-0.005:0.015:9"},
+        model="string",
+    )
+    words = said(found.plot())
+    assert any(w.startswith("a: ") and " mix: " in w for w in words), words
+
+
+def coupling(values):
+    k = np.linspace(0.6, 1.4, 9)
+    ratio = (k[:, None] - 1) * 1e-3 * (2 + np.array(values)[None]) + 0j
+    offset = Axis("offset", tuple(1e-3 * v for v in values))
+    names = {"wire": "test.1", "hold": "loaded-length", "input": "support.z"}
+    return Coupling(
+        axes=(Axis("k", tuple(k.tolist())), offset),
+        frequency=np.array([50.0]),
+        ratio=ratio[..., None],
+        status=np.zeros(ratio.shape, dtype=int),
+        over="test.x",
+        under="test.z",
+        **names,
+    )
+
+
+def test_coupling_has_its_limit_sharp_zeros_and_ordered_colours():
+    figure = draw_coupling(coupling([-1, 0, 1, 2]), "A design", 1e-3)
+    (axes,) = figure.axes
+    assert {"limit 0.001", "as designed", "−1 mm", "+2 mm"} <= {*said(figure)}
+    assert "wire test.1" in axes.get_title("left")
+    curves_drawn = [line for line in axes.lines if len(line.get_ydata()) > 20]
+    assert len({line.get_color() for line in curves_drawn}) == 4
+    assert all(line.get_ydata().min() < 1e-15 for line in curves_drawn)
+    assert_legible(figure)
+
+
+def test_interpolated_couplings_stop_at_gaps():
+    ratio = np.array([1.0, 0.5, np.nan, -0.5, -1.0, -1.5]) + 0j
+    at, size = interpolate(np.arange(6.0), ratio)
+    assert not np.isfinite(size[(at > 1) & (at < 3)]).any()
+    assert np.isfinite(size[(at >= 3)]).all()
+
+
+@pytest.mark.parametrize("sign", [-1])
+def test_poles_of_control_lie_in_the_complex_plane(sign):
+    text = (CONFIGS / "triple-damped.toml").read_text()
+    design = sus.parse(text if sign > 0 else text.replace("gain = 1.0e6 ", "gain = -1.0e6 "))
+    found = sus.damp(design, frequency="0.1:50:60", duration=5.0)
+    figure = found.plot()
+    poles = figure.axes[0]
+    crosses = [line for line in poles.lines if line.get_marker() == "x"]
+    right = [line for line in crosses if line.get_xdata()[0] > 0]
+    assert bool(right) == (sign < 0)
+    assert all(line.get_color() == "#cc0000" for line in right)
+    words = f"Local control: closed loop {'stable' if sign > 0 else 'UNSTABLE'}"
+    assert words in said(figure)
+    assert figure.axes[4].get_ylabel() == "phase (degrees)"
+    assert_legible_axes(figure)
+
+
+def assert_legible_axes(figure):
+    """Labels at line ends lie within the figure."""
+    for axes in figure.axes:
+        for text in axes.texts:
+            box = text.get_window_extent(figure.canvas.get_renderer())
+            assert box.x1 <= figure.bbox.x1 and box.x0 >= 0, text.get_text()
