@@ -48,6 +48,11 @@ def compiled(function: Any) -> Any:
         config.CACHE_DIR = before
 
 
+def inlined(function: Any) -> Any:
+    """Compile a small function into each compiled function that calls it."""
+    return njit(error_model="numpy", forceinline=True)(function)
+
+
 class _Announcement(event.Listener):
     """Tell a user at a terminal once that loops are being compiled, since that takes a while."""
 

@@ -99,47 +99,60 @@ def join(upper: Any, lower: Any) -> None:
 
 @compiled
 def resting(
-    sections: Any, length: float, tension: float, torsion: float, flex: Any, whole: Any, part: Any
+    sections: Any,
+    wire: int,
+    length: float,
+    tension: float,
+    torsion: float,
+    flex: Any,
+    whole: Any,
+    part: Any,
 ) -> None:
     """Fill the static stiffness of a wire against rotation of its ends, and against twisting.
 
     Parameters
     ----------
-    sections : (m, 9) array
+    sections : (w, m, 9) array
         Those of no length are left out.
+    wire : int
+        Its number.
     length, tension, torsion : float
         Of the wire in this pose, m and N; torsional stiffness that the design gives, or 0, N m/rad.
-    flex : (7,) array
-        To be filled: S_uu, S_ul, S_ll in both planes, and the torsional stiffness.
+    flex : (w, 19) array
+        Its last 7 columns are filled: S_uu, S_ul, S_ll in both planes, and the torsional stiffness.
     whole, part : (4, 4) arrays
         Scratch.
     """
-    drawn = 0.0
-    for m in range(len(sections)):
-        drawn += sections[m, LENGTH]
-    stretch, twist = length / drawn, 0.0
+    drawn, twist = 0.0, 0.0
+    first, last = flex.shape[1] - 7, flex.shape[1] - 1
+    for m in range(sections.shape[1]):
+        drawn += sections[wire, m, LENGTH]
+    stretch = length / drawn
     for plane in range(2):
-        if plane == 1 and sections[0, ROUND] == 1.0:
-            flex[3:6] = flex[:3]
+        column = first + 3 * plane
+        if plane == 1 and sections[wire, 0, ROUND] == 1.0:
+            for i in range(3):
+                flex[wire, column + i] = flex[wire, first + i]
             continue
         started = False
-        for m in range(len(sections)):
-            own = sections[m]
-            if own[LENGTH] == 0.0:
+        for m in range(sections.shape[1]):
+            own = sections[wire, m, LENGTH] * stretch
+            if own == 0.0:
                 continue
             target = part if started else whole
-            _static_rotations(own[SOFT + plane], tension, own[LENGTH] * stretch, target)
+            _static_rotations(sections[wire, m, SOFT + plane], tension, own, target)
             if started:
                 join(whole, part)
             started = True
-        flex[3 * plane] = whole[1, 1]
-        flex[3 * plane + 1] = whole[1, 3]
-        flex[3 * plane + 2] = whole[3, 3]
-    for m in range(len(sections)):
-        own = sections[m]
-        if own[LENGTH] > 0.0:
-            twist += own[LENGTH] * stretch / (own[TWISTING] + tension * own[POLAR_AREA])
-    flex[6] = torsion if torsion > 0 else 1 / twist
+        flex[wire, column] = whole[1, 1]
+        flex[wire, column + 1] = whole[1, 3]
+        flex[wire, column + 2] = whole[3, 3]
+    for m in range(sections.shape[1]):
+        own = sections[wire, m, LENGTH] * stretch
+        if own > 0.0:
+            stiffness = sections[wire, m, TWISTING] + tension * sections[wire, m, POLAR_AREA]
+            twist += own / stiffness
+    flex[wire, last] = torsion if torsion > 0 else 1 / twist
 
 
 @compiled

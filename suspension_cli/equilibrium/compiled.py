@@ -21,7 +21,6 @@ from suspension_cli.elements.compiled import (
     SPRING,
     WIRE,
     add_blades,
-    add_rotation_hessian,
     add_springs,
     add_wires,
     fill_geometry,
@@ -123,19 +122,18 @@ def _evaluate(
     tension: Any,
     gradient: Any,
     hessian: Any,
-    outer: Any,
     on_tips: Any,
     curved: bool,
     form: Any,
 ) -> None:
-    """Gradient (N + 1,) of one build, and if `curved` its Hessian (N + 1, N + 1), lower triangle.
+    """Gradient (N,) of one build, and if `curved` its Hessian (N, N), lower triangle.
 
-    The sums `outer` and `on_tips` are overwritten; for `form` see `add_wires`.
+    The forces `on_tips` are overwritten; for `form` see `add_wires`.
     """
-    w_upper, w_lower, w_blade, w_place, b_body, b_tips, s_upper, s_lower, _, sections = topology
+    w_upper, w_lower, w_blade, _, b_body, b_tips, s_upper, s_lower, _, sections = topology
     mass, wires, blades, springs, flex = numbers
     shift, turn, deflection = pose
-    gradient[:], outer[:], on_tips[:] = 0.0, 0.0, 0.0
+    gradient[:], on_tips[:] = 0.0, 0.0
     if curved:
         hessian[:] = 0.0
     for n in range(len(mass)):
@@ -144,7 +142,7 @@ def _evaluate(
         w_upper,
         w_lower,
         w_blade,
-        w_place,
+        b_tips,
         sections,
         wires,
         flex,
@@ -154,16 +152,15 @@ def _evaluate(
         tension,
         gradient,
         hessian,
-        outer,
         on_tips,
         curved,
         form,
     )
-    add_blades(b_body, b_tips, gravity, blades, turn, deflection, gradient, hessian, outer, on_tips)
-    for n in range(len(outer) if curved else 0):
-        add_rotation_hessian(outer[n], 6 * n + 3, hessian)
+    add_blades(
+        b_body, b_tips, gravity, blades, turn, deflection, gradient, hessian, on_tips, curved
+    )
     if len(springs):
-        add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian)
+        add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian, curved)
 
 
 @compiled
@@ -293,8 +290,8 @@ def newton_batch(
     tension, stiffness, residuals, roundings, steps, pivots, status = results
     most, balanced, last_step, cap = limits
     size = stiffness.shape[-1]
-    gradient, hessian = np.empty(size + 1), np.empty((size + 1, size + 1))
-    outer, on_tips = np.empty((shift.shape[1], 3, 3)), np.empty((blades.shape[1], 3))
+    gradient, hessian = np.empty(size), np.empty((size, size))
+    on_tips = np.empty((blades.shape[1], 3))
     free = size - 6
     # one element more for rigid directions of blades
     scale_all = np.empty(free + 1)
@@ -311,7 +308,7 @@ def newton_batch(
         largest = _scales(topology, gravity, own, scale_all, load, arm)
         for i in range(free):
             root[i] = math.sqrt(scale[i])
-        work = (tension[p], gradient, hessian, outer, on_tips)
+        work = (tension[p], gradient, hessian, on_tips)
         _evaluate(topology, gravity, own, pose, *work, True, none)
         residual = _residual(gradient, targets[p], scale)
         count, fresh, slow, converged, least = 0, True, False, False, np.nan
@@ -379,18 +376,18 @@ def _tangents(
     form: Any,
     masses: Any,
 ) -> None:
-    """Fill the stiffness without stretching and the mass (p, N, N), elongations (p, w, N + 1)."""
+    """Fill the stiffness without stretching and the mass (p, N, N), elongations (p, w, N)."""
     mass, wires, blades, springs, flex = numbers
     shift, turn, deflection = poses
     size = soft.shape[-1]
-    gradient, hessian = np.empty(size + 1), np.empty((size + 1, size + 1))
-    outer, on_tips = np.empty((shift.shape[1], 3, 3)), np.empty((blades.shape[1], 3))
+    gradient, hessian = np.empty(size), np.empty((size, size))
+    on_tips = np.empty((blades.shape[1], 3))
     tension = np.empty(wires.shape[1])
     turned, product = np.empty((3, 3)), np.empty((3, 3))
     for p in range(len(mass)):
         own = (mass[p], wires[p], blades[p], springs[p], flex[p])
         pose = (shift[p], turn[p], deflection[p])
-        work = (tension, gradient, hessian, outer, on_tips)
+        work = (tension, gradient, hessian, on_tips)
         _evaluate(topology, gravity, own, pose, *work, True, form[p])
         for i in range(size):
             for j in range(i + 1):
@@ -434,12 +431,12 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any]
     """
     packed, count = pack(scene, numbering), scene.batch[0]
     soft = np.empty((count, numbering.size, numbering.size))
-    form = np.zeros((count, len(scene.wires.label), numbering.size + 1))
+    form = np.zeros((count, len(scene.wires.label), numbering.size))
     poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
     inertia, masses = scene.bodies.inertia, np.zeros_like(soft)
     inertia = np.ascontiguousarray(np.broadcast_to(inertia, (count, *inertia.shape[-3:])))
     _tangents(packed.topology, packed.gravity, packed.numbers, inertia, poses, soft, form, masses)
-    return soft, form[..., :-1], masses
+    return soft, form, masses
 
 
 @compiled
