@@ -74,8 +74,12 @@ event.register("numba:compile", _Announcement())
 
 
 @compiled
-def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int = 0) -> float:
+def factorise(
+    matrix: Any, factor: Any, pivot: Any, where: Any, kept: int = 0, first: int = 0
+) -> float:
     """Factorise L D L^T from the lower triangle of a symmetric matrix (n, n), real or complex.
+
+    The `first` rows and columns of the matrix are left out.
 
     Columns are eliminated from the last to the first; zeros cost nothing. `factor` (n, n) is
     filled with the rows of L^T D, `pivot` (n,) with D; `where` (n,) is scratch. The first `kept`
@@ -90,12 +94,12 @@ def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int = 0) -
     size = len(pivot)
     for i in range(size):
         for j in range(i + 1):
-            factor[i, j] = matrix[i, j]
+            factor[i, j] = matrix[first + i, first + j]
     least = np.inf
     for k in range(size - 1, kept - 1, -1):
         d = factor[k, k]
         pivot[k] = d
-        ratio = abs(d) / abs(matrix[k, k])
+        ratio = abs(d) / abs(matrix[first + k, first + k])
         if not ratio >= least:
             least = ratio
         count = 0

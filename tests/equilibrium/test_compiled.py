@@ -70,11 +70,12 @@ def test_stiffness_and_mass(kind, seed):
         scene, found = bending_wires.solve_bending(scene, numbering)
         assert found.converged.all()
         pose = found.pose
-    soft, form, mass = compiled.tangent(scene, numbering, pose)
+    soft, form, whole, mass = compiled.tangent(scene, numbering, pose)
     k = np.broadcast_to(scene.wires.stiffness, form.shape[:2])
     stiffness = soft + (np.swapaxes(form, -1, -2) * k[:, None]) @ form
     _, expected = gradient_and_stiffness(scene, numbering, pose)
-    assert np.abs(stiffness - expected).max() < 1e-13 * np.abs(expected).max()
+    for found in (stiffness, whole):
+        assert np.abs(found - expected).max() < 1e-13 * np.abs(expected).max()
     tips = scene.blades.tip_mass
     bodies = replace(scene, blades=replace(scene.blades, tip_mass=np.zeros_like(tips)))
     inertia = string_model.mass_matrix(bodies, numbering, pose)
