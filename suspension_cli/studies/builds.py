@@ -13,7 +13,7 @@ import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.schema import Design
-from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
 from suspension_cli.linear.graded_eigenvalues import RIGID
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.symmetry import is_mirror_symmetric
@@ -126,7 +126,7 @@ def balance(
         slack = found.tension <= 0
         status = np.full(scene.batch, GOOD, dtype=np.uint8)
         if not allow_unstable:
-            status[grows(model)] = UNSTABLE
+            status[_unstable(model, found, design)] = UNSTABLE
         status[slack.any(-1)] = SLACK
         status[~found.converged] = UNBALANCED
     wire = np.full(status.shape, -1, dtype=np.int16)
@@ -148,6 +148,23 @@ def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:
         model,
         orientation=model.orientation if model.orientation is not None else found.pose.rotation,
     )
+
+
+def _unstable(model: LinearSystem, found: Equilibrium, design: Design) -> Any:
+    """Find builds (p,) with an unstable mode.
+
+    The pivots of the last step to an equilibrium tell most that are stable, unless the support
+    structure moves too.
+    """
+    unclear = np.ones(model.batch, dtype=bool)
+    if found.pivot is not None and design.support is None:
+        unclear = ~(found.pivot > CLEAR)
+    if unclear.all():
+        return grows(model)
+    if unclear.any():
+        mass = np.broadcast_to(model.mass, model.stiffness.shape)[unclear]
+        unclear[unclear] = grows(replace(model, stiffness=model.stiffness[unclear], mass=mass))
+    return unclear
 
 
 def grows(model: LinearSystem) -> Any:
