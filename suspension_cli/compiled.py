@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import hashlib
+import math
 import os
 import sys
 import tempfile
@@ -100,9 +101,9 @@ def factorise(
     The `first` rows and columns of the matrix are left out.
 
     Columns are eliminated from the last to the first; zeros cost nothing. `factor` (n, n) is
-    filled with the rows of L^T D, `pivot` (n,) with D; `where` (n,) is scratch. The first `kept`
-    columns are not eliminated: the lower triangle of `factor` then has what is left of their
-    matrix.
+    filled with the rows of L^T D below the diagonal and 1/D on it, `pivot` (n,) with D; `where`
+    (n,) is scratch. The first `kept` columns are not eliminated: the lower triangle of `factor`
+    then has what is left of their matrix.
 
     Returns
     -------
@@ -117,9 +118,11 @@ def factorise(
     for k in range(size - 1, kept - 1, -1):
         d = factor[k, k]
         pivot[k] = d
-        ratio = abs(d) / abs(matrix[first + k, first + k])
+        ratio = _square(d) / _square(matrix[first + k, first + k])
         if not ratio >= least:
             least = ratio
+        over = 1 / d
+        factor[k, k] = over
         count = 0
         for i in range(k):
             if factor[k, i] != 0.0:
@@ -129,22 +132,28 @@ def factorise(
         # elements are indexed one by one: a view of a row costs more than the row
         for m in range(count):
             i = where[m]
-            scaled = factor[k, i] / d
+            scaled = factor[k, i] * over
             if sparse:
                 for n in range(m + 1):
                     factor[i, where[n]] -= scaled * factor[k, where[n]]
             else:
                 for j in range(i + 1):
                     factor[i, j] -= scaled * factor[k, j]
-    return least
+    return math.sqrt(least)
+
+
+@inlined
+def _square(number: Any) -> float:
+    """Square of the size of a real or complex number."""
+    return number.real * number.real + number.imag * number.imag
 
 
 @compiled
-def substitute(factor: Any, pivot: Any, x: Any) -> None:
+def substitute(factor: Any, x: Any) -> None:
     """Solve with the factors of `factorise`, x (n,) in place of the right-hand side."""
-    size = len(pivot)
+    size = len(x)
     for k in range(size - 1, -1, -1):
-        value = x[k] / pivot[k]
+        value = x[k] * factor[k, k]
         x[k] = value
         if value != 0.0:
             for i in range(k):
@@ -159,7 +168,7 @@ def substitute(factor: Any, pivot: Any, x: Any) -> None:
             d += factor[k, i + 3] * x[i + 3]
         for i in range(k - k % 4, k):
             a += factor[k, i] * x[i]
-        x[k] -= ((a + b) + (c + d)) / pivot[k]
+        x[k] -= ((a + b) + (c + d)) * factor[k, k]
 
 
 @intrinsic
@@ -187,12 +196,13 @@ def _add_product(high: float, low: float, a: float, b: float) -> tuple[float, fl
 def _subtract_product(matrix: Any, x: Any, sign: float, high: Any, low: Any) -> None:
     """Subtract sign A x from a sum, for a real symmetric A (n, n) given by its lower triangle."""
     for i in range(len(x)):
-        for j in range(i + 1):
+        own_high, own_low = _add_product(high[i], low[i], -sign * matrix[i, i], x[i])
+        for j in range(i):
             element = -sign * matrix[i, j]
             if element != 0.0:
-                high[i], low[i] = _add_product(high[i], low[i], element, x[j])
-                if i != j:
-                    high[j], low[j] = _add_product(high[j], low[j], element, x[i])
+                own_high, own_low = _add_product(own_high, own_low, element, x[j])
+                high[j], low[j] = _add_product(high[j], low[j], element, x[i])
+        high[i], low[i] = own_high, own_low
 
 
 def residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> None:

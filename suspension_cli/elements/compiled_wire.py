@@ -286,7 +286,8 @@ def add_dynamic(
         Of the gas, per length, for both planes, stretching and twisting.
     massive : bool
         Whether the wires have inertia.
-    dynamic : (q, N + 1, N + 1) complex array
+    dynamic : (q, N, N) complex array
+        To be added to; coordinates of rigid directions of tips are N and left out.
     compliance : (q, w) complex array
     """
     whole, part = np.empty((4, 4), dtype=np.complex128), np.empty((4, 4), dtype=np.complex128)
@@ -391,24 +392,34 @@ def _add_block(
     left: Any, right: Any, block: Any, one: Any, rows: Any, two: Any, columns: Any, target: Any
 ) -> None:
     """Add L^T B R to a symmetric matrix at some coordinates, and its mirror image."""
-    same = left.shape[1] == right.shape[1]
+    same, size = left.shape[1] == right.shape[1], len(target)
     for i in range(left.shape[1]):
+        a = one[rows[i]]
+        if a == size:
+            continue
         first = block[0, 0] * left[0, i] + block[1, 0] * left[1, i]
         second = block[0, 1] * left[0, i] + block[1, 1] * left[1, i]
-        a = one[rows[i]]
         for j in range(i + 1 if same else right.shape[1]):
             b = two[columns[j]]
-            value = first * right[0, j] + second * right[1, j]
-            target[a, b] += value
-            if a != b:
-                target[b, a] += value
+            if b < size:
+                value = first * right[0, j] + second * right[1, j]
+                target[a, b] += value
+                if a != b:
+                    target[b, a] += value
 
 
 @compiled
 def _add_along(form: Any, stiffness: complex, where: Any, rows: Any, target: Any) -> None:
+    size = len(target)
     for i in range(len(form)):
-        for j in range(len(form)):
-            target[where[rows[i]], where[rows[j]]] += stiffness * form[i] * form[j]
+        a = where[rows[i]]
+        for j in range(i + 1 if a < size else 0):
+            b = where[rows[j]]
+            if b < size:
+                value = stiffness * (form[i] * form[j])
+                target[a, b] += value
+                if a != b:
+                    target[b, a] += value
 
 
 @compiled

@@ -328,7 +328,7 @@ def newton_batch(
                     break
             for i in range(free):
                 x[i] = target[i] - gradient[SUPPORTED + i]
-            substitute(factor, pivot, x)
+            substitute(factor, x)
             longest, step = 0.0, 0.0
             for i in range(free):
                 rotation = i < 6 * bodies and i % 6 >= 3

@@ -126,10 +126,10 @@ def respond(
                     for i in range(size):
                         b[i] -= drawn[i, j] * moves[p, j, column]
             x[:] = b
-            substitute(factor, pivot, x)
+            substitute(factor, x)
             for _ in range(refinements):
                 residual(matrix, x, b, work, left)
-                substitute(factor, pivot, left)
+                substitute(factor, left)
                 x += left
             for n in range(free):
                 result[q, order[n] - 6, column] = x[place[n]]

@@ -22,6 +22,7 @@ from suspension_cli.models import registry
 from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.models.surroundings import framed, surrounded
 from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.statics import static_displacements
 from suspension_cli.studies.systems import respond
@@ -81,8 +82,9 @@ class Builds:
         Whether each build is symmetric when x, or y, is mirrored.
     terms : tuple of BatchTerm
         Frequency-dependent parts, where wires bend.
-    static : (p, n, 6) array or None
-        Static displacement (m) and rotation (rad) of the bodies, see `statics`, if computed.
+    scene : Scene or None
+    pose : Pose or None
+        Of the builds in equilibrium, if known.
     """
 
     model: LinearSystem
@@ -91,7 +93,14 @@ class Builds:
     residual: Any
     mirrors: Any
     terms: tuple[BatchTerm, ...] = ()
-    static: Any = None
+    scene: Scene | None = None
+    pose: Pose | None = None
+
+    @property
+    def static(self) -> Any:
+        """Static displacement (m) and rotation (rad) of the bodies, (p, n, 6), see `statics`."""
+        assert self.scene is not None and self.pose is not None
+        return static_displacements(self.scene, self.pose)
 
 
 def balance(
@@ -138,7 +147,8 @@ def balance(
         found.residual,
         is_mirror_symmetric(scene),
         terms,
-        static_displacements(scene, found.pose),
+        scene,
+        found.pose,
     )
 
 
