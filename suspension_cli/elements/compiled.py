@@ -467,7 +467,9 @@ def add_springs(
                         (force[i] * arm[j] + arm[i] * force[j]) / 2 - along_arm * one + twisted
                     )
                     hessian[6 * u + 3 + i, 6 * u + 3 + j] += (
-                        (force[i] * reach[j] + reach[i] * force[j]) / 2 - along_reach * one + twisted
+                        (force[i] * reach[j] + reach[i] * force[j]) / 2
+                        - along_reach * one
+                        + twisted
                     )
                 mixed = (along_arm + trace / 2) * one - arm[i] * force[j] - g[j, i] / 2
                 hessian[6 * l + 3 + j, 6 * u + 3 + i] += mixed

@@ -98,6 +98,52 @@ def join(upper: Any, lower: Any) -> None:
 
 
 @compiled
+def _resting_bends(
+    sections: Any, wire: int, plane: int, tension: float, stretch: float, whole: Any, part: Any
+) -> None:
+    """Fill `whole` with the static stiffness of a wire on w_1, w'_1, w_2, w'_2 in one plane."""
+    started = False
+    for m in range(sections.shape[1]):
+        own = sections[wire, m, LENGTH] * stretch
+        if own == 0.0:
+            continue
+        target = part if started else whole
+        _static_rotations(sections[wire, m, SOFT + plane], tension, own, target)
+        if started:
+            join(whole, part)
+        started = True
+
+
+@compiled
+def hinge_distances(
+    sections: Any, wire: int, iterations: int, length: Any, tension: Any, result: Any
+) -> None:
+    """Fill the distances of the hinges of one wire from its clamps, see `bending_wires.to_clamps`.
+
+    Parameters
+    ----------
+    sections : (w, m, 9) array
+    wire, iterations : int
+        Number of the wire, and of steps of the iteration.
+    length, tension : (p,) arrays
+        Length between the hinges, m, and tension, N, of each build.
+    result : (p, 2) array
+        At the upper and the lower end, m.
+    """
+    whole, part = np.empty((4, 4)), np.empty((4, 4))
+    drawn = 0.0
+    for m in range(sections.shape[1]):
+        drawn += sections[wire, m, LENGTH]
+    for p in range(len(length)):
+        upper = lower = 0.0
+        for _ in range(iterations):
+            stretch = (length[p] + upper + lower) / drawn
+            _resting_bends(sections, wire, 0, tension[p], stretch, whole, part)
+            upper, lower = abs(whole[1, 2] / whole[0, 2]), abs(whole[3, 0] / whole[2, 0])
+        result[p, 0], result[p, 1] = upper, lower
+
+
+@compiled
 def resting(
     sections: Any,
     wire: int,
@@ -134,16 +180,7 @@ def resting(
             for i in range(3):
                 flex[wire, column + i] = flex[wire, first + i]
             continue
-        started = False
-        for m in range(sections.shape[1]):
-            own = sections[wire, m, LENGTH] * stretch
-            if own == 0.0:
-                continue
-            target = part if started else whole
-            _static_rotations(sections[wire, m, SOFT + plane], tension, own, target)
-            if started:
-                join(whole, part)
-            started = True
+        _resting_bends(sections, wire, plane, tension, stretch, whole, part)
         flex[wire, column] = whole[1, 1]
         flex[wire, column + 1] = whole[1, 3]
         flex[wire, column + 2] = whole[3, 3]

@@ -380,9 +380,7 @@ def _tangents(
         own = (mass[p], wires[p], blades[p], springs[p], flex[p])
         pose = (shift[p], turn[p], deflection[p])
         form[p], masses[p] = 0.0, 0.0
-        _evaluate(
-            topology, gravity, own, pose, tension, gradient, hessian, on_tips, True, form[p]
-        )
+        _evaluate(topology, gravity, own, pose, tension, gradient, hessian, on_tips, True, form[p])
         for i in range(size):
             for j in range(i + 1):
                 soft[p, i, j] = soft[p, j, i] = hessian[i, j]

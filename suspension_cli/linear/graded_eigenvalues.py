@@ -90,7 +90,9 @@ def _group_rows(soft: Any) -> list[tuple[Any, Any]]:
     ]
 
 
-def solve_batch(mass: Array, stiffness: Array, tension: Array) -> tuple[Any, Any]:
+def solve_batch(
+    mass: Array, stiffness: Array, tension: Array, *, loops: bool = False
+) -> tuple[Any, Any]:
     """Solve for eigenvalues (p, m) and orthonormal vectors L^T v (p, c, m), M = L L^T, of a batch.
 
     Only systems with modes that are `WIDE` apart are solved again in soft subspaces.
@@ -101,11 +103,22 @@ def solve_batch(mass: Array, stiffness: Array, tension: Array) -> tuple[Any, Any
         As for `solve`.
     tension : (p,) array
         See `rigid`.
+    loops : bool
+        Whether to use compiled loops, which are faster in large batches.
     """
-    root = np.linalg.cholesky(mass)
-    inverse = np.linalg.inv(root)
-    dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
-    values, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
+    if loops:
+        from suspension_cli.linear import compiled  # takes half a second
+
+        root, dynamic = np.empty(mass.shape), np.empty(mass.shape)
+        compiled.scale_by_mass(
+            np.ascontiguousarray(mass), np.ascontiguousarray(stiffness), root, dynamic
+        )
+    else:
+        root = np.linalg.cholesky(mass)
+        inverse = np.linalg.inv(root)
+        dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
+        dynamic = (dynamic + np.swapaxes(dynamic, -1, -2)) / 2
+    values, vectors = np.linalg.eigh(dynamic)
     size = np.abs(values)
     wide = size.min(-1) < WIDE * size.max(-1)
     if wide.any():
