@@ -462,14 +462,12 @@ def add_springs(
             for j in range(3):
                 one = 1.0 if i == j else 0.0
                 if j <= i:
-                    twisted = (g[i, j] + g[j, i]) / 4 - trace / 2 * one
+                    spun = (g[i, j] + g[j, i]) / 4 - trace / 2 * one
                     hessian[6 * l + 3 + i, 6 * l + 3 + j] += (
-                        (force[i] * arm[j] + arm[i] * force[j]) / 2 - along_arm * one + twisted
+                        (force[i] * arm[j] + arm[i] * force[j]) / 2 - along_arm * one + spun
                     )
                     hessian[6 * u + 3 + i, 6 * u + 3 + j] += (
-                        (force[i] * reach[j] + reach[i] * force[j]) / 2
-                        - along_reach * one
-                        + twisted
+                        (force[i] * reach[j] + reach[i] * force[j]) / 2 - along_reach * one + spun
                     )
                 mixed = (along_arm + trace / 2) * one - arm[i] * force[j] - g[j, i] / 2
                 hessian[6 * l + 3 + j, 6 * u + 3 + i] += mixed
