@@ -193,6 +193,8 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
             else _select_pose(_broadcast_pose(nominal.pose, scene.batch), suspect)
         )
         better = _continue(some, numbering, begin, steps)
+        if found.stiffness is not None:
+            better = replace(better, stiffness=_tangent_stiffness(some, numbering, better))
         found = _replace_converged(found, suspect, better)
         suspect[suspect] = ~(better.converged & _is_stable(some, numbering, better))
     return found
@@ -271,14 +273,20 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
     return result
 
 
+def _tangent_stiffness(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
+    """Tangent stiffness (..., N, N) in equilibrium, which the loops for a batch do not give."""
+    if found.stiffness is not None:
+        return found.stiffness
+    from suspension_cli.equilibrium import compiled  # takes half a second
+
+    return compiled.tangent(scene, numbering, found.pose)[2]
+
+
 def _has_no_soft_direction(
     scene: Scene, numbering: Layout, found: Equilibrium
 ) -> Bool[np.ndarray, "*batch"]:
-    root, stiffness = np.sqrt(residual_scale(scene, numbering)), found.stiffness
-    if stiffness is None:
-        from suspension_cli.equilibrium import compiled  # takes half a second
-
-        stiffness = compiled.tangent(scene, numbering, found.pose)[2]
+    root = np.sqrt(residual_scale(scene, numbering))
+    stiffness = _tangent_stiffness(scene, numbering, found)
     scaled = np.nan_to_num(stiffness[..., 6:, 6:]) / (root[..., :, None] * root[..., None, :])
     own = np.abs(np.diagonal(scaled, axis1=-2, axis2=-1))
     free = free_rotations(scene, numbering, found.pose, single_point_stages(scene))
