@@ -171,8 +171,7 @@ def substitute(factor: Any, x: Any) -> None:
         x[k] -= ((a + b) + (c + d)) * factor[k, k]
 
 
-@intrinsic
-def _fused(context: Any, a: Any, b: Any, c: Any) -> Any:
+def _multiply_add(context: Any, a: Any, b: Any, c: Any) -> Any:
     """Compute a b + c with one rounding."""
 
     def instruction(_context: Any, builder: Any, _signature: Any, numbers: Any) -> Any:
@@ -180,6 +179,9 @@ def _fused(context: Any, a: Any, b: Any, c: Any) -> Any:
 
     del context, a, b, c
     return types.float64(*(types.float64,) * 3), instruction
+
+
+_fused: Any = intrinsic(_multiply_add)
 
 
 @inlined
