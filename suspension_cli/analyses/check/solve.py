@@ -49,6 +49,8 @@ class Check(Report):
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document that ``pendsus check --json`` prints."""
+        from suspension_cli.analyses.check import towers
+
         found = self.statics
         return {
             "command": "check",
@@ -79,6 +81,7 @@ class Check(Report):
                 {"stage": b.name, "shift_m": list(b.shift), "rotation_rad": list(b.rotation)}
                 for b in found.bodies
             ],
+            **towers.documents(found.legs, found.filters),
             "warnings": [
                 {name: getattr(item.fault, name) for name in ("key", "value", "problem", "remedy")}
                 | {"serious": item.serious}
@@ -87,6 +90,8 @@ class Check(Report):
         }
 
     def __str__(self) -> str:
+        from suspension_cli.analyses.check import towers
+
         found, count = self.statics, len(self.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
         lines = [
@@ -98,6 +103,7 @@ class Check(Report):
         if found.blades:
             rows = ((b.label, b.load, 1e3 * b.sag, *_strength(b)) for b in found.blades)
             lines.append(_table("blade", "load", "sag", rows))
+        lines += towers.lines(found.legs, found.filters)
         for body in found.bodies:
             if any(body.shift) or any(body.rotation):
                 shift = ", ".join(f"{1e3 * value:.4f}" for value in body.shift)
@@ -127,7 +133,14 @@ def solve(source: Source) -> Check:
     import tomllib
 
     from suspension_cli.analyses import settings
-    from suspension_cli.analyses.check import limits, names, plausible, statics, warnings
+    from suspension_cli.analyses.check import (
+        limits,
+        names,
+        plausible,
+        statics,
+        towers,
+        warnings,
+    )
     from suspension_cli.design import plausibility
     from suspension_cli.design.paths import value_at
     from suspension_cli.models import registry
@@ -140,6 +153,7 @@ def solve(source: Source) -> Check:
     except InputError as error:  # it may be one of these numbers that keeps it from balancing
         raise InputError([*error.faults, *(item.fault for item in found)], source.file) from None
     found += plausible.find_implausible_loads(design, loads)
+    found += towers.find_implausible_towers(design, loads.legs, loads.filters)
     stable = level = modes = None
     stability = plausible.solve_stability(design)
     if stability is not None:
