@@ -136,19 +136,19 @@ def run(
         f"xcouple, single stage, {BUILDS} builds / numpy.linalg.eigvalsh of 6 x 6",
         compute_all(single),
         eigenvalue_floor(6, np.linalg.eigvalsh),
-        12.0,
+        9.0,
     )
     ratio(
         f"xcouple, triple, string, {BUILDS} builds / numpy.linalg.eigvalsh of 18 x 18",
         compute_all(string),
         eigenvalue_floor(18, np.linalg.eigvalsh),
-        8.0,
+        4.0,
     )
     ratio(
         "the same on beam / on string",
         compute_all(beam),
         compute_all(string),
-        5.0,
+        4.5,
     )
     ratio(
         "the same on violin / on string",
@@ -158,7 +158,7 @@ def run(
     )
     source = read(RANDOM)
     names = tuple(stage.name for stage in source.design.stage)
-    for level, limit in (("string", 9.0), ("beam", 14.0)):
+    for level, limit in (("string", 6.0), ("beam", 9.0)):
         random = RandomBuilds(source.text, BUILDS, 7, coupling_question(names, 0), level=level)
         size = len(random.nominal.omega_squared)
         ratio(

@@ -7,7 +7,10 @@ this module.
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import hashlib
+import math
 import os
 import sys
 import tempfile
@@ -18,7 +21,7 @@ import numpy as np
 from numba import config as _config
 from numba import njit, types
 from numba.core import event
-from numba.extending import overload
+from numba.extending import intrinsic, overload
 
 
 def _cache_folder() -> str:
@@ -48,6 +51,27 @@ def compiled(function: Any) -> Any:
         config.CACHE_DIR = before
 
 
+def inlined(function: Any) -> Any:
+    """Compile a small function into each compiled function that calls it."""
+    return njit(error_model="numpy", forceinline=True)(function)
+
+
+def _keep_memory() -> None:
+    """Let the C library (glibc) keep freed arrays for the next batch.
+
+    Otherwise it returns them to the system, which fills each page with zeros when it is used again:
+    up to a quarter of the time of a batch.
+    """
+    trim_threshold, mmap_threshold = -1, -3  # malloc.h
+    with contextlib.suppress(AttributeError, OSError):
+        library = ctypes.CDLL(None)
+        library.mallopt(trim_threshold, 1 << 28)
+        library.mallopt(mmap_threshold, 1 << 25)
+
+
+_keep_memory()
+
+
 class _Announcement(event.Listener):
     """Tell a user at a terminal once that loops are being compiled, since that takes a while."""
 
@@ -69,13 +93,17 @@ event.register("numba:compile", _Announcement())
 
 
 @compiled
-def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int = 0) -> float:
+def factorise(
+    matrix: Any, factor: Any, pivot: Any, where: Any, kept: int = 0, first: int = 0
+) -> float:
     """Factorise L D L^T from the lower triangle of a symmetric matrix (n, n), real or complex.
 
+    The `first` rows and columns of the matrix are left out.
+
     Columns are eliminated from the last to the first; zeros cost nothing. `factor` (n, n) is
-    filled with the rows of L^T D, `pivot` (n,) with D; `where` (n,) is scratch. The first `kept`
-    columns are not eliminated: the lower triangle of `factor` then has what is left of their
-    matrix.
+    filled with the rows of L^T D below the diagonal and 1/D on it, `pivot` (n,) with D; `where`
+    (n,) is scratch. The first `kept` columns are not eliminated: the lower triangle of `factor`
+    then has what is left of their matrix.
 
     Returns
     -------
@@ -85,14 +113,16 @@ def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int = 0) -
     size = len(pivot)
     for i in range(size):
         for j in range(i + 1):
-            factor[i, j] = matrix[i, j]
+            factor[i, j] = matrix[first + i, first + j]
     least = np.inf
     for k in range(size - 1, kept - 1, -1):
         d = factor[k, k]
         pivot[k] = d
-        ratio = abs(d) / abs(matrix[k, k])
+        ratio = _square(d) / _square(matrix[first + k, first + k])
         if not ratio >= least:
             least = ratio
+        over = 1 / d
+        factor[k, k] = over
         count = 0
         for i in range(k):
             if factor[k, i] != 0.0:
@@ -102,44 +132,63 @@ def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int = 0) -
         # elements are indexed one by one: a view of a row costs more than the row
         for m in range(count):
             i = where[m]
-            scaled = factor[k, i] / d
+            scaled = factor[k, i] * over
             if sparse:
                 for n in range(m + 1):
                     factor[i, where[n]] -= scaled * factor[k, where[n]]
             else:
                 for j in range(i + 1):
                     factor[i, j] -= scaled * factor[k, j]
-    return least
+    return math.sqrt(least)
+
+
+@inlined
+def _square(number: Any) -> float:
+    """Square of the size of a real or complex number."""
+    return number.real * number.real + number.imag * number.imag
 
 
 @compiled
-def substitute(factor: Any, pivot: Any, x: Any) -> None:
+def substitute(factor: Any, x: Any) -> None:
     """Solve with the factors of `factorise`, x (n,) in place of the right-hand side."""
-    size = len(pivot)
+    size = len(x)
     for k in range(size - 1, -1, -1):
-        value = x[k] / pivot[k]
+        value = x[k] * factor[k, k]
         x[k] = value
         if value != 0.0:
             for i in range(k):
                 x[i] -= factor[k, i] * value
     for k in range(size):
-        total = x[k] * 0
-        for i in range(k):
-            total += factor[k, i] * x[i]
-        x[k] -= total / pivot[k]
+        # four sums at once, as one has to wait for each addition
+        a = b = c = d = x[k] * 0
+        for i in range(0, k - 3, 4):
+            a += factor[k, i] * x[i]
+            b += factor[k, i + 1] * x[i + 1]
+            c += factor[k, i + 2] * x[i + 2]
+            d += factor[k, i + 3] * x[i + 3]
+        for i in range(k - k % 4, k):
+            a += factor[k, i] * x[i]
+        x[k] -= ((a + b) + (c + d)) * factor[k, k]
 
 
-@compiled
+def _multiply_add(context: Any, a: Any, b: Any, c: Any) -> Any:
+    """Compute a b + c with one rounding."""
+
+    def instruction(_context: Any, builder: Any, _signature: Any, numbers: Any) -> Any:
+        return builder.fma(*numbers)
+
+    del context, a, b, c
+    return types.float64(*(types.float64,) * 3), instruction
+
+
+_fused: Any = intrinsic(_multiply_add)
+
+
+@inlined
 def _add_product(high: float, low: float, a: float, b: float) -> tuple[float, float]:
-    """Add a b to a sum in two doubles: error-free product and sum (Dekker 1971; Knuth)."""
+    """Add a b to a sum in two doubles: error-free product and sum (Knuth)."""
     product = a * b
-    t = 134217729.0 * a
-    a_high = t - (t - a)
-    a_low = a - a_high
-    t = 134217729.0 * b
-    b_high = t - (t - b)
-    b_low = b - b_high
-    error = a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
+    error = _fused(a, b, -product)
     total = high + product
     t = total - high
     return total, low + error + ((high - (total - t)) + (product - t))
@@ -149,12 +198,13 @@ def _add_product(high: float, low: float, a: float, b: float) -> tuple[float, fl
 def _subtract_product(matrix: Any, x: Any, sign: float, high: Any, low: Any) -> None:
     """Subtract sign A x from a sum, for a real symmetric A (n, n) given by its lower triangle."""
     for i in range(len(x)):
-        for j in range(i + 1):
+        own_high, own_low = _add_product(high[i], low[i], -sign * matrix[i, i], x[i])
+        for j in range(i):
             element = -sign * matrix[i, j]
             if element != 0.0:
-                high[i], low[i] = _add_product(high[i], low[i], element, x[j])
-                if i != j:
-                    high[j], low[j] = _add_product(high[j], low[j], element, x[i])
+                own_high, own_low = _add_product(own_high, own_low, element, x[j])
+                high[j], low[j] = _add_product(high[j], low[j], element, x[i])
+        high[i], low[i] = own_high, own_low
 
 
 def residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> None:

@@ -1,12 +1,26 @@
 """Forces and stiffness of the elements of one build, as loops that `numba` compiles.
 
 The formulas are those of `string`, `bending`, `blade` and `spring`, which work on arrays of any
-type of number; these work on the doubles of one build at a time, some thirty times faster in a
-batch. `tests/elements/test_compiled.py` compares both on random scenes.
+type of number; these work on the doubles of one build at a time, some hundred times faster in a
+batch. `tests/equilibrium/test_compiled.py` compares both on random scenes.
 
 The numbers of a build are packed into one row per element, in the order given by `WIRE`, `BLADE`,
-`SPRING` and `FLEX`. A Hessian has one row and column more than there are coordinates: it takes what
-belongs to rigid directions of blades. Only its lower triangle is filled.
+`SPRING` and `FLEX`. Of a Hessian (N, N) only the lower triangle is filled.
+
+The span d of a wire changes with translations x and small rotations t of the upper and the lower
+body, whose attachments have the arms a and b, and with the deflection q of a blade tip on a body
+turned by R:  dd = x_l - x_u + [a] t_u - [b] t_l - R q,  where [a] v = a x v. With the force F on
+the span, dF = S dd + X_u t_u + X_l t_l (a string has no X), and with
+
+    A = S [a] + X_u,   B = S [b] - X_l,   dF = S (x_l - x_u - R q) + A t_u - B t_l,
+
+all blocks of the stiffness follow: S between translations, A and B between these and rotations,
+and from the change of the torques [a]^T F and -[b]^T F (and of those that bending and twisting
+exert, with second derivatives Y)
+
+    [a]^T A + X_u^T [a] + Y_uu,  -[b]^T A + X_l^T [a] + Y_lu,  [b]^T B - X_l^T [b] + Y_ll
+
+between rotations, to which the rotation of the arms themselves adds (see `geometric_stiffness`).
 """
 
 from __future__ import annotations
@@ -16,148 +30,137 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.compiled import compiled
+from suspension_cli.compiled import compiled, inlined
+from suspension_cli.elements.compiled_vectors import (
+    add_block,
+    add_lower,
+    add_vector,
+    added,
+    cross,
+    cross_matrix,
+    cross_times,
+    diagonal,
+    dot,
+    matrix,
+    minus,
+    multiple,
+    outer,
+    plus,
+    scaled,
+    subtract_block,
+    subtracted,
+    times,
+    times_cross,
+    transposed,
+    turned,
+    turning,
+    vector,
+)
 from suspension_cli.elements.compiled_wire import resting
 
 WIRE = ("upper_point", "lower_point", "span", "length", "tension", "stiffness", "torsion")
 """Fields of `Wires` in a row of 13 numbers."""
+UPPER_POINT, LOWER_POINT, SPAN, LENGTH, TENSION, STIFFNESS, TORSION = 0, 3, 6, 9, 10, 11, 12
 BLADE = ("tip", "stiffness", "load", "tip_mass")
 """Fields of `Blades` in a row of 10 numbers."""
+TIP, BLADE_STIFFNESS, LOAD, TIP_MASS = 0, 3, 6, 9
 SPRING = ("upper_point", "lower_point", "stiffness", "preload")
 """Fields of `Springs` in a row of 48 numbers."""
 FLEX = ("upper", "lower", "bend", "twist")
 """Fields of `Flex` in a row of 19 numbers."""
+UPPER_NORMALS, LOWER_NORMALS, BEND, TWIST = 0, 6, 12, 18
 
 
-@compiled
-def rotate(turn: Any, vector: Any, out: Any) -> None:
-    """Rotate a vector (3,) by the rotation matrix 1 + `turn` (3, 3)."""
-    for i in range(3):
-        total = turn[i, 0] * vector[0] + turn[i, 1] * vector[1] + turn[i, 2] * vector[2]
-        out[i] = vector[i] + total
+@inlined
+def _slopes(e: Any, upper: Any, lower: Any, flex: Any, n: int, plane: int) -> Any:
+    """Stiffness S_uu, S_ul, S_ll of a wire in one plane, and the moments at its ends, N m."""
+    first = BEND + 3 * plane
+    s_uu, s_ul, s_ll = flex[n, first], flex[n, first + 1], flex[n, first + 2]
+    a, b = -dot(e, upper), -dot(e, lower)
+    return s_uu, s_ul, s_ll, s_uu * a + s_ul * b, s_ul * a + s_ll * b
 
 
-@compiled
-def add_rotation_hessian(outer: Any, first: int, hessian: Any) -> None:
-    """Add the geometric stiffness of a body from its sum of F w^T (3, 3), see
-    `geometric_stiffness`.
+@inlined
+def _across(e: Any, n: Any) -> Any:
+    """The part of a vector across the wire."""
+    return minus(n, scaled(dot(n, e), e))
+
+
+@inlined
+def _add_bending_force(
+    e: Any, length: float, upper: Any, lower: Any, flex: Any, n: int, plane: int, forces: Any
+) -> Any:
+    """Add the force on the span and the torques on both bodies of bending in one plane.
+
+    See `bending`; `upper` and `lower` are the normals of the plane at the ends.
     """
-    trace = outer[0, 0] + outer[1, 1] + outer[2, 2]
-    for i in range(3):
-        hessian[first + i, first + i] -= trace
-        for j in range(i + 1):
-            hessian[first + i, first + j] += (outer[i, j] + outer[j, i]) / 2
+    force, torque_u, torque_l = forces
+    _, _, _, m_u, m_l = _slopes(e, upper, lower, flex, n, plane)
+    sheared = plus(scaled(m_u, _across(e, upper)), scaled(m_l, _across(e, lower)))
+    return (
+        minus(force, scaled(1 / length, sheared)),
+        plus(torque_u, scaled(m_u, cross(e, upper))),
+        plus(torque_l, scaled(m_l, cross(e, lower))),
+    )
 
 
-@compiled
-def _fill_jacobian(
-    jacobian: Any, upper_arm: Any, lower_arm: Any, turn: Any, on_blade: bool
-) -> None:
-    """Derivative (3, 15) of a span with respect to both bodies (12) and the tip (3)."""
-    jacobian[:] = 0.0
-    for start, arm, sign in ((0, upper_arm, -1.0), (6, lower_arm, 1.0)):
-        for axis in range(3):
-            jacobian[axis, start + axis] = sign
-        jacobian[1, start + 3], jacobian[2, start + 3] = -sign * arm[2], sign * arm[1]
-        jacobian[0, start + 4], jacobian[2, start + 4] = sign * arm[2], -sign * arm[0]
-        jacobian[0, start + 5], jacobian[1, start + 5] = -sign * arm[1], sign * arm[0]
-    if on_blade:
-        for i in range(3):
-            for j in range(3):
-                jacobian[i, 12 + j] = -turn[i, j]
-            jacobian[i, 12 + i] -= 1.0
+@inlined
+def _turned_slope(e: Any, moment: float, n: Any) -> Any:
+    """Second derivative of a slope -e . n times a moment, in the span at length 1."""
+    along, flat = dot(e, n), _across(e, n)
+    mixed = added(outer(e, flat), outer(flat, e))
+    return multiple(moment, added(mixed, multiple(along, subtracted(diagonal(1.0), outer(e, e)))))
 
 
-@compiled
-def _add_outer(outer: Any, factor: float, force: Any, arm: Any) -> None:
-    for i in range(3):
-        for j in range(3):
-            outer[i, j] += factor * force[i] * arm[j]
+@inlined
+def _add_bending_stiffness(
+    e: Any, length: float, upper: Any, lower: Any, flex: Any, n: int, plane: int, parts: Any
+) -> Any:
+    """Add bending in one plane to S, X_u, X_l, Y_uu, Y_lu and Y_ll."""
+    s, x_u, x_l, y_uu, y_lu, y_ll = parts
+    s_uu, s_ul, s_ll, m_u, m_l = _slopes(e, upper, lower, flex, n, plane)
+    f_u, f_l, c_u, c_l = _across(e, upper), _across(e, lower), cross(e, upper), cross(e, lower)
+    on_u = plus(scaled(s_uu, f_u), scaled(s_ul, f_l))
+    on_l = plus(scaled(s_ul, f_u), scaled(s_ll, f_l))
+    bent = added(
+        added(outer(f_u, on_u), outer(f_l, on_l)),
+        added(_turned_slope(e, m_u, upper), _turned_slope(e, m_l, lower)),
+    )
+    turn_u = subtracted(cross_matrix(upper), outer(e, c_u))
+    turn_l = subtracted(cross_matrix(lower), outer(e, c_l))
+    return (
+        added(s, multiple(1 / (length * length), bent)),
+        added(x_u, multiple(1 / length, subtracted(multiple(m_u, turn_u), outer(on_u, c_u)))),
+        added(x_l, multiple(1 / length, subtracted(multiple(m_l, turn_l), outer(on_l, c_l)))),
+        added(y_uu, added(multiple(s_uu, outer(c_u, c_u)), turning(scaled(-m_u, e), upper))),
+        added(y_lu, multiple(s_ul, outer(c_l, c_u))),
+        added(y_ll, added(multiple(s_ll, outer(c_l, c_l)), turning(scaled(-m_l, e), lower))),
+    )
 
 
-@compiled
-def _cross(a: Any, b: Any, factor: float, out: Any) -> None:
-    out[0] = factor * (a[1] * b[2] - a[2] * b[1])
-    out[1] = factor * (a[2] * b[0] - a[0] * b[2])
-    out[2] = factor * (a[0] * b[1] - a[1] * b[0])
+@inlined
+def _twist(normals: Any) -> Any:
+    """Twist of a wire, rad, and its derivative with respect to the rotation of the lower body."""
+    u_1, u_2, l_1, l_2 = normals
+    return (dot(l_1, u_2) - dot(l_2, u_1)) / 2, scaled(0.5, minus(cross(l_1, u_2), cross(l_2, u_1)))
 
 
-@compiled
-def _dot(a: Any, b: Any) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@compiled
-def _add_bending(e: Any, length: float, flex: Any, normal: Any, ends: Any, curved: bool) -> None:
-    """Add the derivatives of the energy of bending of one wire, see `bending`.
-
-    `normal` (2, 2, 3): end, plane; `ends` is first (9,), second (9, 9), outer of the upper and
-    of the lower body (3, 3), rows (2, 9), flat (3,). The second derivatives only if `curved`.
-    """
-    first, second, outer_upper, outer_lower, rows, flat = ends
-    for plane in range(2):
-        upper, mixed, lower = flex[12 + 3 * plane], flex[13 + 3 * plane], flex[14 + 3 * plane]
-        a, b = -_dot(e, normal[0, plane]), -_dot(e, normal[1, plane])
-        for side in range(2):
-            moment = upper * a + mixed * b if side == 0 else mixed * a + lower * b
-            n, row, turn = normal[side, plane], rows[side], 3 + 3 * side
-            along, over = _dot(n, e), moment / length
-            row[:] = 0.0
-            for i in range(3):
-                flat[i] = n[i] - along * e[i]
-                row[i] = -flat[i] / length
-            _cross(e, n, 1.0, row[turn : turn + 3])
-            for i in range(3):
-                first[i] += moment * row[i]
-                first[turn + i] += moment * row[turn + i]
-                if not curved:
-                    continue
-                for j in range(3):
-                    one = 1.0 if i == j else 0.0
-                    product = e[i] * flat[j] + flat[i] * e[j] + along * (one - e[i] * e[j])
-                    second[i, j] += over / length * product
-                # row i of P [n], P = 1 - e e: e_i x n - e_i (e x n)
-                j, k = (i + 1) % 3, (i + 2) % 3
-                second[i, turn + j] -= over * n[k]
-                second[i, turn + k] += over * n[j]
-                for j in range(3):
-                    second[i, turn + j] -= over * e[i] * row[turn + j]
-            if curved:
-                _add_outer(outer_upper if side == 0 else outer_lower, -moment, e, n)
-        if curved:
-            for i in range(9):
-                up = upper * rows[0, i] + mixed * rows[1, i]
-                low = mixed * rows[0, i] + lower * rows[1, i]
-                for j in range(9):
-                    second[i, j] += up * rows[0, j] + low * rows[1, j]
-
-
-@compiled
-def _add_twisting(stiffness: float, normal: Any, ends: Any, curved: bool) -> None:
-    """Add the derivatives of the energy of twisting of one wire, see `_add_bending`."""
-    first, second, outer_upper, outer_lower, rows, flat = ends
-    twist = (_dot(normal[1, 0], normal[0, 1]) - _dot(normal[1, 1], normal[0, 0])) / 2
-    torque = stiffness * twist
-    row = rows[0]
-    _cross(normal[1, 0], normal[0, 1], 0.5, row[:3])
-    _cross(normal[1, 1], normal[0, 0], 0.5, flat)
-    for i in range(3):
-        row[i] -= flat[i]
-    for i in range(3):
-        first[3 + i] -= torque * row[i]
-        first[6 + i] += torque * row[i]
-        for j in range(3 if curved else 0):
-            own = stiffness * row[i] * row[j]
-            second[3 + i, 3 + j] += own
-            second[6 + i, 6 + j] += own
-            turned = normal[0, 0, i] * normal[1, 1, j] - normal[0, 1, i] * normal[1, 0, j]
-            mixed = torque * ((twist if i == j else 0.0) + turned / 2) - own
-            second[6 + i, 3 + j] += mixed
-            second[3 + j, 6 + i] += mixed
-    if curved:
-        for sign, low, up in ((0.5, 0, 1), (-0.5, 1, 0)):
-            _add_outer(outer_lower, sign * torque, normal[0, up], normal[1, low])
-            _add_outer(outer_upper, sign * torque, normal[1, low], normal[0, up])
+@inlined
+def _add_twisting_stiffness(stiffness: float, normals: Any, parts: Any) -> Any:
+    """Add twisting to Y_uu, Y_lu and Y_ll."""
+    y_uu, y_lu, y_ll = parts
+    u_1, u_2, l_1, l_2 = normals
+    twist, row = _twist(normals)
+    torque, own = stiffness * twist, multiple(stiffness, outer(row, row))
+    half = scaled(torque / 2, u_1), scaled(torque / 2, u_2)
+    mixed = added(diagonal(torque * twist), subtracted(outer(half[0], l_2), outer(half[1], l_1)))
+    on_l = subtracted(turning(half[1], l_1), turning(half[0], l_2))
+    on_u = subtracted(turning(l_1, half[1]), turning(l_2, half[0]))
+    return (
+        added(y_uu, added(own, on_u)),
+        added(y_lu, subtracted(mixed, own)),
+        added(y_ll, added(own, on_l)),
+    )
 
 
 @compiled
@@ -165,7 +168,7 @@ def add_wires(
     upper: Any,
     lower: Any,
     blade: Any,
-    place: Any,
+    tips: Any,
     sections: Any,
     wires: Any,
     flex: Any,
@@ -175,7 +178,6 @@ def add_wires(
     tension: Any,
     gradient: Any,
     hessian: Any,
-    outer: Any,
     on_tips: Any,
     curved: bool,
     form: Any,
@@ -186,8 +188,8 @@ def add_wires(
     ----------
     upper, lower, blade : (w,) int arrays
         See `Wires`.
-    place : (w, 15) int array
-        Coordinates of the upper body, the lower body and the tip.
+    tips : (b, 3) int array
+        Coordinates of the tips of blades, see `Layout`.
     sections : (w, m, 9) array
         Sections of the wires, see `compiled_wire`; (0, 0, 9) for strings.
     wires, flex : (w, 13) and (w, 19) arrays
@@ -197,123 +199,124 @@ def add_wires(
         Pose, see `Pose`.
     tension : (w,) array
         To be filled, N.
-    gradient, hessian, outer, on_tips
-        To be added to, see `bending.add_derivatives`.
-    form : (w, N + 1) array
+    gradient, hessian, on_tips
+        To be added to: (N,), (N, N), and forces (b, 3) on tips in the axes of the scene.
+    form : (w, N) array
         If not empty, it is filled with the elongation of each wire per coordinate, and the Hessian
         is that of wires that do not stretch.
     """
-    stretched, arms = np.empty(3), np.empty((2, 3))
-    change, e, pull, point = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    jacobian, product = np.empty((3, 15)), np.empty((3, 15))
-    normal, first, second = np.empty((2, 2, 3)), np.zeros(9), np.zeros((9, 9))
-    stretching, whole, section = np.empty((3, 3)), np.empty((4, 4)), np.empty((4, 4))
-    rows = np.empty((2, 9))
-    bends = len(flex) > 0
+    whole, section = np.empty((4, 4)), np.empty((4, 4))
+    bends, stretches, size = len(flex) > 0, len(form) == 0, len(gradient)
+    nothing = (0.0, 0.0, 0.0)
+    none = (nothing, nothing, nothing)
     for n in range(len(wires)):
-        own, u, l, b = wires[n], upper[n], lower[n], blade[n]
-        for i in range(3):
-            point[i] = own[i] + (deflection[b, i] if b >= 0 else 0.0)
-        rotate(turn[u], point, arms[0])
-        rotate(turn[l], own[3:6], arms[1])
-        for i in range(3):
-            # from displacements alone, so that nothing cancels
-            change[i] = (
-                shift[l, i]
-                - shift[u, i]
-                + (turn[l, i, 0] * own[3] + turn[l, i, 1] * own[4] + turn[l, i, 2] * own[5])
-                - (turn[u, i, 0] * own[0] + turn[u, i, 1] * own[1] + turn[u, i, 2] * own[2])
-            )
+        u, l, b = upper[n], lower[n], blade[n]
+        turn_u, turn_l = matrix(turn, u), matrix(turn, l)
+        upper_point, lower_point = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
+        # from displacements alone, so that nothing cancels
+        change = plus(
+            minus(vector(shift, l, 0), vector(shift, u, 0)),
+            minus(times(turn_l, lower_point), times(turn_u, upper_point)),
+        )
         if b >= 0:
-            rotate(turn[u], deflection[b], stretched)
-            for i in range(3):
-                change[i] -= stretched[i]
-        square, elongation = 0.0, 0.0
-        for i in range(3):
-            stretched[i] = own[6 + i] + change[i]
-            square += stretched[i] * stretched[i]
-            elongation += change[i] * (2 * own[6 + i] + change[i])
-        length = math.sqrt(square)
-        tension[n] = own[10] + own[11] * elongation / (length + own[9])
-        for i in range(3):
-            e[i] = stretched[i] / length
+            deflected = vector(deflection, b, 0)
+            upper_point = plus(upper_point, deflected)
+            change = minus(change, turned(turn_u, deflected))
+        arm_u, arm_l = turned(turn_u, upper_point), turned(turn_l, lower_point)
+        span = vector(wires, n, SPAN)
+        stretched = plus(span, change)
+        length = math.sqrt(dot(stretched, stretched))
+        longer = dot(change, plus(scaled(2.0, span), change)) / (length + wires[n, LENGTH])
+        pull = wires[n, TENSION] + wires[n, STIFFNESS] * longer
+        tension[n] = pull
+        e = scaled(1 / length, stretched)
+        force, torque_u, torque_l = scaled(pull, e), nothing, nothing
+        u_1, u_2, l_1, l_2 = e, e, e, e
         if bends:
-            if len(sections) and tension[n] > 0:
-                resting(sections[n], length, tension[n], own[12], flex[n, 12:], whole, section)
-            first[:] = 0.0
-            if curved:
-                second[:] = 0.0
-            for plane in range(2):
-                rotate(turn[u], flex[n, 3 * plane : 3 * plane + 3], normal[0, plane])
-                rotate(turn[l], flex[n, 6 + 3 * plane : 9 + 3 * plane], normal[1, plane])
-            ends = (first, second, outer[u], outer[l], rows, point)
-            _add_bending(e, length, flex[n], normal, ends, curved)
-            _add_twisting(flex[n, 18], normal, ends, curved)
-        for i in range(3):
-            pull[i] = tension[n] * e[i] + first[i]
-        _fill_jacobian(jacobian, arms[0], arms[1], turn[u], b >= 0)
-        size = 15 if b >= 0 else 12
-        for i in range(size):
-            gradient[place[n, i]] += (
-                jacobian[0, i] * pull[0] + jacobian[1, i] * pull[1] + jacobian[2, i] * pull[2]
-            )
-        if bends:
-            for c in range(6):
-                gradient[place[n, c + 3 if c < 3 else c + 6]] += first[3 + c]
+            if len(sections) and pull > 0:
+                resting(sections, n, length, pull, wires[n, TORSION], flex, whole, section)
+            u_1 = turned(turn_u, vector(flex, n, UPPER_NORMALS))
+            u_2 = turned(turn_u, vector(flex, n, UPPER_NORMALS + 3))
+            l_1 = turned(turn_l, vector(flex, n, LOWER_NORMALS))
+            l_2 = turned(turn_l, vector(flex, n, LOWER_NORMALS + 3))
+            forces = force, torque_u, torque_l
+            forces = _add_bending_force(e, length, u_1, l_1, flex, n, 0, forces)
+            forces = _add_bending_force(e, length, u_2, l_2, flex, n, 1, forces)
+            force, torque_u, torque_l = forces
+            twist, row = _twist((u_1, u_2, l_1, l_2))
+            torque = scaled(flex[n, TWIST] * twist, row)
+            torque_u, torque_l = minus(torque_u, torque), plus(torque_l, torque)
+        x_u, t_u, x_l, t_l = 6 * u, 6 * u + 3, 6 * l, 6 * l + 3
+        add_vector(gradient, x_u, scaled(-1.0, force))
+        add_vector(gradient, t_u, plus(torque_u, cross(force, arm_u)))
+        add_vector(gradient, x_l, force)
+        add_vector(gradient, t_l, plus(torque_l, cross(arm_l, force)))
+        rotation = added(diagonal(1.0), turn_u)
+        if b >= 0:
+            pushed = times(transposed(rotation), force)
+            for axis in range(3):
+                if tips[b, axis] < size:
+                    gradient[tips[b, axis]] -= pushed[axis]
         if not curved:
             continue
-        over, stiffness = tension[n] / length, own[11]
-        if len(form):
-            stiffness = 0.0
-            for i in range(size):
-                form[n, place[n, i]] += (
-                    jacobian[0, i] * e[0] + jacobian[1, i] * e[1] + jacobian[2, i] * e[2]
-                )
-        for i in range(3):
-            for j in range(3):
-                stretching[i, j] = (stiffness - over) * e[i] * e[j]
-                if bends:
-                    stretching[i, j] += second[i, j]
-            stretching[i, i] += over
-        for i in range(3):
-            for j in range(15):
-                product[i, j] = (
-                    stretching[i, 0] * jacobian[0, j]
-                    + stretching[i, 1] * jacobian[1, j]
-                    + stretching[i, 2] * jacobian[2, j]
-                )
-        for i in range(size):
-            row = hessian[place[n, i]]
-            j0, j1, j2 = jacobian[0, i], jacobian[1, i], jacobian[2, i]
-            for j in range(i + 1):
-                row[place[n, j]] += j0 * product[0, j] + j1 * product[1, j] + j2 * product[2, j]
-        _add_outer(outer[l], 1.0, pull, arms[1])
-        _add_outer(outer[u], -1.0, pull, arms[0])
-        if b >= 0:
-            for i in range(3):
-                on_tips[b, i] -= pull[i]
+        if not stretches:
+            add_vector(form[n], x_u, scaled(-1.0, e))
+            add_vector(form[n], t_u, cross(e, arm_u))
+            add_vector(form[n], x_l, e)
+            add_vector(form[n], t_l, cross(arm_l, e))
+            along = times(transposed(rotation), e)
+            for axis in range(3 if b >= 0 else 0):
+                if tips[b, axis] < size:
+                    form[n, tips[b, axis]] -= along[axis]
+        over = pull / length
+        k = (wires[n, STIFFNESS] if stretches else 0.0) - over
+        s = added(diagonal(over), multiple(k, outer(e, e)))
+        uu, lu, ll = turning(scaled(-1.0, force), arm_u), none, turning(force, arm_l)
         if bends:
-            _add_rotations(place[n], size, jacobian, second, hessian)
-
-
-@compiled
-def _add_rotations(place: Any, size: int, jacobian: Any, second: Any, hessian: Any) -> None:
-    """Add the second derivatives with respect to the rotations at the ends, and mixed ones."""
-    for c in range(6):
-        turn = place[c + 3 if c < 3 else c + 6]
-        for d in range(c + 1):
-            hessian[turn, place[d + 3 if d < 3 else d + 6]] += second[3 + c, 3 + d]
-        for i in range(size):
-            value = (
-                jacobian[0, i] * second[0, 3 + c]
-                + jacobian[1, i] * second[1, 3 + c]
-                + jacobian[2, i] * second[2, 3 + c]
-            )
-            row = place[i]
-            if row == turn:
-                hessian[row, row] += 2 * value
-            else:
-                hessian[max(row, turn), min(row, turn)] += value
+            parts = s, none, none, uu, lu, ll
+            parts = _add_bending_stiffness(e, length, u_1, l_1, flex, n, 0, parts)
+            parts = _add_bending_stiffness(e, length, u_2, l_2, flex, n, 1, parts)
+            s, xu, xl, uu, lu, ll = parts
+            twisted = _add_twisting_stiffness(flex[n, TWIST], (u_1, u_2, l_1, l_2), (uu, lu, ll))
+            uu, lu, ll = twisted
+            uu = added(uu, times_cross(transposed(xu), arm_u))
+            lu = added(lu, times_cross(transposed(xl), arm_u))
+            ll = subtracted(ll, times_cross(transposed(xl), arm_l))
+            to_u = added(times_cross(s, arm_u), xu)
+            to_l = subtracted(times_cross(s, arm_l), xl)
+        else:
+            to_u, to_l = times_cross(s, arm_u), times_cross(s, arm_l)
+        add_lower(hessian, x_u, s)
+        subtract_block(hessian, t_u, x_u, transposed(to_u))
+        add_lower(hessian, t_u, added(uu, cross_times(arm_u, to_u)))
+        subtract_block(hessian, x_l, x_u, s)
+        add_block(hessian, x_l, t_u, to_u)
+        add_block(hessian, t_l, x_u, transposed(to_l))
+        add_block(hessian, t_l, t_u, subtracted(lu, cross_times(arm_l, to_u)))
+        add_lower(hessian, x_l, s)
+        subtract_block(hessian, t_l, x_l, transposed(to_l))
+        add_lower(hessian, t_l, added(ll, cross_times(arm_l, to_l)))
+        if b < 0:
+            continue
+        for axis in range(3):
+            on_tips[b, axis] -= force[axis]
+            tip = tips[b, axis]
+            if tip == size:
+                continue
+            moves = rotation[0][axis], rotation[1][axis], rotation[2][axis]
+            stiff = times(s, moves)
+            on_u, on_l = times(transposed(to_u), moves), times(transposed(to_l), moves)
+            add_vector(hessian[tip], x_u, stiff)
+            add_vector(hessian[tip], t_u, scaled(-1.0, on_u))
+            add_vector(hessian[tip], x_l, scaled(-1.0, stiff))
+            add_vector(hessian[tip], t_l, on_l)
+            for other in range(axis + 1):
+                if tips[b, other] < size:
+                    hessian[tip, tips[b, other]] += (
+                        rotation[0][other] * stiff[0]
+                        + rotation[1][other] * stiff[1]
+                        + rotation[2][other] * stiff[2]
+                    )
 
 
 @compiled
@@ -326,8 +329,8 @@ def add_blades(
     deflection: Any,
     gradient: Any,
     hessian: Any,
-    outer: Any,
     on_tips: Any,
+    curved: bool,
 ) -> None:
     """Add the derivatives of the energy of all blades of one build, once the wires are added.
 
@@ -338,34 +341,34 @@ def add_blades(
         Coordinates of the tips, see `Layout`.
     blades : (b, 10) array
     """
-    point, arm, weight = np.empty(3), np.empty(3), np.zeros(3)
+    size = len(gradient)
     for n in range(len(blades)):
-        own, u = blades[n], body[n]
+        u = body[n]
+        x_u, t_u = 6 * u, 6 * u + 3
+        rotation = added(diagonal(1.0), matrix(turn, u))
+        weight = gravity * blades[n, TIP_MASS]
+        if weight != 0:
+            point = plus(vector(blades, n, TIP), vector(deflection, n, 0))
+            arm = times(rotation, point)
+            force = (0.0, 0.0, weight)
+            gradient[x_u + 2] += weight
+            add_vector(gradient, t_u, cross(arm, force))
+            on_tips[n, 2] += weight
+            if curved:
+                add_lower(hessian, t_u, turning(force, arm))
+        pulled = vector(on_tips, n, 0)
         for axis in range(3):
-            row = tips[n, axis]
-            gradient[row] += own[3 + axis] * deflection[n, axis] - own[6 + axis]
-            hessian[row, row] += own[3 + axis]
-            point[axis] = own[axis] + deflection[n, axis]
-        if own[9] != 0:
-            weight[2] = gravity * own[9]
-            rotate(turn[u], point, arm)
-            gradient[6 * u + 2] += weight[2]
-            gradient[6 * u + 3] += arm[1] * weight[2]
-            gradient[6 * u + 4] -= arm[0] * weight[2]
-            for axis in range(3):
-                gradient[tips[n, axis]] += (turn[u, 2, axis] + (axis == 2)) * weight[2]
-            _add_outer(outer[u], 1.0, weight, arm)
-            on_tips[n, 2] += weight[2]
-        # the gradient F at a tip, deflected by q, adds -t . [F] R q as its body rotates by t
-        f = on_tips[n]
-        for axis in range(3):
-            r0 = turn[u, 0, axis] + (axis == 0)
-            r1 = turn[u, 1, axis] + (axis == 1)
-            r2 = turn[u, 2, axis] + (axis == 2)
-            row = tips[n, axis]
-            hessian[row, 6 * u + 3] -= f[1] * r2 - f[2] * r1
-            hessian[row, 6 * u + 4] -= f[2] * r0 - f[0] * r2
-            hessian[row, 6 * u + 5] -= f[0] * r1 - f[1] * r0
+            tip = tips[n, axis]
+            if tip == size:
+                continue
+            k = blades[n, BLADE_STIFFNESS + axis]
+            gradient[tip] += k * deflection[n, axis] - blades[n, LOAD + axis]
+            gradient[tip] += rotation[2][axis] * weight
+            if curved:
+                hessian[tip, tip] += k
+                # the gradient F at a tip, deflected by q, adds -t . [F] R q as its body rotates
+                moves = rotation[0][axis], rotation[1][axis], rotation[2][axis]
+                add_vector(hessian[tip], t_u, cross(moves, pulled))
 
 
 @compiled
@@ -395,10 +398,11 @@ def add_springs(
     turn: Any,
     gradient: Any,
     hessian: Any,
+    curved: bool,
 ) -> None:
     """Add the derivatives of the energy of all springs of one build, see `spring`."""
     eye = np.eye(3)
-    reach, arm = np.empty(3), np.empty(3)
+    reach = np.empty(3)
     strain, pull, force = np.empty(6), np.empty(6), np.empty(3)
     jacobian, product, skew = np.zeros((6, 12)), np.empty((6, 12)), np.empty((3, 3))
     q, g, part = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -407,7 +411,7 @@ def add_springs(
         own, u, l = springs[n], upper[n], lower[n]
         above, below = eye + turn[u], eye + turn[l]
         stiffness, to_upper = own[6:42].reshape(6, 6), above.T.copy()
-        rotate(turn[l], own[3:6], arm)
+        arm = turned(matrix(turn, l), vector(springs, n, 3))
         for i in range(3):
             reach[i] = own[i] - own[3 + i] + shift[l, i] - shift[u, i] + arm[i]
             place[i], place[3 + i], place[6 + i], place[9 + i] = (
@@ -418,7 +422,7 @@ def add_springs(
             )
         _multiply(to_upper, below, q)
         for i in range(3):
-            strain[i] = _dot(to_upper[i], reach) - own[i]
+            strain[i] = dot(to_upper[i], reach) - own[i]
         strain[3], strain[4] = (q[2, 1] - q[1, 2]) / 2, (q[0, 2] - q[2, 0]) / 2
         strain[5] = (q[1, 0] - q[0, 1]) / 2
         for i in range(6):
@@ -435,32 +439,35 @@ def add_springs(
         trace = q[0, 0] + q[1, 1] + q[2, 2]
         _multiply(0.5 * (trace * eye - q), to_upper, part)
         jacobian[3:, 3:6], jacobian[3:, 9:12] = -part, part
-        _multiply(stiffness, jacobian, product)
         for i in range(12):
             for k in range(6):
                 gradient[place[i]] += jacobian[k, i] * pull[k]
+        if not curved:
+            continue
+        _multiply(stiffness, jacobian, product)
+        for i in range(12):
             for j in range(i + 1):
                 for k in range(6):
                     hessian[place[i], place[j]] += jacobian[k, i] * product[k, j]
         # second derivatives of the strain times the pull
         for i in range(3):
-            force[i] = _dot(above[i], pull[:3])
+            force[i] = dot(above[i], pull[:3])
         _cross_matrix(pull[3:], skew)
         _multiply(above, skew, part)
         _multiply(part, below.T.copy(), g)
         trace = g[0, 0] + g[1, 1] + g[2, 2]
-        along_arm, along_reach = _dot(arm, force), _dot(reach, force)
+        along_arm, along_reach = dot(arm, force), dot(reach, force)
         _cross_matrix(force, skew)
         for i in range(3):
             for j in range(3):
                 one = 1.0 if i == j else 0.0
                 if j <= i:
-                    turned = (g[i, j] + g[j, i]) / 4 - trace / 2 * one
+                    spun = (g[i, j] + g[j, i]) / 4 - trace / 2 * one
                     hessian[6 * l + 3 + i, 6 * l + 3 + j] += (
-                        (force[i] * arm[j] + arm[i] * force[j]) / 2 - along_arm * one + turned
+                        (force[i] * arm[j] + arm[i] * force[j]) / 2 - along_arm * one + spun
                     )
                     hessian[6 * u + 3 + i, 6 * u + 3 + j] += (
-                        (force[i] * reach[j] + reach[i] * force[j]) / 2 - along_reach * one + turned
+                        (force[i] * reach[j] + reach[i] * force[j]) / 2 - along_reach * one + spun
                     )
                 mixed = (along_arm + trace / 2) * one - arm[i] * force[j] - g[j, i] / 2
                 hessian[6 * l + 3 + j, 6 * u + 3 + i] += mixed
@@ -474,36 +481,36 @@ def fill_geometry(
 ) -> None:
     """Fill the geometry (w, 25) of the wires of one build, see `compiled_wire.add_dynamic`."""
     shift, turn, deflection = pose
-    point, other = np.empty(3), np.empty(3)
     for n in range(len(wires)):
-        own, row, u, l, b = wires[n], result[n], upper[n], lower[n], blade[n]
-        for i in range(3):
-            point[i] = own[i] + (deflection[b, i] if b >= 0 else 0.0)
-        rotate(turn[u], point, row[6:9])
-        rotate(turn[l], own[3:6], row[9:12])
+        u, l, b = upper[n], lower[n], blade[n]
+        turn_u, turn_l = matrix(turn, u), matrix(turn, l)
+        upper_point, lower_point = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
         # the span from displacements: its nominal value and what the ends moved
-        rotate(turn[u], deflection[b] if b >= 0 else np.zeros(3), other)
-        square = 0.0
+        change = plus(
+            minus(vector(shift, l, 0), vector(shift, u, 0)),
+            minus(times(turn_l, lower_point), times(turn_u, upper_point)),
+        )
+        if b >= 0:
+            deflected = vector(deflection, b, 0)
+            upper_point = plus(upper_point, deflected)
+            change = minus(change, turned(turn_u, deflected))
+        stretched = plus(vector(wires, n, SPAN), change)
+        length = math.sqrt(dot(stretched, stretched))
+        e = scaled(1 / length, stretched)
+        both = plus(
+            turned(turn_u, vector(flex, n, UPPER_NORMALS)),
+            turned(turn_l, vector(flex, n, LOWER_NORMALS)),
+        )
+        normal = _across(e, both)
+        normal = scaled(1 / math.sqrt(dot(normal, normal)), normal)
+        # the upper end moves with the tip
+        moves = multiple(1.0 if b >= 0 else 0.0, added(diagonal(1.0), turn_u))
+        result[n] = 0.0
+        add_vector(result[n], 0, e)
+        add_vector(result[n], 3, normal)
+        add_vector(result[n], 6, turned(turn_u, upper_point))
+        add_vector(result[n], 9, turned(turn_l, lower_point))
         for i in range(3):
-            moved = shift[l, i] - shift[u, i] - other[i]
-            for j in range(3):
-                moved += turn[l, i, j] * own[3 + j] - turn[u, i, j] * own[j]
-            row[i] = own[6 + i] + moved
-            square += row[i] * row[i]
-        length = math.sqrt(square)
-        for i in range(3):
-            row[i] /= length
-        rotate(turn[u], flex[n, :3], point)
-        rotate(turn[l], flex[n, 6:9], other)
-        for i in range(3):
-            point[i] += other[i]
-        along, size = _dot(point, row[:3]), 0.0
-        for i in range(3):
-            row[3 + i] = point[i] - along * row[i]
-            size += row[3 + i] ** 2
-        for i in range(3):
-            row[3 + i] /= math.sqrt(size)
-            for j in range(3):
-                # the upper end moves with the tip
-                row[12 + 3 * i + j] = turn[u, i, j] + (i == j) if b >= 0 else 0.0
-        row[21], row[22], row[23], row[24] = length, tension[n], own[11], own[12]
+            add_vector(result[n], 12 + 3 * i, moves[i])
+        result[n, 21], result[n, 22] = length, tension[n]
+        result[n, 23], result[n, 24] = wires[n, STIFFNESS], wires[n, TORSION]

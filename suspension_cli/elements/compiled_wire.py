@@ -98,48 +98,98 @@ def join(upper: Any, lower: Any) -> None:
 
 
 @compiled
+def _resting_bends(
+    sections: Any, wire: int, plane: int, tension: float, stretch: float, whole: Any, part: Any
+) -> None:
+    """Fill `whole` with the static stiffness of a wire on w_1, w'_1, w_2, w'_2 in one plane."""
+    started = False
+    for m in range(sections.shape[1]):
+        own = sections[wire, m, LENGTH] * stretch
+        if own == 0.0:
+            continue
+        target = part if started else whole
+        _static_rotations(sections[wire, m, SOFT + plane], tension, own, target)
+        if started:
+            join(whole, part)
+        started = True
+
+
+@compiled
+def hinge_distances(
+    sections: Any, wire: int, iterations: int, length: Any, tension: Any, result: Any
+) -> None:
+    """Fill the distances of the hinges of one wire from its clamps, see `bending_wires.to_clamps`.
+
+    Parameters
+    ----------
+    sections : (w, m, 9) array
+    wire, iterations : int
+        Number of the wire, and of steps of the iteration.
+    length, tension : (p,) arrays
+        Length between the hinges, m, and tension, N, of each build.
+    result : (p, 2) array
+        At the upper and the lower end, m.
+    """
+    whole, part = np.empty((4, 4)), np.empty((4, 4))
+    drawn = 0.0
+    for m in range(sections.shape[1]):
+        drawn += sections[wire, m, LENGTH]
+    for p in range(len(length)):
+        upper = lower = 0.0
+        for _ in range(iterations):
+            stretch = (length[p] + upper + lower) / drawn
+            _resting_bends(sections, wire, 0, tension[p], stretch, whole, part)
+            upper, lower = abs(whole[1, 2] / whole[0, 2]), abs(whole[3, 0] / whole[2, 0])
+        result[p, 0], result[p, 1] = upper, lower
+
+
+@compiled
 def resting(
-    sections: Any, length: float, tension: float, torsion: float, flex: Any, whole: Any, part: Any
+    sections: Any,
+    wire: int,
+    length: float,
+    tension: float,
+    torsion: float,
+    flex: Any,
+    whole: Any,
+    part: Any,
 ) -> None:
     """Fill the static stiffness of a wire against rotation of its ends, and against twisting.
 
     Parameters
     ----------
-    sections : (m, 9) array
+    sections : (w, m, 9) array
         Those of no length are left out.
+    wire : int
+        Its number.
     length, tension, torsion : float
         Of the wire in this pose, m and N; torsional stiffness that the design gives, or 0, N m/rad.
-    flex : (7,) array
-        To be filled: S_uu, S_ul, S_ll in both planes, and the torsional stiffness.
+    flex : (w, 19) array
+        Its last 7 columns are filled: S_uu, S_ul, S_ll in both planes, and the torsional stiffness.
     whole, part : (4, 4) arrays
         Scratch.
     """
-    drawn = 0.0
-    for m in range(len(sections)):
-        drawn += sections[m, LENGTH]
-    stretch, twist = length / drawn, 0.0
+    drawn, twist = 0.0, 0.0
+    first, last = flex.shape[1] - 7, flex.shape[1] - 1
+    for m in range(sections.shape[1]):
+        drawn += sections[wire, m, LENGTH]
+    stretch = length / drawn
     for plane in range(2):
-        if plane == 1 and sections[0, ROUND] == 1.0:
-            flex[3:6] = flex[:3]
+        column = first + 3 * plane
+        if plane == 1 and sections[wire, 0, ROUND] == 1.0:
+            for i in range(3):
+                flex[wire, column + i] = flex[wire, first + i]
             continue
-        started = False
-        for m in range(len(sections)):
-            own = sections[m]
-            if own[LENGTH] == 0.0:
-                continue
-            target = part if started else whole
-            _static_rotations(own[SOFT + plane], tension, own[LENGTH] * stretch, target)
-            if started:
-                join(whole, part)
-            started = True
-        flex[3 * plane] = whole[1, 1]
-        flex[3 * plane + 1] = whole[1, 3]
-        flex[3 * plane + 2] = whole[3, 3]
-    for m in range(len(sections)):
-        own = sections[m]
-        if own[LENGTH] > 0.0:
-            twist += own[LENGTH] * stretch / (own[TWISTING] + tension * own[POLAR_AREA])
-    flex[6] = torsion if torsion > 0 else 1 / twist
+        _resting_bends(sections, wire, plane, tension, stretch, whole, part)
+        flex[wire, column] = whole[1, 1]
+        flex[wire, column + 1] = whole[1, 3]
+        flex[wire, column + 2] = whole[3, 3]
+    for m in range(sections.shape[1]):
+        own = sections[wire, m, LENGTH] * stretch
+        if own > 0.0:
+            stiffness = sections[wire, m, TWISTING] + tension * sections[wire, m, POLAR_AREA]
+            twist += own / stiffness
+    flex[wire, last] = torsion if torsion > 0 else 1 / twist
 
 
 @compiled
@@ -273,7 +323,8 @@ def add_dynamic(
         Of the gas, per length, for both planes, stretching and twisting.
     massive : bool
         Whether the wires have inertia.
-    dynamic : (q, N + 1, N + 1) complex array
+    dynamic : (q, N, N) complex array
+        To be added to; coordinates of rigid directions of tips are N and left out.
     compliance : (q, w) complex array
     """
     whole, part = np.empty((4, 4), dtype=np.complex128), np.empty((4, 4), dtype=np.complex128)
@@ -378,24 +429,34 @@ def _add_block(
     left: Any, right: Any, block: Any, one: Any, rows: Any, two: Any, columns: Any, target: Any
 ) -> None:
     """Add L^T B R to a symmetric matrix at some coordinates, and its mirror image."""
-    same = left.shape[1] == right.shape[1]
+    same, size = left.shape[1] == right.shape[1], len(target)
     for i in range(left.shape[1]):
+        a = one[rows[i]]
+        if a == size:
+            continue
         first = block[0, 0] * left[0, i] + block[1, 0] * left[1, i]
         second = block[0, 1] * left[0, i] + block[1, 1] * left[1, i]
-        a = one[rows[i]]
         for j in range(i + 1 if same else right.shape[1]):
             b = two[columns[j]]
-            value = first * right[0, j] + second * right[1, j]
-            target[a, b] += value
-            if a != b:
-                target[b, a] += value
+            if b < size:
+                value = first * right[0, j] + second * right[1, j]
+                target[a, b] += value
+                if a != b:
+                    target[b, a] += value
 
 
 @compiled
 def _add_along(form: Any, stiffness: complex, where: Any, rows: Any, target: Any) -> None:
+    size = len(target)
     for i in range(len(form)):
-        for j in range(len(form)):
-            target[where[rows[i]], where[rows[j]]] += stiffness * form[i] * form[j]
+        a = where[rows[i]]
+        for j in range(i + 1 if a < size else 0):
+            b = where[rows[j]]
+            if b < size:
+                value = stiffness * (form[i] * form[j])
+                target[a, b] += value
+                if a != b:
+                    target[b, a] += value
 
 
 @compiled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -101,11 +101,12 @@ def to_clamps(scene: Scene) -> Scene:
         fibre = fibres.wire[group[0]]
         if fibre.effective:
             own = [v[..., group[0]] for v in numbers]
-            distance = (
-                _hinge_distances(fibre, *own)
-                if scene.batch
-                else _known_distances(fibre.sections, *(v.item() for v in own))
-            )
+            if scene.batch and kind == np.float64:
+                distance = _batch_distances(fibre, *own)
+            elif scene.batch:
+                distance = _hinge_distances(fibre, *own)
+            else:
+                distance = _known_distances(fibre.sections, *(v.item() for v in own))
             ends[..., group, :] = distance[..., None, :]
     e, extra = wires.span / wires.length[..., None], ends.sum(-1)
     moved = replace(
@@ -125,6 +126,23 @@ def _known_distances(
     """Hinge distances (2,) of one wire; most do not change from one design to the next."""
     found = _hinge_distances(bending.bare_fibre(sections), *map(np.asarray, numbers))
     return found if np.imag(found).any() else np.real(found)
+
+
+def _batch_distances(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
+    """Hinge distances (p, 2) of a wire in many builds, see `_hinge_distances`."""
+    from suspension_cli.elements import compiled_wire  # takes half a second
+
+    del k  # bending does not depend on it
+    result = np.empty((*length.shape, 2))
+    compiled_wire.hinge_distances(
+        compiled_wire.wire_sections((fibre,)),
+        0,
+        CLAMP_ITERATIONS,
+        np.ascontiguousarray(length),
+        np.ascontiguousarray(tension),
+        result,
+    )
+    return result
 
 
 def _hinge_distances(

@@ -19,9 +19,9 @@ from suspension_cli.elements.compiled import (
     BLADE,
     FLEX,
     SPRING,
+    STIFFNESS,
     WIRE,
     add_blades,
-    add_rotation_hessian,
     add_springs,
     add_wires,
     fill_geometry,
@@ -40,6 +40,8 @@ wires on a soft pendulum change K by some 1e3 times a rotation, so the next step
 FAIR = 1e-12
 """Smallest pivot, relative to the stiffness of its coordinate, that the factors are trusted with;
 else the build is left to `solve`."""
+SUPPORTED = 6
+"""Number of coordinates of the support, which come first."""
 EPS = float(np.finfo(float).eps)
 ROUNDED = 1e-15
 """Residual (relative to the weight) that no step reduces."""
@@ -126,19 +128,18 @@ def _evaluate(
     tension: Any,
     gradient: Any,
     hessian: Any,
-    outer: Any,
     on_tips: Any,
     curved: bool,
     form: Any,
 ) -> None:
-    """Gradient (N + 1,) of one build, and if `curved` its Hessian (N + 1, N + 1), lower triangle.
+    """Gradient (N,) of one build, and if `curved` its Hessian (N, N), lower triangle.
 
-    The sums `outer` and `on_tips` are overwritten; for `form` see `add_wires`.
+    The forces `on_tips` are overwritten; for `form` see `add_wires`.
     """
-    w_upper, w_lower, w_blade, w_place, b_body, b_tips, s_upper, s_lower, _, sections = topology
+    w_upper, w_lower, w_blade, _, b_body, b_tips, s_upper, s_lower, _, sections = topology
     mass, wires, blades, springs, flex = numbers
     shift, turn, deflection = pose
-    gradient[:], outer[:], on_tips[:] = 0.0, 0.0, 0.0
+    gradient[:], on_tips[:] = 0.0, 0.0
     if curved:
         hessian[:] = 0.0
     for n in range(len(mass)):
@@ -147,7 +148,7 @@ def _evaluate(
         w_upper,
         w_lower,
         w_blade,
-        w_place,
+        b_tips,
         sections,
         wires,
         flex,
@@ -157,16 +158,15 @@ def _evaluate(
         tension,
         gradient,
         hessian,
-        outer,
         on_tips,
         curved,
         form,
     )
-    add_blades(b_body, b_tips, gravity, blades, turn, deflection, gradient, hessian, outer, on_tips)
-    for n in range(len(outer) if curved else 0):
-        add_rotation_hessian(outer[n], 6 * n + 3, hessian)
+    add_blades(
+        b_body, b_tips, gravity, blades, turn, deflection, gradient, hessian, on_tips, curved
+    )
     if len(springs):
-        add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian)
+        add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian, curved)
     if springs.shape[1] > FIRST:
         add_legs(s_upper, s_lower, gravity, springs, shift, turn, gradient, hessian, curved)
 
@@ -290,87 +290,76 @@ def newton_batch(
     accept_nominal : bool
         Whether to leave a start that balances as it is.
     results : tuple of arrays
-        To be filled: tension (p, w), stiffness (p, N, N), residual, its rounding, steps, least
-        pivot and status (p,).
+        To be filled: tension (p, w), residual, its rounding, steps, least pivot and status (p,).
     """
     mass, wires, blades, springs, flex = numbers
     shift, turn, deflection = poses
-    tension, stiffness, residuals, roundings, steps, pivots, status = results
+    tension, residuals, roundings, steps, pivots, status = results
     most, balanced, last_step, cap = limits
-    size = stiffness.shape[-1]
-    gradient, hessian = np.empty(size + 1), np.empty((size + 1, size + 1))
-    outer, on_tips = np.empty((shift.shape[1], 3, 3)), np.empty((blades.shape[1], 3))
-    free = size - 6
+    free, bodies = targets.shape[1], mass.shape[1]
+    size = free + SUPPORTED
+    gradient, hessian = np.empty(size), np.empty((size, size))
+    on_tips = np.empty((blades.shape[1], 3))
     # one element more for rigid directions of blades
     scale_all = np.empty(free + 1)
     scale = scale_all[:free]
-    load, arm = np.empty(shift.shape[1]), np.empty(shift.shape[1])
-    scaled, factor = np.empty((free, free)), np.zeros((free, free))
-    pivot, x, root = np.empty(free), np.empty(free), np.empty(free)
-    where = np.empty(free, dtype=np.int64)
+    load, arm = np.empty(bodies + 1), np.empty(bodies + 1)
+    factor, pivot = np.zeros((free, free)), np.empty(free)
+    x, where = np.empty(free), np.empty(free, dtype=np.int64)
     turned, product = np.empty((3, 3)), np.empty((3, 3))
     tips, none = topology[5], np.empty((0, 0))
     for p in range(len(mass)):
         own = (mass[p], wires[p], blades[p], springs[p], flex[p])
-        pose = (shift[p], turn[p], deflection[p])
+        pose, target = (shift[p], turn[p], deflection[p]), targets[p]
+        work = (tension[p], gradient, hessian, on_tips)
         largest = _scales(topology, gravity, own, scale_all, load, arm)
-        for i in range(free):
-            root[i] = math.sqrt(scale[i])
-        work = (tension[p], gradient, hessian, outer, on_tips)
         _evaluate(topology, gravity, own, pose, *work, True, none)
-        residual = _residual(gradient, targets[p], scale)
+        residual = _residual(gradient, target, scale)
         count, fresh, slow, converged, least = 0, True, False, False, np.nan
         status[p] = SOLVED
         if accept_nominal and residual <= balanced:
             status[p] = NOMINAL
+            most_steps = 0.0
         else:
-            while count < most and not converged and math.isfinite(residual):
-                if fresh:
-                    for i in range(free):
-                        for j in range(i + 1):
-                            scaled[i, j] = hessian[6 + i, 6 + j] / (root[i] * root[j])
-                    fair = factorise(scaled, factor, pivot, where)
-                    least = 1.0
-                    for i in range(free):
-                        least = min(least, pivot[i] / abs(scaled[i, i]))
-                    if not fair > FAIR:
-                        status[p] = FAILED
-                        break
+            most_steps = most
+        while count < most_steps and not converged and math.isfinite(residual):
+            if fresh:
+                fair = factorise(hessian, factor, pivot, where, 0, SUPPORTED)
+                least = 1.0
                 for i in range(free):
-                    x[i] = (targets[p, i] - gradient[6 + i]) / root[i]
-                substitute(factor, pivot, x)
-                longest, step = 0.0, 0.0
-                for i in range(free):
-                    x[i] /= root[i]
-                    rotation = i < 6 * len(mass[p]) and i % 6 >= 3
-                    step = max(step, abs(x[i]))
-                    longest = max(longest, abs(x[i]) / (1.0 if rotation else largest))
-                shorten = max(longest / cap, 1.0)
-                for n in range(len(mass[p])):
-                    for i in range(3):
-                        pose[0][n + 1, i] += x[6 * n + i] / shorten
-                        x[6 * n + 3 + i] /= shorten
-                    _rotate_by(x[6 * n + 3 : 6 * n + 6], pose[1][n + 1], turned, product)
-                for n in range(len(tips)):
-                    for i in range(3):
-                        if tips[n, i] < size:
-                            pose[2][n, i] += x[tips[n, i] - 6] / shorten
-                # full steps until they are short, then with the factors of the last one
-                fresh = longest > SHORT or slow
-                _evaluate(topology, gravity, own, pose, *work, fresh, none)
-                before, residual = residual, _residual(gradient, targets[p], scale)
-                step /= shorten
-                # as far as rounding lets the residual fall
-                converged = step < last_step and (residual < ROUNDED or residual > before / 2)
-                slow = not fresh and residual > before / 10
-                count += 1
-            if not fresh:
-                _evaluate(topology, gravity, own, pose, *work, True, none)
+                    least = min(least, pivot[i] / abs(hessian[SUPPORTED + i, SUPPORTED + i]))
+                if not fair > FAIR:
+                    status[p] = FAILED
+                    break
+            for i in range(free):
+                x[i] = target[i] - gradient[SUPPORTED + i]
+            substitute(factor, x)
+            longest, step = 0.0, 0.0
+            for i in range(free):
+                rotation = i < 6 * bodies and i % 6 >= 3
+                step = max(step, abs(x[i]))
+                longest = max(longest, abs(x[i]) / (1.0 if rotation else largest))
+            shorten = max(longest / cap, 1.0)
+            for n in range(bodies):
+                for i in range(3):
+                    pose[0][n + 1, i] += x[6 * n + i] / shorten
+                    x[6 * n + 3 + i] /= shorten
+                _rotate_by(x[6 * n + 3 : 6 * n + 6], pose[1][n + 1], turned, product)
+            for n in range(len(tips)):
+                for i in range(3):
+                    if tips[n, i] < size:
+                        pose[2][n, i] += x[tips[n, i] - SUPPORTED] / shorten
+            # full steps until they are short, then with the factors of the last one
+            fresh = longest > SHORT or slow
+            _evaluate(topology, gravity, own, pose, *work, fresh, none)
+            before, residual = residual, _residual(gradient, target, scale)
+            step /= shorten
+            # as far as rounding lets the residual fall
+            converged = step < last_step and (residual < ROUNDED or residual > before / 2)
+            slow = not fresh and residual > before / 10
+            count += 1
         residuals[p], steps[p], pivots[p] = residual, count, least
         roundings[p] = _rounding(topology, wires[p], tension[p], pose, scale) if count else 0.0
-        for i in range(size):
-            for j in range(i + 1):
-                stiffness[p, i, j] = stiffness[p, j, i] = hessian[i, j]
 
 
 @compiled
@@ -382,24 +371,36 @@ def _tangents(
     poses: Any,
     soft: Any,
     form: Any,
+    whole: Any,
     masses: Any,
 ) -> None:
-    """Fill the stiffness without stretching and the mass (p, N, N), elongations (p, w, N + 1)."""
+    """Fill the arrays of `tangent`."""
     mass, wires, blades, springs, flex = numbers
     shift, turn, deflection = poses
-    size = soft.shape[-1]
-    gradient, hessian = np.empty(size + 1), np.empty((size + 1, size + 1))
-    outer, on_tips = np.empty((shift.shape[1], 3, 3)), np.empty((blades.shape[1], 3))
-    tension = np.empty(wires.shape[1])
+    place, size = topology[3], soft.shape[-1]
+    gradient, hessian = np.empty(size), np.empty((size, size))
+    on_tips, tension = np.empty((blades.shape[1], 3)), np.empty(wires.shape[1])
     turned, product = np.empty((3, 3)), np.empty((3, 3))
     for p in range(len(mass)):
         own = (mass[p], wires[p], blades[p], springs[p], flex[p])
         pose = (shift[p], turn[p], deflection[p])
-        work = (tension, gradient, hessian, outer, on_tips)
-        _evaluate(topology, gravity, own, pose, *work, True, form[p])
+        form[p], masses[p] = 0.0, 0.0
+        _evaluate(topology, gravity, own, pose, tension, gradient, hessian, on_tips, True, form[p])
         for i in range(size):
             for j in range(i + 1):
                 soft[p, i, j] = soft[p, j, i] = hessian[i, j]
+        for n in range(len(place)):
+            for i in range(place.shape[1]):
+                row = place[n, i]
+                if row == size:
+                    continue
+                stretched = wires[p, n, STIFFNESS] * form[p, n, row]
+                for j in range(i + 1):
+                    if place[n, j] < size:
+                        hessian[row, place[n, j]] += stretched * form[p, n, place[n, j]]
+        for i in range(size):
+            for j in range(i + 1):
+                whole[p, i, j] = whole[p, j, i] = hessian[i, j]
         for n in range(len(mass[p])):
             for i in range(3):
                 masses[p, 6 * n + 6 + i, 6 * n + 6 + i] = mass[p, n, 0]
@@ -425,26 +426,29 @@ def _turn_tensor(turn: Any, tensor: Any, turned: Any, result: Any) -> None:
                 result[i, j] += turned[i, k] * turn[j, k]
 
 
-def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any]:
-    """Tangent stiffness of a batch of scenes, apart from the stretching of wires, and mass.
+def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any, Any]:
+    """Tangent stiffness of a batch of scenes, with and without stretching of wires, and mass.
 
     Returns
     -------
     soft : (p, N, N) array
-        If wires kept their lengths, N/m, N and N m.
+        The stiffness if wires kept their lengths, N/m, N and N m.
     form : (p, w, N) array
-        Elongation of each wire per coordinate: the rest of the stiffness is the sum of k a a^T.
+        Elongation of each wire per coordinate.
+    stiffness : (p, N, N) array
+        The soft part plus the sum of k a a^T over the wires.
     mass : (p, N, N) array
         Of bodies about their COMs as they are turned, without tip masses.
     """
-    packed, count = pack(scene, numbering), scene.batch[0]
-    soft = np.empty((count, numbering.size, numbering.size))
-    form = np.zeros((count, len(scene.wires.label), numbering.size + 1))
+    packed, count, size = pack(scene, numbering), scene.batch[0], numbering.size
+    soft, stiffness, mass = (np.empty((count, size, size)) for _ in range(3))
+    form = np.empty((count, len(scene.wires.label), size))
     poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
-    inertia, masses = scene.bodies.inertia, np.zeros_like(soft)
+    inertia = scene.bodies.inertia
     inertia = np.ascontiguousarray(np.broadcast_to(inertia, (count, *inertia.shape[-3:])))
-    _tangents(packed.topology, packed.gravity, packed.numbers, inertia, poses, soft, form, masses)
-    return soft, form[..., :-1], masses
+    made = (soft, form, stiffness, mass)
+    _tangents(packed.topology, packed.gravity, packed.numbers, inertia, poses, *made)
+    return made
 
 
 @compiled
@@ -496,7 +500,7 @@ def newton(
     -------
     pose : Pose
     results : dict of arrays
-        Residual, rounding, tension, stiffness and pivot of an `Equilibrium`.
+        Residual, rounding, tension and pivot of an `Equilibrium`.
     steps : int
         Most that any build took.
     status : (p,) array
@@ -516,7 +520,6 @@ def newton(
     targets = np.ascontiguousarray(np.broadcast_to(free, (count, numbering.size - 6)))
     results = {
         "tension": np.zeros((count, len(scene.wires.label))),
-        "stiffness": np.empty((count, numbering.size, numbering.size)),
         "residual": np.empty(count),
         "rounding": np.empty(count),
         "steps": np.empty(count, dtype=np.int64),
@@ -533,8 +536,6 @@ def newton(
         accept_nominal,
         tuple(results.values()),
     )
-    found = {
-        name: results[name] for name in ("residual", "rounding", "tension", "stiffness", "pivot")
-    }
+    found = {name: results[name] for name in ("residual", "rounding", "tension", "pivot")}
     found["flex"] = packed.numbers[-1][..., 12:]
     return Pose(*poses), found, int(results["steps"].max(initial=0)), results["status"]

@@ -59,7 +59,8 @@ CLEAR = 1e-5
 the last; smaller ones are checked in the pose itself."""
 PARTS_OF_POSE = inner_axes(Pose)
 """Arrays of a pose, and their axes beyond the batch."""
-PARTS_OF_RESULT = ("residual", "rounding", "tension", "stiffness")
+PARTS_OF_RESULT = ("residual", "rounding", "tension")
+PARTS_OF_BATCH = ("pivot", "flex")
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Equilibrium:
     tension
         N.
     stiffness
-        Tangent stiffness in this pose, N/m, N and N m.
+        Tangent stiffness in this pose, N/m, N and N m; None where compiled loops solved a batch.
     pivot
         Least pivot of the stiffness in the last step, relative to its diagonal, if known.
     flex
@@ -92,7 +93,7 @@ class Equilibrium:
     rounding: Float[np.ndarray, "*batch"]
     iterations: int
     tension: Inexact[np.ndarray, "*batch wire"]
-    stiffness: Inexact[np.ndarray, "*batch coordinate coordinate"]
+    stiffness: Inexact[np.ndarray, "*batch coordinate coordinate"] | None = None
     pivot: Float[np.ndarray, "*batch"] | None = None
     flex: Inexact[np.ndarray, "*batch bent_wire 7"] | None = None
 
@@ -192,6 +193,8 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
             else _select_pose(_broadcast_pose(nominal.pose, scene.batch), suspect)
         )
         better = _continue(some, numbering, begin, steps)
+        if found.stiffness is not None:
+            better = replace(better, stiffness=_tangent_stiffness(some, numbering, better))
         found = _replace_converged(found, suspect, better)
         suspect[suspect] = ~(better.converged & _is_stable(some, numbering, better))
     return found
@@ -230,10 +233,12 @@ def _replace(
         *(merge(getattr(found.pose, name), getattr(new.pose, name)) for name in PARTS_OF_POSE)
     )
     parts = {name: merge(getattr(found, name), getattr(new, name)) for name in PARTS_OF_RESULT}
-    for name in ("pivot", "flex"):
+    for name in PARTS_OF_BATCH:
         old, some = getattr(found, name), getattr(new, name)
         if old is not None:
             parts[name] = merge(old, np.full((1, *old.shape[1:]), np.nan) if some is None else some)
+    if found.stiffness is not None and new.stiffness is not None:
+        parts["stiffness"] = merge(found.stiffness, new.stiffness)
     return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **parts)
 
 
@@ -246,7 +251,7 @@ def _replace_converged(
     chosen[where] = kept
     pose = _select_pose(new.pose, kept)
     parts = {name: getattr(new, name)[kept] for name in PARTS_OF_RESULT}
-    for name in ("pivot", "flex"):
+    for name in (*PARTS_OF_BATCH, "stiffness"):
         parts[name] = None if getattr(new, name) is None else getattr(new, name)[kept]
     return _replace(found, chosen, Equilibrium(pose=pose, iterations=new.iterations, **parts))
 
@@ -262,16 +267,27 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
             _select_pose(found.pose, unclear),
             iterations=0,
             **{name: getattr(found, name)[unclear] for name in PARTS_OF_RESULT},
+            stiffness=None if found.stiffness is None else found.stiffness[unclear],
         )
         result[unclear] = _has_no_soft_direction(select_scenes(scene, unclear), numbering, some)
     return result
+
+
+def _tangent_stiffness(scene: Scene, numbering: Layout, found: Equilibrium) -> Any:
+    """Tangent stiffness (..., N, N) in equilibrium, which the loops for a batch do not give."""
+    if found.stiffness is not None:
+        return found.stiffness
+    from suspension_cli.equilibrium import compiled  # takes half a second
+
+    return compiled.tangent(scene, numbering, found.pose)[2]
 
 
 def _has_no_soft_direction(
     scene: Scene, numbering: Layout, found: Equilibrium
 ) -> Bool[np.ndarray, "*batch"]:
     root = np.sqrt(residual_scale(scene, numbering))
-    scaled = np.nan_to_num(found.stiffness[..., 6:, 6:]) / (root[..., :, None] * root[..., None, :])
+    stiffness = _tangent_stiffness(scene, numbering, found)
+    scaled = np.nan_to_num(stiffness[..., 6:, 6:]) / (root[..., :, None] * root[..., None, :])
     own = np.abs(np.diagonal(scaled, axis1=-2, axis2=-1))
     free = free_rotations(scene, numbering, found.pose, single_point_stages(scene))
     free = free * root[..., None]

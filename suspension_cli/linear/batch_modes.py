@@ -63,12 +63,14 @@ def solve(model: LinearSystem) -> Spectrum:
         )
         # condensing the tips leaves rounding errors between blocks, which are not looked at
         own = replace(part, stiffness=condensed.stiffness[members])
-        result.omega_squared[members], result.shape[members] = _solve_blocks(own, part.blocks)
+        result.omega_squared[members], result.shape[members] = _solve_blocks(
+            own, part.blocks, loops=model.separated is not None
+        )
     return result
 
 
 def _solve_blocks(
-    model: LinearSystem, blocks: tuple[Index, ...]
+    model: LinearSystem, blocks: tuple[Index, ...], *, loops: bool
 ) -> tuple[Float[np.ndarray, "build mode"], Float[np.ndarray, "build mode coordinate"]]:
     values, shapes = [], []
     tension = graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
@@ -76,7 +78,7 @@ def _solve_blocks(
         kept, mass, stiffness, _ = eigenmodes.condense_block(model, block)
         if not len(kept):
             continue
-        squares, vectors = graded_eigenvalues.solve_batch(mass, stiffness, tension)
+        squares, vectors = graded_eigenvalues.solve_batch(mass, stiffness, tension, loops=loops)
         close = np.diff(squares, axis=-1) <= eigenmodes.DEGENERATE * np.abs(squares[:, 1:])
         for n in np.flatnonzero(close.any(-1)):
             vectors[n] = eigenmodes.localise(squares[n], vectors[n])

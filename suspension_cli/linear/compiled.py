@@ -14,6 +14,7 @@ refined with a residual in twice the digits (Higham, Accuracy and Stability of N
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -126,10 +127,10 @@ def respond(
                     for i in range(size):
                         b[i] -= drawn[i, j] * moves[p, j, column]
             x[:] = b
-            substitute(factor, pivot, x)
+            substitute(factor, x)
             for _ in range(refinements):
                 residual(matrix, x, b, work, left)
-                substitute(factor, pivot, left)
+                substitute(factor, left)
                 x += left
             for n in range(free):
                 result[q, order[n] - 6, column] = x[place[n]]
@@ -196,6 +197,47 @@ def condense_tips(
                 result[p, order[n], order[m]] = result[p, order[m], order[n]] = factor[n, m]
             if n >= first_light:
                 result[p, order[n], order[n]] = 1.0
+
+
+@compiled
+def scale_by_mass(mass: Any, stiffness: Any, root: Any, dynamic: Any) -> None:
+    """Fill L with M = L L^T, and L^-1 K L^-T, of many builds.
+
+    Parameters
+    ----------
+    mass, stiffness, root, dynamic : (p, c, c) arrays
+        The last two are to be filled.
+    """
+    size = mass.shape[-1]
+    for p in range(len(mass)):
+        for i in range(size):
+            for j in range(i + 1):
+                total = mass[p, i, j]
+                for k in range(j):
+                    total -= root[p, i, k] * root[p, j, k]
+                root[p, i, j] = math.sqrt(total) if i == j else total / root[p, j, j]
+                root[p, j, i] = root[p, i, j] if i == j else 0.0
+        # rows of L^-1 K, then the same on columns, of which the lower triangle is enough
+        for i in range(size):
+            for j in range(size):
+                dynamic[p, i, j] = stiffness[p, i, j]
+            for k in range(i):
+                factor = root[p, i, k]
+                if factor != 0.0:
+                    for j in range(size):
+                        dynamic[p, i, j] -= factor * dynamic[p, k, j]
+            over = 1 / root[p, i, i]
+            for j in range(size):
+                dynamic[p, i, j] *= over
+        for i in range(size):
+            for j in range(i + 1):
+                total = dynamic[p, i, j]
+                for k in range(j):
+                    total -= root[p, j, k] * dynamic[p, i, k]
+                dynamic[p, i, j] = total / root[p, j, j]
+        for i in range(size):
+            for j in range(i):
+                dynamic[p, j, i] = dynamic[p, i, j]
 
 
 def without_tips(model: LinearSystem) -> LinearSystem:

@@ -102,6 +102,8 @@ def solve_batch(
     mass: Float[np.ndarray, "build coordinate coordinate"],
     stiffness: Float[np.ndarray, "build coordinate coordinate"],
     tension: Float[np.ndarray, " build"],
+    *,
+    loops: bool = False,
 ) -> tuple[Float[np.ndarray, "build mode"], Float[np.ndarray, "build coordinate mode"]]:
     """Solve for eigenvalues (p, m) and orthonormal vectors L^T v (p, c, m), M = L L^T, of a batch.
 
@@ -113,11 +115,22 @@ def solve_batch(
         As for `solve`.
     tension : (p,) array
         See `rigid`.
+    loops : bool
+        Whether to use compiled loops, which are faster in large batches.
     """
-    root = np.linalg.cholesky(mass)
-    inverse = np.linalg.inv(root)
-    dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
-    values, vectors = np.linalg.eigh((dynamic + np.swapaxes(dynamic, -1, -2)) / 2)
+    if loops:
+        from suspension_cli.linear import compiled  # takes half a second
+
+        root, dynamic = np.empty(mass.shape), np.empty(mass.shape)
+        compiled.scale_by_mass(
+            np.ascontiguousarray(mass), np.ascontiguousarray(stiffness), root, dynamic
+        )
+    else:
+        root = np.linalg.cholesky(mass)
+        inverse = np.linalg.inv(root)
+        dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
+        dynamic = (dynamic + np.swapaxes(dynamic, -1, -2)) / 2
+    values, vectors = np.linalg.eigh(dynamic)
     size = np.abs(values)
     wide = size.min(-1) < WIDE * size.max(-1)
     if wide.any():

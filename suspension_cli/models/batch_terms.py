@@ -84,7 +84,9 @@ class WireBatchTerm:
         from suspension_cli.elements import compiled_wire  # takes half a second
 
         values, number = np.unique(omega, return_inverse=True)
-        added = np.zeros((len(which), self.size + 1, self.size + 1), dtype=complex)
+        whole = dynamic
+        if self.basis is not None:
+            whole = np.zeros((len(which), self.size, self.size), dtype=complex)
         compiled_wire.add_dynamic(
             which,
             np.ascontiguousarray(omega),
@@ -94,11 +96,12 @@ class WireBatchTerm:
             self.geometry,
             *self._losses(values),
             self.massive,
-            added,
+            whole,
             compliance,
         )
-        own = added[:, :-1, :-1]
-        dynamic += own if self.basis is None else self.basis.T @ own @ self.basis
+        if self.basis is not None:
+            changed = self.basis.T @ whole @ self.basis
+            dynamic += (changed + np.swapaxes(changed, -1, -2)) / 2
 
     def _losses(
         self, omega: Float[np.ndarray, " frequency"]

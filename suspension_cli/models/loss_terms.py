@@ -28,10 +28,10 @@ def lossless(scene: Scene) -> Scene:
 
 
 def loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry) -> list[Term]:
-    """Losses of blades and springs; any batch axes."""
+    """Losses of blades and springs; any batch axes, left out where the stiffness has none."""
     fibres, terms = scene.fibres, []
     assert fibres is not None
-    shape = (*scene.batch, numbering.size, numbering.size)
+    shape = (*scene.blades.stiffness.shape[:-2], numbering.size, numbering.size)
     place = {label: n for n, label in enumerate(scene.blades.label)}
     groups: dict[Any, list[int]] = {}
     for blade in fibres.blade:

@@ -13,6 +13,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import bar, bending, blade, spring, string
+from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.linear import separated_stiffness
@@ -66,8 +67,11 @@ def linear_model(
     weightless = scene.blades.tip_mass == 0
     for number in np.flatnonzero(weightless.all(tuple(range(weightless.ndim - 1)))):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
-    stiffness, low, stretched = _stiffness(scene, numbering, balanced, adapted)
-    separated, mass = _separated(scene, numbering, balanced, adapted)
+    separated = mass = low = stretched = None
+    if _is_compiled(scene):
+        separated, stiffness, mass = _separated(scene, numbering, pose, adapted)
+    else:
+        stiffness, low, stretched = _stiffness(scene, numbering, balanced, adapted)
     lossy = None
     if scene.wires.loss.any() or scene.blades.loss.any() or scene.springs.loss.any():
         lossy, lossy_low = _loss(scene, numbering, pose, adapted, stretched)
@@ -113,7 +117,10 @@ def _stiffness(
     The last two are None for a batch of scenes and for complex steps.
     """
     if scene.batch or np.issubdtype(scene.kind, np.complexfloating) or not scene.wires.label:
-        return adapted.apply(balanced.stiffness), None, None
+        stiffness = balanced.stiffness
+        if stiffness is None:
+            stiffness = gradient_and_stiffness(scene, numbering, balanced.pose)[1]
+        return adapted.apply(stiffness), None, None
     soft, stretched = separated_stiffness.separate_stretching(scene, numbering, balanced, adapted)
     whole = stretched.added(DoubleDouble.of(soft), stretched.stiffness)
     return whole.high, whole.low, stretched
@@ -125,20 +132,18 @@ def _is_compiled(scene: Scene) -> bool:
 
 
 def _separated(
-    scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry
-) -> tuple[Separated | None, Any]:
-    """The stiffness of a batch of builds apart from the stretching of wires, and the mass.
+    scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry
+) -> tuple[Separated, Any, Any]:
+    """The stiffness of a batch apart from the stretching of wires, the whole of it, and the mass.
 
-    None where these are not known.
+    The mass is None where tips of blades, or bars, have some.
     """
-    if not _is_compiled(scene):
-        return None, None
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    soft, form, mass = compiled.tangent(scene, numbering, balanced.pose)
+    soft, form, stiffness, mass = compiled.tangent(scene, numbering, pose)
     separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
     light = not scene.blades.tip_mass.any() and not scene.bars.label
-    return separated, mass if light else None
+    return separated, adapted.apply(stiffness), mass if light else None
 
 
 def _loss(

@@ -13,7 +13,7 @@ import numpy as np
 
 from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.schema import Design
-from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
 from suspension_cli.linear.graded_eigenvalues import RIGID
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.symmetry import is_mirror_symmetric
@@ -22,6 +22,7 @@ from suspension_cli.models import registry
 from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.models.surroundings import framed, surrounded
 from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.statics import static_displacements
 from suspension_cli.studies.systems import respond
@@ -81,8 +82,9 @@ class Builds:
         Whether each build is symmetric when x, or y, is mirrored.
     terms : tuple of BatchTerm
         Frequency-dependent parts, where wires bend.
-    static : (p, n, 6) array or None
-        Static displacement (m) and rotation (rad) of the bodies, see `statics`, if computed.
+    scene : Scene or None
+    pose : Pose or None
+        Of the builds in equilibrium, if known.
     """
 
     model: LinearSystem
@@ -91,7 +93,14 @@ class Builds:
     residual: Any
     mirrors: Any
     terms: tuple[BatchTerm, ...] = ()
-    static: Any = None
+    scene: Scene | None = None
+    pose: Pose | None = None
+
+    @property
+    def static(self) -> Any:
+        """Static displacement (m) and rotation (rad) of the bodies, (p, n, 6), see `statics`."""
+        assert self.scene is not None and self.pose is not None
+        return static_displacements(self.scene, self.pose)
 
 
 def balance(
@@ -126,7 +135,7 @@ def balance(
         slack = found.tension <= 0
         status = np.full(scene.batch, GOOD, dtype=np.uint8)
         if not allow_unstable:
-            status[grows(model)] = UNSTABLE
+            status[_unstable(model, found, design)] = UNSTABLE
         status[slack.any(-1)] = SLACK
         status[~found.converged] = UNBALANCED
     wire = np.full(status.shape, -1, dtype=np.int16)
@@ -138,7 +147,8 @@ def balance(
         found.residual,
         is_mirror_symmetric(scene),
         terms,
-        static_displacements(scene, found.pose),
+        scene,
+        found.pose,
     )
 
 
@@ -148,6 +158,23 @@ def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:
         model,
         orientation=model.orientation if model.orientation is not None else found.pose.rotation,
     )
+
+
+def _unstable(model: LinearSystem, found: Equilibrium, design: Design) -> Any:
+    """Find builds (p,) with an unstable mode.
+
+    The pivots of the last step to an equilibrium tell most that are stable, unless the support
+    structure moves too.
+    """
+    unclear = np.ones(model.batch, dtype=bool)
+    if found.pivot is not None and design.support is None:
+        unclear = ~(found.pivot > CLEAR)
+    if unclear.all():
+        return grows(model)
+    if unclear.any():
+        mass = np.broadcast_to(model.mass, model.stiffness.shape)[unclear]
+        unclear[unclear] = grows(replace(model, stiffness=model.stiffness[unclear], mass=mass))
+    return unclear
 
 
 def grows(model: LinearSystem) -> Any:

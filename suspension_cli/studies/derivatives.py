@@ -146,6 +146,7 @@ def prepared(design: Design, level: str = registry.STRING.name) -> Differentiabl
     else:
         found = equilibrium.solve(scene, numbering)
     found.demand(scene)
+    assert found.stiffness is not None
     model = surrounded(string_model.linear_model(scene, found, split=False), design)
     return Differentiable(
         design,

@@ -156,7 +156,7 @@ def _terms(
     added = np.zeros((len(which), model.size, model.size), dtype=complex)
     for term in terms:
         term.add(added, compliance, omega, which)
-    return (added + np.swapaxes(added, -1, -2)) / 2, compliance
+    return added, compliance
 
 
 def further_stiffness(
@@ -219,7 +219,7 @@ def _respond_compiled(
         1j if lossy else 0.0,
         which,
         np.ascontiguousarray(omega),
-        np.ascontiguousarray(separated.soft, dtype=kind),
+        np.ascontiguousarray(separated.soft),
         np.ascontiguousarray(np.broadcast_to(model.mass, whole)),
         damping,
         np.zeros((0, size, size), dtype=kind) if added is None else added,

@@ -224,17 +224,20 @@ def follow_modes(found: builds.Builds, shapes: Array, keep: Any) -> Array:
     """
     from suspension_cli.linear import compiled  # takes half a second
 
-    model = found.model if found.model.separated is None else compiled.without_tips(found.model)
-    stiffness = condense(
-        model.stiffness[..., 6:, 6:], ~np.isin(np.arange(6, model.size), keep)
-    ).matrix
+    model = found.model
+    if model.separated is None:
+        light = ~np.isin(np.arange(6, model.size), keep)
+        stiffness = condense(model.stiffness[..., 6:, 6:], light).matrix
+    else:
+        model = compiled.without_tips(model)
+        stiffness = model.stiffness[..., keep[:, None], keep]
     bad = found.status != builds.GOOD
     mass = np.where(bad[:, None, None], np.eye(len(keep)), model.mass[..., keep[:, None], keep])
     tension = np.where(
         bad, 0.0, graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
     )
     values, vectors = graded_eigenvalues.solve_batch(
-        mass, np.where(bad[:, None, None], mass, stiffness), tension
+        mass, np.where(bad[:, None, None], mass, stiffness), tension, loops=True
     )
     overlap = (shapes @ vectors) ** 2  # (p, m, m): nominal, build
     choice = overlap.argmax(-1)

@@ -95,7 +95,7 @@ class Sweep(Product):
     def wire_label(self) -> str:
         """Label of the imperfect wire; empty if there is none."""
         wire = self.question.wire
-        return expand(self._design).wires.label[wire] if wire >= 0 else ""
+        return self._scene.wires.label[wire] if wire >= 0 else ""
 
     def check(self) -> None:
         """Raise `InputError` if no wire can be imperfect, or a path, value or signal is invalid."""
@@ -141,7 +141,7 @@ class Sweep(Product):
         imperfections = {name: value for name, value in values.items() if name in PARAMETERS}
         if len(imperfections) == len(values):
             return compute_coupling(
-                impose(expand(self._design), values, self.question),
+                impose(self._scene, values, self.question),
                 self._design,
                 self.question,
                 self.allow_unstable,
@@ -165,6 +165,10 @@ class Sweep(Product):
     @cached_property
     def _design(self) -> Any:
         return reader.parse(self.text)
+
+    @cached_property
+    def _scene(self) -> Scene:
+        return expand(self._design)
 
 
 def quotient_unit(out: Signal, into: Signal) -> str:

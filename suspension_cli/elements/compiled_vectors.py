@@ -1,0 +1,185 @@
+"""Vectors and matrices of three dimensions for compiled loops.
+
+A vector is a tuple of three doubles and a matrix a tuple of its three rows: unlike small arrays
+they stay in the registers of the processor.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from suspension_cli.compiled import inlined
+
+
+@inlined
+def vector(table: Any, row: int, column: int) -> Any:
+    """Three neighbouring elements of a row of a table."""
+    return table[row, column], table[row, column + 1], table[row, column + 2]
+
+
+@inlined
+def matrix(stack: Any, n: int) -> Any:
+    """One matrix of a stack (n, 3, 3)."""
+    return (
+        (stack[n, 0, 0], stack[n, 0, 1], stack[n, 0, 2]),
+        (stack[n, 1, 0], stack[n, 1, 1], stack[n, 1, 2]),
+        (stack[n, 2, 0], stack[n, 2, 1], stack[n, 2, 2]),
+    )
+
+
+@inlined
+def dot(a: Any, b: Any) -> float:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inlined
+def cross(a: Any, b: Any) -> Any:
+    """Vector product."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@inlined
+def plus(a: Any, b: Any) -> Any:
+    """Sum of two vectors."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@inlined
+def minus(a: Any, b: Any) -> Any:
+    """Difference of two vectors."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@inlined
+def scaled(factor: float, a: Any) -> Any:
+    """Multiple of a vector."""
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+@inlined
+def times(m: Any, a: Any) -> Any:
+    """Matrix times vector."""
+    return dot(m[0], a), dot(m[1], a), dot(m[2], a)
+
+
+@inlined
+def transposed(m: Any) -> Any:
+    """Transpose of a matrix."""
+    return (
+        (m[0][0], m[1][0], m[2][0]),
+        (m[0][1], m[1][1], m[2][1]),
+        (m[0][2], m[1][2], m[2][2]),
+    )
+
+
+@inlined
+def added(m: Any, n: Any) -> Any:
+    """Sum of two matrices."""
+    return plus(m[0], n[0]), plus(m[1], n[1]), plus(m[2], n[2])
+
+
+@inlined
+def subtracted(m: Any, n: Any) -> Any:
+    """Difference of two matrices."""
+    return minus(m[0], n[0]), minus(m[1], n[1]), minus(m[2], n[2])
+
+
+@inlined
+def multiple(factor: float, m: Any) -> Any:
+    """Multiple of a matrix."""
+    return scaled(factor, m[0]), scaled(factor, m[1]), scaled(factor, m[2])
+
+
+@inlined
+def diagonal(value: float) -> Any:
+    """Multiple of the unit matrix."""
+    return (value, 0.0, 0.0), (0.0, value, 0.0), (0.0, 0.0, value)
+
+
+@inlined
+def outer(a: Any, b: Any) -> Any:
+    """Product a b^T of two vectors."""
+    return scaled(a[0], b), scaled(a[1], b), scaled(a[2], b)
+
+
+@inlined
+def symmetric(m: Any) -> Any:
+    """Symmetric part of a matrix."""
+    return multiple(0.5, added(m, transposed(m)))
+
+
+@inlined
+def times_cross(m: Any, a: Any) -> Any:
+    """Product M [a] with the matrix [a] of the vector product, [a] b = a x b."""
+    return cross(m[0], a), cross(m[1], a), cross(m[2], a)
+
+
+@inlined
+def cross_times(a: Any, m: Any) -> Any:
+    """Product [a]^T M, the transpose of M^T [a]."""
+    return transposed(times_cross(transposed(m), a))
+
+
+@inlined
+def cross_matrix(a: Any) -> Any:
+    """The matrix [a]."""
+    return (0.0, -a[2], a[1]), (a[2], 0.0, -a[0]), (-a[1], a[0], 0.0)
+
+
+@inlined
+def turned(m: Any, a: Any) -> Any:
+    """Rotate a vector by 1 + M."""
+    return plus(a, times(m, a))
+
+
+@inlined
+def turning(force: Any, arm: Any) -> Any:
+    """Second derivative of F . R a with respect to rotations, (F w^T + w F^T)/2 - F . w, w = R a.
+
+    See `geometric_stiffness`.
+    """
+    return subtracted(symmetric(outer(force, arm)), diagonal(dot(force, arm)))
+
+
+@inlined
+def add_vector(target: Any, first: int, a: Any) -> None:
+    """Add a vector to three neighbouring elements."""
+    target[first] += a[0]
+    target[first + 1] += a[1]
+    target[first + 2] += a[2]
+
+
+@inlined
+def add_block(target: Any, row: int, column: int, m: Any) -> None:
+    """Add a matrix to a block of a larger one."""
+    target[row, column] += m[0][0]
+    target[row, column + 1] += m[0][1]
+    target[row, column + 2] += m[0][2]
+    target[row + 1, column] += m[1][0]
+    target[row + 1, column + 1] += m[1][1]
+    target[row + 1, column + 2] += m[1][2]
+    target[row + 2, column] += m[2][0]
+    target[row + 2, column + 1] += m[2][1]
+    target[row + 2, column + 2] += m[2][2]
+
+
+@inlined
+def subtract_block(target: Any, row: int, column: int, m: Any) -> None:
+    """Subtract a matrix from a block of a larger one."""
+    add_block(target, row, column, multiple(-1.0, m))
+
+
+@inlined
+def add_lower(target: Any, first: int, m: Any) -> None:
+    """Add the lower triangle of a matrix to a block on the diagonal."""
+    target[first, first] += m[0][0]
+    target[first + 1, first] += m[1][0]
+    target[first + 1, first + 1] += m[1][1]
+    target[first + 2, first] += m[2][0]
+    target[first + 2, first + 1] += m[2][1]
+    target[first + 2, first + 2] += m[2][2]
