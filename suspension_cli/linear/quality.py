@@ -92,6 +92,11 @@ def end_motions(model: LinearSystem, shapes: Array) -> list[tuple[TautWire, dict
     ]
 
 
+def knows_energy(model: LinearSystem) -> bool:
+    """Whether the terms of a system are all its lossy elements: not where they are tables alone."""
+    return any(not isinstance(term, LossTerm) or term.storage is None for term in model.terms)
+
+
 def safe_ratio(total: Array, part: Array) -> Array:
     """Divide total by part; infinite where part is 0 to the square of a rounding error."""
     some = part > NOTHING * total

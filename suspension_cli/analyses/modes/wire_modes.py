@@ -253,6 +253,9 @@ def _stiffness(
     result = np.zeros((len(omega), whole, whole), dtype=omega.dtype)
     own = result[:, : model.size, : model.size]
     own += constant - omega[:, None, None] ** 2 * model.mass
+    for term in model.terms:
+        if isinstance(term, LossTerm) and term.storage is not None:
+            own += term.storage(omega.real)[:, None, None] * term.matrix
     if np.iscomplexobj(omega):
         own += 1j * omega[:, None, None] * damped.damping_matrix(model)
         for term in model.terms:
