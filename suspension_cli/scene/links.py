@@ -113,12 +113,10 @@ def _links(design: Design, position: Array) -> list[SpringPart]:
         rows.append(
             SpringPart(
                 f"{link.name}.link",
-                second,
-                first,
-                link.at,
+                *_ordered(first, second, link.at, position),
                 link_stiffness(design, link, position[first], position[second]),
                 matrix(link.damping),
-                link.preload,
+                np.array(link.preload) if first > second else -np.array(link.preload),
                 link_loss(design, link) if spectrum is None else 0.0,
                 link.between[1] == GROUND,
                 spectrum,
@@ -127,17 +125,24 @@ def _links(design: Design, position: Array) -> list[SpringPart]:
     return rows
 
 
+def _ordered(first: int, second: int, at: Any, position: Array) -> tuple[int, int, Any]:
+    """Number of the upper and the lower body, and the point in the frame of the lower.
+
+    The upper has the lower number, on which compiled loops rely.
+    """
+    if first > second:
+        return second, first, at
+    return first, second, np.array(at) + position[first] - position[second]
+
+
 def _dampers(design: Design, position: Array) -> list[SpringPart]:
-    del position
     rows = []
     for damper in design.damper:
         first, second = numbers(design, damper.between)
         rows.append(
             SpringPart(
                 f"{damper.name}.damper",
-                second,
-                first,
-                damper.at,
+                *_ordered(first, second, damper.at, position),
                 np.zeros((6, 6)),
                 damper_matrix(damper),
                 [0.0] * 6,

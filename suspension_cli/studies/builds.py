@@ -181,13 +181,13 @@ def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: li
         ]
         order = np.argsort(np.argsort(ground, kind="stable"), kind="stable")
         return np.concatenate(parts, axis=-1)[..., order]
-    if ground.any():
-        builds = driven_by_ground(builds)
     model, acts = builds.model, np.array([signal.acts for signal in inputs])
     rows = np.stack([linear_form(signal, model) for signal in outputs], axis=-2)  # (p, o, N)
+    drives = np.stack([linear_form(signal, model) for signal in inputs], axis=-1)  # (p, N, i)
     if ground.any():
         rows[..., :6] = 0.0  # the support is at rest
-    drives = np.stack([linear_form(signal, model) for signal in inputs], axis=-1)  # (p, N, i)
+        builds = driven_by_ground(builds)
+        model = builds.model
     moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives[..., 6:, :], 0.0)
     omega = 2 * np.pi * np.asarray(frequency)
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
