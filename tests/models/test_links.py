@@ -6,6 +6,7 @@ written down in finite rotations; hyper-dual numbers differentiate it twice, exa
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ LINKS = (
 )
 
 
-def _design(extra: str = "", wires_loss: str = "") -> str:
+def _design(extra: str = "") -> str:
     lines = ['[design]\nname = "towers"\n']
     for (upper, lower, length, s, t, d, d_upper, k), name in zip(WIRES, BODIES, strict=False):
         inertia = list(INERTIA[name])
@@ -202,9 +203,8 @@ def test_support_and_ground_together_move_everything_rigidly_at_rest() -> None:
     _close(total, np.vstack([np.eye(3), np.eye(3)]), 1e-11)
 
 
-def test_all_models_and_loss_see_the_ground_alike() -> None:
-    """The beam model of wires without bending is the string model; constant losses as terms."""
-    design = reader.parse(_design(DAMPER).replace("k = ", "torsion = 1e-3\nk = "))
+def test_ground_with_losses_and_dampers() -> None:
+    design = reader.parse(_design(DAMPER))
     frequency = np.geomspace(0.1, 20, 7)
     model = registry.STRING.system(design)
     known = signals.bodies_with_signals(model)
@@ -395,3 +395,46 @@ def test_signals_between_bodies_are_checked() -> None:
     plain = registry.STRING.system(reader.parse(reader.template("single", "single")))
     with pytest.raises(InputError, match="names no body"):
         signals.parse_input("ground.x", signals.bodies_with_signals(plain))
+
+
+@pytest.mark.parametrize("level", ["string", "beam"])
+def test_sensitivity_reaches_links_dampers_and_tables(level: str) -> None:
+    from suspension_cli.analyses.sensitivity import solve as sensitivity
+    from suspension_cli.linear import eigenmodes, named_results
+
+    table = TABLE.format("2.0, 3.0, 6.0", "0.1, 0.2, 0.9").replace('"z"', '"x"')
+    text = _design(DAMPER) + '[[link]]\nname = "tab"\nbetween = ["test", "ground"]\n' + table
+    text = text.replace("[link.table]", "[link.table]\nfactor = 1.0")
+    if level == "beam":
+        text = re.sub(r"(?m)^k = .*$", 'material = "c70steel"\nradius = 2e-4', text)
+    model = registry.by_name(level).system(reader.parse(text))
+    names = ["test.x/ground.x:1.3", "test~reaction.yaw/test~reaction.torque_yaw:0.7"]
+    known = signals.bodies_with_signals(model)
+    results = named_results.parse(names, eigenmodes.solve(model), known)
+    found = sensitivity.solve(text, results, level)
+
+    def size(path: str, value: float) -> Any:
+        other = reader.parse_with_overrides(text, (f"{path}={value!r}",))
+        made = registry.by_name(level).system(other)
+        ratios = [r for r in results if isinstance(r, named_results.Ratio)]
+        return np.array(
+            [
+                np.abs(response.solve(made, [r.frequency], [r.input], [r.over]).value[0, 0, 0])
+                for r in ratios
+            ]
+        )
+
+    for path in (
+        "link.link2.loss_angle",
+        "link.link3.stiffness.1.1",
+        "link.link3.loss_angle",
+        "link.link1.at.2",
+        "link.tab.table.factor",
+        "damper.feet.damping.1",
+        "damper.brake.damping.6",
+    ):
+        value = float(found.value[found.parameter.index(path)])
+        step = 1e-4 * (abs(value) or 1.0)
+        expected = (size(path, value + step) - size(path, value - step)) / (2 * step)
+        row = found.derivative[found.parameter.index(path)]
+        np.testing.assert_allclose(row, expected, rtol=2e-5, atol=1e-9)
