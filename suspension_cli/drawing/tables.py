@@ -47,6 +47,12 @@ BLADES = (
 SPRINGS = "Zigzags: springs, each at its point; dotted, to the body (or support) that holds it."
 
 
+LINKS = (
+    "Plain curves: links of curved wires, without their weight. Pistons: dampers. Hatched feet: the"
+    " ground beside the support."
+)
+
+
 @dataclass(frozen=True)
 class Table:
     """Rows of text under headings.
@@ -83,7 +89,10 @@ class Table:
 
 def key(scene: Scene) -> list[str]:
     """Lines that explain the symbols in a drawing."""
-    return [*KEY, *[BLADES] * bool(scene.blades.label), *[SPRINGS] * bool(scene.springs.label)]
+    springs = scene.springs
+    lines = [*KEY, *[BLADES] * bool(scene.blades.label), *[SPRINGS] * bool(springs.label)]
+    kinds = {label.rsplit(".", 1)[1] for label in springs.label}
+    return lines + [LINKS] * bool(kinds & {"link", "damper"} or springs.grounded.any())
 
 
 def stages(design: Design, scene: Scene) -> Table:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
+from suspension_cli.scene import links, strands
 from suspension_cli.scene.scene import Scene
 
 
@@ -105,6 +107,39 @@ class Lowest:
 
 
 @dataclass(frozen=True)
+class LinkLoad:
+    """A link or damper between two bodies.
+
+    Attributes
+    ----------
+    label : str
+        Its name.
+    between : tuple of str
+    stiffness : (float, float, float)
+        Of the displacements x, y, z at its point, N/m.
+    damping : (float, float, float)
+        N s/m.
+    length : float or None
+        Of one wire of a link given by its geometry, m.
+    weight : float or None
+        Of all its wires, N; the models leave it out.
+    sag : float or None
+        Largest descent of a wire under its weight, as a small deflection, m.
+    table : (float, float) or None
+        Lowest and highest frequency of a table of stiffness, Hz.
+    """
+
+    label: str
+    between: tuple[str, str]
+    stiffness: tuple[float, float, float]
+    damping: tuple[float, float, float]
+    length: float | None = None
+    weight: float | None = None
+    sag: float | None = None
+    table: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
 class Statics:
     """Statics of one design.
 
@@ -119,6 +154,7 @@ class Statics:
         z of the highest end of a wire, m.
     residual : float
         Of the equilibrium, over the weight.
+    links : tuple of LinkLoad
     """
 
     wires: tuple[WireLoad, ...]
@@ -127,6 +163,7 @@ class Statics:
     lowest: tuple[Lowest, ...]
     top: float
     residual: float
+    links: tuple[LinkLoad, ...] = ()
 
     @property
     def height(self) -> float:
@@ -175,7 +212,36 @@ def solve(design: Design) -> Statics:
         if scene.wires.label
         else 0.0,
         residual=float(balanced.residual),
+        links=tuple(_links(design, scene)),
     )
+
+
+def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
+    """Links and dampers between bodies, in the order of the file."""
+    position = scene.bodies.position
+    for link in design.link:
+        first, second = (position[n] for n in links.numbers(design, link.between))
+        stiffness = links.link_stiffness(design, link, first, second)
+        found = LinkLoad(
+            link.name,
+            link.between,
+            _vector(np.diag(stiffness)[:3]),
+            _vector(np.diag(links.matrix(link.damping))[:3]),
+            table=None if link.table is None else tuple(link.table.frequency[:: len(link.table.frequency) - 1]),
+        )
+        if link.strands is not None:
+            curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
+            length = float(curve.length)
+            found = replace(
+                found,
+                length=length,
+                weight=link.strands.count * length * float(wire.weight),
+                sag=strands.sag(curve, wire)[0],
+            )
+        yield found
+    for damper in design.damper:
+        damping = _vector(np.diag(links.damper_matrix(damper))[:3])
+        yield LinkLoad(damper.name, damper.between, (0.0, 0.0, 0.0), damping)
 
 
 def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
