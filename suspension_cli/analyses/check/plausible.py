@@ -35,6 +35,8 @@ SAG = 5.0
 
 LINK_SAG = 0.05
 """Largest sag of a link under its weight, relative to its length, for small deflections."""
+LINK_PENDULUM = 0.3
+"""Weight over length of a link, relative to its stiffness, above which that is uncertain."""
 LINK_WEIGHT = 1e-3
 """Weight of a link, relative to the tensions of all wires, that matters."""
 
@@ -80,6 +82,17 @@ def _check_link(link: LinkLoad, carried: Statics) -> Iterator[ImplausibleNumber]
                 " in place",
             )
         )
+    if link.weight is not None and link.length is not None:
+        pendulum, least = link.weight / link.length, min(link.stiffness)
+        if pendulum > LINK_PENDULUM * least:
+            yield ImplausibleNumber(
+                Fault(
+                    f"{path}.strands",
+                    f"its weight stiffens it by some {pendulum:.2g} N/m, which is left out, beside"
+                    f" {least:.2g} N/m of the wires",
+                    "take its stiffness as an order of magnitude, or give one that was measured",
+                )
+            )
     bodies = [wire.tension for wire in carried.wires]
     if link.weight is not None and bodies and link.weight > LINK_WEIGHT * sum(bodies):
         yield ImplausibleNumber(
