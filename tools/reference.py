@@ -18,15 +18,17 @@ import msgspec
 
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
-from suspension_cli.design import schema, wires
+from suspension_cli.design import links, schema, wires
 from suspension_cli.design.losses import bulk
 from suspension_cli.design.units import NAMES
 
 ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
 BLOCK = re.compile(r"<!-- (keys|options): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
+MODULES = (schema, wires, links, bulk)
+"""Modules with the types of tables."""
 TYPES = {
-    name: getattr(schema, name, None) or getattr(wires, name, None) or getattr(bulk, name)
+    name: next(found for module in MODULES if (found := getattr(module, name, None)))
     for name in schema.json_schema()["$defs"]
 }
 """Tables of the file format, by name."""

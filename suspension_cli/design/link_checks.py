@@ -49,13 +49,11 @@ def check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
         yield from _check_damper(damper, f"damper.{damper.name}")
 
 
-def _check_between(between: tuple[str, str], stages: list[str], path: str) -> Iterator[Fault]:
+def _check_between(between: list[str], stages: list[str], path: str) -> Iterator[Fault]:
     first, second = between
-    value = format_value(list(between))
+    value = format_value(between)
     if first in BESIDE and second in stages:
-        yield Fault(
-            path, "begins with no stage", f'swap them: ["{second}", "{first}"]', value
-        )
+        yield Fault(path, "begins with no stage", f'swap them: ["{second}", "{first}"]', value)
         return
     if first not in stages:
         remedy = suggest(first, stages)
@@ -120,14 +118,12 @@ def _check_table(table: StiffnessTable, path: str) -> Iterator[Fault]:
         yield Fault(path, "has no frequencies", "give file, or frequency, real and imaginary")
         return
     if any(after <= before for before, after in pairwise(table.frequency)):
-        yield Fault(
-            f"{path}.frequency", "is not in ascending order", "sort the table by frequency"
-        )
+        yield Fault(f"{path}.frequency", "is not in ascending order", "sort the table by frequency")
     for key in ("real", "imaginary"):
         columns = getattr(table, key)
         if len(columns) != axes:
             remedy = (
-                f"give one list per axis, {', '.join(DOFS)}, or name the one axis: axis = \"x\""
+                f'give one list per axis, {", ".join(DOFS)}, or name the one axis: axis = "x"'
                 if axes == 6
                 else "give one list for the one axis, or remove axis"
             )
@@ -182,12 +178,14 @@ def _check_strands(
     first, second = (
         (0.0, 0.0, 0.0) if name in BESIDE else com_positions(design)[name] for name in link.between
     )
-    x, y, z = (
-        b + q - a - p for a, b, p, q in zip(first, second, link.at, given.to, strict=True)
-    )
+    x, y, z = (b + q - a - p for a, b, p, q in zip(first, second, link.at, given.to, strict=True))
     width = math.hypot(x, y)
     if given.shape == "points":
-        points = [link.at, *given.points, tuple(p + d for p, d in zip(link.at, (x, y, z), strict=True))]
+        points = [
+            link.at,
+            *given.points,
+            tuple(p + d for p, d in zip(link.at, (x, y, z), strict=True)),
+        ]
         if any(math.dist(one, other) < 1e-9 for one, other in pairwise(points)):
             yield Fault(f"{path}.points", "two points of the wire coincide", "check at, points, to")
     elif width < 1e-6:

@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 from msgspec import Meta, field
 
 from suspension_cli.design.units import (
-    NAMES,
     Coefficient,
     Frequency,
     Length,
@@ -22,12 +21,14 @@ from suspension_cli.design.units import (
 )
 
 Between = Annotated[
-    tuple[Name, Name],
+    list[Name],
     Meta(
+        min_length=2,
+        max_length=2,
         description=(
             'the two bodies: a stage first, then another stage, "support" (the suspension point) or'
-            f' "ground" (beside it; {NAMES})'
-        )
+            ' "ground" (beside it)'
+        ),
     ),
 ]
 At = Annotated[
@@ -141,9 +142,7 @@ class Link(Table, frozen=True):
         Annotated[
             Matrix6,
             Meta(
-                description=(
-                    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad"
-                )
+                description=("x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad")
             ),
         ]
         | None

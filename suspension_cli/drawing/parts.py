@@ -17,7 +17,6 @@ from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
 
-
 ZIGZAG = (
     0.6 * np.array([0, 0, 1, -1, 1, -1, 0, 0]),
     np.array([-1.6, -1, -0.75, -0.25, 0.25, 0.75, 1, 1.6]),

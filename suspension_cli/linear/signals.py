@@ -181,9 +181,7 @@ def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
     )
 
 
-def _check_second(
-    body: str, against: str, text: str, option: str, bodies: tuple[str, ...]
-) -> None:
+def _check_second(body: str, against: str, text: str, option: str, bodies: tuple[str, ...]) -> None:
     """Check the second body of a signal between two."""
     stages = [name for name in bodies if name not in (FRAME, GROUND)]
     if body == SUPPORT or body not in stages:

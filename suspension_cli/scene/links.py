@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -99,7 +100,7 @@ def matrix(given: Any) -> Any:
     return found if found.ndim == 2 else np.diag(found)
 
 
-def numbers(design: Design, between: tuple[str, str]) -> tuple[int, int]:
+def numbers(design: Design, between: Sequence[str]) -> tuple[int, int]:
     """Numbers of the first and the second body; 0 for the support and for the ground."""
     known = {SUPPORT: 0, GROUND: 0} | {stage.name: n for n, stage in enumerate(design.stage, 1)}
     return known[between[0]], known[between[1]]
@@ -242,7 +243,11 @@ def spectrum_of(design: Design, link: Link) -> Spectrum:
         design.constants.temperature,
         tuple(table.frequency),
         tuple(
-            (axis, tuple(r / static[axis] for r in real), tuple(i / static[axis] for i in imaginary))
+            (
+                axis,
+                tuple(r / static[axis] for r in real),
+                tuple(i / static[axis] for i in imaginary),
+            )
             for axis, real, imaginary in pairs
             if static[axis] != 0
         ),

@@ -239,9 +239,7 @@ def _each(found: Builds, omega: Array, scene: Scene) -> list[DispersiveLinear | 
     ]
 
 
-def _beside(
-    found: Builds, every: Any, each: Any, shape: tuple[int, int, int]
-) -> tuple[Any, Any]:
+def _beside(found: Builds, every: Any, each: Any, shape: tuple[int, int, int]) -> tuple[Any, Any]:
     """Columns (p, 3, N, 6) of the ground in each build, and their frequency-dependent parts."""
     ground = found.model.ground
     if ground is None:

@@ -104,7 +104,6 @@ def _check_link(link: LinkLoad, carried: Statics) -> Iterator[ImplausibleNumber]
         )
 
 
-
 def _stage_of(label: str) -> str:
     return label.rsplit(".", 1)[0]
 

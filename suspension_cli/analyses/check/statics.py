@@ -130,7 +130,7 @@ class LinkLoad:
     """
 
     label: str
-    between: tuple[str, str]
+    between: tuple[str, ...]
     stiffness: tuple[float, float, float]
     damping: tuple[float, float, float]
     length: float | None = None
@@ -224,10 +224,12 @@ def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
         stiffness = links.link_stiffness(design, link, first, second)
         found = LinkLoad(
             link.name,
-            link.between,
+            tuple(link.between),
             _vector(np.diag(stiffness)[:3]),
             _vector(np.diag(links.matrix(link.damping))[:3]),
-            table=None if link.table is None else tuple(link.table.frequency[:: len(link.table.frequency) - 1]),
+            table=None
+            if link.table is None
+            else tuple(link.table.frequency[:: len(link.table.frequency) - 1]),
         )
         if link.strands is not None:
             curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
@@ -241,7 +243,7 @@ def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
         yield found
     for damper in design.damper:
         damping = _vector(np.diag(links.damper_matrix(damper))[:3])
-        yield LinkLoad(damper.name, damper.between, (0.0, 0.0, 0.0), damping)
+        yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
 
 
 def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:

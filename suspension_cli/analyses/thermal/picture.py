@@ -45,6 +45,7 @@ KINDS: dict[str, tuple[str, Any]] = {
     "torsion": ("torsion", (0, (5, 1.4, 1, 1.4))),
     "blades": ("blades", (0, (8, 2))),
     "springs": ("springs", (0, (3, 1.2, 1, 1.2, 1, 1.2))),
+    "link": ("link", (0, (3, 1, 1, 1))),
     "gas": ("gas", (0, (1, 3))),
     "damping": ("dampers", (0, (6, 1.5, 2, 1.5))),
     "support": ("support", (0, (2, 2))),
