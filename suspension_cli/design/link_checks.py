@@ -165,14 +165,7 @@ def _check_strands(
     if given.material not in materials.known(design):
         remedy = suggest(given.material, materials.known(design))
         yield Fault(f"{path}.material", "is no material", remedy, format_value(given.material))
-    if given.shape == "points":
-        for key in ("length",):
-            if getattr(given, key) is not None:
-                yield Fault(f"{path}.{key}", "follows from the points", "remove it")
-    elif given.points:
-        yield Fault(f"{path}.points", f"do not go with shape {given.shape}", "remove them")
-    elif given.length is None:
-        yield Fault(f"{path}.length", "missing", "give the length of one wire, m")
+    yield from _check_shape(given, path)
     if not placed or any(name not in _known(design) for name in link.between):
         return
     first, second = (
@@ -200,11 +193,21 @@ def _check_strands(
         if given.length <= least * (1 + 1e-9):
             yield Fault(
                 f"{path}.length",
-                f"is too short for ends {width:.4g} m apart and {abs(z):.4g} m in height: this shape"
-                f" needs more than {least:.4g} m",
+                f"is too short for ends {width:.4g} m apart and {abs(z):.4g} m in height: this"
+                f" shape needs more than {least:.4g} m",
                 "give a longer wire, or check at and to (m)",
                 format_value(given.length),
             )
+
+
+def _check_shape(given: Strands, path: str) -> Iterator[Fault]:
+    if given.shape == "points":
+        if given.length is not None:
+            yield Fault(f"{path}.length", "follows from the points", "remove it")
+    elif given.points:
+        yield Fault(f"{path}.points", f"do not go with shape {given.shape}", "remove them")
+    elif given.length is None:
+        yield Fault(f"{path}.length", "missing", "give the length of one wire, m")
 
 
 def _known(design: Design) -> list[str]:

@@ -6,15 +6,16 @@ wire with unit tangent t the cross-section carries the force F and the moment
     m = M + (r_A - r) x F.
 
 With the strain energy per length (F . t)^2 / 2 EA + (m . t)^2 / 2 GJ + |m - (m . t) t|^2 / 2 EI,
-Castigliano's theorem gives the displacement and rotation of A, and so its compliance C, as integrals
-along the wire (Timoshenko, Strength of Materials, part II, chapter on curved bars: thin bars, whose
-curvature does not change their bending stiffness; shear neglected). The stiffness at A is C^-1; as
+Castigliano's theorem gives the displacement and rotation of A, and so its compliance C, as
+integrals along the wire (Timoshenko, Strength of Materials, part II, chapter on curved bars: thin
+bars, whose curvature does not change their bending stiffness; shear neglected). The stiffness at A is C^-1; as
 the unloaded wire is in balance, B takes the opposite force and moment at the same point of space.
 Small deflections: the stiffness is that of the unloaded shape, without tension.
 """
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -139,7 +140,7 @@ def polyline(points: Any) -> Curve:
     """Straight pieces through points (p, 3), the first at A and the last at B."""
     s, w = _gauss()
     rows = []
-    for one, other in zip(points[:-1], points[1:], strict=True):
+    for one, other in itertools.pairwise(points):
         span = other - one
         length = np.sqrt((span**2).sum())
         rows.append((one + s[:, None] * span, 0 * s[:, None] + span / length, w * length))

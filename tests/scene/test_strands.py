@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ END = np.array([0.08, 0.03, 0.05])
 def _frame(points: Any) -> Any:
     """Compliance of a chain of straight beams from textbook elements, at the first point."""
     total = np.zeros((6, 6))
-    for one, other in zip(points[:-1], points[1:], strict=True):
+    for one, other in itertools.pairwise(points):
         span = other - one
         length = np.linalg.norm(span)
         t = span / length
@@ -142,7 +143,7 @@ def test_eddy_currents_dissipate_the_power_of_the_damper() -> None:
 
 
 def test_drag_along_a_sheet_from_its_stream_function() -> None:
-    """In Fourier space a sheet dissipates |curl E|^2 / k^2: twice as much for motion along the axis.
+    """In Fourier space a sheet dissipates |curl E|^2 / k^2: twice as much along the axis.
 
     Per wave vector k the dipole's field B_z = mu_0 m k exp(-k h) / 2 changes by v k_x or v k.
     """

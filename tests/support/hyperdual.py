@@ -1,7 +1,7 @@
-"""Hyper-dual numbers: exact second derivatives of any formula, for many pairs of variables at once.
+"""Hyper-dual numbers: exact second derivatives of any formula, for many pairs at once.
 
-A number a + b e1 + c e2 + d e1 e2 with e1^2 = e2^2 = 0 carries f, df/dx_i, df/dx_j and d2f/dx_i dx_j
-(Fike and Alonso, AIAA paper 2011-886); each part is an array over the pairs (i, j).
+A number a + b e1 + c e2 + d e1 e2 with e1^2 = e2^2 = 0 carries f, df/dx_i, df/dx_j and
+d2f/dx_i dx_j (Fike and Alonso, AIAA paper 2011-886); each part is an array over the pairs (i, j).
 """
 
 from __future__ import annotations

@@ -69,15 +69,15 @@ def find_implausible_loads(design: Design, carried: Statics) -> list[Implausible
 
 
 def _check_link(link: LinkLoad, carried: Statics) -> Iterator[ImplausibleNumber]:
-    """Report a link that hangs more than it springs, or weighs much; and the range of a table."""
+    """Report a link that hangs more than it springs, or weighs much."""
     path = f"link.{link.label}"
     if link.sag is not None and link.length is not None and link.sag > LINK_SAG * link.length:
         yield ImplausibleNumber(
             Fault(
                 f"{path}.strands",
-                f"sags by {1e3 * link.sag:.3g} mm under its weight, {100 * link.sag / link.length:.2g}"
-                " % of its length: its stiffness is that of the unloaded shape, which it then does"
-                " not have",
+                f"sags by {1e3 * link.sag:.3g} mm under its weight,"
+                f" {100 * link.sag / link.length:.2g} % of its length: its stiffness is that"
+                " of the unloaded shape, which it then does not have",
                 'give the shape in which it hangs, for example "catenary", or a stiffness measured'
                 " in place",
             )

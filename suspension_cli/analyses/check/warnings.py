@@ -47,8 +47,8 @@ def warn_of_tables(design: Design, frequency: Any, log: Log) -> None:
         low, high = link.table.frequency[0], link.table.frequency[-1]
         if min(frequency) < low or max(frequency) > high:
             log.warn(
-                f"{design.design.name}: the table of link {link.name} covers {low:g} to {high:g} Hz;"
-                " outside, its stiffness is taken as constant: extend the table if that matters"
+                f"{design.design.name}: the table of link {link.name} covers {low:g} to {high:g}"
+                " Hz; outside, its stiffness is taken as constant: extend the table if that matters"
             )
 
 

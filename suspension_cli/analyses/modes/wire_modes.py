@@ -227,6 +227,18 @@ def _cut_fibre(fibre: Fibre) -> tuple[Fibre, Fibre]:
     return replace(fibre, sections=tuple(upper)), replace(fibre, sections=tuple(lower))
 
 
+def _add_losses(own: Any, model: LinearSystem, omega: Any, *, lossy: bool) -> None:
+    """Add tables of stiffness, and where omega is complex dampers and losses, in place."""
+    elastic = [term for term in model.terms if isinstance(term, LossTerm) and term.elastic]
+    for term in elastic:
+        if term.storage is not None:
+            own += term.storage(omega.real)[:, None, None] * term.matrix
+    if np.iscomplexobj(omega):
+        own += 1j * omega[:, None, None] * damped.damping_matrix(model)
+        for term in elastic if lossy else ():
+            own += 1j * term.angle(omega.real)[:, None, None] * term.matrix
+
+
 def _stiffness(
     model: LinearSystem, wires: list[CutWires], size: int, omega: Any, *, lossy: bool = False
 ) -> Any:
@@ -253,14 +265,7 @@ def _stiffness(
     result = np.zeros((len(omega), whole, whole), dtype=omega.dtype)
     own = result[:, : model.size, : model.size]
     own += constant - omega[:, None, None] ** 2 * model.mass
-    for term in model.terms:
-        if isinstance(term, LossTerm) and term.storage is not None:
-            own += term.storage(omega.real)[:, None, None] * term.matrix
-    if np.iscomplexobj(omega):
-        own += 1j * omega[:, None, None] * damped.damping_matrix(model)
-        for term in model.terms:
-            if isinstance(term, LossTerm) and term.elastic and lossy:
-                own += 1j * term.angle(omega.real)[:, None, None] * term.matrix
+    _add_losses(own, model, omega, lossy=lossy)
     for cut in wires:
         for part in PARTS:
             for wire, ends in zip(cut.pieces, cut.piece_ends(part), strict=True):
