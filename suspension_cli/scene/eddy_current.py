@@ -14,9 +14,9 @@ and the power sigma E^2 that this dissipates is c v^2:
 
 The second, for t << a, is the known 45 mu_0^2 m^2 sigma t / (1024 a^4) of a magnet that falls
 through a pipe (wall thickness: Donoso, Ladera and Martin, Eur. J. Phys. 30, 855 (2009)).
-For motion across the axis, along the plate, c is half as large: the drag on a dipole over a thin sheet from Maxwell's
-receding images at low velocity (Saslow, Am. J. Phys. 60, 693 (1992); sheets of a thick plate add
-up, as their currents are parallel to it).
+For motion across the axis, along the plate, c is half as large: the drag on a dipole over a thin
+sheet from Maxwell's receding images at low velocity (Saslow, Am. J. Phys. 60, 693 (1992)); the
+sheets of a thick plate add up, as their currents are parallel to it.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from suspension_cli.design.schema import Design, Spring
 from suspension_cli.scene import eddy_current, strands, tensions
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Spectrum, Springs
-
-if TYPE_CHECKING:
-    from suspension_cli.scene.parts import StagePart
 
 
 @dataclass(frozen=True)
@@ -36,13 +33,13 @@ class SpringPart:
     spectrum: Spectrum | None = None
 
 
-def springs(design: Design, parts: list[StagePart], position: Array) -> Springs:
+def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
     """All springs of a design, those of stages first.
 
     Parameters
     ----------
     design : Design
-    parts : list of StagePart
+    parts : sequence of StagePart
     position : (n + 1, 3) array
         Nominal COMs from the suspension point, m; row 0 is the support.
     """
@@ -79,7 +76,7 @@ def springs(design: Design, parts: list[StagePart], position: Array) -> Springs:
     )
 
 
-def _of_stage(n: int, part: StagePart, spring: Spring, number: int) -> SpringPart:
+def _of_stage(n: int, part: Any, spring: Spring, number: int) -> SpringPart:
     return SpringPart(
         f"{part.stage.name}.spring{number}",
         part.parent,

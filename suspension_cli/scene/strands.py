@@ -8,8 +8,9 @@ wire with unit tangent t the cross-section carries the force F and the moment
 With the strain energy per length (F . t)^2 / 2 EA + (m . t)^2 / 2 GJ + |m - (m . t) t|^2 / 2 EI,
 Castigliano's theorem gives the displacement and rotation of A, and so its compliance C, as
 integrals along the wire (Timoshenko, Strength of Materials, part II, chapter on curved bars: thin
-bars, whose curvature does not change their bending stiffness; shear neglected). The stiffness at A is C^-1; as
-the unloaded wire is in balance, B takes the opposite force and moment at the same point of space.
+bars, whose curvature does not change their bending stiffness; shear neglected). The stiffness at
+A is C^-1; as the unloaded wire is in balance, B takes the opposite force and moment at the same
+point of space.
 Small deflections: the stiffness is that of the unloaded shape, without tension.
 """
 

@@ -180,7 +180,7 @@ def test_responses_to_support_ground_and_pair_of_forces(hessian: Any) -> None:
     columns = [-hessian[:18, 24:30], -hessian[:18, 18:24]]
     push = np.zeros((18, 2))
     push[6, 0], push[6 + 3 : 12, 0] = 1.0, np.cross([0.01, 0.02, 0.03], [1, 0, 0])
-    there = [*np.array([0.01, 0.02, 0.03]), 0, 0, -0.903 + 1.004]
+    there = np.array([0.01, 0.02, 0.03 - 0.903 + 1.004])
     push[12, 0], push[15:18, 0] = -1.0, -np.cross(there, [1, 0, 0])
     push[17, 1], push[11, 1] = 1.0, -1.0
     forces = np.concatenate([*columns, push], axis=1)
