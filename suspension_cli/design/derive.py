@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design import materials
+from suspension_cli.design import inverted_pendulum, materials
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import stretches, thinnest
 from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet
@@ -108,14 +108,18 @@ def gives_natural_lengths(design: Design) -> bool:
 def solves_pose(design: Design) -> bool:
     """Whether the pose of a design is solved for instead of given.
 
-    It is where natural lengths of wires or loads of blades are given.
+    It is where natural lengths of wires or loads of blades or filters are given.
     """
     blades = (
         blade
         for stage in design.stage
         for blade in (*stage.blade, *([] if stage.blades is None else [stage.blades]))
     )
-    return gives_natural_lengths(design) or any(blade.load is not None for blade in blades)
+    return (
+        gives_natural_lengths(design)
+        or any(blade.load is not None for blade in blades)
+        or any(s.filter is not None and s.filter.load is not None for s in design.stage)
+    )
 
 
 def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
@@ -176,7 +180,9 @@ def set_geometry(wires: WireSet) -> SetGeometry:
 def com_offset(stage: Stage) -> tuple[float, float, float]:
     """Compute the vector from the COM above (or support point) to a stage's nominal COM, m."""
     if stage.wires is None:
-        assert stage.position is not None
+        if stage.position is None:
+            assert stage.inverted_pendulum is not None
+            return inverted_pendulum.offset(stage.inverted_pendulum)
         return stage.position
     shape = set_geometry(stage.wires)
     return (0.0, 0.0, -(shape.d_upper + shape.height + shape.d))

@@ -87,6 +87,7 @@ class Sketch:
             geometry.wire_ends(self.scene, self.pose).reshape(-1, 3),
             geometry.spring_points(self.scene, self.pose).reshape(-1, 3),
             *geometry.link_curves(self.design, self.scene, self.pose).values(),
+            geometry.legs(self.scene, self.pose).reshape(-1, 3),
         ]
         return view.see(np.concatenate(lines))
 
@@ -112,7 +113,17 @@ def draw_suspension(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> N
         canvas.line(view.see(line), look.line, look.width, look.order + 0.2)
     for leaf in sketch.leaves():
         _leaf(canvas, view.see(leaf), look)
+    for leg in geometry.legs(scene, pose):
+        _leg(canvas, view.see(leg), look)
     _springs(canvas, view, sketch, look)
+
+
+def _leg(canvas: Canvas, line: Array, look: Look) -> None:
+    """Draw a leg from its foot (2,) to its top: a thick bar between thin flexures."""
+    foot, top = line
+    ends = np.stack([foot + share * (top - foot) for share in (0.12, 0.94)])
+    canvas.line(line, look.line, 1.2 * look.width, look.order + 0.2)
+    canvas.line(ends, look.line, 4.5 * look.width, look.order + 0.25)
 
 
 def _leaf(canvas: Canvas, line: Array, look: Look) -> None:
@@ -139,7 +150,8 @@ def _springs(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> None:
     scene, pose = sketch.scene, sketch.pose
     unit = 0.022 * suspension_size(scene) * view.scale
     curves = geometry.link_curves(sketch.design, scene, pose)
-    for number, pair in enumerate(geometry.spring_points(scene, pose)):
+    drawn = geometry.free_springs(scene)
+    for number, pair in zip(drawn, geometry.spring_points(scene, pose), strict=True):
         springs = scene.springs
         curve, grounded = curves.get(springs.label[number]), springs.grounded[number]
         upper, lower = view.see(pair[0]), view.see(pair[1])
@@ -185,15 +197,12 @@ def support_points(sketch: Sketch) -> Array:
     points += [
         line[:1] for line, body in zip(sketch.leaves(), scene.blades.body, strict=True) if body == 0
     ]
-    points.append(_on_support(scene) * (1, 1, 0))
+    free = geometry.free_springs(scene)
+    held = free[(scene.springs.upper[free] == 0) & ~scene.springs.grounded[free]]
+    points.append(scene.springs.upper_point[held] * (1, 1, 0))
+    points.append(scene.struts.upper_point[scene.struts.upper == 0])
     found = np.concatenate(points)
     return found if len(found) else np.zeros((1, 3))
-
-
-def _on_support(scene: Scene) -> Array:
-    """Points (k, 3) of the springs on the support, m."""
-    springs = scene.springs
-    return springs.upper_point[(springs.upper == 0) & ~springs.grounded]
 
 
 def support_box(sketch: Sketch) -> tuple[Array, Array]:
@@ -204,8 +213,10 @@ def support_box(sketch: Sketch) -> tuple[Array, Array]:
     """
     points = support_points(sketch)
     low, high = points.min(0) - 2 * sketch.thick, points.max(0) + 2 * sketch.thick
-    up = -1.0 if sketch.scene.bodies.position[1:, 2].mean() > 0 else 1.0
-    gap = 1.2 * sketch.thick if (sketch.scene.blades.body == 0).any() else 0.0
+    scene = sketch.scene
+    stands = bool((scene.struts.upper == 0).any())
+    up = -1.0 if stands or scene.bodies.position[1:, 2].mean() > 0 else 1.0
+    gap = 1.2 * sketch.thick if (scene.blades.body == 0).any() else 0.0
     low[2] = (up * points[:, 2]).max() * up + up * gap
     high[2] = low[2] + up * sketch.thick
     return low, high

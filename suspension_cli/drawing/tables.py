@@ -46,6 +46,8 @@ BLADES = (
 )
 SPRINGS = "Zigzags: springs, each at its point; dotted, to the body (or support) that holds it."
 
+LEGS = "Thick bars between thin flexures: legs of an inverted pendulum."
+
 
 LINKS = (
     "Plain curves: links of curved wires, without their weight. Pistons: dampers. Hatched feet: the"
@@ -90,7 +92,8 @@ class Table:
 def key(scene: Scene) -> list[str]:
     """Lines that explain the symbols in a drawing."""
     springs = scene.springs
-    lines = [*KEY, *[BLADES] * bool(scene.blades.label), *[SPRINGS] * bool(springs.label)]
+    shown = ((BLADES, scene.blades), (SPRINGS, springs), (LEGS, scene.struts))
+    lines = [*KEY, *(line for line, part in shown if part.label)]
     kinds = {label.rsplit(".", 1)[1] for label in springs.label}
     return lines + [LINKS] * bool(kinds & {"link", "damper"} or springs.grounded.any())
 

@@ -26,6 +26,7 @@ from suspension_cli.elements.compiled import (
     add_wires,
     fill_geometry,
 )
+from suspension_cli.elements.compiled_legs import FIRST, add_legs, pack_legs
 from suspension_cli.elements.compiled_wire import wire_sections
 from suspension_cli.equilibrium.residual_scale import LEAST_ARM, ROUNDINGS
 from suspension_cli.equilibrium.tree import parents
@@ -90,12 +91,14 @@ def pack(scene: Scene, numbering: Layout) -> Packed:
     flex = bending.wire_resistance(scene)
     if flex is not None and flex.bend is None:
         flex = Flex(flex.upper, flex.lower, np.zeros((1, 2, 3)), flex.twist)
-    batch = scene.batch
+    batch, held = scene.batch, _table(scene.batch, springs, SPRING)
+    if scene.struts.label:
+        held = np.concatenate([held, pack_legs(scene)], axis=-1)
     numbers = (
         _table(batch, scene.bodies, ("mass",)),
         _table(batch, wires, WIRE),
         _table(batch, blades, BLADE),
-        _table(batch, springs, SPRING),
+        held,
         np.zeros((*batch, 0, 19)) if flex is None else _table(batch, flex, FLEX),
     )
     return Packed(topology, float(scene.gravity), numbers)
@@ -164,6 +167,8 @@ def _evaluate(
         add_rotation_hessian(outer[n], 6 * n + 3, hessian)
     if len(springs):
         add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian)
+    if springs.shape[1] > FIRST:
+        add_legs(s_upper, s_lower, gravity, springs, shift, turn, gradient, hessian, curved)
 
 
 @compiled

@@ -131,6 +131,8 @@ def _matrix(a11: Any, a12: Any, a21: Any, a22: Any) -> Any:
 def unsuited(design: Design) -> str:
     """Why the closed forms are not valid for a design; "" if they are."""
     stage = design.stage[0]
+    if stage.inverted_pendulum is not None:
+        return "it stands on legs"
     if len(design.stage) > 1:
         return "it has more than one stage"
     if stage.wires is None or stage.wires.count != 4:

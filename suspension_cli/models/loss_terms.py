@@ -83,7 +83,7 @@ def spring_terms(
         if spectrum is None and (tables or not springs.loss[n]):
             continue
         jacobian = spring.strain_jacobian(scene, numbering, pose, now, n)
-        for axes, angle, storage in _functions(spectrum, float(springs.loss[n])):
+        for axes, angle, storage in _functions(spectrum, float(np.real(springs.loss[n]))):
             stiffness = springs.stiffness[..., n, :, :] * axes
             matrix = adapted.apply(np.swapaxes(jacobian, -1, -2) @ stiffness @ jacobian)
             temperature = spectrum.temperature if scene.fibres is None else scene.fibres.temperature  # pyright: ignore[reportOptionalMemberAccess]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import bending, blade, spring, string
+from suspension_cli.elements import bar, bending, blade, spring, string
 from suspension_cli.equilibrium.energy import spring_stiffness
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
@@ -232,7 +232,8 @@ def _separated(
 
     soft, form, mass = compiled.tangent(scene, numbering, balanced.pose)
     separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
-    return separated, None if scene.blades.tip_mass.any() else mass
+    light = not scene.blades.tip_mass.any() and not scene.bars.label
+    return separated, mass if light else None
 
 
 def _loss(
@@ -255,7 +256,7 @@ def _loss(
 def mass_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Mass matrix (..., N, N): bodies about their COMs as they are turned, and tip masses."""
+    """Mass matrix (..., N, N): bodies about their COMs as they are turned, tip masses and bars."""
     result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
     for n in range(1, len(scene.bodies.name) + 1):
         for axis in range(3):
@@ -273,6 +274,8 @@ def mass_matrix(
         result = result + (
             flat * np.repeat(scene.blades.tip_mass, 3, axis=-1)[..., None, :]
         ) @ np.swapaxes(flat, -1, -2)
+    if scene.bars.label:
+        result = result + bar.mass_matrix(scene, numbering, pose)
     return (result + np.swapaxes(result, -1, -2)) / 2
 
 

@@ -46,7 +46,12 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
     rows = [
         _of_stage(n, part, spring, number)
         for number, (n, part, spring) in enumerate(
-            ((n, part, s) for n, part in enumerate(parts, 1) for s in part.stage.spring), 1
+            (
+                (n, part, s)
+                for n, part in enumerate(parts, 1)
+                for s in (*part.stage.spring, *part.flexures)
+            ),
+            1,
         )
     ]
     rows += [*_links(design, position), *_dampers(design, position)]

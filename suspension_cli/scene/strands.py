@@ -155,7 +155,8 @@ def _gauss() -> tuple[Any, Any]:
 
 
 def _joined(rows: list[tuple[Any, Any, Any]], end: Any) -> Curve:
-    return Curve(*(np.concatenate(parts) for parts in zip(*rows, strict=True)), end)
+    point, tangent, weight = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    return Curve(point, tangent, weight, end)
 
 
 def compliance(curve: Curve, wire: RoundWire) -> Any:

@@ -49,6 +49,8 @@ class Check(Report):
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document that ``pendsus check --json`` prints."""
+        from suspension_cli.analyses.check import towers
+
         found = self.statics
         return {
             "command": "check",
@@ -80,6 +82,7 @@ class Check(Report):
                 for b in found.bodies
             ],
             **({"links": [asdict(link) for link in found.links]} if found.links else {}),
+            **towers.documents(found.legs, found.filters),
             "warnings": [
                 {name: getattr(item.fault, name) for name in ("key", "value", "problem", "remedy")}
                 | {"serious": item.serious}
@@ -88,6 +91,8 @@ class Check(Report):
         }
 
     def __str__(self) -> str:
+        from suspension_cli.analyses.check import towers
+
         found, count = self.statics, len(self.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
         lines = [
@@ -101,6 +106,7 @@ class Check(Report):
             lines.append(_table("blade", "load", "sag", rows))
         if found.links:
             lines.append(_link_table(found.links))
+        lines += towers.lines(found.legs, found.filters)
         for body in found.bodies:
             if any(body.shift) or any(body.rotation):
                 shift = ", ".join(f"{1e3 * value:.4f}" for value in body.shift)
@@ -136,7 +142,14 @@ def solve(source: Source) -> Check:
     import tomllib
 
     from suspension_cli.analyses import settings
-    from suspension_cli.analyses.check import limits, names, plausible, statics, warnings
+    from suspension_cli.analyses.check import (
+        limits,
+        names,
+        plausible,
+        statics,
+        towers,
+        warnings,
+    )
     from suspension_cli.design import plausibility
     from suspension_cli.design.paths import value_at
     from suspension_cli.models import registry
@@ -149,6 +162,7 @@ def solve(source: Source) -> Check:
     except InputError as error:  # it may be one of these numbers that keeps it from balancing
         raise InputError([*error.faults, *(item.fault for item in found)], source.file) from None
     found += plausible.find_implausible_loads(design, loads)
+    found += towers.find_implausible_towers(design, loads.legs, loads.filters)
     stable = level = modes = None
     stability = plausible.solve_stability(design)
     if stability is not None:

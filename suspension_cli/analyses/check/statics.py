@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from suspension_cli.analyses.check import towers
+from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import thinnest
@@ -155,6 +157,9 @@ class Statics:
     residual : float
         Of the equilibrium, over the weight.
     links : tuple of LinkLoad
+    legs : tuple of LegLoad
+        One per inverted pendulum.
+    filters : tuple of FilterLoad
     """
 
     wires: tuple[WireLoad, ...]
@@ -164,6 +169,8 @@ class Statics:
     top: float
     residual: float
     links: tuple[LinkLoad, ...] = ()
+    legs: tuple[LegLoad, ...] = ()
+    filters: tuple[FilterLoad, ...] = ()
 
     @property
     def height(self) -> float:
@@ -213,6 +220,8 @@ def solve(design: Design) -> Statics:
         else 0.0,
         residual=float(balanced.residual),
         links=tuple(_links(design, scene)),
+        legs=towers.leg_loads(design, scene, balanced),
+        filters=towers.filter_loads(design, scene, balanced),
     )
 
 
@@ -229,7 +238,7 @@ def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
             _vector(np.diag(links.matrix(link.damping))[:3]),
             table=None
             if link.table is None
-            else tuple(link.table.frequency[:: len(link.table.frequency) - 1]),
+            else (link.table.frequency[0], link.table.frequency[-1]),
         )
         if link.strands is not None:
             curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
