@@ -45,6 +45,9 @@ SUPPORT = "support"
 FRAME = "frame"
 """Name of the motion of a compliant support structure relative to the ground: ``frame.z`` ..."""
 
+GROUND = "ground"
+"""The ground beside the support, on which links and dampers may end: its motions are inputs."""
+
 PARITY_X = (-1, 1, 1, 1, -1, -1)
 """Factor of each coordinate in the mirror image x -> -x: displacements are polar vectors, rotations
 axial ones."""

@@ -18,19 +18,17 @@ import msgspec
 
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
-from suspension_cli.design import filters, inverted_pendulum, schema, wires
+from suspension_cli.design import filters, inverted_pendulum, links, schema, wires
 from suspension_cli.design.losses import bulk
 from suspension_cli.design.units import NAMES
 
 ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
 BLOCK = re.compile(r"<!-- (keys|options): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
+MODULES = (schema, wires, links, inverted_pendulum, filters, bulk)
+"""Modules with the types of tables."""
 TYPES = {
-    name: next(
-        getattr(module, name)
-        for module in (schema, wires, bulk, inverted_pendulum, filters)
-        if hasattr(module, name)
-    )
+    name: next(found for module in MODULES if (found := getattr(module, name, None)))
     for name in schema.json_schema()["$defs"]
 }
 """Tables of the file format, by name."""

@@ -14,6 +14,7 @@ from suspension_cli.design import (
     body_checks,
     foton,
     imperfections,
+    link_checks,
     loop_filters,
     materials,
     wire_checks,
@@ -53,6 +54,7 @@ def check_design(design: Design) -> list[Fault]:
     if not found:
         for number, perturbation in enumerate(design.perturbation, 1):
             found += _check_perturbation(design, perturbation, f"perturbation.{number}")
+    found += link_checks.check_links(design, placed=not found)
     found += [*_check_control(design), *_check_tolerance(design)]
     if design.support is not None:
         found += _check_frame(design.support)

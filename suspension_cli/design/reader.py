@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from suspension_cli.design import checks, faults, paths
+from suspension_cli.design import checks, faults, link_tables, paths
 from suspension_cli.design.keystones import add_keystones
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
@@ -63,6 +63,7 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         raw = _parse(_text(Path(file)))
         apply_overrides(raw, overrides)
         _check_kind(raw)
+        link_tables.insert_tables(raw, Path(file).parent)
         design = convert(raw)
     except InputError as error:
         raise error.in_file(name) from None

@@ -14,6 +14,7 @@ from msgspec import Meta, field
 from suspension_cli.design import imperfections
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
+from suspension_cli.design.links import Damper, Link
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.units import (
@@ -530,6 +531,12 @@ class Design(Table, frozen=True):
     control: Control | None = None
     tolerance: Tolerance | None = None
     perturbation: list[Perturbation] = field(default_factory=list)
+    link: Annotated[list[Link], Meta(description="springs between any two bodies")] = field(
+        default_factory=list
+    )
+    damper: Annotated[list[Damper], Meta(description="dampers between any two bodies")] = field(
+        default_factory=list
+    )
     analysis: Annotated[
         dict[str, dict[str, Any]],
         Meta(description="defaults for a command's options, under the options' own names"),

@@ -13,6 +13,7 @@ import numpy as np
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.drawing.bodies import Outline, suspension_size
 from suspension_cli.elements.string import tip_deflection
+from suspension_cli.scene import links
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
@@ -195,6 +196,33 @@ def spring_points(scene: Scene, pose: Pose) -> Array:
     upper = position_of(scene, pose, springs.upper[which], springs.upper_point[which])
     lower = position_of(scene, pose, springs.lower[which], springs.lower_point[which])
     return np.stack([upper, lower], axis=1)
+
+
+def link_curves(design: Design, scene: Scene, pose: Pose) -> dict[str, Array]:
+    """Line (p, 3) of each link given by the geometry of its wires, m, by its label in the scene.
+
+    In another pose the ends follow their bodies, and the line between them is interpolated.
+    """
+    result, position = {}, scene.bodies.position
+    for link in design.link:
+        if link.strands is None:
+            continue
+        first, second = links.numbers(design, link.between)
+        curve = links.link_curve(link, position[first], position[second])
+        line = np.vstack([np.zeros(3), np.real(curve.point), np.real(curve.end)])
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        ends = [
+            position_of(scene, pose, body, point)
+            - position_of(scene, nominal_pose(scene), body, point)
+            for body, point in (
+                (first, np.array(link.at)),
+                (second, np.array(link.at) + line[-1] + position[first] - position[second]),
+            )
+        ]
+        part = along[:, None] / along[-1]
+        start = position[first] + np.array(link.at)
+        result[f"{link.name}.link"] = start + line + (1 - part) * ends[0] + part * ends[1]
+    return result
 
 
 def mode_step(numbering: Layout, coordinate: tuple[str, ...], shape: Array) -> Array:

@@ -17,6 +17,17 @@ from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
 
+ZIGZAG = (
+    0.6 * np.array([0, 0, 1, -1, 1, -1, 0, 0]),
+    np.array([-1.6, -1, -0.75, -0.25, 0.25, 0.75, 1, 1.6]),
+)
+"""Sign of a spring: right and up, in units of its size."""
+DASHPOT = (
+    0.7 * np.array([0, 0, -1, -1, -1, 1, 1, 1, 0.0, np.nan, 0, 0, -0.7, 0.7]),
+    np.array([-1.6, -0.8, -0.8, 0.8, -0.8, -0.8, 0.8, -0.8, -0.8, np.nan, 1.6, 0.2, 0.2, 0.2]),
+)
+"""Sign of a damper: a piston in a cylinder."""
+
 
 @dataclass(frozen=True)
 class Look:
@@ -75,6 +86,7 @@ class Sketch:
             *self.leaves(),
             geometry.wire_ends(self.scene, self.pose).reshape(-1, 3),
             geometry.spring_points(self.scene, self.pose).reshape(-1, 3),
+            *geometry.link_curves(self.design, self.scene, self.pose).values(),
             geometry.legs(self.scene, self.pose).reshape(-1, 3),
         ]
         return view.see(np.concatenate(lines))
@@ -103,7 +115,7 @@ def draw_suspension(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> N
         _leaf(canvas, view.see(leaf), look)
     for leg in geometry.legs(scene, pose):
         _leg(canvas, view.see(leg), look)
-    _springs(canvas, view, scene, pose, look)
+    _springs(canvas, view, sketch, look)
 
 
 def _leg(canvas: Canvas, line: Array, look: Look) -> None:
@@ -130,28 +142,51 @@ def _leaf(canvas: Canvas, line: Array, look: Look) -> None:
     )
 
 
-def _springs(canvas: Canvas, view: View, scene: Scene, pose: Pose, look: Look) -> None:
-    """Draw each spring as a zigzag at its point, with a dotted line to the body above."""
+def _springs(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> None:
+    """Draw springs as zigzags at their points, with dotted lines to the bodies above.
+
+    Dampers are dashpots; links of curved wires are these, and feet stand on the ground.
+    """
+    scene, pose = sketch.scene, sketch.pose
     unit = 0.022 * suspension_size(scene) * view.scale
-    across = np.array([0, 0, 1, -1, 1, -1, 0, 0]) * 0.6
-    up = np.array([-1.6, -1, -0.75, -0.25, 0.25, 0.75, 1, 1.6])
+    curves = geometry.link_curves(sketch.design, scene, pose)
     drawn = geometry.free_springs(scene)
     for number, pair in zip(drawn, geometry.spring_points(scene, pose), strict=True):
-        body = scene.springs.upper[number]
-        held = geometry.position_of(scene, pose, body, np.zeros(3))
-        if body == 0:
-            held = np.array([*pair[0, :2], held[2]])
-        upper, lower, far = view.see(pair[0]), view.see(pair[1]), view.see(held)
+        springs = scene.springs
+        curve, grounded = curves.get(springs.label[number]), springs.grounded[number]
+        upper, lower = view.see(pair[0]), view.see(pair[1])
+        if curve is not None:
+            canvas.line(view.see(curve), look.line, 0.9 * look.width, look.order + 0.35)
+            if grounded:
+                _foot(canvas, view.see(curve[-1]), unit, look)
+            continue
+        if grounded:
+            far = upper
+            _foot(canvas, upper - np.array([0.0, 1.6 * unit]), unit, look)
+        else:
+            body = springs.upper[number]
+            held = geometry.position_of(scene, pose, body, np.zeros(3))
+            if body == 0:
+                held = np.array([*pair[0, :2], held[2]])
+            far = view.see(held)
         if np.linalg.norm(far - upper) > 3 * unit:
             canvas.line(
                 np.stack([far, upper]), look.line, 0.8 * look.width, look.order + 0.25, (0, (1, 2))
             )
-        zigzag = (lower + upper) / 2 + unit * np.stack([across, up], axis=1)
+        across, up = DASHPOT if springs.label[number].endswith(".damper") else ZIGZAG
+        sign = (lower + upper) / 2 + unit * np.stack([across, up], axis=1)
         if np.linalg.norm(upper - lower) > unit:
-            zigzag = np.vstack(
-                [lower, zigzag, upper] if lower[1] < upper[1] else [upper, zigzag, lower]
-            )
-        canvas.line(zigzag, look.line, 1.3 * look.width, look.order + 0.4)
+            sign = np.vstack([lower, sign, upper] if lower[1] < upper[1] else [upper, sign, lower])
+        canvas.line(sign, look.line, 1.3 * look.width, look.order + 0.4)
+
+
+def _foot(canvas: Canvas, point: Array, unit: float, look: Look) -> None:
+    """Draw the ground under a point of the picture: a hatched bar."""
+    left, right = point - np.array([1.4 * unit, 0.0]), point + np.array([1.4 * unit, 0.0])
+    canvas.line(np.stack([left, right]), NOTE, 1.2, look.order + 0.4)
+    for part in np.linspace(0, 1, 5):
+        start = left + part * (right - left)
+        canvas.line(np.stack([start, start - 0.6 * unit]), NOTE, 0.6, look.order + 0.4)
 
 
 def support_points(sketch: Sketch) -> Array:
@@ -163,7 +198,7 @@ def support_points(sketch: Sketch) -> Array:
         line[:1] for line, body in zip(sketch.leaves(), scene.blades.body, strict=True) if body == 0
     ]
     free = geometry.free_springs(scene)
-    held = free[scene.springs.upper[free] == 0]
+    held = free[(scene.springs.upper[free] == 0) & ~scene.springs.grounded[free]]
     points.append(scene.springs.upper_point[held] * (1, 1, 0))
     points.append(scene.struts.upper_point[scene.struts.upper == 0])
     found = np.concatenate(points)

@@ -50,6 +50,12 @@ SPRINGS = "Zigzags: springs, each at its point; dotted, to the body (or support)
 LEGS = "Thick bars between thin flexures: legs of an inverted pendulum."
 
 
+LINKS = (
+    "Plain curves: links of curved wires, without their weight. Pistons: dampers. Hatched feet: the"
+    " ground beside the support."
+)
+
+
 @dataclass(frozen=True)
 class Table:
     """Rows of text under headings.
@@ -86,8 +92,11 @@ class Table:
 
 def key(scene: Scene) -> list[str]:
     """Lines that explain the symbols in a drawing."""
-    shown = ((BLADES, scene.blades), (SPRINGS, scene.springs), (LEGS, scene.struts))
-    return [*KEY, *(line for line, part in shown if part.label)]
+    springs = scene.springs
+    shown = ((BLADES, scene.blades), (SPRINGS, springs), (LEGS, scene.struts))
+    lines = [*KEY, *(line for line, part in shown if part.label)]
+    kinds = {label.rsplit(".", 1)[1] for label in springs.label}
+    return lines + [LINKS] * bool(kinds & {"link", "damper"} or springs.grounded.any())
 
 
 def listed(design: Design, scene: Scene) -> list[Table]:

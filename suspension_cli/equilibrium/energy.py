@@ -142,6 +142,16 @@ def _add_blades(
     hessian[..., tip, turn] += block
 
 
+def spring_stiffness(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+    """Tangent stiffness of the springs alone, exactly symmetric, N/m, N and N m."""
+    gradient = np.zeros((*scene.batch, numbering.size), dtype=scene.kind)
+    hessian = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
+    _add_springs(scene, numbering, pose, gradient, hessian)
+    return (hessian + np.swapaxes(hessian, -1, -2)) / 2
+
+
 def _add_springs(
     scene: Scene,
     numbering: Layout,

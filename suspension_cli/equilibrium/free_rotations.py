@@ -29,11 +29,19 @@ def single_point_stages(scene: Scene) -> list[tuple[int, int]]:
     wires, result = scene.wires, []
     for body in range(1, len(scene.bodies.name) + 1):
         own = np.flatnonzero(wires.lower == body)
-        if (scene.springs.lower == body).any() or wires.torsion[..., own].any() or not len(own):
+        if not len(own) or wires.torsion[..., own].any() or _is_held(scene, body):
             continue
         if _coincide(wires.upper_point[..., own, :]) or _coincide(wires.lower_point[..., own, :]):
             result.append((body, int(own[0])))
     return result
+
+
+def _is_held(scene: Scene, body: int) -> bool:
+    """Whether a spring joins a body, or one that hangs from it, to another body."""
+    springs, members = scene.springs, subtree(scene, body)
+    leaves = np.isin(springs.upper, members) != np.isin(springs.lower, members)
+    elastic = springs.stiffness.any((-2, -1)) | springs.preload.any(-1)
+    return bool((leaves & elastic).any())
 
 
 def _coincide(points: Inexact[np.ndarray, "... point 3"]) -> bool:

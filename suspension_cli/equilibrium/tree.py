@@ -11,8 +11,10 @@ from suspension_cli.scene.scene import Scene
 def parents(scene: Scene) -> Index:
     """Body (n + 1,) from which each body hangs, always of lower number; 0 is the support."""
     result = np.zeros(len(scene.bodies.name) + 1, dtype=np.intp)
-    for links in (scene.springs, scene.wires):
-        result[links.lower] = links.upper
+    springs, wires = scene.springs, scene.wires
+    # a stage's own springs stand before links between any two bodies
+    result[springs.lower[::-1]] = springs.upper[::-1]
+    result[wires.lower] = wires.upper
     return result
 
 

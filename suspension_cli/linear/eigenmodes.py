@@ -418,7 +418,7 @@ def _q_and_dilution(
     )
     return quality.safe_ratio(omega**2, dissipation), quality.safe_ratio(
         omega**2, elastic
-    ) if model.terms else np.full(len(omega), np.nan)
+    ) if quality.knows_energy(model) else np.full(len(omega), np.nan)
 
 
 def fix_signs(

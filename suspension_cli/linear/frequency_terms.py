@@ -248,6 +248,8 @@ class EvaluatedWires:
 class LossTerm:
     """Loss of a constant stiffness, i phi(omega) K, or of a damper, i omega C.
 
+    A stiffness given as a table against frequency also changes its real part.
+
     Attributes
     ----------
     cause : str
@@ -260,6 +262,8 @@ class LossTerm:
         phi (f,) of omega (f,); omega itself for a damper.
     elastic : bool
         Whether the matrix also stores energy.
+    storage : callable or None
+        Relative change (f,) of the real part of K from its static value; None for none.
     """
 
     cause: str
@@ -267,6 +271,7 @@ class LossTerm:
     matrix: Float[np.ndarray, "coordinate coordinate"]
     angle: Callable[[Any], Any]
     elastic: bool = True
+    storage: Callable[[Any], Any] | None = None
 
     @property
     def matrices(self) -> Float[np.ndarray, "1 coordinate coordinate"]:
@@ -282,7 +287,8 @@ class LossTerm:
         """Evaluate at frequencies (f,), rad/s."""
         # loss angles are taken at the frequency of oscillation, the real part
         angle = self.angle(np.real(omega) if self.elastic else omega)
-        return EvaluatedLoss(self, angle if lossy else np.zeros(np.shape(omega)), lossy)
+        stored = None if self.storage is None else self.storage(np.real(omega))
+        return EvaluatedLoss(self, angle if lossy else np.zeros(np.shape(omega)), lossy, stored)
 
     def within(self, columns: Int[np.ndarray, " kept"]) -> LossTerm:
         """Restrict to some coordinates."""
@@ -292,6 +298,7 @@ class LossTerm:
             self.matrix[np.ix_(columns, columns)],
             self.angle,
             self.elastic,
+            self.storage,
         )
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> LossTerm:
@@ -302,22 +309,25 @@ class LossTerm:
             from_new.T @ self.matrix @ from_new,
             self.angle,
             self.elastic,
+            self.storage,
         )
 
 
 @dataclass(frozen=True)
 class EvaluatedLoss:
-    """One loss at given frequencies, with its angle (f,)."""
+    """One loss at given frequencies, with its angle and its change of the real part (f,)."""
 
     term: LossTerm
     angle: Inexact[np.ndarray, " frequency"]
     lossy: bool
+    stored: Any = None
 
     def functions(
         self, which: Int[np.ndarray, " function"]
     ) -> Inexact[np.ndarray, "function frequency"]:
         """Select functions f_n by number: (w, f)."""
-        return (1j * self.angle if self.lossy else self.angle)[None][which]
+        value = 1j * self.angle if self.lossy else self.angle
+        return (value if self.stored is None else value + self.stored)[None][which]
 
     def all_functions(self) -> Inexact[np.ndarray, "1 frequency"]:
         """All functions f_n: (1, f)."""

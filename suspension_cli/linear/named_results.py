@@ -168,7 +168,7 @@ def _ratio(text: str, known: tuple[str, ...], option: str) -> Ratio:
                 ]
             )
     drive = found[-1]
-    if not drive.acts and drive.body != "support":
+    if not signals.is_input(drive):
         remedy = f"end with support.x, or a force such as {drive.body}.{signals.FORCES[drive.dof]}"
         raise InputError([Fault(option, f"{drive.text} is an output", remedy, format_value(text))])
     return Ratio(

@@ -96,6 +96,11 @@ def end_motions(
     ]
 
 
+def knows_energy(model: LinearSystem) -> bool:
+    """Whether the terms of a system are all its lossy elements: not where they are tables alone."""
+    return any(not isinstance(term, LossTerm) or term.storage is None for term in model.terms)
+
+
 def safe_ratio(
     total: Float[np.ndarray, "*batch"], part: Float[np.ndarray, "*batch"]
 ) -> Float[np.ndarray, "*batch"]:

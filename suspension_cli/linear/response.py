@@ -90,6 +90,7 @@ def solve(
         drives,
         [s.acts for s in inputs],
         rows,
+        ground=[s.is_ground for s in inputs],
     )
     unit = units(inputs, outputs)
     return Response(
@@ -116,6 +117,7 @@ def transfer(
     rows: Float[np.ndarray, "output coordinate"],
     *,
     finite: bool = True,
+    ground: list[bool] | None = None,
 ) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
     """Solve for the transfer matrix (f, o, i) from drives to linear forms of the coordinates.
 
@@ -135,7 +137,11 @@ def transfer(
     finite : bool
         Whether to raise `InputError` at a frequency without finite response; otherwise the
         response there is NaN or infinite.
+    ground : list of bool, optional
+        Whether each drive is a motion of the ground instead of the support.
     """
+    if ground is not None and any(ground):
+        return _with_ground(model, omega, drives, acts, rows, ground, finite=finite)
     if model.terms:
         return _solve_frequency_dependent(model, omega, drives, acts, rows, finite=finite)
     moves, forces = _split_drives(drives, acts)
@@ -175,6 +181,35 @@ def transfer(
     if order is not None:
         result[..., order] = result.copy()
     return result.transpose(2, 0, 1), count
+
+
+def _with_ground(
+    model: LinearSystem,
+    omega: Float[np.ndarray, " frequency"],
+    drives: Float[np.ndarray, "input coordinate"],
+    acts: list[bool],
+    rows: Float[np.ndarray, "output coordinate"],
+    ground: list[bool],
+    *,
+    finite: bool,
+) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
+    """Solve for the responses to motions of the ground and to other drives, each in its system."""
+    result = np.zeros((len(omega), len(rows), len(drives)), dtype=complex)
+    at_rest = rows.copy()
+    at_rest[:, :6] = 0.0  # the support
+    count = 0
+    for system, moves, seen in (
+        (model, ~np.array(ground), rows),
+        (model.driven_by_ground, np.array(ground), at_rest),
+    ):
+        which = np.flatnonzero(moves)
+        if len(which):
+            some = [acts[n] for n in which]
+            result[..., which], blocks = transfer(
+                system, omega, drives[which], some, seen, finite=finite
+            )
+            count += blocks
+    return result, count
 
 
 def _split_drives(

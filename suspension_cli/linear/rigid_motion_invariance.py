@@ -60,7 +60,7 @@ def low_parts(
     """
     free = np.zeros(6, dtype=bool)
     low = np.zeros((len(rows), len(matrix))) if known is None else known[rows]
-    if model.rigid is None:
+    if model.rigid is None or model.ground is not None:
         return low, free
     own = np.array([_own_body(model, model.coordinate[row]) for row in rows], dtype=np.intp)
     derived = np.zeros(low.shape, dtype=bool)

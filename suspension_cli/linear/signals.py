@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, FRAME, SUPPORT
+from suspension_cli.conventions import DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear.system import LinearSystem
@@ -17,6 +17,8 @@ from suspension_cli.rotations import cross_matrix
 if TYPE_CHECKING:
     from jaxtyping import Float
 
+BETWEEN = "~"
+"""Between the names of two bodies in a signal: ``test~reaction.force_x``."""
 FORCES = tuple(f"force_{dof}" for dof in DOFS[:3]) + tuple(f"torque_{dof}" for dof in DOFS[3:])
 """Names of forces and torques on a body, in the order of its coordinates."""
 
@@ -36,6 +38,9 @@ class Signal:
         From the COM in the body's frame, m.
     acts : bool
         Whether it is a force or torque.
+    against : str
+        A second body, "" for none: the motion is relative to it, the force acts on it with the
+        opposite sign, both at the same point of space.
     """
 
     text: str
@@ -43,6 +48,12 @@ class Signal:
     dof: int
     point: tuple[float, float, float]
     acts: bool
+    against: str = ""
+
+    @property
+    def is_ground(self) -> bool:
+        """True for a motion of the ground beside the support."""
+        return self.body == GROUND
 
     @property
     def unit(self) -> str:
@@ -53,9 +64,10 @@ class Signal:
 
 
 def bodies_with_signals(model: LinearSystem) -> tuple[str, ...]:
-    """List bodies with signals: the support, the stages, and the frame if there is one."""
+    """List bodies with signals: support and stages; frame and ground if there are any."""
     frame = (FRAME,) if any(name.startswith(f"{FRAME}.") for name in model.coordinate) else ()
-    return (SUPPORT, *model.body, *frame)
+    ground = (GROUND,) if model.ground is not None else ()
+    return (SUPPORT, *model.body, *frame, *ground)
 
 
 def local_control_signals(model: LinearSystem) -> tuple[list[str], list[str]]:
@@ -70,14 +82,19 @@ def local_control_signals(model: LinearSystem) -> tuple[list[str], list[str]]:
 
 
 def parse_input(text: str, known: tuple[str, ...], option: str = "--input") -> Signal:
-    """Parse an input: a motion of the support, or a force or torque."""
+    """Parse an input: a motion of the support or the ground, or a force or torque."""
     signal = parse(text, option, known)
-    if not signal.acts and signal.body != SUPPORT:
+    if not is_input(signal):
         remedy = f"give support.{DOFS[signal.dof]}, or {signal.body}.{FORCES[signal.dof]}"
         raise InputError(
             [Fault(option, "a motion of a stage is an output", remedy, format_value(text))]
         )
     return signal
+
+
+def is_input(signal: Signal) -> bool:
+    """Whether a signal drives the suspension: a motion that is given, or a force."""
+    return signal.acts or (signal.body in (SUPPORT, GROUND) and not signal.against)
 
 
 def parse_output(text: str, known: tuple[str, ...], option: str = "--output") -> Signal:
@@ -93,6 +110,11 @@ def parse_output(text: str, known: tuple[str, ...], option: str = "--output") ->
                     format_value(text),
                 )
             ]
+        )
+    if signal.is_ground:
+        remedy = f"take a stage's motion, or give {signal.text} as an input"
+        raise InputError(
+            [Fault(option, "the ground's motion is an input", remedy, format_value(text))]
         )
     return signal
 
@@ -110,6 +132,9 @@ def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
     """
     name, at, where = text.partition("@")
     body, _, motion = name.rpartition(".")
+    body, pair, against = body.partition(BETWEEN)
+    if pair:
+        _check_second(body, against, text, option, bodies)
     if name in bodies:
         remedy = f"write for example {name}.x; motions are {', '.join(DOFS)}"
         raise InputError(
@@ -138,20 +163,40 @@ def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
             ]
         )
     acts = motion in FORCES
-    if acts and body == SUPPORT:
+    if acts and body in (SUPPORT, GROUND):
         raise InputError(
             [
                 Fault(
                     option,
-                    "the support's motion is given, so a force on it has no effect",
-                    "take support.x, or a force on a stage",
+                    f"the {body}'s motion is given, so a force on it has no effect",
+                    f"take {body}.x, or a force on a stage",
                     format_value(text),
                 )
             ]
         )
     return Signal(
-        text, body, (FORCES if acts else DOFS).index(motion), _point(where, at, text, option), acts
+        text,
+        body,
+        (FORCES if acts else DOFS).index(motion),
+        _point(where, at, text, option),
+        acts,
+        against,
     )
+
+
+def _check_second(body: str, against: str, text: str, option: str, bodies: tuple[str, ...]) -> None:
+    """Check the second body of a signal between two."""
+    stages = [name for name in bodies if name not in (FRAME, GROUND)]
+    if body == SUPPORT or body not in stages:
+        problem = "names no stage before the ~"
+        remedy = suggest(body, [name for name in stages if name != SUPPORT])
+    elif against not in stages:
+        problem, remedy = "names no stage or support after the ~", suggest(against, stages)
+    elif against == body:
+        problem, remedy = "names one body twice", "write for example test~reaction.x"
+    else:
+        return
+    raise InputError([Fault(option, problem, remedy, format_value(text))])
 
 
 def _point(where: str, at: str, text: str, option: str) -> tuple[float, float, float]:
@@ -179,8 +224,11 @@ def linear_form(signal: Signal, model: LinearSystem) -> Float[np.ndarray, "*batc
     """Compute the linear form (..., N) of a signal in the coordinates of a system.
 
     A point p of a body that moves by x and turns by t moves by x + t x p; a force at p acts on the
-    coordinates by the same form (virtual work).
+    coordinates by the same form (virtual work). Between two bodies it is the difference of their
+    forms at the point where both are; a support structure takes part with its deflection.
     """
+    if signal.against:
+        return _relative_form(signal, model)
     turn = model.orientation
     result = (
         np.zeros((*turn.shape[:-3], model.size), dtype=turn.dtype)
@@ -202,11 +250,49 @@ def linear_form(signal: Signal, model: LinearSystem) -> Float[np.ndarray, "*batc
             )
         result[..., model.coordinate.index(name)] = 1.0
         return result
-    body = 0 if signal.body == SUPPORT else model.body.index(signal.body) + 1
+    body = 0 if signal.body in (SUPPORT, GROUND) else model.body.index(signal.body) + 1
     result[..., 6 * body + signal.dof] = 1.0
     if signal.dof < 3 and any(signal.point):
         point = np.array(signal.point)
         if turn is not None:
             point = turn[..., body, :, :] @ point
         result[..., 6 * body + 3 : 6 * body + 6] = -cross_matrix(point)[..., signal.dof, :]
+    return result
+
+
+def _relative_form(signal: Signal, model: LinearSystem) -> Float[np.ndarray, " coordinate"]:
+    """Linear form of a signal between two bodies."""
+    own = linear_form(replace(signal, against=""), model)
+    rigid = model.rigid
+    if rigid is None:
+        raise InputError(
+            [
+                Fault(
+                    signal.text,
+                    "signals between two bodies need a general model",
+                    "rerun with --fidelity string",
+                    None,
+                )
+            ]
+        )
+    first = model.body.index(signal.body) + 1
+    second = 0 if signal.against == SUPPORT else model.body.index(signal.against) + 1
+    point = np.array(signal.point)
+    if model.orientation is not None:
+        point = model.orientation[..., first, :, :] @ point
+    # a rigid motion t of the support moves a COM at r by t x r = -[r] t
+    place = rigid[..., 6 * first : 6 * first + 3, 3:] - rigid[..., 6 * second : 6 * second + 3, 3:]
+    other = np.zeros((*np.broadcast_shapes(point.shape[:-1], place.shape[:-2]), 6))
+    other = other.astype(np.result_type(point, place))
+    other[..., signal.dof] = 1.0
+    if signal.dof < 3:
+        other[..., 3:] = (place - cross_matrix(point))[..., signal.dof, :]
+    result = np.broadcast_to(own, (*other.shape[:-1], model.size)).astype(
+        np.result_type(own, other)
+    )
+    result[..., 6 * second : 6 * second + 6] -= other
+    if second == 0:
+        for n, dof in enumerate(DOFS):
+            if f"{FRAME}.{dof}" in model.coordinate:
+                result[..., model.coordinate.index(f"{FRAME}.{dof}")] -= other[..., n]
     return result

@@ -100,6 +100,18 @@ def build(model: LinearSystem, inputs: list[Signal], outputs: list[Signal]) -> S
     return assemble(model, drives, inputs, rows, outputs)
 
 
+def refuse_ground(inputs: list[Signal]) -> None:
+    """Raise `InputError` for motions of the ground, which have no state space of their own."""
+    for signal in inputs:
+        if signal.is_ground:
+            remedy = (
+                "take motions of the support and forces; pendsus response has responses to the"
+                " ground"
+            )
+            problem = "a motion of the ground beside the support is no input of a state space"
+            raise InputError([Fault("--input", problem, remedy, signal.text)])
+
+
 def assemble(
     model: LinearSystem,
     drives: Float[np.ndarray, "input coordinate"],
@@ -113,6 +125,7 @@ def assemble(
 
     It covers the blocks that are driven and sensed; with `undriven`, all that are sensed.
     """
+    refuse_ground(inputs)
     acts = np.array([signal.acts for signal in inputs], dtype=bool)
     drives = drives.reshape(len(inputs), model.size)
     moves = np.where(acts[:, None], 0.0, drives[:, :6]).T

@@ -264,7 +264,8 @@ def _has_mirror(
     parity = np.array((PARITY_X, PARITY_Y)[axis], dtype=float)
     # forces and torques mirror like the motions that they act along
     pairs = (
-        _equal_labels(springs.upper, springs.lower, springs.loss)
+        _equal_labels(springs.upper, springs.lower, springs.loss, springs.grounded)
+        & _equal_items(list(springs.spectrum))
         & _equal(springs.lower_point, springs.lower_point * flip)
         & _equal(springs.preload, springs.preload * parity)
     )

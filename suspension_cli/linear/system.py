@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,36 @@ from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Forces that the motion g of the ground beside the support exerts on the coordinates.
+
+    They are -(K + i omega C + sum f_n A_n) g.
+
+    Attributes
+    ----------
+    stiffness, damping : (..., N, 6) arrays
+        K (complex if lossy) and C; 0 in the rows of the support.
+    terms : tuple
+        These stand for the first terms of the system, with the coordinates of the ground in place
+        of the support's.
+    """
+
+    stiffness: Any
+    damping: Any
+    terms: tuple[Any, ...] = ()
+
+    def widened(self, count: int) -> Ground:
+        """With coordinates added at the end that do not feel the ground."""
+        rows = [(0, 0)] * (self.stiffness.ndim - 2) + [(0, count), (0, 0)]
+        size = self.stiffness.shape[-2]
+        return Ground(
+            np.pad(self.stiffness, rows),
+            np.pad(self.damping, rows),
+            tuple(term.spread(np.eye(size, size + count)) for term in self.terms),
+        )
 
 
 @dataclass(frozen=True)
@@ -58,6 +88,9 @@ class LinearSystem:
         Rigid motion: the coordinates per unit motion of the support (m, rad) when everything moves
         with it as one body; 0 for coordinates relative to a body (blade tips, the frame). None if
         not known.
+    ground : Ground or None
+        Forces of the motion of the ground beside the support; None if nothing is attached to it.
+        All matrices are then those with the ground at rest.
     """
 
     body: tuple[str, ...]
@@ -76,6 +109,15 @@ class LinearSystem:
     wire: tuple[str, ...] = ()
     terms: tuple[Term, ...] = ()
     rigid: Float[np.ndarray, "*#batch coordinate 6"] | None = None
+    ground: Ground | None = None
+
+    @property
+    def driven_by_ground(self) -> LinearSystem:
+        """The system with the motion of the ground in place of that of the support."""
+        if "ground" not in self.prepared:
+            assert self.ground is not None
+            self.prepared["ground"] = replace_support(self, self.ground)
+        return self.prepared["ground"]
 
     @property
     def size(self) -> int:
@@ -146,3 +188,50 @@ class LinearSystem:
             remaining &= ~group
             groups.append(np.array([n for n in range(self.size) if group >> n & 1]))
         return tuple(groups)
+
+
+def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
+    """Put the motion of the ground in place of that of the support, which stays at rest."""
+
+    def only(matrix: Any, columns: Any = None) -> Any:
+        kind = matrix.dtype if columns is None else np.result_type(matrix, columns)
+        result = matrix.astype(kind)
+        result[..., :6, :], result[..., :, :6] = 0.0, 0.0
+        if columns is not None:
+            result[..., :, :6] += columns
+            result[..., :6, :] += np.swapaxes(columns, -1, -2)
+        return result
+
+    def without(form: Any) -> Any:
+        result = form.copy()
+        result[..., :6] = 0.0
+        return result
+
+    lossy, separated, stretched = model.lossy, model.separated, model.stretched
+    if lossy is None and np.iscomplexobj(ground.stiffness):
+        lossy = model.stiffness.astype(complex)
+    others = np.eye(model.size)
+    others[:6] = 0.0
+    rest = model.terms[len(ground.terms) :]
+    return replace(
+        model,
+        mass=only(model.mass),
+        stiffness=only(model.stiffness, np.real(ground.stiffness)),
+        damping=only(model.damping, ground.damping),
+        lossy=None if lossy is None else only(lossy, ground.stiffness),
+        low=None if model.low is None else only(model.low),
+        stretched=None
+        if stretched is None
+        else replace(stretched, form=without(stretched.form), low=without(stretched.low)),
+        separated=None
+        if separated is None
+        else replace(
+            separated,
+            soft=only(separated.soft, ground.stiffness),
+            form=without(separated.form),
+        ),
+        # of many builds, whose terms are not here, ground.terms are `BatchTerm`s
+        terms=(*ground.terms, *(term.spread(others) for term in rest)) if model.terms else (),
+        rigid=None,
+        ground=None,
+    )

@@ -19,6 +19,7 @@ import numpy as np
 from suspension_cli.elements import loss
 from suspension_cli.elements.gas import surface_drag
 from suspension_cli.linear.frequency_terms import LossTerm
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.composition import Fibre, Gas
 
 if TYPE_CHECKING:
@@ -157,8 +158,22 @@ class LossBatchTerm:
         rows, columns = np.nonzero(matrix.reshape(-1, *matrix.shape[-2:]).any(0))
         own = matrix[..., rows, columns]
         own = own[which] if matrix.ndim > 2 else own
-        dynamic[:, rows, columns] += 1j * self.term.angle(omega)[:, None] * own
+        value = 1j * self.term.angle(omega)
+        if self.term.storage is not None:
+            value = value + self.term.storage(omega)
+        dynamic[:, rows, columns] += value[:, None] * own
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> LossBatchTerm:
         """Transform it to new coordinates."""
         return LossBatchTerm(self.term.spread(from_new))
+
+
+def with_ground_terms(
+    model: LinearSystem, terms: tuple[LossTerm, ...], *, split: bool
+) -> LinearSystem:
+    """Give the ground of many builds its terms; in the coordinates of the system if `split`."""
+    if model.ground is None:
+        return model
+    made = [LossBatchTerm(term) for term in terms]
+    made = [term.spread(model.basis) for term in made] if split else made
+    return replace(model, ground=replace(model.ground, terms=tuple(made)))

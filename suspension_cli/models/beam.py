@@ -24,8 +24,13 @@ from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import string as string_model
 from suspension_cli.models.base import MASS
-from suspension_cli.models.batch_terms import BatchTerm, LossBatchTerm, WireBatchTerm
-from suspension_cli.models.loss_terms import Drag, gas_terms, loss_terms, lossless
+from suspension_cli.models.batch_terms import (
+    BatchTerm,
+    LossBatchTerm,
+    WireBatchTerm,
+    with_ground_terms,
+)
+from suspension_cli.models.loss_terms import Drag, gas_terms, loss_terms, lossless, spring_terms
 from suspension_cli.rotations import cross
 from suspension_cli.scene import fibres as fibres_of
 from suspension_cli.scene.pose import Layout, Pose, layout, point_jacobian
@@ -61,12 +66,17 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSyste
     balanced.demand(scene)
     adapted = find_symmetry(scene, numbering)
     model = string_model.linear_model(lossless(scene), balanced)
+    of_springs, of_ground = spring_terms(scene, numbering, balanced.pose, adapted)
+    grounded = of_springs[: len(of_ground)]
     terms = [
+        *grounded,
         *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
         *loss_terms(scene, numbering, balanced.pose, adapted),
+        *of_springs[len(of_ground) :],
         *gas_terms(scene, numbering, balanced.pose, adapted, drag),
     ]
-    return replace(model, terms=tuple(terms))
+    ground = model.ground if model.ground is None else replace(model.ground, terms=of_ground)
+    return replace(model, terms=tuple(terms), ground=ground)
 
 
 def _wire_terms(
@@ -209,14 +219,18 @@ def linear_models(
     scene, found = bending_wires.solve_bending(scene, numbering)
     model = string_model.linear_model(lossless(scene), found, split=split)
     plain = no_symmetry(numbering)
+    of_springs, of_ground = spring_terms(scene, numbering, found.pose, plain)
     lossy = [
         *loss_terms(scene, numbering, found.pose, plain),
+        *of_springs[len(of_ground) :],
         *gas_terms(scene, numbering, found.pose, plain, drag),
     ]
     terms = [
+        *(LossBatchTerm(term) for term in of_springs[: len(of_ground)]),
         *_batch_wires(scene, numbering, found, massive=massive),
         *(LossBatchTerm(term) for term in lossy if isinstance(term, LossTerm)),
     ]
+    model = with_ground_terms(model, of_ground, split=split)
     return model, found, tuple(term.spread(model.basis) if split else term for term in terms)
 
 

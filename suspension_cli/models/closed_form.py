@@ -144,8 +144,8 @@ def unsuited(design: Design) -> str:
         return "it has blades"
     if stage.wires.torsion is not None:
         return "its wires resist twisting"
-    if stage.spring:
-        return "it has springs"
+    if stage.spring or design.link or design.damper:
+        return "it has springs, links or dampers between bodies"
     if any(body_inertia(stage.body)[i][j] for i in range(3) for j in range(3) if i != j):
         return "its inertia has products"
     return "it is perturbed" if design.perturbation else ""

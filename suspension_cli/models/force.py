@@ -268,6 +268,8 @@ def _part(chain: Chain, which: slice) -> Chain:
 
 def unsuited(design: Design) -> str:
     """Why a design is not a symmetric chain; "" if it is one."""
+    if design.link or design.damper:
+        return "it has [[link]] or [[damper]]"
     above = SUPPORT
     for stage in design.stage:
         if stage.inverted_pendulum is not None:

@@ -11,7 +11,7 @@ from suspension_cli.elements import loss, spring
 from suspension_cli.linear.frequency_terms import LossTerm, Term
 from suspension_cli.linear.symmetry import Symmetry
 from suspension_cli.scene.pose import Layout, Pose
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Scene, Spectrum
 
 Drag = tuple[Any, ...]
 """Damping (6, 6) of each body by the gas around it, in its own frame at its COM; None for none."""
@@ -28,7 +28,7 @@ def lossless(scene: Scene) -> Scene:
 
 
 def loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry) -> list[Term]:
-    """Losses of blades and springs; any batch axes, left out where the stiffness has none."""
+    """Losses of blades; any batch axes, left out where the stiffness has none."""
     fibres, terms = scene.fibres, []
     assert fibres is not None
     shape = (*scene.blades.stiffness.shape[:-2], numbering.size, numbering.size)
@@ -57,21 +57,71 @@ def loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry) -
                 lambda omega, one=one: loss.blade_angle(one, omega),
             )
         )
-    now = spring.state(scene, pose)
-    for n in np.flatnonzero(scene.springs.loss).tolist():
-        jacobian = spring.strain_jacobian(scene, numbering, pose, now, n)
-        matrix = np.swapaxes(jacobian, -1, -2) @ scene.springs.stiffness[..., n, :, :] @ jacobian
-        angle = float(scene.springs.loss[n])
-        label = scene.springs.label[n].rsplit(".", 1)[0]
-        terms.append(
-            LossTerm(
-                f"{label}.springs",
-                fibres.temperature,
-                adapted.apply(matrix),
-                lambda omega, angle=angle: angle + 0 * omega,
-            )
-        )
     return terms
+
+
+def spring_terms(
+    scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, *, tables: bool = False
+) -> tuple[list[LossTerm], tuple[LossTerm, ...]]:
+    """Losses of springs and stiffnesses given as tables, or these alone; any batch axes.
+
+    Returns
+    -------
+    terms : list of LossTerm
+        First those of the springs on the ground, which is at rest.
+    ground : tuple of LossTerm
+        These with the coordinates of the ground in place of the support's.
+    """
+    springs = scene.springs
+    if not springs.loss.any() and not any(springs.spectrum):
+        return [], ()
+    now = spring.state(scene, pose)
+    terms: list[LossTerm] = []
+    ground: list[LossTerm] = []
+    for n in np.argsort(~springs.grounded, kind="stable").tolist():
+        spectrum = springs.spectrum[n]
+        if spectrum is None and (tables or not springs.loss[n]):
+            continue
+        jacobian = spring.strain_jacobian(scene, numbering, pose, now, n)
+        for axes, angle, storage in _functions(spectrum, float(np.real(springs.loss[n]))):
+            stiffness = springs.stiffness[..., n, :, :] * axes
+            matrix = adapted.apply(np.swapaxes(jacobian, -1, -2) @ stiffness @ jacobian)
+            temperature = spectrum.temperature if scene.fibres is None else scene.fibres.temperature  # pyright: ignore[reportOptionalMemberAccess]
+            one = LossTerm(_cause(springs.label[n]), temperature, matrix, angle, True, storage)
+            if springs.grounded[n]:
+                ground.append(one)
+                others = np.eye(numbering.size)
+                others[:6] = 0.0
+                one = one.spread(others)
+            terms.append(one)
+    return terms, tuple(ground)
+
+
+def _functions(spectrum: Spectrum | None, angle: float) -> list[tuple[Any, Any, Any]]:
+    """Axes (6, 6) of a spring that share a function, loss angle and change of the real part."""
+    if spectrum is None:
+        return [(np.ones((6, 6)), lambda omega: angle + 0 * omega, None)]
+    at = np.log(2 * np.pi * np.array(spectrum.frequency))
+
+    def curve(values: tuple[float, ...], less: float) -> Any:
+        def evaluate(omega: Any) -> Any:
+            with np.errstate(divide="ignore"):
+                return np.interp(np.log(np.abs(omega)), at, values) - less
+
+        return evaluate
+
+    found = []
+    for axis, real, imaginary in spectrum.axis:
+        own = np.zeros((6, 6))
+        own[axis, axis] = 1.0
+        found.append((own, curve(imaginary, 0.0), curve(real, 1.0)))
+    return found
+
+
+def _cause(label: str) -> str:
+    """Name of a spring among the causes of noise: those of a stage together, links each."""
+    owner, kind = label.rsplit(".", 1)
+    return label if kind == "link" else f"{owner}.springs"
 
 
 def gas_terms(

@@ -7,23 +7,27 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Hashable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import bar, bending, blade, spring, string
-from suspension_cli.equilibrium.energy import gradient_and_stiffness
+from suspension_cli.equilibrium.energy import gradient_and_stiffness, spring_stiffness
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.linear import separated_stiffness
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.stretching import Separated, Stretching
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
+from suspension_cli.models.batch_terms import LossBatchTerm, with_ground_terms
+from suspension_cli.models.loss_terms import spring_terms
+from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.pose import Layout, Pose, layout, point_jacobian, rigid_motion
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Scene, Springs
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
@@ -86,7 +90,8 @@ def linear_model(
         if scene.springs.damping.any()
         else np.zeros((numbering.size,) * 2)
     )
-    return LinearSystem(
+    terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
+    model = LinearSystem(
         body=scene.bodies.name,
         coordinate=numbering.name,
         basis=adapted.basis,
@@ -102,6 +107,95 @@ def linear_model(
         residual=float(np.max(balanced.residual)),
         wire=scene.wires.label,
         rigid=rigid_motion(numbering.size, scene.bodies.position + pose.shift),
+        terms=tuple(terms) if not scene.batch else (),
+    )
+    if not scene.springs.grounded.any():
+        return model
+    return _on_ground(model, ground_couplings(scene, numbering, pose), adapted, of_ground)
+
+
+@dataclass(frozen=True)
+class GroundCouplings:
+    """Matrices (..., N, N) between the ground, in the support's place, and all coordinates.
+
+    The elements of the springs and dampers on the ground in its six rows and columns: they stand in
+    those of the support while these springs count as attached to it.
+    """
+
+    stiffness: Any
+    damping: Any
+    loss: Any
+
+
+def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCouplings:
+    """Compute the matrices between the ground and all coordinates."""
+    springs, which = scene.springs, np.flatnonzero(scene.springs.grounded)
+    some = {
+        name: getattr(springs, name)[which] for name in ("upper", "lower", "loss", "grounded")
+    } | {
+        name: np.take(getattr(springs, name), which, axis=-axes)
+        for name, axes in inner_axes(Springs).items()
+    }
+    own = Springs(
+        **some,
+        label=tuple(springs.label[n] for n in which),
+        spectrum=tuple(springs.spectrum[n] for n in which),
+    )
+    only = replace(scene, springs=own)
+    lossless = replace(
+        only,
+        wires=replace(scene.wires, loss=np.zeros_like(scene.wires.loss)),
+        blades=replace(scene.blades, loss=np.zeros_like(scene.blades.loss)),
+    )
+
+    def between(matrix: Any) -> Any:
+        result = np.array(matrix)
+        result[..., 6:, 6:] = 0.0
+        return result
+
+    return GroundCouplings(
+        between(spring_stiffness(only, numbering, pose)),
+        between(damping_matrix(only, numbering, pose)),
+        between(loss_matrix(lossless, numbering, pose)),
+    )
+
+
+def without_ground(matrix: Any, coupling: Any) -> Any:
+    """Take the coupling to the ground out of the rows and columns of the support.
+
+    What rounding leaves where nothing else acts on the support becomes exactly 0.
+    """
+    result = matrix - coupling
+    nothing = (coupling != 0) & (np.abs(result) <= 16 * np.finfo(float).eps * np.abs(coupling))
+    return np.where(nothing, 0.0, result)
+
+
+def _on_ground(
+    model: LinearSystem, coupling: GroundCouplings, adapted: Symmetry, terms: tuple[Any, ...]
+) -> LinearSystem:
+    """Tell springs on the ground from those on the support, for which they stand so far."""
+    stiffness, damping, loss = (
+        adapted.apply(part) for part in (coupling.stiffness, coupling.damping, coupling.loss)
+    )
+    whole = stiffness + 1j * loss if loss.any() else stiffness
+    columns, resisted = whole[..., :6].copy(), damping[..., :6].copy()
+    columns[..., :6, :], resisted[..., :6, :] = 0.0, 0.0
+    lossy, separated = model.lossy, model.separated
+    if lossy is not None:
+        lossy = without_ground(lossy.real, stiffness) + 1j * without_ground(lossy.imag, loss)
+    if separated is not None:
+        separated = replace(separated, soft=without_ground(separated.soft, whole))
+    low = model.low
+    if low is not None:
+        low = np.where(stiffness != 0, 0.0, low)
+    return replace(
+        model,
+        stiffness=without_ground(model.stiffness, stiffness),
+        damping=without_ground(model.damping, damping),
+        lossy=lossy,
+        separated=separated,
+        low=low,
+        ground=Ground(columns, resisted, terms if not np.ndim(model.stiffness) > 2 else ()),
     )
 
 
@@ -321,8 +415,14 @@ class String(SceneModel):
     ) -> tuple[LinearSystem, Equilibrium, tuple[BatchTerm, ...]]:
         """Builds on strings, whose matrices do not depend on frequency."""
         del design
-        found = solve(scene, layout(scene))
-        return linear_model(scene, found, split=split), found, ()
+        numbering = layout(scene)
+        found = solve(scene, numbering)
+        model = linear_model(scene, found, split=split)
+        plain = no_symmetry(numbering)
+        terms, ground = spring_terms(scene, numbering, found.pose, plain, tables=True)
+        made = [LossBatchTerm(term) for term in terms]
+        model = with_ground_terms(model, ground, split=split)
+        return model, found, tuple(term.spread(model.basis) if split else term for term in made)
 
 
 STRING = String()

@@ -110,6 +110,7 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         separated=separated,
         stretched=None if model.stretched is None else model.stretched.spread(spread),
         terms=tuple(term.spread(spread) for term in model.terms),
+        ground=None if model.ground is None else model.ground.widened(count),
         rigid=None
         if model.rigid is None
         else np.concatenate([model.rigid, np.zeros((*model.rigid.shape[:-2], count, 6))], axis=-2),

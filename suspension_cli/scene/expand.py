@@ -22,6 +22,7 @@ from suspension_cli.design.wires import Blade, BladeSet, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import tensions, towers
 from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.links import preload_wrenches
 from suspension_cli.scene.parts import BladePart, StagePart, WirePart, pack
 from suspension_cli.scene.scene import Scene
 
@@ -172,6 +173,11 @@ def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
     """Set tensions and blade loads of every stage, from the bottom up; return the faults."""
     g = design.constants.gravity
     loads = [np.array([0.0, 0.0, -g * body_mass(part.stage.body), 0.0, 0.0, 0.0]) for part in parts]
+    position = [np.zeros(3)]
+    for part in parts:
+        position.append(position[part.parent] + part.offset)
+    for body, wrench in preload_wrenches(design, np.array(position)):
+        loads[body - 1] = loads[body - 1] + wrench
     faults: list[Fault] = []
     for n in range(len(parts), 0, -1):
         part, load = parts[n - 1], loads[n - 1]

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from suspension_cli.design.derive import body_inertia, body_mass
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Springs, Wires, no_struts
+from suspension_cli.scene.links import springs
+from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Wires, no_struts
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,7 @@ def pack(design: Design, parts: list[StagePart]) -> Scene:
         bodies=bodies,
         wires=_wires(parts),
         blades=_blades(parts),
-        springs=_springs(parts),
+        springs=springs(design, parts, bodies.position),
         struts=_struts(parts),
         bars=_bars(parts),
     )
@@ -222,35 +223,3 @@ def _blades(parts: list[StagePart]) -> Blades:
         tip_mass=np.array([blade.tip_mass for _, _, blade in rows]),
         loss=np.array([blade.loss for _, _, blade in rows]),
     )
-
-
-def _springs(parts: list[StagePart]) -> Springs:
-    rows = [
-        (n, part, spring)
-        for n, part in enumerate(parts, 1)
-        for spring in (*part.stage.spring, *part.flexures)
-    ]
-    lower = np.array([spring.at for _, _, spring in rows]).reshape(-1, 3)
-    return Springs(
-        label=tuple(
-            f"{part.stage.name}.spring{number}" for number, (_, part, _) in enumerate(rows, 1)
-        ),
-        upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
-        lower=np.array([n for n, _, _ in rows], dtype=np.intp),
-        upper_point=lower + np.array([part.offset for _, part, _ in rows]).reshape(-1, 3),
-        lower_point=lower,
-        stiffness=np.array([_matrix(spring, "stiffness") for _, _, spring in rows]).reshape(
-            -1, 6, 6
-        ),
-        damping=np.array([_matrix(spring, "damping") for _, _, spring in rows]).reshape(-1, 6, 6),
-        preload=np.array([spring.preload for _, _, spring in rows]).reshape(-1, 6),
-        loss=np.array([spring.loss_angle or 0.0 for _, _, spring in rows]),
-    )
-
-
-def _matrix(spring: Spring, key: str) -> Array:
-    given = getattr(spring, key)
-    if given is None:
-        return np.zeros((6, 6))
-    matrix = np.array(given)
-    return matrix if matrix.ndim == 2 else np.diag(matrix)

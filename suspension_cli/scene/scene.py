@@ -127,6 +127,27 @@ class Blades:
 
 
 @dataclass(frozen=True)
+class Spectrum:
+    """Complex stiffness of a spring along its axes against frequency, over its static stiffness.
+
+    Linear in the logarithm of frequency, constant outside the table.
+
+    Attributes
+    ----------
+    temperature : float
+        K.
+    frequency : tuple of float
+        Hz, ascending.
+    axis : tuple of (int, tuple, tuple)
+        Number of an axis in `DOFS`, and real and imaginary part at each frequency.
+    """
+
+    temperature: float
+    frequency: tuple[float, ...]
+    axis: tuple[tuple[int, tuple[float, ...], tuple[float, ...]], ...]
+
+
+@dataclass(frozen=True)
 class Springs:
     """Linear springs between coincident points of two bodies, in the frame of the upper one.
 
@@ -141,7 +162,11 @@ class Springs:
     preload
         Force (N) and torque (N m) on the lower body in the nominal pose.
     loss
-        Loss angle, rad.
+        Loss angle, rad; 0 where `spectrum` gives it.
+    grounded
+        Whether the upper end is on the ground beside the support (the upper body is then 0).
+    spectrum : tuple of Spectrum or None
+        Of each spring whose stiffness depends on frequency; `stiffness` is then diagonal.
     """
 
     label: tuple[str, ...]
@@ -153,6 +178,8 @@ class Springs:
     damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
     preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2))
     loss: Inexact[np.ndarray, " spring"]
+    grounded: Bool[np.ndarray, " spring"]
+    spectrum: tuple[Spectrum | None, ...]
 
 
 def no_struts() -> Wires:

@@ -200,9 +200,21 @@ def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: li
         Hz.
     inputs, outputs : list of Signal
     """
+    ground = np.array([signal.is_ground for signal in inputs])
+    if ground.any() and not ground.all():
+        parts = [
+            transfer(builds, frequency, [s for s in inputs if s.is_ground == here], outputs)
+            for here in (False, True)
+        ]
+        order = np.argsort(np.argsort(ground, kind="stable"), kind="stable")
+        return np.concatenate(parts, axis=-1)[..., order]
     model, acts = builds.model, np.array([signal.acts for signal in inputs])
     rows = np.stack([linear_form(signal, model) for signal in outputs], axis=-2)  # (p, o, N)
     drives = np.stack([linear_form(signal, model) for signal in inputs], axis=-1)  # (p, N, i)
+    if ground.any():
+        rows[..., :6] = 0.0  # the support is at rest
+        builds = driven_by_ground(builds)
+        model = builds.model
     moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives[..., 6:, :], 0.0)
     omega = 2 * np.pi * np.asarray(frequency)
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
@@ -222,6 +234,16 @@ def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: li
                 result[..., o, i],
             )
     return result
+
+
+def driven_by_ground(builds: Builds) -> Builds:
+    """Builds with the motion of the ground in place of that of the support."""
+    ground = builds.model.ground
+    assert ground is not None
+    others = np.eye(builds.model.size)
+    others[:6] = 0.0
+    rest = (term.spread(others) for term in builds.terms[len(ground.terms) :])
+    return replace(builds, model=builds.model.driven_by_ground, terms=(*ground.terms, *rest))
 
 
 def forbidden(mirrors: Any, out: Signal, into: Signal) -> Any:

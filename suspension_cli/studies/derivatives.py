@@ -19,7 +19,7 @@ The losses of wires that bend are functions of frequency and not of these matric
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -67,6 +67,8 @@ class Linear:
         Of each body, the support first.
     scene : Scene
         The scene of the model, with a complex step where this is a derivative.
+    beside : (3, N, 6) array or None
+        Columns of stiffness, damping and loss for the motion of the ground beside the support.
     """
 
     mass: Array
@@ -75,6 +77,19 @@ class Linear:
     loss: Array
     orientation: Array
     scene: Scene
+    beside: Any = field(default=None, kw_only=True)
+
+    @property
+    def driven_by_ground(self) -> Linear:
+        """With the motion of the ground in the support's columns, without its rows."""
+        parts = {}
+        for name, columns in zip(("stiffness", "damping", "loss"), self.beside, strict=True):
+            matrix = getattr(self, name).copy()
+            matrix[:, :6] = columns
+            parts[name] = matrix
+        mass = self.mass.copy()
+        mass[:, :6] = 0.0
+        return replace(self, mass=mass, **parts)
 
     @cached_property
     def mirrors(self) -> Any:
@@ -189,7 +204,8 @@ def linear(base: Differentiable, now: Moved) -> Linear:
     """Differentiate all matrices along a step that was made."""
     whole = _linear(now.design, now.scene, base.numbering, now.pose, now.stiffness)
     parts = (whole.mass, whole.stiffness, whole.damping, whole.loss, whole.orientation)
-    return Linear(*(np.imag(part) / STEP for part in parts), scene=now.scene)
+    beside = None if whole.beside is None else np.imag(whole.beside) / STEP
+    return Linear(*(np.imag(part) / STEP for part in parts), scene=now.scene, beside=beside)
 
 
 @dataclass(frozen=True)
@@ -302,12 +318,25 @@ def _linear(design: Design, scene: Scene, numbering: Layout, pose: Pose, stiffne
         stiffness=stiffness,
         damping=string_model.damping_matrix(scene, numbering, pose),
     )
+    loss, beside = string_model.loss_matrix(scene, numbering, pose), None
+    if scene.springs.grounded.any():
+        ground = string_model.ground_couplings(scene, numbering, pose)
+        without = string_model.without_ground
+        plain = replace(
+            plain,
+            stiffness=without(plain.stiffness, ground.stiffness),
+            damping=without(plain.damping, ground.damping),
+        )
+        loss = without(loss, ground.loss)
+        beside = np.stack([ground.stiffness, ground.damping, ground.loss])[..., :6]
+        beside[:, :6] = 0.0
     whole = surrounded(plain, design)
-    loss = string_model.loss_matrix(scene, numbering, pose)
     if design.support is not None:
         loss = with_frame(replace(plain, stiffness=loss), _lossy_frame(design)).stiffness
     turned = pose.rotation + np.zeros((len(body) + 1, 3, 3))
-    return Linear(whole.mass, whole.stiffness, whole.damping, loss, turned, scene)
+    if beside is not None:
+        beside = np.pad(beside, ((0, 0), (0, whole.size - numbering.size), (0, 0)))
+    return Linear(whole.mass, whole.stiffness, whole.damping, loss, turned, scene, beside=beside)
 
 
 def _lossy_frame(design: Design) -> Design:

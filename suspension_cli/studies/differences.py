@@ -51,10 +51,13 @@ class DispersiveLinear(Linear):
         Frequency-dependent part of the stiffness at each of the requested frequencies.
     kept : (2,) bool array
         See `mirrors`.
+    beside_dispersive : (f, N, 6) complex array or None
+        The same for the motion of the ground beside the support.
     """
 
     dispersive: Any
     kept: Any
+    beside_dispersive: Any = None
 
     @cached_property
     def mirrors(self) -> Any:
@@ -68,8 +71,16 @@ class DispersiveLinear(Linear):
 
     def at(self, number: int) -> DispersiveLinear:
         """The matrices at one of the frequencies."""
-        more = self.dispersive[number]
-        return replace(self, stiffness=self.stiffness + more.real, loss=self.loss + more.imag)
+        more, beside = self.dispersive[number], self.beside
+        if beside is not None:
+            own = self.beside_dispersive[number]
+            beside = beside + np.stack([own.real, 0 * own.real, own.imag])
+        return replace(
+            self,
+            stiffness=self.stiffness + more.real,
+            loss=self.loss + more.imag,
+            beside=beside,
+        )
 
 
 def changes(
@@ -81,7 +92,8 @@ def changes(
     where they do not depend on frequency. See `derived`; `level` is the name of a model that
     supports derivatives.
     """
-    if omega and not registry.by_name(level).exact_derivatives:
+    tables = any(link.table is not None for link in design.link)
+    if omega and (tables or not registry.by_name(level).exact_derivatives):
         return derived(design, numbers, level, omega)
     base = derivatives.prepared(design, level)
     return base, {item.name: derivatives.of(base, item.name) for item in numbers}
@@ -196,6 +208,7 @@ def _each(found: Builds, omega: Array, scene: Scene) -> list[DispersiveLinear | 
     each, every = np.tile(omega, count), np.repeat(np.arange(count), len(omega))
     dispersive = further_stiffness(model, found.terms, every, each)
     dispersive = dispersive.reshape(count, len(omega), size, size)
+    beside, beside_dispersive = _beside(found, every, each, (count, len(omega), size))
     mass, stiffness, damping = (
         np.broadcast_to(matrix, (count, size, size))
         for matrix in (model.mass, model.stiffness, model.damping)
@@ -217,11 +230,25 @@ def _each(found: Builds, omega: Array, scene: Scene) -> list[DispersiveLinear | 
             scene,
             dispersive[n],
             found.mirrors[n],
+            None if beside_dispersive is None else beside_dispersive[n],
+            beside=None if beside is None else beside[n],
         )
         if good[n]
         else None
         for n in range(count)
     ]
+
+
+def _beside(found: Builds, every: Any, each: Any, shape: tuple[int, int, int]) -> tuple[Any, Any]:
+    """Columns (p, 3, N, 6) of the ground in each build, and their frequency-dependent parts."""
+    ground = found.model.ground
+    if ground is None:
+        return None, None
+    driven = builds.driven_by_ground(found)
+    more = further_stiffness(driven.model, driven.terms, every, each)[..., :6]
+    parts = (np.real(ground.stiffness), ground.damping, np.imag(ground.stiffness))
+    static = [np.broadcast_to(part, (shape[0], shape[2], 6)) for part in parts]
+    return np.stack(static, axis=1), more.reshape(*shape, 6)
 
 
 def _difference(around: list[DispersiveLinear | None], step: float) -> DispersiveLinear | None:
@@ -238,6 +265,8 @@ def _difference(around: list[DispersiveLinear | None], step: float) -> Dispersiv
         name: slope(name)
         for name in ("mass", "stiffness", "damping", "loss", "orientation", "dispersive")
     }
+    if near.beside is not None:
+        moving |= {name: slope(name) for name in ("beside", "beside_dispersive")}
     return replace(
         near, **moving, kept=np.all([one.kept for one in (before, near, after, far)], axis=0)
     )

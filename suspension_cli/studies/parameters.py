@@ -7,6 +7,7 @@ SIAM Review 40, 110 (1998)). The code that computes matrices from a design so di
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import dataclass
 
@@ -25,8 +26,11 @@ STEP = 1e-30
 design may hold."""
 OTHER_TABLES = ("design", "analysis", "control", "tolerance")
 """Tables that do not describe the suspension itself."""
-NOT_CONTINUOUS = ("count", "steps", "temperature")
-"""Keys whose numbers cannot change a little, or do not matter to any model."""
+NOT_CONTINUOUS = ("count", "steps", "temperature", "real", "imaginary", "static")
+"""Keys whose numbers cannot change a little, do not matter to any model, or are tables of links
+(which have a factor)."""
+TABLE_FREQUENCY = re.compile(r"link\.[^.]+\.table\.frequency\.")
+"""Frequencies of such a table."""
 TWIST = "poisson_ratio"
 """The number that matters where wires twist alone."""
 
@@ -63,7 +67,7 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
         for key, value in raw.items()
         if key not in OTHER_TABLES
         for name, number in paths.numbers(key, value, NOT_CONTINUOUS)
-        if bends or not name.endswith(TWIST)
+        if (bends or not name.endswith(TWIST)) and not TABLE_FREQUENCY.match(name)
     ]
     known = {item.name for item in found}
     implied = [Parameter("constants.gravity", design.constants.gravity)]
@@ -105,6 +109,7 @@ def _used(design: Design) -> set[str]:
     named = {
         wire.material for wire in _wires(design) if wire.k is None and wire.material is not None
     }
+    named |= {link.strands.material for link in design.link if link.strands is not None}
     return named | {blade.geometry.material for blade in blades if blade.geometry is not None}
 
 

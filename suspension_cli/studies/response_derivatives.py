@@ -55,13 +55,16 @@ class Slope:
             0, :, 0
         ]
         omega = 2 * np.pi * item.frequency
-        matrix = _dynamic(base.linear, omega)
+        ground = item.input.is_ground
+        matrix = _dynamic(base.linear.driven_by_ground if ground else base.linear, omega)
         drive, own = _row(base, base.linear, item.input), slice(6, None)
         state = np.zeros(len(matrix), dtype=complex)
         state[:6] = 0.0 if item.input.acts else drive[:6]
         force = drive[6:] if item.input.acts else 0.0
         state[own] = _solved(matrix[own, own], force - matrix[own, :6] @ state[:6])
         rows = [_row(base, base.linear, signal) for signal in watched]
+        for row in rows if ground else ():
+            row[:6] = 0.0  # the support is at rest
         outputs = [
             (complex(value), row, _solved(matrix[own, own].T, row[6:]))
             for value, row in zip(exact, rows, strict=True)
@@ -73,7 +76,8 @@ class Slope:
     def of_size(self, change: Linear) -> float:
         """Derivative of the magnitude; NaN for a ratio to 0."""
         *watched, drive = self.signals
-        right = -_dynamic(change, self.omega)[6:] @ self.state
+        moved_by = change.driven_by_ground if drive.is_ground else change
+        right = -_dynamic(moved_by, self.omega)[6:] @ self.state
         if drive.acts:
             right = right + _turned(self.base, change, drive)[6:]
         moved = [

@@ -28,7 +28,7 @@ from suspension_cli.analyses.budget.ground import Motion
 from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.thermal.solve import compute_dissipation
-from suspension_cli.conventions import BOLTZMANN, SUPPORT
+from suspension_cli.conventions import BOLTZMANN, GROUND, SUPPORT
 from suspension_cli.linear import frequency_dependent, signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.scene.arrays import Array
@@ -82,9 +82,14 @@ class Noises:
         plant = self.plant
         known = signals.bodies_with_signals(plant.model)
         inputs = [signals.parse_input(f"{SUPPORT}.{dof}", known) for dof in self.motion]
+        beside = [] if plant.model.ground is None else self.motion
+        inputs += [signals.parse_input(f"{GROUND}.{dof}", known) for dof in beside]
         found = control.solve_responses(plant, frequency, inputs, self.output)
+        value, count = found.value[..., : len(self.motion)], len(self.motion)
+        if beside:  # the ground under the support and beside it moves as one
+            value = value + found.value[..., count:]
         ground = [motion.density(frequency) for motion in self.motion.values()]
-        moved = np.abs(found.value) * np.array(ground).reshape(-1, len(frequency)).T[:, None]
+        moved = np.abs(value) * np.array(ground).reshape(-1, len(frequency)).T[:, None]
         sensing = [n for n, loop in enumerate(plant.loops) if loop.sensor_noise]
         pushing = [n for n, loop in enumerate(plant.loops) if loop.actuator_noise]
         parts = [moved, found.noise[..., sensing], found.actuator_noise[..., pushing]]

@@ -13,6 +13,7 @@ from suspension_cli.design.losses.registry import mechanisms_of
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 from suspension_cli.models import registry
+from suspension_cli.scene.links import link_loss
 
 BENDING = tuple(model.name for model in registry.MODELS if model.bends_wires)
 """Names of the models in which wires bend, with the losses of their materials."""
@@ -80,6 +81,10 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
             found.append(Lossless(f"{stage.name}.inverted_pendulum"))
         if blades is not None and not blades.loss_angle and blades.q is None:
             found.append(Lossless(f"{stage.name}.filter"))
+    for link in design.link:
+        if link.table is None and not link_loss(design, link) and not _nonzero(link.damping):
+            material = () if link.strands is None else (link.strands.material,)
+            found.append(Lossless(f"{link.name}.link", material))
     return found
 
 

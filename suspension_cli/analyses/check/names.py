@@ -11,7 +11,7 @@ from typing import Any
 
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.check.statics import list_wire_tables
-from suspension_cli.conventions import ANALYSES, FRAME, SUPPORT
+from suspension_cli.conventions import ANALYSES, FRAME, GROUND, SUPPORT
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.plausibility import ImplausibleNumber
 from suspension_cli.design.schema import Design
@@ -41,7 +41,9 @@ def find_unknown_names(
         One per unknown name.
     """
     stages = tuple(stage.name for stage in design.stage)
-    known = (SUPPORT, *stages, *((FRAME,) if design.support is not None else ()))
+    frame = (FRAME,) if design.support is not None else ()
+    on_ground = any(GROUND in item.between for item in (*design.link, *design.damper))
+    known = (SUPPORT, *stages, *frame, *((GROUND,) if on_ground else ()))
     unknown: list[ImplausibleNumber] = []
     for analysis in map(registry.get, ANALYSES):
         for parse in analysis.parse_names(design, stages, known):

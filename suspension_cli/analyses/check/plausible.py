@@ -9,7 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from suspension_cli.analyses.check import statics
-from suspension_cli.analyses.check.statics import BladeLoad, Statics, WireLoad, list_wire_tables
+from suspension_cli.analyses.check.statics import (
+    BladeLoad,
+    LinkLoad,
+    Statics,
+    WireLoad,
+    list_wire_tables,
+)
 from suspension_cli.design import plausibility
 from suspension_cli.design.plausibility import ImplausibleNumber, suggest_unit
 from suspension_cli.design.schema import Design, Stage
@@ -25,6 +31,14 @@ STRAIN = 0.03
 used well below that."""
 SAG = 5.0
 """Largest plausible sag of a blade, m."""
+
+
+LINK_SAG = 0.05
+"""Largest sag of a link under its weight, relative to its length, for small deflections."""
+LINK_PENDULUM = 0.3
+"""Weight over length of a link, relative to its stiffness, above which that is uncertain."""
+LINK_WEIGHT = 1e-3
+"""Weight of a link, relative to the tensions of all wires, that matters."""
 
 
 def find_implausible_loads(design: Design, carried: Statics) -> list[ImplausibleNumber]:
@@ -49,7 +63,45 @@ def find_implausible_loads(design: Design, carried: Statics) -> list[Implausible
             design, blades, f"{path}.{'blades' if stage.blades is not None else 'blade'}", "blade"
         )
         found += _check_sag(stage, blades, path)
+    for link in carried.links:
+        found += _check_link(link, carried)
     return found
+
+
+def _check_link(link: LinkLoad, carried: Statics) -> Iterator[ImplausibleNumber]:
+    """Report a link that hangs more than it springs, or weighs much."""
+    path = f"link.{link.label}"
+    if link.sag is not None and link.length is not None and link.sag > LINK_SAG * link.length:
+        yield ImplausibleNumber(
+            Fault(
+                f"{path}.strands",
+                f"sags by {1e3 * link.sag:.3g} mm under its weight,"
+                f" {100 * link.sag / link.length:.2g} % of its length: its stiffness is that"
+                " of the unloaded shape, which it then does not have",
+                'give the shape in which it hangs, for example "catenary", or a stiffness measured'
+                " in place",
+            )
+        )
+    if link.weight is not None and link.length is not None:
+        pendulum, least = link.weight / link.length, min(link.stiffness)
+        if pendulum > LINK_PENDULUM * least:
+            yield ImplausibleNumber(
+                Fault(
+                    f"{path}.strands",
+                    f"its weight stiffens it by some {pendulum:.2g} N/m, which is left out, beside"
+                    f" {least:.2g} N/m of the wires",
+                    "take its stiffness as an order of magnitude, or give one that was measured",
+                )
+            )
+    bodies = [wire.tension for wire in carried.wires]
+    if link.weight is not None and bodies and link.weight > LINK_WEIGHT * sum(bodies):
+        yield ImplausibleNumber(
+            Fault(
+                f"{path}.strands",
+                f"weighs {link.weight:.3g} N, which the models leave out",
+                "give half of it to the mass of each of its bodies",
+            )
+        )
 
 
 def _stage_of(label: str) -> str:

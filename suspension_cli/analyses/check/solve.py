@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import tables
@@ -10,7 +10,7 @@ from suspension_cli.analyses.analysis import Log, Report
 from suspension_cli.errors import Fault, InputError, escape_unprintable
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.check.statics import BladeLoad, Statics, WireLoad
+    from suspension_cli.analyses.check.statics import BladeLoad, LinkLoad, Statics, WireLoad
     from suspension_cli.design.plausibility import ImplausibleNumber
     from suspension_cli.design.reader import Source
     from suspension_cli.models.registry import Choice
@@ -81,6 +81,7 @@ class Check(Report):
                 {"stage": b.name, "shift_m": list(b.shift), "rotation_rad": list(b.rotation)}
                 for b in found.bodies
             ],
+            **({"links": [asdict(link) for link in found.links]} if found.links else {}),
             **towers.documents(found.legs, found.filters),
             "warnings": [
                 {name: getattr(item.fault, name) for name in ("key", "value", "problem", "remedy")}
@@ -103,6 +104,8 @@ class Check(Report):
         if found.blades:
             rows = ((b.label, b.load, 1e3 * b.sag, *_strength(b)) for b in found.blades)
             lines.append(_table("blade", "load", "sag", rows))
+        if found.links:
+            lines.append(_link_table(found.links))
         lines += towers.lines(found.legs, found.filters)
         for body in found.bodies:
             if any(body.shift) or any(body.rotation):
@@ -111,6 +114,12 @@ class Check(Report):
                 lines.append(
                     f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose"
                 )
+        lines += [
+            f"  link {link.label} is known from {link.table[0]:g} to {link.table[1]:g} Hz, constant"
+            " outside"
+            for link in found.links
+            if link.table is not None
+        ]
         lines.append(
             f"  height {found.height:.4g} m; lowest points:"
             f" {', '.join(f'{low.name} {low.z:.4g} m ({low.point})' for low in found.lowest)}"
@@ -185,6 +194,31 @@ def _strength(part: WireLoad | BladeLoad) -> tuple[float | None, float | None]:
         None if part.stress is None else part.stress / 1e6,
         None if part.fraction is None else 100 * part.fraction,
     )
+
+
+def _link_table(links: tuple[LinkLoad, ...]) -> str:
+    """Table of links and dampers: stiffness or damping along x, y, z, and sag."""
+    heads = {"link": "", "between": "", "x\nN/m": ".4g", "y\nN/m": ".4g", "z\nN/m": ".4g"}
+    heads |= {"length\nm": ".4g", "sag\nmm": ".3g", "weight\nN": ".3g"}
+    damped = {"damper": "", "between": "", "x\nN s/m": ".4g", "y\nN s/m": ".4g", "z\nN s/m": ".4g"}
+    elastic = [link for link in links if any(link.stiffness) or not any(link.damping)]
+    viscous = [link for link in links if any(link.damping)]
+    rows = [
+        (
+            link.label,
+            " - ".join(link.between),
+            *link.stiffness,
+            link.length,
+            None if link.sag is None else 1e3 * link.sag,
+            link.weight,
+        )
+        for link in elastic
+    ]
+    found = [tables.render(heads, rows)] if rows else []
+    if viscous:
+        between = ((v.label, " - ".join(v.between), *v.damping) for v in viscous)
+        found.append(tables.render(damped, between))
+    return "\n".join(found)
 
 
 def _table(part: str, load: str, change: str, rows: Any) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
+from suspension_cli.scene import links, strands
 from suspension_cli.scene.scene import Scene
 
 
@@ -107,6 +109,39 @@ class Lowest:
 
 
 @dataclass(frozen=True)
+class LinkLoad:
+    """A link or damper between two bodies.
+
+    Attributes
+    ----------
+    label : str
+        Its name.
+    between : tuple of str
+    stiffness : (float, float, float)
+        Of the displacements x, y, z at its point, N/m.
+    damping : (float, float, float)
+        N s/m.
+    length : float or None
+        Of one wire of a link given by its geometry, m.
+    weight : float or None
+        Of all its wires, N; the models leave it out.
+    sag : float or None
+        Largest descent of a wire under its weight, as a small deflection, m.
+    table : (float, float) or None
+        Lowest and highest frequency of a table of stiffness, Hz.
+    """
+
+    label: str
+    between: tuple[str, ...]
+    stiffness: tuple[float, float, float]
+    damping: tuple[float, float, float]
+    length: float | None = None
+    weight: float | None = None
+    sag: float | None = None
+    table: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
 class Statics:
     """Statics of one design.
 
@@ -121,6 +156,7 @@ class Statics:
         z of the highest end of a wire, m.
     residual : float
         Of the equilibrium, over the weight.
+    links : tuple of LinkLoad
     legs : tuple of LegLoad
         One per inverted pendulum.
     filters : tuple of FilterLoad
@@ -132,6 +168,7 @@ class Statics:
     lowest: tuple[Lowest, ...]
     top: float
     residual: float
+    links: tuple[LinkLoad, ...] = ()
     legs: tuple[LegLoad, ...] = ()
     filters: tuple[FilterLoad, ...] = ()
 
@@ -182,9 +219,40 @@ def solve(design: Design) -> Statics:
         if scene.wires.label
         else 0.0,
         residual=float(balanced.residual),
+        links=tuple(_links(design, scene)),
         legs=towers.leg_loads(design, scene, balanced),
         filters=towers.filter_loads(design, scene, balanced),
     )
+
+
+def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
+    """Links and dampers between bodies, in the order of the file."""
+    position = scene.bodies.position
+    for link in design.link:
+        first, second = (position[n] for n in links.numbers(design, link.between))
+        stiffness = links.link_stiffness(design, link, first, second)
+        found = LinkLoad(
+            link.name,
+            tuple(link.between),
+            _vector(np.diag(stiffness)[:3]),
+            _vector(np.diag(links.matrix(link.damping))[:3]),
+            table=None
+            if link.table is None
+            else (link.table.frequency[0], link.table.frequency[-1]),
+        )
+        if link.strands is not None:
+            curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
+            length = float(curve.length)
+            found = replace(
+                found,
+                length=length,
+                weight=link.strands.count * length * float(wire.weight),
+                sag=strands.sag(curve, wire)[0],
+            )
+        yield found
+    for damper in design.damper:
+        damping = _vector(np.diag(links.damper_matrix(damper))[:3])
+        yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
 
 
 def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Log
@@ -37,6 +37,19 @@ def warn_of_modes(design: Design, model: Model, found: Modes, log: Log) -> None:
 
     simpler = registry.BEAM if model.has_wire_mass else model
     warn(design, simpler.system(design), found, log)
+
+
+def warn_of_tables(design: Design, frequency: Any, log: Log) -> None:
+    """Warn of links whose tables of stiffness do not reach frequencies (f,) in Hz."""
+    for link in design.link:
+        if link.table is None:
+            continue
+        low, high = link.table.frequency[0], link.table.frequency[-1]
+        if min(frequency) < low or max(frequency) > high:
+            log.warn(
+                f"{design.design.name}: the table of link {link.name} covers {low:g} to {high:g}"
+                " Hz; outside, its stiffness is taken as constant: extend the table if that matters"
+            )
 
 
 def describe_limits(near: Limits) -> list[str]:

@@ -139,7 +139,7 @@ def _relative_form(
     A frame moves with the structure.
     """
     row = signals.linear_form(signal, model)
-    if reference != "support":
+    if reference != "support" or signal.against:
         return row
     place = np.array(positions[signal.body]) + np.array(signal.point)
     structure = np.zeros(6)
@@ -234,7 +234,8 @@ def solve_responses(
     given = np.array([signals.linear_form(s, model) for s in inputs]).reshape(-1, model.size)
     drives = np.concatenate([given, plant.pushed])
     acts = [*(s.acts for s in inputs), *([True] * count)]
-    g, _ = response.transfer(model, 2 * np.pi * frequency, drives, acts, rows)
+    ground = [*(s.is_ground for s in inputs), *([False] * count)]
+    g, _ = response.transfer(model, 2 * np.pi * frequency, drives, acts, rows, ground=ground)
     i, o = len(inputs), len(outputs)
     h = evaluate_filters(plant, frequency)
     to_actuator = np.linalg.solve(

@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from suspension_cli.conventions import GROUND
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import Measured, Transducer
 from suspension_cli.errors import Fault, InputError, format_value
@@ -203,7 +204,8 @@ def build(
     InputError
         If a function names no signal of the design and no sensor or actuator of the file.
     """
-    known = signals.bodies_with_signals(system)
+    # motions of the ground beside the support are not fitted
+    known = tuple(name for name in signals.bodies_with_signals(system) if name != GROUND)
     given = (
         {item.name: item for item in measured.sensor},
         {item.name: item for item in measured.actuator},

@@ -110,6 +110,24 @@ def _cut_fibre(fibre: Fibre) -> tuple[Fibre, Fibre]:
     return replace(fibre, sections=tuple(upper)), replace(fibre, sections=tuple(lower))
 
 
+def _add_losses(
+    own: Inexact[np.ndarray, "frequency coordinate coordinate"],
+    model: LinearSystem,
+    omega: Inexact[np.ndarray, " frequency"],
+    *,
+    lossy: bool,
+) -> None:
+    """Add tables of stiffness, and where omega is complex dampers and losses, in place."""
+    elastic = [term for term in model.terms if isinstance(term, LossTerm) and term.elastic]
+    for term in elastic:
+        if term.storage is not None:
+            own += term.storage(np.real(omega))[:, None, None] * term.matrix
+    if np.iscomplexobj(omega):
+        own += 1j * omega[:, None, None] * damped.damping_matrix(model)
+        for term in elastic if lossy else ():
+            own += 1j * term.angle(np.real(omega))[:, None, None] * term.matrix
+
+
 def dynamic_stiffness(
     model: LinearSystem,
     wires: list[CutWires],
@@ -141,11 +159,7 @@ def dynamic_stiffness(
     result = np.zeros((len(omega), whole, whole), dtype=omega.dtype)
     own = result[:, : model.size, : model.size]
     own += constant - omega[:, None, None] ** 2 * model.mass
-    if np.iscomplexobj(omega):
-        own += 1j * omega[:, None, None] * damped.damping_matrix(model)
-        for term in model.terms:
-            if isinstance(term, LossTerm) and term.elastic and lossy:
-                own += 1j * term.angle(np.real(omega))[:, None, None] * term.matrix
+    _add_losses(own, model, omega, lossy=lossy)
     for cut in wires:
         for part in PARTS:
             for wire, ends in zip(cut.pieces, cut.piece_ends(part), strict=True):

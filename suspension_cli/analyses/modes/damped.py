@@ -288,7 +288,7 @@ def _build_modes(
         "block": model.member[np.abs(motion).argmax(1)],
         "q": quality_factor(value),
         "dilution": np.where(oscillates, quality.safe_ratio(np.abs(value) ** 2, elastic), np.nan)
-        if model.terms
+        if quality.knows_energy(model)
         else np.full(len(value), np.nan),
         "wire_energy": np.zeros((len(value), 0)),
         "order": np.zeros(len(value), dtype=np.intp),

@@ -96,6 +96,7 @@ class ResponseAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Solve for every input at every frequency."""
         from suspension_cli.analyses import model_choice
+        from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.response import closed_loop, peaks
         from suspension_cli.analyses.response.closed_loop import ClosedTransfer
         from suspension_cli.linear import response
@@ -115,6 +116,7 @@ class ResponseAnalysis(Analysis):
             bends=True,
         )
         wanted = request(model)
+        warnings.warn_of_tables(run.design, wanted.frequency, run.log)
         solve = resonances = None
         if isinstance(wanted, ClosedTransfer):
             poles = closed_loop.find_stable_poles(

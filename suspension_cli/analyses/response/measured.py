@@ -355,7 +355,9 @@ def _contributing(
     drive = channel_weights(find_transducer(item.table.input, item.tables.actuator), names[0], at)
     row = sense[0] @ np.array([linear_form(signal, model) for signal in out])
     forces = [
-        form if signal.acts else -np.real(model.stiffness) @ form
+        form
+        if signal.acts
+        else -np.real((model.driven_by_ground if signal.is_ground else model).stiffness) @ form
         for signal, form in ((signal, linear_form(signal, model)) for signal in into)
     ]
     force = drive[0] @ np.array(forces)

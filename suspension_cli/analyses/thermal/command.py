@@ -74,6 +74,7 @@ class ThermalAnalysis(Analysis):
         lossless = find_lossless(run.design, choice.level)
         for line in warnings.describe_lossless(lossless, choice.level):
             run.log.warn(f"{run.name}: {line}")
+        warnings.warn_of_tables(run.design, noises[0].frequency, run.log)
         extra = {"without_loss": [part.part for part in lossless]}
         return Result(self, run.source, choice, noises, extra, command=run.command)
 

@@ -40,6 +40,7 @@ CAUSES: dict[str, str] = {
     "torsion": "torsion",
     "blades": "blades",
     "springs": "springs",
+    "link": "links",
     "gas": "gas",
     "damping": "dampers",
     "support": "support",

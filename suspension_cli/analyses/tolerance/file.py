@@ -27,7 +27,7 @@ from suspension_cli.analyses.tolerance.statistics import (
     slopes,
 )
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
-from suspension_cli.conventions import FRAME, SUPPORT
+from suspension_cli.conventions import FRAME, GROUND, SUPPORT
 from suspension_cli.design.reader import parse as parse_design
 from suspension_cli.files.hdf5 import add_dataset, add_scale, open_results
 from suspension_cli.linear import signals
@@ -122,7 +122,7 @@ def indexed(job: RandomBuilds) -> tuple[Quantity, ...]:
 
 def reconstruct_job(group: Any, text: str, level: str) -> RandomBuilds:
     """Reconstruct the job of a group from the text of its design and the name of its model."""
-    known = (SUPPORT, *(stage.name for stage in parse_design(text).stage), FRAME)
+    known = (SUPPORT, *(stage.name for stage in parse_design(text).stage), FRAME, GROUND)
     drive, over, under = (
         signals.parse(str(group.attrs[name]), name, known) for name in ("input", "over", "under")
     )

@@ -1,0 +1,440 @@
+"""Links, dampers, the ground and signals between bodies, against an assembly written here.
+
+The potential energy of a platform that carries a payload and its reaction mass, with links, is
+written down in finite rotations; hyper-dual numbers differentiate it twice, exactly.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from suspension_cli.conventions import BOLTZMANN, DOFS
+from suspension_cli.design import reader
+from suspension_cli.errors import InputError
+from suspension_cli.linear import response, signals
+from suspension_cli.models import registry
+from tests.support import hyperdual as hd
+
+G = 9.81
+BODIES = ("platform", "test", "reaction", "support", "ground")
+POSITION = {
+    "support": (0.0, 0.0, 0.0),
+    "ground": (0.0, 0.0, 0.0),
+    "platform": (0.0, 0.0, -0.5),
+    "test": (0.0, 0.0, -0.903),
+    "reaction": (0.0, 0.0, -1.004),
+}
+MASS = {"platform": 20.0, "test": 10.0, "reaction": 8.0}
+INERTIA = {
+    "platform": (0.3, 0.2, 0.25),
+    "test": (0.1, 0.08, 0.09),
+    "reaction": (0.12, 0.09, 0.1),
+}
+# upper body, lower body, length, s, t, d, d_upper, k
+WIRES = (
+    ("support", "platform", 0.5, 0.05, 0.1, 0.0, 0.0, 5.0e4),
+    ("platform", "test", 0.4, 0.03, 0.1, 0.001, 0.002, 3.0e4),
+    ("platform", "reaction", 0.5, 0.04, 0.15, 0.001, 0.003, 2.5e4),
+)
+FULL = np.array(
+    [
+        [4.0, 0.5, 0.2, 0.01, 0.02, 0.03],
+        [0.5, 6.0, 0.3, 0.02, 0.01, 0.02],
+        [0.2, 0.3, 5.0, 0.03, 0.01, 0.01],
+        [0.01, 0.02, 0.03, 0.4, 0.01, 0.02],
+        [0.02, 0.01, 0.01, 0.01, 0.3, 0.03],
+        [0.03, 0.02, 0.01, 0.02, 0.03, 0.2],
+    ]
+)
+SIX = np.diag([30.0, 20.0, 10.0, 0.2, 0.1, 0.3])
+UP = np.array([0.0, 0.0, 3.0, 0.0, 0.0, 0.0])
+# first, second, point from the first's COM, stiffness, preload on the first
+LINKS = (
+    ("test", "reaction", (0.02, -0.03, 0.01), FULL, 0 * UP),
+    ("test", "reaction", (0.0, 0.0, 0.05), SIX, UP),
+    ("platform", "ground", (0.04, 0.05, -0.02), 10 * FULL, 0 * UP),
+    ("reaction", "platform", (0.01, 0.0, 0.3), SIX, 0 * UP),
+    ("test", "support", (0.0, 0.06, 0.0), FULL, 0 * UP),
+)
+
+
+def _design(extra: str = "") -> str:
+    lines = ['[design]\nname = "towers"\n']
+    for (upper, lower, length, s, t, d, d_upper, k), name in zip(WIRES, BODIES, strict=False):
+        inertia = list(INERTIA[name])
+        lines.append(
+            f'[[stage]]\nname = "{name}"\nhangs_from = "{upper}"\n'
+            f"body = {{ mass = {MASS[lower]}, inertia = {inertia} }}\n[stage.wires]\ncount = 4\n"
+            f"l = {length}\ns = {s}\nt1 = {t}\nt2 = {t}\nd = {d}\nd_upper = {d_upper}\nk = {k}\n"
+        )
+    for n, (first, second, at, k, preload) in enumerate(LINKS, 1):
+        lines.append(
+            f'[[link]]\nname = "link{n}"\nbetween = ["{first}", "{second}"]\nat = {list(at)}\n'
+            f"stiffness = {k.tolist()}\npreload = {preload.tolist()}\nloss_angle = {0.01 * n}\n"
+        )
+    return "".join(lines) + extra
+
+
+DAMPER = """
+[[damper]]
+name = "brake"
+between = ["test", "reaction"]
+at = [0.0, 0.02, 0.03]
+damping = [1.0, 2.0, 3.0, 0.04, 0.05, 0.06]
+[[damper]]
+name = "feet"
+between = ["platform", "ground"]
+at = [0.1, 0.0, 0.0]
+damping = [4.0, 5.0, 6.0, 0.0, 0.0, 0.0]
+"""
+
+
+def _energy(x: list[hd.Hyper]) -> Any:
+    """Potential energy of the tower; six coordinates of each of `BODIES`."""
+    shift = {b: x[6 * n : 6 * n + 3] for n, b in enumerate(BODIES)}
+    turn = {b: hd.rotation(x[6 * n + 3 : 6 * n + 6]) for n, b in enumerate(BODIES)}
+
+    def place(body: str, point: Any) -> list[Any]:
+        arm = hd.apply(turn[body], point)
+        return [POSITION[body][a] + shift[body][a] + arm[a] for a in range(3)]
+
+    total: Any = 0.0
+    for body, mass in MASS.items():
+        total = total + G * mass * shift[body][2]
+    carried = {
+        "platform": G * sum(MASS.values()) / 4,
+        "test": (G * MASS["test"] - UP[2]) / 4,
+        "reaction": (G * MASS["reaction"] + UP[2]) / 4,
+    }
+    for upper, lower, length, s, t, d, d_upper, k in WIRES:
+        natural = length - carried[lower] / k
+        for sx in (1, -1):
+            for sy in (1, -1):
+                a = place(upper, (sx * s, sy * t, -d_upper))
+                b = place(lower, (sx * s, sy * t, d))
+                square = sum((p - q) * (p - q) for p, q in zip(a, b, strict=True))
+                stretch = square.sqrt() - natural
+                total = total + 0.5 * k * stretch * stretch
+    for first, second, at, stiffness, preload in LINKS:
+        other = [at[a] + POSITION[first][a] - POSITION[second][a] for a in range(3)]
+        apart = [p - q for p, q in zip(place(first, at), place(second, other), strict=True)]
+        # in the axes of the body that comes first in the file, support and ground before all
+        last = {"support": -1, "ground": -1}
+        above = min(first, second, key=lambda body: last.get(body, BODIES.index(body)))
+        frame = hd.transposed(turn[above])
+        delta = hd.apply(frame, apart)
+        q = hd.product(hd.transposed(turn[second]), turn[first])
+        phi = [0.5 * (q[2][1] - q[1][2]), 0.5 * (q[0][2] - q[2][0]), 0.5 * (q[1][0] - q[0][1])]
+        strain = [*delta, *phi]
+        for i in range(6):
+            total = total - preload[i] * strain[i]
+            for j in range(6):
+                if stiffness[i, j]:
+                    total = total + (0.5 * stiffness[i, j]) * strain[i] * strain[j]
+    return total
+
+
+@pytest.fixture(scope="module")
+def hessian() -> Any:
+    gradient, matrix = hd.hessian(_energy, 6 * len(BODIES))
+    assert np.abs(gradient[:18]).max() < 1e-9
+    return matrix
+
+
+def _mass() -> Any:
+    return np.diag(
+        np.concatenate([[MASS[b]] * 3 + list(INERTIA[b]) for b in ("platform", "test", "reaction")])
+    )
+
+
+def _close(value: Any, expected: Any, tolerance: float = 1e-9) -> None:
+    scale = np.abs(expected).max()
+    assert np.abs(np.asarray(value) - expected).max() <= tolerance * scale
+
+
+def test_matrices_of_tower_with_links(hessian: Any) -> None:
+    model = registry.STRING.system(reader.parse(_design()))
+    _close(model.stiffness[6:, 6:], hessian[:18, :18], 1e-13)
+    _close(model.stiffness[6:, :6], hessian[:18, 18:24], 1e-13)
+    assert model.ground is not None
+    _close(np.real(model.ground.stiffness)[6:], hessian[:18, 24:30], 1e-13)
+
+
+def test_responses_to_support_ground_and_pair_of_forces(hessian: Any) -> None:
+    model = registry.STRING.system(reader.parse(_design().replace("loss_angle", "#")))
+    frequency = np.array([0.0, 0.05, 0.31, 0.9, 3.3, 12.0, 80.0])
+    known = signals.bodies_with_signals(model)
+    inputs = [f"{b}.{d}" for b in ("ground", "support") for d in DOFS]
+    inputs += ["test~reaction.force_x@0.01,0.02,0.03", "reaction~test.torque_yaw"]
+    outputs = [f"{b}.{d}" for b in ("platform", "test", "reaction") for d in DOFS]
+    value = response.solve(
+        model,
+        frequency,
+        [signals.parse_input(text, known) for text in inputs],
+        [signals.parse_output(text, known) for text in outputs],
+    ).value
+    columns = [-hessian[:18, 24:30], -hessian[:18, 18:24]]
+    push = np.zeros((18, 2))
+    push[6, 0], push[6 + 3 : 12, 0] = 1.0, np.cross([0.01, 0.02, 0.03], [1, 0, 0])
+    there = np.array([0.01, 0.02, 0.03 - 0.903 + 1.004])
+    push[12, 0], push[15:18, 0] = -1.0, -np.cross(there, [1, 0, 0])
+    push[17, 1], push[11, 1] = 1.0, -1.0
+    forces = np.concatenate([*columns, push], axis=1)
+    for f, found in zip(frequency, value, strict=True):
+        expected = np.linalg.solve(hessian[:18, :18] - (2 * np.pi * f) ** 2 * _mass(), forces)
+        for column in range(forces.shape[1]):
+            _close(found[:, column], expected[:, column])
+
+
+def test_support_and_ground_together_move_everything_rigidly_at_rest() -> None:
+    model = registry.STRING.system(reader.parse(_design()))
+    known = signals.bodies_with_signals(model)
+    outputs = [signals.parse_output(f"{b}.{d}", known) for b in ("platform", "test") for d in "xyz"]
+    total = sum(
+        response.solve(
+            model, np.zeros(1), [signals.parse_input(f"{b}.{d}", known) for d in "xyz"], outputs
+        ).value[0]
+        for b in ("support", "ground")
+    )
+    _close(total, np.vstack([np.eye(3), np.eye(3)]), 1e-11)
+
+
+def test_ground_with_losses_and_dampers() -> None:
+    design = reader.parse(_design(DAMPER))
+    frequency = np.geomspace(0.1, 20, 7)
+    model = registry.STRING.system(design)
+    known = signals.bodies_with_signals(model)
+    inputs = [signals.parse_input(text, known) for text in ("ground.x", "ground.roll", "support.y")]
+    outputs = [signals.parse_output(text, known) for text in ("test.x", "test~reaction.y")]
+    value = response.solve(model, frequency, inputs, outputs).value
+    # by hand, from the complex matrices
+    omega = 2 * np.pi * frequency[:, None, None]
+    ground = model.ground
+    assert ground is not None and np.iscomplexobj(ground.stiffness)
+    z = model.lossy + 1j * omega * model.damping - omega**2 * model.mass
+    g = ground.stiffness + 1j * omega * ground.damping
+    rows = np.array([signals.linear_form(s, model) for s in outputs])
+    for n, column in enumerate([g[:, 6:, 0], g[:, 6:, 3], z[:, 6:, 1]]):
+        x = -np.linalg.solve(z[:, 6:, 6:], column[..., None])
+        direct = rows[:, 1] if n == 2 else 0.0
+        _close(value[:, :, n], (rows[:, 6:] @ x)[..., 0] + direct, 1e-10)
+
+
+def test_dampers_resist_relative_motion_at_their_point_alone() -> None:
+    plain = registry.STRING.system(reader.parse(_design()))
+    model = registry.STRING.system(reader.parse(_design(DAMPER)))
+    c = model.damping - plain.damping
+    ground = model.ground
+    assert ground is not None and model.rigid is not None
+    whole = np.zeros((30, 30))
+    whole[:24, :24] = c
+    whole[:24, 24:] = ground.damping
+    whole[24:, :24] = ground.damping.T
+    feet = np.array([4.0, 5.0, 6.0])
+    skew = signals.cross_matrix(np.array([0.1, 0.0, -0.5]))
+    j = np.concatenate([np.eye(3), -skew], axis=1)
+    whole[24:, 24:] = j.T @ (feet[:, None] * j)
+    rigid = np.concatenate([model.rigid, np.eye(6)])
+    assert np.abs(whole @ rigid).max() < 1e-14
+    velocity = np.random.default_rng(1).normal(size=30)
+    position = {"platform": 1, "test": 2, "reaction": 3, "ground": 4}
+
+    def at(body: str, point: Any) -> Any:
+        v = velocity[6 * position[body] : 6 * position[body] + 6]
+        return np.concatenate([v[:3] + np.cross(v[3:], point), v[3:]])
+
+    one = at("test", [0, 0.02, 0.03]) - at("reaction", [0, 0.02, 0.03 + 0.101])
+    two = at("platform", [0.1, 0, 0]) - at("ground", [0.1, 0, -0.5])
+    lost = [1.0, 2.0, 3.0, 0.04, 0.05, 0.06] @ one**2 + feet @ two[:3] ** 2
+    assert velocity @ whole @ velocity == pytest.approx(lost, rel=1e-12)
+
+
+BLOCK = """
+[design]
+name = "block"
+[[stage]]
+name = "test"
+body = {{ mass = 2.0, inertia = [0.01, 0.01, 0.01] }}
+position = [0.0, 0.0, -0.3]
+[[stage.spring]]
+stiffness = [50.0, 60.0, 80.0, 1.0, 1.1, 1.2]
+preload = [0.0, 0.0, 19.62, 0.0, 0.0, 0.0]
+[[link]]
+name = "wire"
+between = ["test", "ground"]
+{link}
+"""
+
+
+def _response(text: str, level: str, frequency: Any, into: str, out: str) -> Any:
+    model = registry.by_name(level).system(reader.parse(text))
+    known = signals.bodies_with_signals(model)
+    return response.solve(
+        model, frequency, [signals.parse_input(into, known)], [signals.parse_output(out, known)]
+    ).value[:, 0, 0]
+
+
+TABLE = """[link.table]
+axis = "z"
+frequency = [0.1, 1.0, 10.0]
+real = [[{0}]]
+imaginary = [[{1}]]
+"""
+
+
+@pytest.mark.parametrize("level", ["string", "beam"])
+def test_table_of_stiffness(level: str) -> None:
+    frequency = np.array([0.05, 0.1, 0.6, 1.0, 3.0, 10.0, 40.0])
+    omega = 2 * np.pi * frequency
+    flat = BLOCK.format(link=TABLE.format("30.0, 30.0, 30.0", "0.6, 0.6, 0.6"))
+    constant = BLOCK.format(link="stiffness = [0, 0, 30.0, 0, 0, 0]\nloss_angle = 0.02")
+    for into in ("ground.z", "support.z", "test.force_z"):
+        one, other = (_response(t, level, frequency, into, "test.z") for t in (flat, constant))
+        np.testing.assert_allclose(one, other, rtol=1e-13)
+    k = 30.0 * (1 + 0.02j)
+    hand = k / (k + 80.0 - omega**2 * 2.0)
+    np.testing.assert_allclose(
+        _response(constant, level, frequency, "ground.z", "test.z"), hand, rtol=1e-12
+    )
+    real, imaginary = [20.0, 30.0, 60.0], [1.0, 2.0, 9.0]
+    curved = BLOCK.format(link=TABLE.format("20.0, 30.0, 60.0", "1.0, 2.0, 9.0"))
+    at = np.log([0.1, 1.0, 10.0])
+    k = np.interp(np.log(frequency), at, real) + 1j * np.interp(np.log(frequency), at, imaginary)
+    for into, force in (("ground.z", k), ("support.z", 80.0), ("test.force_z", 1.0)):
+        hand = force / (k + 80.0 - omega**2 * 2.0)
+        found = _response(curved, level, frequency, into, "test.z")
+        np.testing.assert_allclose(found, hand, rtol=1e-12)
+
+
+@pytest.mark.parametrize("level", ["string", "beam"])
+def test_thermal_noise_and_mode_of_a_tabulated_link(level: str) -> None:
+    from scipy.optimize import brentq
+
+    from suspension_cli.analyses.modes import damped
+    from suspension_cli.analyses.thermal import solve as thermal
+    from suspension_cli.linear import eigenmodes
+
+    text = BLOCK.format(link=TABLE.format("20.0, 30.0, 60.0", "1e-4, 2e-4, 9e-4"))
+    model = registry.by_name(level).system(reader.parse(text))
+    frequency = np.array([0.3, 1.0, 4.0])
+    omega, at = 2 * np.pi * frequency, np.log([0.1, 1.0, 10.0])
+    signal, row = thermal.parse_motion(model, "test.z")
+    found = thermal.solve(model, frequency, row, signal, 290.0)
+    assert found.source == ("wire.link",)
+    k = np.interp(np.log(frequency), at, [20.0, 30.0, 60.0])
+    loss = np.interp(np.log(frequency), at, [1e-4, 2e-4, 9e-4])
+    susceptibility = 1 / (k + 1j * loss + 80.0 - omega**2 * 2.0)
+    hand = -4 * BOLTZMANN * 290.0 / omega * susceptibility.imag
+    np.testing.assert_allclose(found.amplitude**2, hand, rtol=1e-12)
+    modes = damped.solve(model, eigenmodes.solve(model))
+    expected = brentq(
+        lambda f: np.interp(np.log(f), at, [20.0, 30.0, 60.0]) + 80 - 2 * (2 * np.pi * f) ** 2,
+        0.5,
+        5.0,
+        xtol=1e-14,
+    )
+    nearest = modes.frequency[np.abs(modes.frequency - expected).argmin()]
+    assert nearest == pytest.approx(expected, rel=1e-9)
+
+
+def test_ground_beside_an_elastic_support() -> None:
+    """The frame moves the suspension point, not the ground on which links end."""
+    support = "[support]\nmass = 5.0\n[support.stiffness]\nz = 400.0\n"
+    text = BLOCK.format(link="stiffness = [0, 0, 30.0, 0, 0, 0]") + support
+    frequency = np.array([0.2, 0.9, 3.0])
+    w2 = (2 * np.pi * frequency) ** 2
+    for level in ("string", "beam"):
+        for into, force in (("ground.z", [30.0, 0.0]), ("support.z", None)):
+            found = _response(text, level, frequency, into, "test.z")
+            for value, square in zip(found, w2, strict=True):
+                # coordinates: test, suspension point
+                z = np.array([[110.0 - 2 * square, -80.0], [-80.0, 480.0 - 5 * square]])
+                right = [0.0, 400.0] if force is None else force
+                assert value == pytest.approx(np.linalg.solve(z, right)[0], rel=1e-11)
+
+
+def test_batches_of_builds_see_links_and_ground() -> None:
+    """A sweep over a stiffness takes compiled batches; each point is that design alone."""
+    from suspension_cli.studies import builds, variants
+
+    text = _design(DAMPER)
+    path = "link.link3.stiffness.1.1"
+    values = np.array([20.0, 40.0, 100.0])
+    frequency = np.array([0.2, 1.7])
+    names = (("ground.x", "support.x", "test~reaction.force_x"), ("test.x", "test~reaction.pitch"))
+    for found, here in variants.balanced(text, {path: values}, "string"):
+        known = signals.bodies_with_signals(found.model)
+        inputs = [signals.parse_input(name, known) for name in names[0]]
+        outputs = [signals.parse_output(name, known) for name in names[1]]
+        batch = builds.transfer(found, frequency, inputs, outputs)
+        for n, value in zip(here, batch, strict=True):
+            model = registry.STRING.system(
+                reader.parse_with_overrides(text, (f"{path}={values[n]}",))
+            )
+            alone = response.solve(model, frequency, inputs, outputs).value
+            np.testing.assert_allclose(value, alone, rtol=1e-9, atol=1e-12)
+
+
+def test_signals_between_bodies_are_checked() -> None:
+    model = registry.STRING.system(reader.parse(_design()))
+    known = signals.bodies_with_signals(model)
+    for text, problem in (
+        ("test~test.x", "names one body twice"),
+        ("test~nobody.x", "names no stage or support after the ~"),
+        ("support~test.force_x", "names no stage before the ~"),
+        ("ground.force_x", "has no effect"),
+    ):
+        with pytest.raises(InputError, match=problem):
+            signals.parse(text, "--input", known)
+    with pytest.raises(InputError, match="ground's motion is an input"):
+        signals.parse_output("ground.x", known)
+    plain = registry.STRING.system(reader.parse(reader.template("single", "single")))
+    with pytest.raises(InputError, match="names no body"):
+        signals.parse_input("ground.x", signals.bodies_with_signals(plain))
+
+
+@pytest.mark.parametrize("level", ["string", "beam"])
+def test_sensitivity_reaches_links_dampers_and_tables(level: str) -> None:
+    from suspension_cli.analyses.sensitivity import solve as sensitivity
+    from suspension_cli.linear import eigenmodes, named_results
+
+    table = TABLE.format("2.0, 3.0, 6.0", "0.1, 0.2, 0.9").replace('"z"', '"x"')
+    text = _design(DAMPER) + '[[link]]\nname = "tab"\nbetween = ["test", "ground"]\n' + table
+    text = text.replace("[link.table]", "[link.table]\nfactor = 1.0")
+    if level == "beam":
+        text = re.sub(r"(?m)^k = .*$", 'material = "c70steel"\nradius = 2e-4', text)
+    model = registry.by_name(level).system(reader.parse(text))
+    names = ["test.x/ground.x:1.3", "test~reaction.yaw/test~reaction.torque_yaw:0.7"]
+    known = signals.bodies_with_signals(model)
+    results = named_results.parse(names, eigenmodes.solve(model), known)
+    found = sensitivity.solve(text, results, level)
+
+    def size(path: str, value: float) -> Any:
+        other = reader.parse_with_overrides(text, (f"{path}={value!r}",))
+        made = registry.by_name(level).system(other)
+        ratios = [r for r in results if isinstance(r, named_results.Ratio)]
+        return np.array(
+            [
+                np.abs(response.solve(made, [r.frequency], [r.input], [r.over]).value[0, 0, 0])
+                for r in ratios
+            ]
+        )
+
+    for path in (
+        "link.link2.loss_angle",
+        "link.link3.stiffness.1.1",
+        "link.link3.loss_angle",
+        "link.link1.at.2",
+        "link.tab.table.factor",
+        "damper.feet.damping.1",
+        "damper.brake.damping.6",
+    ):
+        value = float(found.value[found.parameter.index(path)])
+        step = 1e-4 * (abs(value) or 1.0)
+        expected = (size(path, value + step) - size(path, value - step)) / (2 * step)
+        row = found.derivative[found.parameter.index(path)]
+        np.testing.assert_allclose(row, expected, rtol=2e-5, atol=1e-9)

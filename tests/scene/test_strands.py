@@ -1,0 +1,152 @@
+"""Curved wires and eddy currents against frames of straight beams and numerical integration."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from suspension_cli.rotations import cross_matrix
+from suspension_cli.scene import eddy_current, strands
+
+WIRE = strands.RoundWire.of(1.2e-3, 7e10, 0.33, 2.6e4)
+END = np.array([0.08, 0.03, 0.05])
+
+
+def _frame(points: Any) -> Any:
+    """Compliance of a chain of straight beams from textbook elements, at the first point."""
+    total = np.zeros((6, 6))
+    for one, other in itertools.pairwise(points):
+        span = other - one
+        length = np.linalg.norm(span)
+        t = span / length
+        # cantilever clamped at `other`, loaded at `one`: PL^3/3EI, PL^2/2EI, L/EI
+        along, across, turn = np.outer(t, t), np.eye(3) - np.outer(t, t), cross_matrix(t)
+        b = WIRE.bending
+        local = np.zeros((6, 6))
+        local[:3, :3] = along * length / WIRE.stretching + across * length**3 / (3 * b)
+        local[3:, 3:] = along * length / WIRE.twisting + across * length / b
+        local[:3, 3:] = turn * length**2 / (2 * b)
+        local[3:, :3] = local[:3, 3:].T
+        arm = points[0] - one
+        move = np.eye(6)
+        move[3:, :3] = cross_matrix(arm)
+        total += move.T @ local @ move
+    return total
+
+
+def _points(curve: strands.Curve) -> Any:
+    return np.vstack([np.zeros(3), curve.point, curve.end])
+
+
+def _dense(kind: str, length: float, count: int) -> Any:
+    """Points along the curve, from formulas of its own."""
+    width = np.hypot(*END[:2])
+    if kind == "u":
+        radius = width / 2
+        first = (length - np.pi * radius - END[2]) / 2
+        a = np.linspace(0, np.pi, count)
+        flat = np.column_stack([radius * (1 - np.cos(a)), -first - radius * np.sin(a)])
+        flat = np.vstack([[0, 0], flat, [width, END[2]]])
+    else:
+        from scipy.optimize import brentq
+
+        target = np.sqrt(length**2 - END[2] ** 2)
+        a = brentq(lambda a: 2 * a * np.sinh(width / (2 * a)) - target, 1e-3, 10, xtol=1e-15)
+        b = brentq(
+            lambda b: a * (np.cosh((width - b) / a) - np.cosh(b / a)) - END[2], -1, 1, xtol=1e-15
+        )
+        x = np.linspace(0, width, count)
+        flat = np.column_stack([x, a * (np.cosh((x - b) / a) - np.cosh(b / a))])
+    return np.column_stack([flat[:, :1] * END[:2] / width, flat[:, 1]])
+
+
+@pytest.mark.parametrize("kind", ["u", "catenary"])
+def test_stiffness_of_curves_against_frames_of_beams(kind: str) -> None:
+    length = 0.4
+    curve = strands.u_shape(END, length) if kind == "u" else strands.catenary(END, length)
+    assert curve.length == pytest.approx(length, rel=1e-12)
+    found = strands.compliance(curve, WIRE)
+    coarse, fine = (_frame(_dense(kind, length, n)) for n in (1001, 2001))
+    expected = fine + (fine - coarse) / 3  # Richardson
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert np.abs((found - expected) / scale).max() < 1e-7
+
+
+def test_straight_wire_is_a_beam_and_a_polyline_a_frame() -> None:
+    length = 0.3
+    k = strands.stiffness(strands.polyline(np.array([[0, 0, 0], [length, 0, 0]])), WIRE)
+    b = WIRE.bending
+    assert np.diag(k) == pytest.approx(
+        [
+            WIRE.stretching / length,
+            12 * b / length**3,
+            12 * b / length**3,
+            WIRE.twisting / length,
+            4 * b / length,
+            4 * b / length,
+        ],
+        rel=1e-12,
+    )
+    points = np.array([[0, 0, 0], [0.1, 0.02, -0.2], [0.2, 0.1, -0.1], [0.3, 0.0, 0.1]])
+    found = strands.compliance(strands.polyline(points), WIRE)
+    np.testing.assert_allclose(found, _frame(points), rtol=1e-11, atol=1e-12)
+
+
+def test_complex_step_through_shapes() -> None:
+    for shape in (strands.u_shape, strands.catenary):
+        h = 1e-6
+        exact = strands.stiffness(shape(END, 0.4 + 1e-30j), WIRE).imag / 1e-30
+        plus, minus = (strands.stiffness(shape(END, 0.4 + s * h), WIRE) for s in (1, -1))
+        np.testing.assert_allclose(exact, (plus - minus) / (2 * h), rtol=1e-4, atol=1e-5)
+
+
+def test_sag_of_a_straight_wire() -> None:
+    """A horizontal beam clamped at both ends descends by w L^4 / 384 EI in its middle."""
+    length = 0.2
+    curve = strands.polyline(np.array([[0, 0, 0], [length, 0, 0]]))
+    descent, reaction = strands.sag(curve, WIRE)
+    assert descent == pytest.approx(WIRE.weight * length**4 / (384 * WIRE.bending), rel=5e-3)
+    assert reaction[2] == pytest.approx(-WIRE.weight * length / 2, rel=1e-9)
+    assert reaction[4] == pytest.approx(WIRE.weight * length**2 / 12, rel=5e-3)
+
+
+def test_eddy_currents_dissipate_the_power_of_the_damper() -> None:
+    m, sigma, t, g = 0.8, 5.8e7, 4e-3, 7e-3
+    mu = 4e-7 * np.pi
+
+    def field(rho: float, z: float) -> float:
+        return 3 * mu * m / (4 * np.pi) * rho * z / (rho**2 + z**2) ** 2.5
+
+    def plate(z: float) -> float:
+        value, _ = quad(lambda rho: sigma * field(rho, z) ** 2 * 2 * np.pi * rho, 0, np.inf)
+        return value
+
+    def tube(rho: float) -> float:
+        value, _ = quad(lambda z: sigma * field(rho, z) ** 2, -0.3, 0.3, points=[0], limit=200)
+        return value * 2 * np.pi * rho
+
+    for shape, power in (("plate", plate), ("tube", tube)):
+        expected, _ = quad(power, g, g + t)
+        found = eddy_current.axial_damping(shape, m, sigma, t, g)
+        assert found == pytest.approx(expected, rel=1e-6)
+    thin = eddy_current.axial_damping("tube", m, sigma, 1e-7, g)
+    assert thin == pytest.approx(45 * mu**2 * m**2 * sigma * 1e-7 / (1024 * g**4), rel=1e-4)
+    # across the axis over a sheet: E = v x B less a potential that keeps the currents in the sheet;
+    # Saslow (1992): at low velocity 3 mu_0 m^2 / (32 pi h^4) v mu_0 sigma t / 4
+    matrix = eddy_current.damping_matrix("plate", 2, m, sigma, 1e-7, g)
+    saslow = 3 * mu * m**2 / (32 * np.pi * g**4) * mu * sigma * 1e-7 / 4
+    assert np.diag(matrix)[:2] == pytest.approx(saslow, rel=1e-4)
+
+
+def test_drag_along_a_sheet_from_its_stream_function() -> None:
+    """In Fourier space a sheet dissipates |curl E|^2 / k^2: twice as much along the axis.
+
+    Per wave vector k the dipole's field B_z = mu_0 m k exp(-k h) / 2 changes by v k_x or v k.
+    """
+    along, _ = quad(lambda k: (k * k * np.exp(-k)) ** 2 / k**2 * 2 * np.pi * k, 0, np.inf)
+    across, _ = quad(lambda k: (k * k * np.exp(-k)) ** 2 / k**2 * np.pi * k, 0, np.inf)
+    assert across == pytest.approx(along / 2)
