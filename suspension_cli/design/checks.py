@@ -51,7 +51,7 @@ def check_design(design: Design) -> list[Fault]:
     if not found:
         for number, perturbation in enumerate(design.perturbation, 1):
             found += _check_perturbation(design, perturbation, f"perturbation.{number}")
-    found += [*_check_control(design), *_check_tolerance(design)]
+    found += [*_check_gravity(design), *_check_control(design), *_check_tolerance(design)]
     if design.support is not None:
         found += _check_frame(design.support)
     for command in design.analysis:
@@ -64,6 +64,33 @@ def check_design(design: Design) -> list[Fault]:
                 )
             )
     return found
+
+
+def _check_gravity(design: Design) -> Iterator[Fault]:
+    gravity, gradient = design.constants.gravity, design.constants.gravity_gradient
+    if isinstance(gravity, list) and not gravity[2] < 0:
+        yield Fault(
+            "constants.gravity",
+            "does not point down, so that nothing hangs",
+            "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]",
+            format_value(gravity),
+        )
+    if not isinstance(gradient, list):
+        return
+    if len(gradient) != 3:
+        yield Fault(
+            "constants.gravity_gradient",
+            f"has {len(gradient)} rows",
+            "give one number dg_z/dz, or three rows of three",
+            format_value(gradient),
+        )
+    elif any(gradient[i][j] != gradient[j][i] for i in range(3) for j in range(i)):
+        yield Fault(
+            "constants.gravity_gradient",
+            "is not symmetric, but gravity is conservative",
+            "give dg_i/dx_j = dg_j/dx_i",
+            format_value(gradient),
+        )
 
 
 def _check_names(design: Design) -> Iterator[Fault]:

@@ -108,14 +108,20 @@ def gives_natural_lengths(design: Design) -> bool:
 def solves_pose(design: Design) -> bool:
     """Whether the pose of a design is solved for instead of given.
 
-    It is where natural lengths of wires or loads of blades are given.
+    It is where natural lengths of wires or loads of blades are given, or gravity is not a uniform
+    pull along -z.
     """
     blades = (
         blade
         for stage in design.stage
         for blade in (*stage.blade, *([] if stage.blades is None else [stage.blades]))
     )
-    return gives_natural_lengths(design) or any(blade.load is not None for blade in blades)
+    return (
+        gives_natural_lengths(design)
+        or any(blade.load is not None for blade in blades)
+        or gravity_vector(design) is not None
+        or gravity_tensor(design) is not None
+    )
 
 
 def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
@@ -224,3 +230,75 @@ def blade_loss(design: Design, blade: BladeSet | Blade) -> float:
         return blade.loss_angle
     material = blade_material(blade)
     return 0.0 if material is None else materials.constant_angle(design, material)
+
+
+def gravity_strength(design: Design) -> Any:
+    """Compute the strength of gravity at the suspension point, m/s^2."""
+    given = design.constants.gravity
+    if not isinstance(given, list):
+        return given
+    square = sum(component**2 for component in given)
+    return cmath.sqrt(square) if isinstance(square, complex) else math.sqrt(square)
+
+
+def gravity_vector(design: Design) -> list[float] | None:
+    """Find the vector of gravity at the suspension point, m/s^2; None if it is along -z."""
+    given = design.constants.gravity
+    return given if isinstance(given, list) and (given[0] != 0 or given[1] != 0) else None
+
+
+def gravity_tensor(design: Design) -> list[list[float]] | None:
+    """Find the gradient dg_i/dx_j of gravity, 1/s^2; None if it is 0.
+
+    A single number G is dg_z/dz. Then dg_x/dx = dg_y/dy = -G/2, so that the divergence of the field
+    is 0 (Laplace's equation, outside the masses that attract).
+    """
+    given = design.constants.gravity_gradient
+    if isinstance(given, list):
+        return given if any(value != 0 for row in given for value in row) else None
+    if not given:
+        return None
+    return [[-given / 2, 0.0, 0.0], [0.0, -given / 2, 0.0], [0.0, 0.0, given]]
+
+
+def wire_mass_moments(design: Design, wire: WireSet | Wire, length: float) -> tuple[Any, Any, Any]:
+    """Compute the moments of the mass of a wire of a loaded length (m) that has weight, kg.
+
+    The integrals of (1 - s)^2, s (1 - s) and s^2 over its mass, s being the fraction of its length
+    from the upper end; 0 without ``constants.wire_weight`` or where a density or cross-section is
+    unknown.
+    """
+    if not design.constants.wire_weight:
+        return 0.0, 0.0, 0.0
+    upper = mixed = lower = 0.0
+    start: Any = 0.0
+    for piece, density in wire_line_densities(design, wire, length):
+        end = start + piece / length
+        # of uniform stretches: integrals of powers of s
+        zeroth, first, second = end - start, (end**2 - start**2) / 2, (end**3 - start**3) / 3
+        upper += density * length * (zeroth - 2 * first + second)
+        mixed += density * length * (first - second)
+        lower += density * length * second
+        start = end
+    return upper, mixed, lower
+
+
+def wire_line_densities(
+    design: Design, wire: WireSet | Wire, length: float
+) -> list[tuple[float, float]]:
+    """List length (m) and mass per length (kg/m) of the uniform stretches of a wire."""
+    return [
+        (
+            piece.length,
+            ((piece.material and materials.resolve(design, piece.material).density) or 0.0)
+            * piece.shape.bulk[0],
+        )
+        for piece in stretches(wire, length)
+    ]
+
+
+def beyond_symmetric_chains(design: Design) -> str:
+    """What the models of symmetric chains omit besides bending and wire mass; "" if nothing."""
+    if gravity_vector(design) is not None or gravity_tensor(design) is not None:
+        return "its gravity is not a uniform pull along -z"
+    return "its wires have weight" if design.constants.wire_weight else ""

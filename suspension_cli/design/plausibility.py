@@ -21,7 +21,14 @@ from dataclasses import dataclass
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import imperfections
-from suspension_cli.design.derive import body_inertia, body_mass, com_offset, set_geometry, volume
+from suspension_cli.design.derive import (
+    body_inertia,
+    body_mass,
+    com_offset,
+    gravity_strength,
+    set_geometry,
+    volume,
+)
 from suspension_cli.design.imperfections import Imperfection
 from suspension_cli.design.schema import Body, Design, Material, NoiseSpectrum, Perturbation, Stage
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet, cross_sections
@@ -54,6 +61,8 @@ INFERRED = 3.0
 """Half sides of a body without a given shape, relative to the homogeneous box of its inertia."""
 ABSURD = 5.0
 """Factor beyond these bounds above which a number is taken for an error."""
+GRADIENT = 1e-3
+"""1/s^2; steep beside any mass in a laboratory."""
 GRAVITY = (1.0, 30.0)
 """m/s^2; the Moon's is 1.6, Jupiter's 25."""
 BLADE_FREQUENCY = 100.0
@@ -131,7 +140,7 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
 
 
 def _check_surroundings(design: Design) -> Iterator[ImplausibleNumber]:
-    g = design.constants.gravity
+    g = gravity_strength(design)
     if not GRAVITY[0] <= g <= GRAVITY[1]:
         hint = (
             suggest_unit(
@@ -142,6 +151,18 @@ def _check_surroundings(design: Design) -> Iterator[ImplausibleNumber]:
         low, high = GRAVITY
         problem = f"is outside {low:g} to {high:g} m/s^2, of small moons to giant planets"
         yield ImplausibleNumber(Fault("constants.gravity", problem, hint, format_value(g)))
+    given = design.constants.gravity_gradient
+    rows = given if isinstance(given, list) else [[given]]
+    largest = max((abs(value) for row in rows for value in row), default=0.0)
+    if largest > GRADIENT:
+        yield ImplausibleNumber(
+            Fault(
+                "constants.gravity_gradient",
+                f"is more than {GRADIENT:g} 1/s^2, 300 times that of Earth",
+                "give it in 1/s^2: 3.1e-6 on Earth (1 eotvos is 1e-9, 1 mGal/m is 1e-5)",
+                format_value(largest),
+            )
+        )
 
 
 def _check_material(material: Material, path: str) -> Iterator[ImplausibleNumber]:

@@ -21,6 +21,9 @@ from suspension_cli.design.units import (
     Density,
     Expansion,
     Frequency,
+    GravityGradient,
+    GravityRow,
+    GravityVector,
     Hold,
     Inertia,
     Kelvin,
@@ -62,9 +65,33 @@ class Header(Table, frozen=True):
 class Constants(Table, frozen=True):
     """Gravity and temperature."""
 
-    gravity: Annotated[Acceleration, Meta(description="acceleration due to gravity in m/s^2")] = (
-        9.81
-    )
+    gravity: Annotated[
+        Acceleration | GravityVector,
+        Meta(
+            description=(
+                "acceleration due to gravity in m/s^2; a vector [x, y, z] acts on the suspension"
+                " that was trimmed level (z below 0)"
+            )
+        ),
+    ] = 9.81
+    gravity_gradient: Annotated[
+        GravityGradient | list[GravityRow],
+        Meta(
+            description=(
+                "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3"
+                " dg_i/dx_j"
+            )
+        ),
+    ] = 0.0
+    wire_weight: Annotated[
+        bool,
+        Meta(
+            description=(
+                "whether wires of known density and cross-section have weight, and inertia in all"
+                " models"
+            )
+        ),
+    ] = False
     temperature: Annotated[
         Kelvin, Meta(description="temperature in K of everything for which none is given")
     ] = 290.0

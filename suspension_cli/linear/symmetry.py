@@ -182,6 +182,7 @@ def _equal_parts(scene: Scene) -> _EqualParts:
         _equal_labels(wires.upper, wires.lower, wires.loss, wires.blade < 0)
         & _equal(wires.stiffness[..., None], wires.stiffness[..., None])
         & _equal(wires.torsion[..., None], wires.torsion[..., None])
+        & _equal(wires.mass, wires.mass)
         & _close(wires.tension[..., None], wires.tension[..., None])
         & _close(wires.length[..., None], wires.length[..., None])
     )
@@ -227,6 +228,8 @@ def _has_mirror(
         (-2, -1)
     )
     symmetric = symmetric & one_to_one
+    if scene.field is not None and not scene.field.has_mirror(axis):
+        symmetric = symmetric & False
     if not np.any(symmetric):
         return symmetric
     pairs = (

@@ -60,7 +60,7 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSyste
     scene, balanced = bending_wires.solve_bending(scene, numbering)
     balanced.demand(scene)
     adapted = find_symmetry(scene, numbering)
-    model = string_model.linear_model(lossless(scene), balanced)
+    model = string_model.linear_model(lossless(scene), balanced, wire_inertia=not massive)
     terms = [
         *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
         *loss_terms(scene, numbering, balanced.pose, adapted),
@@ -207,7 +207,7 @@ def linear_models(
     """
     numbering = layout(scene)
     scene, found = bending_wires.solve_bending(scene, numbering)
-    model = string_model.linear_model(lossless(scene), found, split=split)
+    model = string_model.linear_model(lossless(scene), found, split=split, wire_inertia=not massive)
     plain = no_symmetry(numbering)
     lossy = [
         *loss_terms(scene, numbering, found.pose, plain),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import bending, blade, spring, string
+from suspension_cli.elements import bending, blade, spring, string, weight
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.linear import separated_stiffness
@@ -31,7 +31,11 @@ if TYPE_CHECKING:
 
 
 def linear_model(
-    scene: Scene, balanced: Equilibrium | None = None, *, split: bool = True
+    scene: Scene,
+    balanced: Equilibrium | None = None,
+    *,
+    split: bool = True,
+    wire_inertia: bool = True,
 ) -> LinearSystem:
     """Linear model of small motions about the equilibrium of a scene on strings.
 
@@ -44,6 +48,8 @@ def linear_model(
     split : bool
         Whether to use mirror symmetries. Without them, the result for one scene of a batch does
         not depend on the others.
+    wire_inertia : bool
+        Whether the mass of wires that have weight moves as straight lines between their ends.
 
     Returns
     -------
@@ -64,7 +70,10 @@ def linear_model(
     adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
     tips = np.zeros(numbering.size, dtype=bool)
     weightless = scene.blades.tip_mass == 0
-    for number in np.flatnonzero(weightless.all(tuple(range(weightless.ndim - 1)))):
+    light = weightless.all(tuple(range(weightless.ndim - 1)))
+    if wire_inertia and scene.wires.mass.any():
+        light[scene.wires.blade[scene.wires.blade >= 0]] = False
+    for number in np.flatnonzero(light):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
     stiffness, low, stretched = _stiffness(scene, numbering, balanced, adapted)
     separated, mass = _separated(scene, numbering, balanced, adapted)
@@ -87,7 +96,9 @@ def linear_model(
         coordinate=numbering.name,
         basis=adapted.basis,
         massless=adapted.carried(tips),
-        mass=adapted.apply(mass_matrix(scene, numbering, pose) if mass is None else mass),
+        mass=adapted.apply(
+            mass_matrix(scene, numbering, pose, wire_inertia=wire_inertia) if mass is None else mass
+        ),
         stiffness=stiffness,
         damping=adapted.apply(damping),
         lossy=lossy,
@@ -137,7 +148,8 @@ def _separated(
 
     soft, form, mass = compiled.tangent(scene, numbering, balanced.pose)
     separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
-    return separated, None if scene.blades.tip_mass.any() else mass
+    light = scene.blades.tip_mass.any() or scene.wires.mass.any()
+    return separated, None if light else mass
 
 
 def _loss(
@@ -158,9 +170,9 @@ def _loss(
 
 
 def mass_matrix(
-    scene: Scene, numbering: Layout, pose: Pose
+    scene: Scene, numbering: Layout, pose: Pose, *, wire_inertia: bool = True
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Mass matrix (..., N, N): bodies about their COMs as they are turned, and tip masses."""
+    """Mass matrix (..., N, N): bodies about their COMs as they are turned, tips and heavy wires."""
     result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
     for n in range(1, len(scene.bodies.name) + 1):
         for axis in range(3):
@@ -178,6 +190,8 @@ def mass_matrix(
         result = result + (
             flat * np.repeat(scene.blades.tip_mass, 3, axis=-1)[..., None, :]
         ) @ np.swapaxes(flat, -1, -2)
+    if wire_inertia and scene.wires.mass.any():
+        result = result + weight.wire_inertia(scene, numbering, pose)
     return (result + np.swapaxes(result, -1, -2)) / 2
 
 

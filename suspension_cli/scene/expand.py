@@ -12,8 +12,10 @@ from suspension_cli.design.derive import (
     blade_stiffness,
     body_mass,
     com_offset,
+    gravity_strength,
     set_geometry,
     wire_loss,
+    wire_mass_moments,
     wire_stiffness,
 )
 from suspension_cli.design.schema import Design, Stage
@@ -83,6 +85,7 @@ def _add_single_wires(design: Design, part: StagePart) -> None:
                 blade=wire.blade,
                 given=k * (length - wire.natural_length) if natural else wire.tension,
                 natural=natural,
+                mass=np.array(wire_mass_moments(design, wire, length)),
             )
         )
     for blade in stage.blade:
@@ -99,6 +102,7 @@ def _add_symmetric_set(design: Design, part: StagePart, wires: WireSet) -> None:
     stage, mass, shape = part.stage, body_mass(part.stage.body), set_geometry(wires)
     k = wire_stiffness(design, wires, shape.length)
     loss = wire_loss(design, wires, shape.length)
+    moments = np.array(wire_mass_moments(design, wires, shape.length))
     across_x, across_y = shape.s_lower - shape.s_upper, shape.t2 - shape.t1
     for number, (x, y) in enumerate(wire_signs(shape.count), 1):
         part.wires.append(
@@ -113,6 +117,7 @@ def _add_symmetric_set(design: Design, part: StagePart, wires: WireSet) -> None:
                 blade=_blade_of(stage.blades, number, y),
                 given=None,
                 natural=False,
+                mass=moments,
             )
         )
     if stage.blades is not None:
@@ -168,8 +173,10 @@ def _blade(
 
 def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
     """Set tensions and blade loads of every stage, from the bottom up; return the faults."""
-    g = design.constants.gravity
+    g = gravity_strength(design)
     loads = [np.array([0.0, 0.0, -g * body_mass(part.stage.body), 0.0, 0.0, 0.0]) for part in parts]
+    if any(np.any(wire.mass) for part in parts for wire in part.wires):
+        _add_wire_weights(parts, loads, g)
     faults: list[Fault] = []
     for n in range(len(parts), 0, -1):
         part, load = parts[n - 1], loads[n - 1]
@@ -182,6 +189,19 @@ def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
                 )
             loads[part.parent - 1] = above
     return faults
+
+
+def _add_wire_weights(parts: list[StagePart], loads: list[Array], gravity: float) -> None:
+    """Add the parts of the weight of wires that their ends carry to the loads of the bodies."""
+    for n, part in enumerate(parts):
+        for wire in part.wires:
+            upper, lower = gravity * (wire.mass[:2] + wire.mass[1:])
+            ends = [(n, lower, wire.lower_point)]
+            if part.parent > 0:
+                ends.append((part.parent - 1, upper, wire.upper_point))
+            for body, weight, point in ends:
+                force = np.array([0.0, 0.0, -weight, 0.0, 0.0, 0.0])
+                loads[body] = loads[body] + tensions.move_wrench(force, point)
 
 
 def _balance_stage(part: StagePart, load: Array, gravity: float) -> list[Fault]:
@@ -272,6 +292,9 @@ def _blade_load(part: StagePart, name: str, tension: Array, gravity: float) -> A
         if wire.blade == name
     ]
     total = np.sum(pull, axis=0) + np.array([0.0, 0.0, -gravity * blade.tip_mass])
+    for wire in part.wires:
+        if wire.blade == name:
+            total = total + np.array([0.0, 0.0, -gravity * (wire.mass[0] + wire.mass[1])])
     if blade.load is not None:
         total = np.array([*total[:2], -blade.load])
     return np.where(blade.axes, -total, 0.0)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_material
+from suspension_cli.design.derive import blade_material, gravity_strength
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.losses.registry import mechanisms_of
@@ -76,12 +77,13 @@ def compose(design: Design) -> Fibres:
     for part in expand_stages(design):
         for number, (wire, table) in enumerate(zip(part.wires, _wires(part.stage), strict=True)):
             temperature = table.temperature or ambient
+            sections = _sections(design, table, np.sqrt(wire.span @ wire.span).item(), losses)
+            if np.any(wire.mass):
+                sections = _weighed(sections, wire, gravity_strength(design))
             wires.append(
                 Fibre(
                     label=wire.label,
-                    sections=_sections(
-                        design, table, np.sqrt(wire.span @ wire.span).item(), losses
-                    ),
+                    sections=sections,
                     plane=_plane(wire.direction),
                     clamp=_clamp(part.stage, number, table, wire),
                     temperature=(temperature.upper, temperature.lower)
@@ -119,6 +121,23 @@ def _sections(
     return tuple(
         _section(piece, own, losses(piece.material or "", table), along) for piece, own in pieces
     )
+
+
+def _weighed(sections: tuple[Section, ...], wire: WirePart, gravity: float) -> tuple[Section, ...]:
+    """Sections with the tension in the middle of each beyond that of the wire.
+
+    From the upper end down the tension falls by the weight above, times the cosine of the angle to
+    the vertical; that of the wire, between both ends, is below that of the upper end by the part
+    m_uu + m_ul of the weight that this end carries (`elements.weight`).
+    """
+    along = -gravity * wire.direction[2]
+    left = wire.mass[0] + wire.mass[1]
+    result = []
+    for section in sections:
+        own = section.mass * section.length
+        result.append(replace(section, tension_offset=along * (left - own / 2)))
+        left = left - own
+    return tuple(result)
 
 
 def _modulus(material: Material) -> float:

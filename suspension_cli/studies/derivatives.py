@@ -278,7 +278,7 @@ def _searched(base: Differentiable) -> bool:
 
 def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     """True if a suspension that balances in its nominal pose no longer does after the step."""
-    if gives_natural_lengths(design):
+    if gives_natural_lengths(design) or scene.field is not None:
         return False
     drawn = scene.drawn or scene  # straight wires: the loads of blades are those without bending
     gradient = gradient_and_stiffness(drawn, base.numbering, nominal_pose(drawn))[0]

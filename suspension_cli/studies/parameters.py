@@ -65,7 +65,8 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
         if bends or not name.endswith(TWIST)
     ]
     known = {item.name for item in found}
-    implied = [Parameter("constants.gravity", design.constants.gravity)]
+    gravity = design.constants.gravity
+    implied = [Parameter("constants.gravity", gravity)] if isinstance(gravity, float) else []
     bent = _bent(design) if bends else set[str]()
     for name in sorted(_used(design) | bent):
         made = materials.resolve(design, name)
