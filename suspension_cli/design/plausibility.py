@@ -31,7 +31,7 @@ from suspension_cli.design.derive import (
 )
 from suspension_cli.design.imperfections import Imperfection
 from suspension_cli.design.schema import Body, Design, Material, NoiseSpectrum, Perturbation, Stage
-from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet, cross_sections
+from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet, cross_sections
 from suspension_cli.errors import Fault, format_key, format_value
 
 OSMIUM = 22_600.0
@@ -425,16 +425,18 @@ def _check_wires(stage: Stage, above: Stage | None, path: str) -> Iterator[Impla
         wires, shape = stage.wires, set_geometry(stage.wires)
         key = f"{path}.wires"
         side = ("s_lower", "s_upper") if wires.s is None else ("s", "s")
+        if shape.is_ring:
+            side = ("ring_lower", "ring_upper") if wires.ring is None else ("ring", "ring")
         yield from _check_length(shape.length, f"{key}.l")
         yield from _check_thickness(wires, shape.length, key)
         yield from _check_point(
             stage.body,
-            (shape.s_lower, shape.t2, shape.d),
+            (max(shape.s_lower, shape.ring_lower), shape.t2, shape.d),
             (f"{key}.{side[0]}", f"{key}.t2", f"{key}.d"),
             "lower ends of wires lie",
         )
         if above is not None:
-            ends = (shape.s_upper, shape.t1, shape.d_upper)
+            ends = (max(shape.s_upper, shape.ring_upper), shape.t1, shape.d_upper)
             yield from _check_point(
                 above.body,
                 ends,
@@ -472,6 +474,16 @@ def _check_thickness(wire: WireSet | Wire, length: float, key: str) -> Iterator[
         if wire.sections is None
         else [(f"{key}.sections.{n}", piece) for n, piece in enumerate(wire.sections, 1)]
     )
+    if wire.neck is not None and wire.neck.radius > THICK * length:
+        thick, remedy = wire.neck.radius, "give it in m"
+        problem = f"the neck is {thick:.3g} m thick, more than a tenth of the wire's length"
+        yield ImplausibleNumber(Fault(f"{key}.neck.radius", problem, remedy, f"{thick:g}"))
+    if isinstance(wire.profile, Profile):
+        thick = max(wire.profile.diameter)
+        if thick > THICK * length:
+            problem = f"the fibre is {thick:.3g} m thick, more than a tenth of its length"
+            remedy = "write the unit into the titles of the columns: position_mm,diameter_um"
+            yield ImplausibleNumber(Fault(f"{key}.profile", problem, remedy))
     for path, table in tables:
         sizes = (size for shape in cross_sections(table) for size in shape.sizes())
         for name, value, size in sizes:

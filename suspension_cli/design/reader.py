@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from suspension_cli.design import checks, faults, paths
+from suspension_cli.design import checks, faults, paths, profiles
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 
@@ -62,6 +62,7 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         raw = _parse(_text(Path(file)))
         apply_overrides(raw, overrides)
         _check_kind(raw)
+        profiles.resolve_files(raw, Path(file).parent)
         design = convert(raw)
     except InputError as error:
         raise error.in_file(name) from None
@@ -104,13 +105,16 @@ def read_toml(file: str | Path, text: str | None = None) -> dict[str, Any]:
 
 def parse(text: str) -> Design:
     """Parse and check a design from TOML text."""
-    return convert(_parse(text))
+    raw = _parse(text)
+    profiles.resolve_files(raw, Path())
+    return convert(raw)
 
 
 def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
     """Parse and check a design from TOML text with overrides applied."""
     raw = _parse(text)
     apply_overrides(raw, overrides)
+    profiles.resolve_files(raw, Path())
     return convert(raw)
 
 
@@ -272,4 +276,5 @@ def replaced(source: Source, changes: Mapping[str, Any]) -> Source:
     raw = tomllib.loads(source.text)
     for path, value in changes.items():
         paths.assign(raw, path.split("."), value, path)
+    profiles.resolve_files(raw, Path(source.file).parent)
     return Source(convert(raw), write_toml(raw), source.file)

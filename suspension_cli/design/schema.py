@@ -191,7 +191,28 @@ class Spring(Table, frozen=True):
         Wrench, Meta(description="force (N) and torque (N m) on this body in the nominal pose")
     ] = field(default_factory=lambda: [0.0] * 6)
     loss_angle: (
-        Annotated[LossAngle, Meta(description="loss angle of the stiffness in rad")] | None
+        Annotated[
+            LossAngle,
+            Meta(description="loss angle of the stiffness in rad; default that of the material"),
+        ]
+        | None
+    ) = None
+    material: (
+        Annotated[Name, Meta(description=f"name of the spring's material, for its loss: {NAMES}")]
+        | None
+    ) = None
+    thickness: (
+        Annotated[
+            Length,
+            Meta(description="thickness in m of a flexure that bends, for its loss"),
+        ]
+        | None
+    ) = None
+    temperature: (
+        Annotated[
+            Kelvin, Meta(description="temperature in K, for its loss; default that of [constants]")
+        ]
+        | None
     ) = None
 
 

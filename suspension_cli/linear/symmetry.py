@@ -9,7 +9,7 @@ between coordinates of different parity are rounding errors, and are set to exac
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -252,6 +252,9 @@ def _has_mirror(
         & _equal(springs.lower_point, springs.lower_point * flip)
         & _equal(springs.preload, springs.preload * parity)
     )
+    if scene.fibres is not None and scene.fibres.spring:
+        losses = {own.label: replace(own, label="") for own in scene.fibres.spring}
+        pairs = pairs & _equal_items([losses.get(label) for label in springs.label])
     for matrix in (springs.stiffness, springs.damping):
         flat = matrix.reshape(*matrix.shape[:-2], 36)
         pairs = pairs & _equal(flat, flat * np.outer(parity, parity).ravel())

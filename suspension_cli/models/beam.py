@@ -274,6 +274,7 @@ class Beam(string_model.SceneModel):
             *directions,
             *kinds,
             made.blade,
+            made.spring,
             made.gas,
             made.temperature,
             *(None if own is None else own.tobytes() for own in drag),

@@ -10,6 +10,7 @@ import numpy as np
 from suspension_cli.elements import loss, spring
 from suspension_cli.linear.frequency_terms import LossTerm, Term
 from suspension_cli.linear.symmetry import Symmetry
+from suspension_cli.scene.composition import BladeLoss
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene
 
@@ -58,17 +59,21 @@ def loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry) -
             )
         )
     now = spring.state(scene, pose)
-    for n in np.flatnonzero(scene.springs.loss).tolist():
+    known = {own.label: own for own in fibres.spring}
+    for n, name in enumerate(scene.springs.label):
+        if name not in known and not scene.springs.loss[n]:
+            continue
+        own = known.get(name) or BladeLoss(
+            name, float(scene.springs.loss[n]), None, 0.0, fibres.temperature
+        )
         jacobian = spring.strain_jacobian(scene, numbering, pose, now, n)
         matrix = np.swapaxes(jacobian, -1, -2) @ scene.springs.stiffness[..., n, :, :] @ jacobian
-        angle = float(scene.springs.loss[n])
-        label = scene.springs.label[n].rsplit(".", 1)[0]
         terms.append(
             LossTerm(
-                f"{label}.springs",
-                fibres.temperature,
+                f"{name.rsplit('.', 1)[0]}.springs",
+                own.temperature,
                 adapted.apply(matrix),
-                lambda omega, angle=angle: angle + 0 * omega,
+                lambda omega, own=own: loss.blade_angle(own, omega),
             )
         )
     return terms

@@ -13,6 +13,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import bending, blade, spring, string, weight
+from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.linear import separated_stiffness
@@ -320,7 +321,15 @@ class String(SceneModel):
 
     def suspension(self, design: Design) -> LinearSystem:
         """The linear model on a rigid support."""
-        return linear_model(expand(design))
+        return linear_model(self.completed(expand(design), design))
+
+    def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
+        """Bending stiffness of hinged wires, which shortens their strings."""
+        return hinge_rigidities(design)
+
+    def completed(self, scene: Scene, design: Design) -> Scene:
+        """The scene with its hinged wires ending at their hinges."""
+        return to_hinges(scene, hinge_rigidities(design))
 
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False

@@ -140,6 +140,8 @@ class Fibres:
         In the order of `Scene.wires`.
     blade : tuple of BladeLoss
         In the order of `Scene.blades`.
+    spring : tuple of BladeLoss
+        Of the springs of known material; others have the loss angle of `Scene.springs`.
     gas : Gas or None
     temperature : float
         Of everything for which the design gives none, K.
@@ -149,3 +151,4 @@ class Fibres:
     blade: tuple[BladeLoss, ...]
     gas: Gas | None
     temperature: float
+    spring: tuple[BladeLoss, ...] = ()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -103,18 +105,17 @@ def _add_symmetric_set(design: Design, part: StagePart, wires: WireSet) -> None:
     k = wire_stiffness(design, wires, shape.length)
     loss = wire_loss(design, wires, shape.length)
     moments = np.array(wire_mass_moments(design, wires, shape.length))
-    across_x, across_y = shape.s_lower - shape.s_upper, shape.t2 - shape.t1
-    for number, (x, y) in enumerate(wire_signs(shape.count), 1):
+    for number, (upper, lower) in enumerate(_set_ends(shape), 1):
         part.wires.append(
             WirePart(
                 label=f"{stage.name}.{number}",
-                upper_point=np.array([x * shape.s_upper, y * shape.t1, -shape.d_upper]),
-                lower_point=np.array([x * shape.s_lower, y * shape.t2, shape.d]),
-                span=np.array([x * across_x, y * across_y, -shape.height]),
+                upper_point=np.array([*upper, -shape.d_upper]),
+                lower_point=np.array([*lower, shape.d]),
+                span=np.array([lower[0] - upper[0], lower[1] - upper[1], -shape.height]),
                 stiffness=k,
                 torsion=wires.torsion or 0.0,
                 loss=loss,
-                blade=_blade_of(stage.blades, number, y),
+                blade=_blade_of(stage.blades, number, shape),
                 given=None,
                 natural=False,
                 mass=moments,
@@ -131,19 +132,32 @@ def wire_signs(count: int) -> list[tuple[int, int]]:
     return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
 
-def _blade_of(blades: BladeSet | None, number: int, across: int) -> str | None:
+def _set_ends(shape: SetGeometry) -> list[tuple[tuple[Any, Any], tuple[Any, Any]]]:
+    """List x and y (m) of the upper and the lower end of each wire of a set."""
+    if shape.is_ring:
+        return [shape.ring_ends(number) for number in range(shape.count)]
+    return [
+        ((x * shape.s_upper, y * shape.t1), (x * shape.s_lower, y * shape.t2))
+        for x, y in wire_signs(shape.count)
+    ]
+
+
+def _blade_of(blades: BladeSet | None, number: int, shape: SetGeometry) -> str | None:
     if blades is None:
         return None
-    if blades.count == 4:
+    if blades.count == shape.count:
         return str(number)
     if blades.count == 2:
-        return "1" if across > 0 else "2"
+        return "1" if wire_signs(shape.count)[number - 1][1] > 0 else "2"
     return "1"
 
 
 def _set_tips(blades: BladeSet, shape: SetGeometry) -> list[tuple[str, Array]]:
     """List name and tip of each blade of a set; the tip of one with two wires is between them."""
     z = -shape.d_upper
+    if shape.is_ring and blades.count > 1:
+        ends = (shape.ring_ends(n)[0] for n in range(shape.count))
+        return [(str(n), np.array([*end, z])) for n, end in enumerate(ends, 1)]
     if blades.count == 4:
         return [
             (str(n), np.array([a * shape.s_upper, b * shape.t1, z]))

@@ -9,13 +9,14 @@ import numpy as np
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_material, gravity_strength
+from suspension_cli.design.derive import blade_material, gravity_strength, is_ring, spring_loss
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.losses.registry import mechanisms_of
-from suspension_cli.design.schema import Design, Material, Stage
+from suspension_cli.design.schema import Design, Material, Spring, Stage
 from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.design.wires import Blade, BladeSet, Clamp, EndTemperatures, Wire, WireSet
+from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Section
 from suspension_cli.scene.expand import expand_stages, wire_signs
@@ -102,7 +103,23 @@ def compose(design: Design) -> Fibres:
         design.gas.molar_mass / AVOGADRO,
         design.gas.temperature or ambient,
     )
-    return Fibres(tuple(wires), tuple(blades), gas, ambient)
+    return Fibres(
+        tuple(wires), tuple(blades), gas, ambient, _springs(design, lambda name: losses(name, None))
+    )
+
+
+def _springs(
+    design: Design, losses: Callable[[str], tuple[Mechanism, ...]]
+) -> tuple[BladeLoss, ...]:
+    """List the losses of the springs of known material, by the labels of the scene."""
+    every = [(stage.name, spring) for stage in design.stage for spring in stage.spring]
+    result = []
+    for number, (stage, spring) in enumerate(every, 1):
+        if spring.material is not None:
+            own, angle = losses(spring.material), spring_loss(design, spring)
+            ambient = design.constants.temperature
+            result.append(_blade(f"{stage}.spring{number}", spring, own, angle, ambient))
+    return tuple(result)
 
 
 def _sections(
@@ -189,16 +206,22 @@ def _plane(direction: Array) -> Array:
 def _clamp(stage: Stage, number: int, table: WireSet | Wire, wire: WirePart) -> tuple[Array, Array]:
     """Directions in which a wire leaves its clamps.
 
-    A symmetric set gives those of its first wire; they are mirrored for the others.
+    A symmetric set gives those of its first wire; they are mirrored (of a ring: turned) for the
+    others.
     """
     clamp = table.clamp if isinstance(table.clamp, Clamp) else Clamp()
-    along, across = wire_signs(table.count)[number] if isinstance(table, WireSet) else (1, 1)
-    mirror = np.array([along or 1, across or 1, 1.0])
+    turn = np.eye(3)
+    if isinstance(table, WireSet) and is_ring(table):
+        angle = 2 * np.pi * number / table.count
+        turn = rotation_matrix(np.array([0.0, 0.0, angle]))
+    elif isinstance(table, WireSet):
+        along, across = wire_signs(table.count)[number]
+        turn = np.diag([along or 1, across or 1, 1.0])
 
     def direction(given: tuple[float, float, float] | None) -> Array:
         if given is None:
             return wire.direction
-        turned = np.array(given) * mirror
+        turned = turn @ np.array(given)
         return turned / np.sqrt(turned @ turned)
 
     return direction(clamp.upper), direction(clamp.lower)
@@ -206,14 +229,15 @@ def _clamp(stage: Stage, number: int, table: WireSet | Wire, wire: WirePart) -> 
 
 def _blade(
     label: str,
-    table: BladeSet | Blade,
+    table: BladeSet | Blade | Spring,
     losses: tuple[Mechanism, ...] | None,
     angle: float,
     ambient: float,
 ) -> BladeLoss:
-    """Look up the loss of a blade; its own loss angle replaces that of its material's bulk."""
+    """Look up the loss of a blade or spring; its own loss angle replaces that of its bulk."""
     if losses is not None and table.loss_angle is not None:
         others = tuple(own for own in losses if not isinstance(own, Bulk))
         losses = (Bulk(table.loss_angle), *others)
-    thickness = table.thickness if table.geometry is None else table.geometry.thickness
+    geometry = None if isinstance(table, Spring) else table.geometry
+    thickness = table.thickness if geometry is None else geometry.thickness
     return BladeLoss(label, angle, losses, thickness or 0.0, table.temperature or ambient)

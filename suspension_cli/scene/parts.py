@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from suspension_cli.design.derive import body_inertia, body_mass, gravity_strength
+from suspension_cli.design.derive import body_inertia, body_mass, gravity_strength, spring_loss
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.gravity import field_of
@@ -123,7 +123,7 @@ def pack(design: Design, parts: list[StagePart]) -> Scene:
         bodies=bodies,
         wires=_wires(parts),
         blades=_blades(parts),
-        springs=_springs(parts),
+        springs=_springs(design, parts),
         field=field_of(design),
     )
 
@@ -171,7 +171,7 @@ def _blades(parts: list[StagePart]) -> Blades:
     )
 
 
-def _springs(parts: list[StagePart]) -> Springs:
+def _springs(design: Design, parts: list[StagePart]) -> Springs:
     rows = [(n, part, spring) for n, part in enumerate(parts, 1) for spring in part.stage.spring]
     lower = np.array([spring.at for _, _, spring in rows]).reshape(-1, 3)
     return Springs(
@@ -187,7 +187,7 @@ def _springs(parts: list[StagePart]) -> Springs:
         ),
         damping=np.array([_matrix(spring, "damping") for _, _, spring in rows]).reshape(-1, 6, 6),
         preload=np.array([spring.preload for _, _, spring in rows]).reshape(-1, 6),
-        loss=np.array([spring.loss_angle or 0.0 for _, _, spring in rows]),
+        loss=np.array([spring_loss(design, spring) for _, _, spring in rows]),
     )
 
 

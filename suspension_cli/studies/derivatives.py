@@ -217,6 +217,7 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
         return None
     if base.bends:
         return _moved_bending(base, design, scene)
+    scene = registry.STRING.completed(scene, design)
     gradient, stiffness = gradient_and_stiffness(scene, base.numbering, base.pose)
     pose = base.pose
     if _searched(base):

@@ -24,7 +24,7 @@ STEP = 1e-30
 design may hold."""
 OTHER_TABLES = ("design", "analysis", "control", "tolerance")
 """Tables that do not describe the suspension itself."""
-NOT_CONTINUOUS = ("count", "steps", "temperature")
+NOT_CONTINUOUS = ("count", "steps", "temperature", "profile")
 """Keys whose numbers cannot change a little, or do not matter to any model."""
 TWIST = "poisson_ratio"
 """The number that matters where wires twist alone."""

@@ -1,4 +1,4 @@
-"""Weight of wires, and gravity as a vector with a gradient: energies, forces, stiffness, inertia."""
+"""Weight of wires, gravity as a vector with a gradient: energies, forces, stiffness, inertia."""
 
 from __future__ import annotations
 

@@ -170,7 +170,9 @@ def test_hanging_chain():
     """J0(2 omega sqrt(l / g)) = 0; the error of linear elements goes with the square of h."""
     line = 7900.0 * math.pi * 1e-6
     design = scenes.design_of(heavy_chain(1))
-    assert expand(design).wires.mass[0] == pytest.approx(np.array([1 / 3, 1 / 6, 1 / 3]) * line, rel=0.02)
+    assert expand(design).wires.mass[0] == pytest.approx(
+        np.array([1 / 3, 1 / 6, 1 / 3]) * line, rel=0.02
+    )
     line = float(expand(design).wires.mass[0] @ [1, 2, 1])
     coarse, k, m = swings(8)
     expected = linear_elements(8, 1e-6, line)

@@ -8,7 +8,7 @@ import numpy as np
 
 from suspension_cli.design import materials
 from suspension_cli.design.schema import Body, Design, Stage
-from suspension_cli.design.sections import thinnest
+from suspension_cli.design.sections import given_sections, thinnest
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
@@ -187,9 +187,10 @@ def _wire_load(
     design: Design, table: WireSet | Wire, label: str, tension: float, stretch: float, length: float
 ) -> WireLoad:
     """Load of a wire; strength counts where the stress comes nearest to it."""
+    sections = given_sections(table)
     pieces = (
-        [(piece, piece.material or table.material) for piece in table.sections]
-        if table.sections is not None
+        [(piece, piece.material or table.material) for piece in sections]
+        if sections is not None
         else [(table, table.material)]
     )
     found: list[tuple[float, float | None, str]] = []
