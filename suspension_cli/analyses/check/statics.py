@@ -162,8 +162,10 @@ def solve(design: Design) -> Statics:
     ends = _end_heights(scene, balanced)
     return Statics(
         wires=tuple(
-            _wire_load(design, table, label, tension, tension / k, length)
-            for table, label, tension, k, length in rows
+            _wire_load(design, table, label, tension, tension / k, length, own)
+            for (table, label, tension, k, length), own in zip(
+                rows, _upper_weights(scene), strict=True
+            )
         ),
         blades=tuple(_blade_load(design, *blade) for blade in _blade_rows(design, scene, balanced)),
         bodies=bodies,
@@ -178,15 +180,31 @@ def solve(design: Design) -> Statics:
     )
 
 
+def _upper_weights(scene: Scene) -> list[float]:
+    """Tension at the upper end of each wire beyond that of the wire, by its own weight, N."""
+    wires = scene.wires
+    weight = scene.gravity * (wires.mass[:, 0] + wires.mass[:, 1])
+    return (weight * -wires.span[:, 2] / wires.length).tolist()
+
+
 def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
     """List the table of each wire of a stage."""
     return [stage.wires] * stage.wires.count if stage.wires is not None else stage.wire
 
 
 def _wire_load(
-    design: Design, table: WireSet | Wire, label: str, tension: float, stretch: float, length: float
+    design: Design,
+    table: WireSet | Wire,
+    label: str,
+    tension: float,
+    stretch: float,
+    length: float,
+    weight: float = 0.0,
 ) -> WireLoad:
-    """Load of a wire; strength counts where the stress comes nearest to it."""
+    """Load of a wire; strength counts where the stress comes nearest to it.
+
+    `weight` (N) adds to the tension at its upper end.
+    """
     sections = given_sections(table)
     pieces = (
         [(piece, piece.material or table.material) for piece in sections]
@@ -197,7 +215,7 @@ def _wire_load(
     for piece, name in pieces:
         area = thinnest(piece)
         if area is not None:
-            found.append((tension / area, _strength(design, name), name or ""))
+            found.append(((tension + weight) / area, _strength(design, name), name or ""))
     known = [
         (stress / strength, strength, name)
         for stress, strength, name in found
