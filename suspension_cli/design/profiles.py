@@ -11,6 +11,7 @@ from typing import Any
 from suspension_cli.design.wires import Profile, WireSection
 from suspension_cli.errors import Fault, InputError, format_value
 
+EXAMPLES = Path(__file__).parents[1] / "examples"
 MAX_BYTES = 4_000_000
 UNITS = {"nm": 1e-9, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Units that a column's title may end with, over m."""
@@ -43,12 +44,18 @@ def resolve_files(raw: dict[str, Any], folder: Path) -> None:
                 continue
             if isinstance(own.get("file"), str):
                 try:
-                    table["profile"] = own | _read(folder / own["file"])
+                    table["profile"] = own | _read(_found(own["file"], folder))
                 except _BadTable as error:
                     key, value = f"{path}.profile", format_value(own["file"])
                     faults.append(Fault(key, error.problem, error.remedy, value))
     if faults:
         raise InputError(faults)
+
+
+def _found(name: str, folder: Path) -> Path:
+    """Path of a file from a folder, or of one that comes with the program's examples."""
+    shipped = EXAMPLES / Path(name).name
+    return shipped if not (folder / name).exists() and shipped.exists() else folder / name
 
 
 class _BadTable(Exception):
