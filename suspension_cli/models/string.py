@@ -149,8 +149,8 @@ def _separated(
 
     soft, form, mass = compiled.tangent(scene, numbering, balanced.pose)
     separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
-    light = scene.blades.tip_mass.any() or scene.wires.mass.any()
-    return separated, None if light else mass
+    more = scene.blades.tip_mass.any() or scene.wires.mass.any()
+    return separated, None if more else mass
 
 
 def _loss(

@@ -18,6 +18,7 @@ from suspension_cli.models import registry
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.studies import derivatives, parameters, variants
 from tests.support import scenes
+from tests.support.golden import CONFIGS
 
 G = 9.81
 
@@ -291,3 +292,10 @@ def test_derivatives(path):
         expected = (8 * (a[1] - a[-1]) - (a[2] - a[-2])) / (12 * h)
         scale = np.abs(expected).max() + np.abs(a[1]).max() * 1e-12 / h
         assert np.abs(own - expected).max() < 1e-6 * scale
+
+
+def test_random_builds_of_heavy_wires_on_a_tilted_table():
+    """Blade tips have the inertia of wires in string and beam, none of their own in violin."""
+    design = sus.read(CONFIGS / "triple-tolerance.toml").replace({"constants": dict(FIELD)})
+    found = sus.tolerance(design, builds=4, model="string")
+    assert "test static height" in str(found)
