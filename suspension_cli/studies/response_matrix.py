@@ -29,7 +29,7 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.studies import derivatives, parameters
 from suspension_cli.studies.derivatives import Differentiable, Linear
 
@@ -73,6 +73,16 @@ class Plant:
         """Rows M v_k of the modes, (m, N - 6)."""
         return self.modes.shape @ self.base.linear.mass[6:, 6:]
 
+    def change(self, name: str) -> Linear | None:
+        """Differentiate all matrices with respect to one number, see `derivatives.of`."""
+        if name not in self._changes:
+            self._changes[name] = derivatives.of(self.base, name)
+        return self._changes[name]
+
+    @cached_property
+    def _changes(self) -> dict[str, Linear | None]:
+        return {}
+
     def row(self, signal: Signal) -> Array:
         """Compute the linear form (N,) of a signal in the named coordinates."""
         model = replace(self.base.model, orientation=self.base.linear.orientation)
@@ -90,13 +100,25 @@ class Plant:
         """Frequency-dependent part of the stiffness (f, N, N) in the named coordinates, or None."""
         if not self.system.terms:
             return None
-        to_named = np.linalg.inv(self.system.basis)
-        result: Any = 0.0
-        for term in self.system.terms:
-            matrices = to_named.T @ np.asarray(term.all_matrices) @ to_named
-            functions = np.asarray(term.at(omega).all_functions())
-            result = result + np.tensordot(functions, matrices, axes=(0, 0))
+        rows, columns, weights = self._dispersive_elements
+        functions = np.concatenate(
+            [np.asarray(term.at(omega).all_functions()) for term in self.system.terms]
+        ).astype(complex)
+        size = self.base.model.size
+        result = np.zeros((len(omega), size, size), dtype=complex)
+        # real weights times complex functions, in real arithmetic
+        result[:, rows, columns] = (weights @ functions.view(float)).view(complex).T
         return result
+
+    @cached_property
+    def _dispersive_elements(self) -> tuple[Index, Index, Array]:
+        """Rows and columns (e,) of elements that depend on frequency, weights (e, n) in them."""
+        to_named = np.linalg.inv(self.system.basis)
+        matrices = np.concatenate(
+            [to_named.T @ np.asarray(term.all_matrices) @ to_named for term in self.system.terms]
+        )
+        rows, columns = np.nonzero(matrices.any(0))
+        return rows, columns, np.ascontiguousarray(matrices[:, rows, columns].T)
 
     def respond(
         self,

@@ -149,7 +149,7 @@ def commands(lines: list[str]) -> list[str]:
     return [line for line in lines if re.match(r"(\.venv/bin/)?pendsus ", line)]
 
 
-AMOUNTS = {"--builds": "20", "--starts": "1", "--max-frequency": "400"}
+AMOUNTS = {"--builds": "20", "--starts": "1", "--max-frequency": "30", "--repeat": "2"}
 """Options that say how much of the same is done: less of it does."""
 
 
@@ -165,13 +165,18 @@ PARTS = {
         "--quantity",
         "coupling",
     ],
-    ("fit", "measured/diagnosis/triple.toml", "measured/diagnosis/first.toml"): [
-        "--fidelity",
-        "string",
-        "--no-explain",
-    ],
+    ("fit", "measured/husman2000/table1.toml", "--json"): ["--fidelity", "string"],
+    ("tradeoff", "my.toml"): ["--quantity", "modes", "--quantity", "response"],
 }
 """Options that shorten a line whose whole computation is tested elsewhere."""
+
+FEWER = {
+    "damp": {"--frequency": f"0.1:100:{POINTS}", "--duration": "5", "--fidelity": "string"},
+    "budget": {"--frequency": f"0.1:100:{POINTS}", "--fidelity": "string"},
+    "response": {"--frequency": f"0.1:100:{POINTS}", "--fidelity": "string"},
+    "thermal": {"--frequency": f"0.1:100:{POINTS}"},
+}
+"""Options of a command that are given where a line does not: the command is tested elsewhere."""
 
 
 def words_of(line: str) -> list[str]:
@@ -197,11 +202,26 @@ def files_of(line: str) -> list[str]:
     ]
 
 
+TESTED = {
+    EXAMPLE,
+    *(
+        tuple(
+            f"measured/diagnosis/{word}" if word.endswith(".toml") else word
+            for word in words_of(line.removeprefix("$ "))
+        )
+        for block in blocks(TEXT["diagnosis.md"], "console")
+        for line in block[:1]
+    ),
+}
+"""Lines that other tests run."""
+
+
 def calls() -> list[tuple[str, list[str], int]]:
     """Every line of every document, with its block and its place therein; what is said twice of
     shipped files is run once.
 
-    The same with `--json` is the same, and what another test runs word for word it runs alone.
+    The same with `--json` is the same, and what another test (`EXAMPLE`, the tutorials) runs word
+    for word it runs alone.
     """
     found: dict[tuple[str, ...], tuple[str, list[str], int]] = {}
     for name, text in TEXT.items():
@@ -209,7 +229,7 @@ def calls() -> list[tuple[str, list[str], int]]:
             for n, line in enumerate(block):
                 shipped = all((ROOT / file).exists() for file in files_of(line))
                 words = tuple(word for word in words_of(line) if word != "--json")
-                if words != EXAMPLE:
+                if words not in TESTED:
                     found.setdefault(
                         (*words, *([] if shipped else [name, *block[:n]])), (name, block, n)
                     )
@@ -254,6 +274,9 @@ def called(line: str) -> None:
     target = words[words.index(">") + 1] if ">" in words else None
     words = words[: words.index(">")] if target else words
     words += PARTS.get(tuple(words), [])
+    if "--measured" not in words:
+        fewer = FEWER.get(words[0], {}).items()
+        words += [word for pair in fewer if pair[0] not in words for word in pair]
     plots = any(
         param.name == "plot" for param in main.get_command(click.Context(main), words[0]).params
     )

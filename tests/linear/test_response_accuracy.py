@@ -77,7 +77,7 @@ def held_resonances(model):
 
 @pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
 def test_from_slow_to_fast(kind, level, loss):
-    assert_exact(plants.model(kind, level, loss=loss), np.geomspace(0.01, 1e4, 4))
+    assert_exact(plants.model(kind, level, loss=loss), np.array([0.01, 1e4]))
 
 
 @pytest.mark.parametrize(("kind", "level", "loss"), CASES, ids=IDS)
@@ -86,7 +86,7 @@ def test_at_random(kind, level, loss):
     rng = np.random.default_rng([11, CASES.index((kind, level, loss))])
     frequency = np.exp(
         np.concatenate(
-            [rng.uniform(np.log(0.01), np.log(1e4), 1), rng.uniform(np.log(0.3), np.log(30.0), 4)]
+            [rng.uniform(np.log(0.01), np.log(1e4), 1), rng.uniform(np.log(0.3), np.log(30.0), 2)]
         )
     )
     assert_exact(plants.model(kind, level, loss=loss), frequency)
@@ -100,7 +100,7 @@ def test_each_input_by_itself(kind, level, loss):
     inputs, outputs = signals_of(model)
     beside = eigenmodes.solve(model).frequency * (1 + 1e-6)
     parts = held_resonances(model) if kind != "five" else []
-    frequency = np.concatenate([beside, parts, np.geomspace(0.01, 100, 100)])
+    frequency = np.concatenate([beside, parts, np.geomspace(0.01, 100, 30)])
     together = response.solve(model, frequency, inputs, outputs).value
     for n, signal in enumerate(inputs):
         alone = response.solve(model, frequency, [signal], outputs).value[..., 0]

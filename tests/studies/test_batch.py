@@ -27,7 +27,6 @@ from tests.support.couplings import FILE, TRIPLE, TRIPLE_FILE, question
 from tests.support.golden import CONFIGS
 
 GRID = ("--sweep", "k=0.6:1.4:23,offset=-2e-3:2e-3:19")
-CUTS = [(1, 100), (2, 64)]
 RANDOM = CONFIGS / "triple-tolerance.toml"
 
 
@@ -54,7 +53,8 @@ def whole(tmp_path_factory):
     commands = {
         "xcouple": ("xcouple", FILE, *GRID),
         "tolerance": (
-            *("tolerance", RANDOM, "--builds", "150", "--frequency", "10,50", "--sampling"),
+            *("tolerance", RANDOM, "--fidelity", "string", "--builds", "150"),
+            *("--frequency", "10,50", "--sampling"),
             *("sobol", "--require", "test.x/support.x:10 < 1", "--require", "coupling < 1e-3"),
         ),
     }
@@ -64,9 +64,12 @@ def whole(tmp_path_factory):
     }
 
 
-@pytest.mark.parametrize(("workers", "chunk"), CUTS)
-@pytest.mark.parametrize("name", ["xcouple", "tolerance"])
+@pytest.mark.parametrize(
+    ("name", "workers", "chunk"),
+    [("xcouple", 1, 100), ("tolerance", 1, 100), ("tolerance", 2, 64)],
+)
 def test_the_same_file_byte_for_byte(name, workers, chunk, whole, tmp_path):
+    """`xcouple` on several processes is in `test_batch_interrupted.py`."""
     command, expected = whole[name]
     assert written_by(tmp_path, workers, chunk, *command) == expected
 

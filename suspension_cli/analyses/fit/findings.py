@@ -23,7 +23,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies import derivatives, parameters
+from suspension_cli.studies import parameters
 from suspension_cli.studies.response_matrix import Plant
 
 WEAK = 10.0
@@ -259,8 +259,7 @@ def single_changes(
     movable = [
         name
         for name in names
-        if name in free
-        or ((change := derivatives.of(plant.base, name)) is not None and change.matters)
+        if name in free or ((change := plant.change(name)) is not None and change.matters)
     ]
     wide = _restricted(problem, text, measured, file, movable, changes)
     z = np.concatenate([wide.base.start, found.z[p:]])
@@ -375,7 +374,7 @@ def next_measurements(
     damping[now.order[problem.damped]], stiffening[now.order[problem.stiff]] = added, changed
     response = now.plant.respond(grid, inputs, outputs, damping, stiffening)
     columns = [
-        response.derivative(derivatives.of(now.plant.base, name))  # type: ignore[arg-type]
+        response.derivative(now.plant.change(name))  # type: ignore[arg-type]
         for name in problem.base.experiment[0].free
     ]
     columns += [

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from suspension_cli.analyses.fit import search
@@ -21,11 +22,12 @@ from suspension_cli.analyses.fit.channels import Channels, Nuisance
 from suspension_cli.analyses.fit.search import Problem
 from suspension_cli.analyses.sensitivity.solve import differentiate_frequencies
 from suspension_cli.design.measured import Measured
+from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies import derivatives, response_matrix
+from suspension_cli.studies import response_matrix
 from suspension_cli.studies.response_matrix import Plant, Responses
 
 DAMPING = 1e-3
@@ -38,6 +40,8 @@ BEYOND = 1.5
 """Factor beyond the measured band up to which modes have an added damping."""
 STEP = 1e-4
 """Relative step of differences for numbers that change only frequency-dependent losses."""
+SHARED_PLANTS = 12
+"""Plants that problems with one nominal plant keep for each other."""
 
 
 @dataclass(frozen=True)
@@ -154,8 +158,26 @@ class ResponseProblem:
                 del self._plants[next(iter(self._plants))]
             item = self.base.experiment[0]
             with item.faults():
-                self._plants[key] = Plant.of(item.design(x), self.level)
+                self._plants[key] = self._shared_plant(item.design(x))
         return self._plants[key]
+
+    def _shared_plant(self, design: Design) -> Plant:
+        """Return the plant of a design.
+
+        The last ones are shared by all problems with one nominal plant, whose searches often pass
+        through the same designs.
+        """
+        nominal = self.__dict__.get("nominal")
+        if nominal is None:
+            return Plant.of(design, self.level)
+        encode = msgspec.msgpack.encode
+        store = nominal.__dict__.setdefault("plants", {encode(nominal.design): nominal})
+        key = encode(design)
+        if key not in store:
+            while len(store) >= SHARED_PLANTS:
+                del store[next(iter(store))]
+            store[key] = Plant.of(design, self.level)
+        return store[key]
 
     def added(self, z: Array) -> tuple[Array, Array]:
         """Added dampings (r,) and changes of omega^2 (s,) of modes."""
@@ -197,7 +219,7 @@ class ResponseProblem:
         """Differentiate the reading of each measured function, (f, P) each."""
         now, values = self.predict(z), self.nuisance_values(z)
         item = self.base.experiment[0]
-        changes = [derivatives.of(now.plant.base, name) for name in item.free]
+        changes = [now.plant.change(name) for name in item.free]
         for name, change in zip(item.free, changes, strict=True):
             if change is None:
                 raise InputError(
@@ -306,7 +328,7 @@ class ResponseProblem:
         order = self._order(plant)
         slope = np.zeros((len(order), self.numbers))
         for n, name in enumerate(self.base.experiment[0].free):
-            change = derivatives.of(plant.base, name)
+            change = plant.change(name)
             if change is not None:
                 slope[:, n] = differentiate_frequencies(plant.modes, change)[order]
         return np.nan_to_num(slope)

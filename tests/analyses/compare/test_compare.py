@@ -11,15 +11,15 @@ import suspension_cli as sus
 from suspension_cli.analyses.compare.design_changes import find_changes
 from tests.support.commandline import assert_refused, run, strict_json, written
 
-TRIPLE = sus.example("geo-silica-triple")
+TRIPLE, DOUBLE = sus.example("geo-silica-triple"), sus.example("double")
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A design, a copy with a longer wire and another name, and results of the copy."""
     folder = tmp_path_factory.mktemp("compare")
-    written(folder, TRIPLE.text, "a.toml")
-    longer = TRIPLE.replace({"stage.upper.wires.l": 0.4, "design.name": "longer"})
+    written(folder, DOUBLE.text, "a.toml")
+    longer = DOUBLE.replace({"stage.upper.wires.l": 0.303, "design.name": "longer"})
     written(folder, longer.text, "b.toml")
     grid = ("--frequency", "0.3:30:40")
     for command in (("response", *grid), ("thermal", *grid), ("modes",)):
@@ -38,7 +38,7 @@ def compared(folder, out, *items):
 
 def test_modes_of_two_designs_are_those_of_each(folder, tmp_path):
     found = compared(folder, tmp_path, "a.toml", "b.toml")
-    assert found["designs"] == ["geo-silica-triple", "longer"]
+    assert found["designs"] == ["double", "longer"]
     rows = np.array([row["frequency_hz"] for row in found["modes"]])
     for column, name in ((0, "a.toml"), (1, "b.toml")):
         design = sus.read(folder / name)
@@ -46,7 +46,7 @@ def test_modes_of_two_designs_are_those_of_each(folder, tmp_path):
         assert np.sort(rows[:, column]) == pytest.approx(np.sort(own), rel=1e-12)
     assert min(row["overlap"][1] for row in found["modes"]) > 0.9
     assert found["changes"]["longer"] == [
-        {"path": "stage.upper.wires.l", "before": "396 mm", "after": "400 mm"}
+        {"path": "stage.upper.wires.l", "before": "300 mm", "after": "303 mm"}
     ]
 
 
@@ -118,7 +118,7 @@ def test_measured_data_beside_designs(folder, tmp_path):
     signals = ("--input", "upper.force_x", "--output", "upper.x")
     found = compared(folder, tmp_path, "a.toml", "drive.csv", *signals)
     (overlay,) = found["responses"]
-    assert overlay["reference"] == "geo-silica-triple"
+    assert overlay["reference"] == "double"
     assert overlay["curves"][1]["ratio"]["real"] == pytest.approx([2, 2, 2], rel=1e-9)
     table = (
         '[[transfer_function]]\nfile = "drive.csv"\ninput = "upper.force_x"\noutput = "shadow"\n'
@@ -138,9 +138,9 @@ def test_text_pictures_and_stored_comparison(folder, tmp_path):
     options = ("--fidelity", "beam", "--format", "svg", "--csv")
     done = run("compare", *items, *options, "--out", tmp_path)
     assert done.exit_code == 0, done.stderr
-    assert re.search(r"\n +geo-silica-triple +b\n +upper wires l +396 mm +400 mm\n", done.stdout)
+    assert re.search(r"\n +double +b\n +upper wires l +300 mm +303 mm\n", done.stdout)
     assert "test.x / support.x (m/m)" in done.stdout
-    stem = "geo-silica-triple-and-b-and-1-more-compare"
+    stem = "double-and-b-and-1-more-compare"
     names = {path.name for path in tmp_path.iterdir()}
     assert {f"{stem}.h5", f"{stem}.svg", f"{stem}-test.x-support.x.svg"} <= names
     ratios = (tmp_path / f"{stem}-overlay_1-curve_2-ratios.csv").read_text()

@@ -172,20 +172,29 @@ def growing(plant, constant, n=0, factor=1.0):
     """How many poles grow with the gain of one loop multiplied."""
     plant, constant = scaled(plant, n, factor), scaled(constant, n, factor)
     system = control.build_closed_loop(constant, [], plants.all_motions(plant.model))
-    return int((closed_loop_poles.refine(poles.poles(system), plant).growth_rate > 0).sum())
+    found = poles.poles(system)
+    near = np.abs(found.value.real) < 0.1 * np.abs(found.value)  # elsewhere losses decide nothing
+    close = poles.Poles(
+        found.value[near], tuple(np.array(found.state)[near].tolist()), found.rounding
+    )
+    return int(
+        (closed_loop_poles.refine(close, plant).growth_rate > 0).sum()
+        + (found.value.real[~near] > 0).sum()
+    )
 
 
-def assert_limits(plant, constant, found, loops, near):
-    """Just inside each gain margin as many poles grow as now, just beyond it others."""
+def loops_with_limits(plant, constant, found, loops, near):
+    """Just inside each gain margin as many poles grow as now, just beyond it others; returns the
+    loops that have a gain margin."""
     now = growing(plant, constant)
-    checked = 0
+    checked = set()
     for n in loops:
         for limit, inward in ((found[n].gain_up, -1), (found[n].gain_down, 1)):
             if np.isfinite(limit) and limit > 0:
                 assert growing(plant, constant, n, limit * (1 + inward * near)) == now
                 assert growing(plant, constant, n, limit * (1 - inward * near)) != now
-                checked += 1
-    assert checked
+                checked.add(n)
+    return checked
 
 
 @pytest.mark.parametrize(
@@ -195,12 +204,11 @@ def assert_limits(plant, constant, found, loops, near):
 def test_a_pole_grows_beyond_the_gain_margin(level, loss):
     """Of the loops whose limit depends on losses: z, where steel is stretched at 36 Hz, and roll at
     52 Hz."""
-    assert_limits(*both(level, (f"{STEEL}={loss}",), SIDEWAYS_AND_UP), (1, 2), 1e-8)
+    assert loops_with_limits(*both(level, (f"{STEEL}={loss}",), SIDEWAYS_AND_UP), (1, 2), 1e-8)
 
 
 def test_every_loop_of_the_damped_design():
-    for n in range(6):
-        assert_limits(*both("beam", ()), (n,), 1e-8)
+    assert loops_with_limits(*both("beam", ()), range(6), 1e-8) == set(range(6))
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -236,7 +244,7 @@ def test_random_filters(seed):
         control.build_plant(design, model),
         control.build_plant(design, with_constant_loss(model)),
     )
-    assert_limits(plant, constant, all_margins(plant, constant), range(2), 1e-7)
+    assert loops_with_limits(plant, constant, all_margins(plant, constant), range(2), 1e-7)
 
 
 def test_phase_margin_is_that_of_a_delay():
@@ -270,6 +278,8 @@ def test_the_command(tmp_path):
             tmp_path,
             "--frequency",
             "1,2",
+            "--duration",
+            "1",
         ).stdout
     )
     [z] = [margin for margin in answer["margins"] if margin["loop"] == "z"]

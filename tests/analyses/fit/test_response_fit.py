@@ -130,22 +130,22 @@ def test_peaks_of_one_function():
 
 
 def test_the_truth_lies_in_the_95_percent_region_and_wrong_channels_are_found():
-    """8 builds with resonances up to tens of per cent off, each with a sensor or an actuator that
+    """4 builds with resonances up to tens of per cent off, each with a sensor or an actuator that
     is inverted or scaled: `python -m tools.asbuilt_trials` does 200 with all 36 functions."""
     distances = []
-    for seed in range(8):
+    for seed in range(4):
         given, true = plane(seed)
         wrong = (trials.KINDS[seed % 2], seed // 2 % 2, ("sa"[seed // 2 % 2] + "-x",) * 2)
         found = response_fit.solve(trials.spoil(given, *wrong).problem())
         assert trials.is_found(found.corrections, *wrong), (seed, found.corrections)
         distances.append(trials.distance(found, true))
-    assert sum(d < stats.chi2(6).ppf(0.95) for d in distances) >= 6
+    assert sum(d < stats.chi2(6).ppf(0.95) for d in distances) >= 3
     assert stats.kstest(distances, stats.chi2(6).cdf).pvalue > 0.02
 
 
 def test_channels_are_found_exchanged_and_left_alone_when_right():
-    for seed in range(6):
-        given, _ = trials.double(seed, frequency=np.geomspace(0.2, 30, 100))
+    for seed in range(4):
+        given, _ = trials.double(seed, frequency=np.geomspace(0.2, 30, 60))
         side, letter = seed % 2, "sa"[seed % 2]
         for names in ((f"{letter}-x", f"{letter}-y"), (f"{letter}-pitch", f"{letter}-roll")):
             problem = trials.spoil(given, "exchange", side, names).problem()
@@ -308,7 +308,7 @@ def test_default_numbers_have_priors():
 @pytest.fixture
 def files(tmp_path):
     """A file of measurements with one CSV per function."""
-    made = trials.double(0, dofs=PLANE, frequency=np.geomspace(0.2, 30, 80))[0]
+    made = trials.double(0, dofs=PLANE, frequency=np.geomspace(0.2, 30, 60))[0]
     lines = []
     for n, one in enumerate(made.functions):
         rows = np.column_stack([one.frequency, one.value.real, one.value.imag, one.uncertainty])

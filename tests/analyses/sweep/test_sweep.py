@@ -316,6 +316,7 @@ def test_it_does_not_matter_how_it_is_run(level, tmp_path):
         "test yaw",
         "--result",
         "test.x/support.x:3",
+        "--quiet",
         "--fidelity",
         level,
     )
@@ -346,6 +347,8 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
         "1",
         "--chunk",
         "64",
+        "--fidelity",
+        "force",
     )
     assert run("sweep", SINGLE, *options, "--out", tmp_path / "whole").exit_code == 0
     plain = sweep.ParameterSweep.compute
@@ -407,7 +410,8 @@ def test_pictures_and_the_table(tmp_path):
         ]
     ):
         out = tmp_path / str(number)
-        result = run("sweep", SINGLE, *options, "--out", out, "--workers", "1")
+        how = ("--workers", "1", "--fidelity", "force")
+        result = run("sweep", SINGLE, *options, "--out", out, *how)
         assert result.exit_code == 0, result.stderr
         assert "as drawn" in result.stdout
         png = out / "husman2000-table1-case2-sweep.png"
@@ -531,6 +535,8 @@ def test_a_coarse_grid_is_warned_of(tmp_path):
             "--no-plot",
             "--workers",
             "1",
+            "--fidelity",
+            "force",
         )
         assert result.exit_code == 0
         assert ("take a finer grid" in result.stderr) is warned
