@@ -168,7 +168,7 @@ def _add_wires(
     jacobians = end_jacobians(scene, numbering, pose, now)
     ends = ((wires.upper, now.upper_arm), (wires.lower, now.lower_arm))
     for end, (body, arm) in enumerate(ends):
-        force = sum(
+        force: Any = sum(
             share[..., None] * lift(scene, at)
             for share, at in zip(shares[end], places, strict=True)
         )

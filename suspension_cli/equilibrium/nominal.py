@@ -165,7 +165,7 @@ def drop_complex_step(scene: Scene) -> Scene:
     }
     field = scene.field
     if field is not None:
-        field = replace(field, vector=field.vector.real, gradient=field.gradient.real)
+        field = replace(field, vector=np.real(field.vector), gradient=np.real(field.gradient))
     return replace(scene, gravity=np.real(scene.gravity), field=field, **parts)
 
 
