@@ -269,6 +269,11 @@ NONSENSE = {
         {("constants",): {"gravity_gradient": 0.3}},
         "constants.gravity_gradient = 0.3: is more than 0.001 1/s.2, .*; give it in 1/s.2",
     ),
+    "ring in mm": (
+        "pulled-fibres",
+        {(*UPPER, "wires", "ring_upper"): 140.0, (*UPPER, "wires", "ring_lower"): 140.0},
+        "stage.upper.wires.ring_lower = 140.0: lower ends of wires lie 140 m .*; did you mean mm?",
+    ),
     "neck in mm": (
         "double",
         {(*LAST, "wires", "neck"): {"radius": 1.5, "length": 0.01}},
