@@ -18,7 +18,7 @@ import msgspec
 
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
-from suspension_cli.design import schema, wires
+from suspension_cli.design import filters, inverted_pendulum, schema, wires
 from suspension_cli.design.losses import bulk
 from suspension_cli.design.units import NAMES
 
@@ -26,7 +26,11 @@ ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
 BLOCK = re.compile(r"<!-- (keys|options): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
 TYPES = {
-    name: getattr(schema, name, None) or getattr(wires, name, None) or getattr(bulk, name)
+    name: next(
+        getattr(module, name)
+        for module in (schema, wires, bulk, inverted_pendulum, filters)
+        if hasattr(module, name)
+    )
     for name in schema.json_schema()["$defs"]
 }
 """Tables of the file format, by name."""

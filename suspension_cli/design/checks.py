@@ -19,8 +19,10 @@ from suspension_cli.design import (
     wire_checks,
 )
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
-from suspension_cli.design.derive import SetGeometry, is_ring, set_geometry
+from suspension_cli.design.derive import SetGeometry, gravity_vector, is_ring, set_geometry
 from suspension_cli.design.faults import suggest
+from suspension_cli.design.filters import SUFFIX, check_filter
+from suspension_cli.design.inverted_pendulum import check_legs
 from suspension_cli.design.schema import (
     Design,
     Loop,
@@ -76,6 +78,15 @@ def _check_gravity(design: Design) -> Iterator[Fault]:
             "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]",
             format_value(gravity),
         )
+    for stage in design.stage:
+        held = stage.inverted_pendulum is not None or stage.filter is not None
+        if held and (gravity_vector(design) is not None or gradient):
+            yield Fault(
+                "constants.gravity" + ("_gradient" if gradient else ""),
+                f"stage {stage.name} has legs or a filter, which take uniform gravity along -z",
+                "give gravity as a number, without gravity_gradient",
+            )
+            break
     if not isinstance(gradient, list):
         return
     if len(gradient) != 3:
@@ -130,6 +141,8 @@ def _check_names(design: Design) -> Iterator[Fault]:
                 format_value(against),
             )
         above.append(stage.name)
+        if stage.filter is not None:
+            above.append(stage.name + SUFFIX)
 
 
 def _check_materials(design: Design) -> Iterator[Fault]:
@@ -150,13 +163,15 @@ def _check_suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault
         yield Fault(
             f"{path}.wire", "conflicts with a symmetric set [stage.wires]", "keep one of the two"
         )
-    if stage.wires is None and not stage.wire and not stage.spring:
+    legs = stage.inverted_pendulum
+    if stage.wires is None and not stage.wire and not stage.spring and legs is None:
         yield Fault(
             path,
             "has neither wires nor springs",
-            "add [stage.wires], [[stage.wire]] or [[stage.spring]]",
+            "add [stage.wires], [[stage.wire]], [[stage.spring]] or [stage.inverted_pendulum]",
         )
-    if stage.wires is None and stage.position is None:
+    yield from _check_tower(stage, path)
+    if stage.wires is None and stage.position is None and legs is None:
         yield Fault(
             f"{path}.position", "missing", "give the nominal COM from the COM above, [x, y, z] in m"
         )
@@ -187,6 +202,20 @@ def _check_suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault
         yield from wire_checks.check_blade(design, blade, where)
         if not any(wire.blade == blade.name for wire in stage.wire):
             yield Fault(where, "carries no wire", f'name it in a wire: blade = "{blade.name}"')
+
+
+def _check_tower(stage: Stage, path: str) -> Iterator[Fault]:
+    legs = stage.inverted_pendulum
+    if legs is not None:
+        if stage.wires is not None or stage.wire:
+            yield Fault(
+                f"{path}.inverted_pendulum",
+                "conflicts with wires: a stage either stands on legs or hangs on wires",
+                "keep one of the two",
+            )
+        yield from check_legs(legs, f"{path}.inverted_pendulum")
+    if stage.filter is not None:
+        yield from check_filter(stage.filter, f"{path}.filter")
 
 
 def _check_wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault]:
@@ -379,7 +408,7 @@ def _check_perturbation(design: Design, item: Perturbation, path: str) -> Iterat
             )
     if all(getattr(item, key) is None for key in known):
         yield Fault(path, "changes nothing", f"give {' or '.join(known)}")
-    names = [stage.name for stage in design.stage]
+    names = _names_of_bodies(design)
     if item.body is not None and item.body not in names:
         yield Fault(
             f"{path}.body", "names no stage", suggest(item.body, names), format_value(item.body)
@@ -555,7 +584,7 @@ def _check_requirement(item: Requirement, path: str) -> Iterator[Fault]:
 def _check_tolerance(design: Design) -> Iterator[Fault]:
     if design.tolerance is None:
         return
-    names = [stage.name for stage in design.stage]
+    names = _names_of_bodies(design)
     tables = [
         (kind, n, item)
         for kind in ("wire", "body", "blade")
@@ -607,6 +636,15 @@ def _check_tolerance(design: Design) -> Iterator[Fault]:
                     "give normal too",
                     format_value(spread.truncate),
                 )
+
+
+def _names_of_bodies(design: Design) -> list[str]:
+    """List the names of all stages and keystones."""
+    return [
+        name
+        for stage in design.stage
+        for name in (stage.name, *([stage.name + SUFFIX] if stage.filter is not None else []))
+    ]
 
 
 def _wires_of(design: Design) -> list[str]:

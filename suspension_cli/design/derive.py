@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import Any
 
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design import materials
+from suspension_cli.design import inverted_pendulum, materials
 from suspension_cli.design.schema import Body, Design, Spring, Stage
 from suspension_cli.design.sections import given_sections, stretches, thinnest
 from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet
@@ -109,8 +109,8 @@ def gives_natural_lengths(design: Design) -> bool:
 def solves_pose(design: Design) -> bool:
     """Whether the pose of a design is solved for instead of given.
 
-    It is where natural lengths of wires or loads of blades are given, or gravity is not a uniform
-    pull along -z.
+    It is where natural lengths of wires or loads of blades or filters are given, or gravity is not
+    a uniform pull along -z.
     """
     blades = (
         blade
@@ -122,6 +122,7 @@ def solves_pose(design: Design) -> bool:
         or any(blade.load is not None for blade in blades)
         or gravity_vector(design) is not None
         or gravity_tensor(design) is not None
+        or any(s.filter is not None and s.filter.load is not None for s in design.stage)
     )
 
 
@@ -227,7 +228,9 @@ def is_ring(wires: WireSet) -> bool:
 def com_offset(stage: Stage) -> tuple[float, float, float]:
     """Compute the vector from the COM above (or support point) to a stage's nominal COM, m."""
     if stage.wires is None:
-        assert stage.position is not None
+        if stage.position is None:
+            assert stage.inverted_pendulum is not None
+            return inverted_pendulum.offset(stage.inverted_pendulum)
         return stage.position
     shape = set_geometry(stage.wires)
     return (0.0, 0.0, -(shape.d_upper + shape.height + shape.d))

@@ -125,6 +125,7 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
             *_check_body(stage.body, f"{path}.body"),
             *_check_wires(stage, parent, path),
             *_check_blades(stage, path),
+            *_check_tower(stage, path),
         ]
         for number, spring in enumerate(stage.spring, 1):
             found += _check_point(
@@ -137,6 +138,36 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
     for number, item in enumerate(design.perturbation, 1):
         found += _check_perturbation(design, item, f"perturbation.{number}")
     return [*found, *_check_tolerance(design), *_check_noise(design)]
+
+
+def _check_tower(stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
+    """Check sizes and frequencies of legs and filters."""
+    sizes: dict[str, float | None] = {}
+    legs, blades = stage.inverted_pendulum, stage.filter
+    if legs is not None:
+        own = f"{path}.inverted_pendulum"
+        sizes = {
+            f"{own}.length": legs.length,
+            f"{own}.radius": legs.radius,
+            f"{own}.top": abs(legs.top),
+        }
+    if blades is not None:
+        sizes[f"{path}.filter.at"] = max(abs(value) for value in blades.at)
+    for key, size in sizes.items():
+        if size is not None and size > LARGEST:
+            problem = f"is larger than any part of a suspension ({LARGEST:g} m)"
+            hint = suggest_unit(size, lambda v: v <= LARGEST) or "give it in m"
+            yield ImplausibleNumber(Fault(key, problem, hint, format_value(size)))
+    found = (
+        ("inverted_pendulum", legs.frequency if legs is not None else None),
+        ("filter", blades.frequency if blades is not None else None),
+    )
+    for table, frequency in found:
+        if frequency is not None and frequency > BLADE_FREQUENCY:
+            problem = f"is above {BLADE_FREQUENCY:g} Hz, where it isolates from nothing"
+            hint = suggest_unit(frequency, lambda v: v <= 10, (("mHz", 1e-3),)) or "give it in Hz"
+            key = f"{path}.{table}.frequency"
+            yield ImplausibleNumber(Fault(key, problem, hint, format_value(frequency)))
 
 
 def _check_surroundings(design: Design) -> Iterator[ImplausibleNumber]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from suspension_cli.design import checks, faults, paths, profiles
+from suspension_cli.design.keystones import add_keystones
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 
@@ -127,7 +128,7 @@ def convert(raw: dict[str, Any]) -> Design:
     found = checks.check_design(design)
     if found:
         raise InputError(found)
-    return design
+    return add_keystones(design)
 
 
 def write_toml(raw: dict[str, Any]) -> str:

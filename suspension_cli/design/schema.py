@@ -12,6 +12,8 @@ import msgspec
 from msgspec import Meta, field
 
 from suspension_cli.design import imperfections
+from suspension_cli.design.filters import Filter
+from suspension_cli.design.inverted_pendulum import InvertedPendulum
 from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.units import (
@@ -284,8 +286,8 @@ class Stage(Table, frozen=True):
             Name,
             Meta(
                 description=(
-                    '"support" or an earlier stage, which makes a tree; default the stage before'
-                    f" ({NAMES})"
+                    '"support" or an earlier stage, which makes a tree; default the stage before,'
+                    f" or the keystone of its filter ({NAMES})"
                 )
             ),
         ]
@@ -297,7 +299,7 @@ class Stage(Table, frozen=True):
             Meta(
                 description=(
                     "nominal COM from the COM above (or support point), m; implied by a symmetric"
-                    " set, needed otherwise"
+                    " set or an inverted pendulum, needed otherwise"
                 )
             ),
         ]
@@ -314,6 +316,8 @@ class Stage(Table, frozen=True):
     spring: Annotated[list[Spring], Meta(description="linear springs to the body above")] = field(
         default_factory=list
     )
+    inverted_pendulum: InvertedPendulum | None = None
+    filter: Filter | None = None
     damping: Damping | None = None
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.drawing.bodies import Outline, suspension_size
 from suspension_cli.elements.string import tip_deflection
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 
@@ -166,11 +166,35 @@ def leaves(design: Design, scene: Scene, pose: Pose, outlines: list[Outline]) ->
     return result
 
 
-def spring_points(scene: Scene, pose: Pose) -> Array:
-    """Upper and lower point (s, 2, 3) of every spring, m; they coincide in the nominal pose."""
+def legs(scene: Scene, pose: Pose) -> Array:
+    """Foot and top (l, 2, 3) of every leg of an inverted pendulum, m."""
+    struts = scene.struts
+    foot = position_of(scene, pose, struts.upper, struts.upper_point)
+    return np.stack([foot, position_of(scene, pose, struts.lower, struts.lower_point)], axis=1)
+
+
+def free_springs(scene: Scene) -> Index:
+    """Numbers (k,) of the springs that are drawn: all but the flexures of legs."""
+    legged = {
+        (body, *top)
+        for body, top in zip(
+            scene.struts.lower.tolist(), scene.struts.lower_point.tolist(), strict=True
+        )
+    }
     springs = scene.springs
-    upper = position_of(scene, pose, springs.upper, springs.upper_point)
-    return np.stack([upper, position_of(scene, pose, springs.lower, springs.lower_point)], axis=1)
+    ends = zip(springs.lower.tolist(), springs.lower_point.tolist(), strict=True)
+    return np.flatnonzero([(body, *point) not in legged for body, point in ends])
+
+
+def spring_points(scene: Scene, pose: Pose) -> Array:
+    """Upper and lower point (s, 2, 3) of every spring but the flexures of legs, m.
+
+    They coincide in the nominal pose.
+    """
+    springs, which = scene.springs, free_springs(scene)
+    upper = position_of(scene, pose, springs.upper[which], springs.upper_point[which])
+    lower = position_of(scene, pose, springs.lower[which], springs.lower_point[which])
+    return np.stack([upper, lower], axis=1)
 
 
 def mode_step(numbering: Layout, coordinate: tuple[str, ...], shape: Array) -> Array:

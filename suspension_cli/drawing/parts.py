@@ -75,6 +75,7 @@ class Sketch:
             *self.leaves(),
             geometry.wire_ends(self.scene, self.pose).reshape(-1, 3),
             geometry.spring_points(self.scene, self.pose).reshape(-1, 3),
+            geometry.legs(self.scene, self.pose).reshape(-1, 3),
         ]
         return view.see(np.concatenate(lines))
 
@@ -100,7 +101,17 @@ def draw_suspension(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> N
         canvas.line(view.see(line), look.line, look.width, look.order + 0.2)
     for leaf in sketch.leaves():
         _leaf(canvas, view.see(leaf), look)
+    for leg in geometry.legs(scene, pose):
+        _leg(canvas, view.see(leg), look)
     _springs(canvas, view, scene, pose, look)
+
+
+def _leg(canvas: Canvas, line: Array, look: Look) -> None:
+    """Draw a leg from its foot (2,) to its top: a thick bar between thin flexures."""
+    foot, top = line
+    ends = np.stack([foot + share * (top - foot) for share in (0.12, 0.94)])
+    canvas.line(line, look.line, 1.2 * look.width, look.order + 0.2)
+    canvas.line(ends, look.line, 4.5 * look.width, look.order + 0.25)
 
 
 def _leaf(canvas: Canvas, line: Array, look: Look) -> None:
@@ -124,7 +135,8 @@ def _springs(canvas: Canvas, view: View, scene: Scene, pose: Pose, look: Look) -
     unit = 0.022 * suspension_size(scene) * view.scale
     across = np.array([0, 0, 1, -1, 1, -1, 0, 0]) * 0.6
     up = np.array([-1.6, -1, -0.75, -0.25, 0.25, 0.75, 1, 1.6])
-    for number, pair in enumerate(geometry.spring_points(scene, pose)):
+    drawn = geometry.free_springs(scene)
+    for number, pair in zip(drawn, geometry.spring_points(scene, pose), strict=True):
         body = scene.springs.upper[number]
         held = geometry.position_of(scene, pose, body, np.zeros(3))
         if body == 0:
@@ -150,7 +162,10 @@ def support_points(sketch: Sketch) -> Array:
     points += [
         line[:1] for line, body in zip(sketch.leaves(), scene.blades.body, strict=True) if body == 0
     ]
-    points.append(scene.springs.upper_point[scene.springs.upper == 0] * (1, 1, 0))
+    free = geometry.free_springs(scene)
+    held = free[scene.springs.upper[free] == 0]
+    points.append(scene.springs.upper_point[held] * (1, 1, 0))
+    points.append(scene.struts.upper_point[scene.struts.upper == 0])
     found = np.concatenate(points)
     return found if len(found) else np.zeros((1, 3))
 
@@ -163,8 +178,10 @@ def support_box(sketch: Sketch) -> tuple[Array, Array]:
     """
     points = support_points(sketch)
     low, high = points.min(0) - 2 * sketch.thick, points.max(0) + 2 * sketch.thick
-    up = -1.0 if sketch.scene.bodies.position[1:, 2].mean() > 0 else 1.0
-    gap = 1.2 * sketch.thick if (sketch.scene.blades.body == 0).any() else 0.0
+    scene = sketch.scene
+    stands = bool((scene.struts.upper == 0).any())
+    up = -1.0 if stands or scene.bodies.position[1:, 2].mean() > 0 else 1.0
+    gap = 1.2 * sketch.thick if (scene.blades.body == 0).any() else 0.0
     low[2] = (up * points[:, 2]).max() * up + up * gap
     high[2] = low[2] + up * sketch.thick
     return low, high

@@ -46,6 +46,8 @@ BLADES = (
 )
 SPRINGS = "Zigzags: springs, each at its point; dotted, to the body (or support) that holds it."
 
+LEGS = "Thick bars between thin flexures: legs of an inverted pendulum."
+
 
 @dataclass(frozen=True)
 class Table:
@@ -83,7 +85,8 @@ class Table:
 
 def key(scene: Scene) -> list[str]:
     """Lines that explain the symbols in a drawing."""
-    return [*KEY, *[BLADES] * bool(scene.blades.label), *[SPRINGS] * bool(scene.springs.label)]
+    shown = ((BLADES, scene.blades), (SPRINGS, scene.springs), (LEGS, scene.struts))
+    return [*KEY, *(line for line, part in shown if part.label)]
 
 
 def stages(design: Design, scene: Scene) -> Table:

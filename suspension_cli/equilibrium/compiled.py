@@ -26,6 +26,7 @@ from suspension_cli.elements.compiled import (
     add_wires,
     fill_geometry,
 )
+from suspension_cli.elements.compiled_legs import FIRST, add_legs, pack_legs
 from suspension_cli.elements.compiled_weight import (
     MOMENTS,
     add_weights,
@@ -99,11 +100,14 @@ def pack(scene: Scene, numbering: Layout) -> Packed:
     if flex is not None and flex.bend is None:
         flex = Flex(flex.upper, flex.lower, np.zeros((1, 2, 3)), flex.twist)
     batch, heavy = scene.batch, weight.acts(scene)
+    held = _table(batch, springs, SPRING)
+    if scene.struts.label:
+        held = np.concatenate([held, pack_legs(scene)], axis=-1)
     numbers = (
         pack_bodies(scene) if heavy else _table(batch, scene.bodies, ("mass",)),
         _table(batch, wires, (*WIRE, "mass") if heavy else WIRE),
         _table(batch, blades, BLADE),
-        _table(batch, springs, SPRING),
+        held,
         np.zeros((*batch, 0, 19)) if flex is None else _table(batch, flex, FLEX),
     )
     return Packed(topology, pack_gravity(scene), numbers)
@@ -177,6 +181,8 @@ def _evaluate(
         add_rotation_hessian(outer[n], 6 * n + 3, hessian)
     if len(springs):
         add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian)
+    if springs.shape[1] > FIRST:
+        add_legs(s_upper, s_lower, gravity[0], springs, shift, turn, gradient, hessian, curved)
 
 
 @compiled

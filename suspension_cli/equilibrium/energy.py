@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements import bending, blade, spring, string, weight
+from suspension_cli.elements import bar, bending, blade, spring, string, weight
 from suspension_cli.elements.geometric_stiffness import add_arms, rotation_hessian, sum_by
 from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.pose import Layout, Pose, point_jacobian
@@ -21,6 +22,8 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     if weight.acts(scene):
         return (
             string.energy(scene, pose)
+            + (string.energy(with_struts(scene), pose) if scene.struts.label else 0.0)
+            + bar.energy(scene, pose)
             + bending.energy(scene, pose)
             + blade.energy(scene, pose)
             + spring.energy(scene, pose)
@@ -33,6 +36,8 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     tips = (scene.gravity * blades.tip_mass * height).sum(-1)
     return (
         string.energy(scene, pose)
+        + (string.energy(with_struts(scene), pose) if scene.struts.label else 0.0)
+        + bar.energy(scene, pose)
         + bending.energy(scene, pose)
         + blade.energy(scene, pose)
         + spring.energy(scene, pose)
@@ -74,6 +79,10 @@ def gradient_and_stiffness(
     if scene.wires.label:
         _add_wires(scene, numbering, pose, gradient, hessian, outer, on_tips)
         bending.add_derivatives(scene, numbering, pose, gradient, hessian, outer, on_tips)
+    if scene.struts.label:
+        _add_wires(with_struts(scene), numbering, pose, gradient, hessian, outer, on_tips)
+    if scene.bars.label:
+        bar.add_weight(scene, numbering, pose, gradient, outer)
     if scene.blades.label:
         _add_blades(scene, numbering, pose, gradient, hessian, outer, on_tips)
     blocks = rotation_hessian(outer)
@@ -83,6 +92,11 @@ def gradient_and_stiffness(
     if scene.springs.label:
         _add_springs(scene, numbering, pose, gradient, hessian)
     return gradient, (hessian + np.swapaxes(hessian, -1, -2)) / 2
+
+
+def with_struts(scene: Scene) -> Scene:
+    """A scene whose wires are its struts, which follow the same formulas."""
+    return replace(scene, wires=scene.struts, flex=None, fibres=None)
 
 
 def _add_wires(

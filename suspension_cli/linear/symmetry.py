@@ -242,7 +242,7 @@ def _has_mirror(
     if len(scene.blades.label):
         blades_match = blade_pairs[..., wires.blade[:, None], wires.blade[None, :]]
         pairs = pairs & np.where(wires.blade[:, None] >= 0, blades_match, True)
-    symmetric = symmetric & _one_to_one(pairs)
+    symmetric = symmetric & _one_to_one(pairs) & _towers_have_mirror(scene, flip)
     if not springs.label:
         return symmetric
     parity = np.array((PARITY_X, PARITY_Y)[axis], dtype=float)
@@ -259,6 +259,28 @@ def _has_mirror(
         flat = matrix.reshape(*matrix.shape[:-2], 36)
         pairs = pairs & _equal(flat, flat * np.outer(parity, parity).ravel())
     return symmetric & _one_to_one(pairs)
+
+
+def _towers_have_mirror(scene: Scene, flip: Array) -> Any:
+    """Whether the struts and bars of each scene (...) are symmetric under a mirror."""
+    struts, bars = scene.struts, scene.bars
+    result: Any = np.True_
+    if struts.label:
+        pairs = (
+            _equal_labels(struts.upper, struts.lower)
+            & _equal(struts.upper_point, struts.upper_point * flip)
+            & _equal(struts.lower_point, struts.lower_point * flip)
+            & _equal(struts.stiffness[..., None], struts.stiffness[..., None])
+            & _close(struts.tension[..., None], struts.tension[..., None])
+        )
+        result = result & _one_to_one(pairs)
+    if bars.label:
+        pairs = _equal_labels(bars.body.T) & _equal(bars.inertia, bars.inertia)
+        for end in (0, 1):
+            point = bars.point[..., end, :]
+            pairs = pairs & _equal(point, point * flip)
+        result = result & _one_to_one(pairs)
+    return result
 
 
 def _wire_images(fibres: tuple[Fibre, ...], flip: Array) -> Any:

@@ -135,6 +135,8 @@ def unsuited(design: Design) -> str:
     if reason := beyond_symmetric_chains(design):
         return reason
     stage = design.stage[0]
+    if stage.inverted_pendulum is not None:
+        return "it stands on legs"
     if len(design.stage) > 1:
         return "it has more than one stage"
     if stage.wires is None or stage.wires.count != 4:

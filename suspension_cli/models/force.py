@@ -274,6 +274,10 @@ def unsuited(design: Design) -> str:
         return reason
     above = SUPPORT
     for stage in design.stage:
+        if stage.inverted_pendulum is not None:
+            return f"stage {stage.name} stands on legs"
+        if stage.filter is not None:
+            return f"stage {stage.name} has a filter"
         if stage.wires is None:
             return (
                 f"stage {stage.name} has explicit wires"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import bending, blade, spring, string, weight
+from suspension_cli.elements import bar, bending, blade, spring, string, weight
 from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
@@ -149,7 +149,7 @@ def _separated(
 
     soft, form, mass = compiled.tangent(scene, numbering, balanced.pose)
     separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
-    more = scene.blades.tip_mass.any() or scene.wires.mass.any()
+    more = scene.blades.tip_mass.any() or scene.wires.mass.any() or scene.bars.label
     return separated, None if more else mass
 
 
@@ -173,7 +173,7 @@ def _loss(
 def mass_matrix(
     scene: Scene, numbering: Layout, pose: Pose, *, wire_inertia: bool = True
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Mass matrix (..., N, N): bodies about their COMs as they are turned, tips and heavy wires."""
+    """Mass matrix (..., N, N): bodies as they are turned, tip masses, bars and heavy wires."""
     result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
     for n in range(1, len(scene.bodies.name) + 1):
         for axis in range(3):
@@ -193,6 +193,8 @@ def mass_matrix(
         ) @ np.swapaxes(flat, -1, -2)
     if wire_inertia and scene.wires.mass.any():
         result = result + weight.wire_inertia(scene, numbering, pose)
+    if scene.bars.label:
+        result = result + bar.mass_matrix(scene, numbering, pose)
     return (result + np.swapaxes(result, -1, -2)) / 2
 
 

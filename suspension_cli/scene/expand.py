@@ -20,10 +20,11 @@ from suspension_cli.design.derive import (
     wire_mass_moments,
     wire_stiffness,
 )
+from suspension_cli.design.keystones import Keystone
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Blade, BladeSet, WireSet
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.scene import tensions
+from suspension_cli.scene import tensions, towers
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.parts import BladePart, StagePart, WirePart, pack
 from suspension_cli.scene.scene import Scene
@@ -63,6 +64,7 @@ def _part(design: Design, stage: Stage, parent: int) -> StagePart:
         _add_single_wires(design, part)
     else:
         _add_symmetric_set(design, part, stage.wires)
+    towers.add_legs(part)
     return part
 
 
@@ -194,9 +196,11 @@ def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
     faults: list[Fault] = []
     for n in range(len(parts), 0, -1):
         part, load = parts[n - 1], loads[n - 1]
-        faults += _balance_stage(part, load.copy(), g)
+        on_stage, on_parent = towers.bar_weights(part, g)
+        load = load + on_stage
+        faults += _balance_stage(design, part, load.copy())
         if part.parent > 0:
-            above = loads[part.parent - 1] + tensions.move_wrench(load, part.offset)
+            above = loads[part.parent - 1] + tensions.move_wrench(load, part.offset) + on_parent
             for blade in part.blades.values():
                 above = above + tensions.move_wrench(
                     np.array([0.0, 0.0, -g * blade.tip_mass, 0.0, 0.0, 0.0]), blade.tip
@@ -218,12 +222,16 @@ def _add_wire_weights(parts: list[StagePart], loads: list[Array], gravity: float
                 loads[body] = loads[body] + tensions.move_wrench(force, point)
 
 
-def _balance_stage(part: StagePart, load: Array, gravity: float) -> list[Fault]:
+def _balance_stage(design: Design, part: StagePart, load: Array) -> list[Fault]:
     """Set the tensions of one stage under its load (6,) about its COM; return its faults."""
-    stage, wires = part.stage, part.wires
+    stage, wires, gravity = part.stage, part.wires, gravity_strength(design)
     key, weight = f"stage.{stage.name}", max(float(np.abs(load).max()), 1e-12)
     for spring in stage.spring:
         load = load + tensions.move_wrench(np.array(spring.preload), np.array(spring.at))
+    if part.struts:
+        return towers.balance_legs(part, load, gravity, weight)
+    if isinstance(stage, Keystone):
+        return towers.hold_keystone(design, part, load, gravity)
     if not wires:
         return tensions.report_imbalance(
             load, weight, f"{key}.spring", "give the springs a preload that carries the body"

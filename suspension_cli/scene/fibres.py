@@ -20,7 +20,7 @@ from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Section
 from suspension_cli.scene.expand import expand_stages, wire_signs
-from suspension_cli.scene.parts import WirePart
+from suspension_cli.scene.parts import StagePart, WirePart
 
 POISSON = 0.3
 """Poisson's ratio of a material for which none is known."""
@@ -75,7 +75,8 @@ def compose(design: Design) -> Fibres:
 
     wires: list[Fibre] = []
     blades: list[BladeLoss] = []
-    for part in expand_stages(design):
+    parts = expand_stages(design)
+    for part in parts:
         for number, (wire, table) in enumerate(zip(part.wires, _wires(part.stage), strict=True)):
             temperature = table.temperature or ambient
             sections = _sections(design, table, np.sqrt(wire.span @ wire.span).item(), losses)
@@ -104,15 +105,23 @@ def compose(design: Design) -> Fibres:
         design.gas.temperature or ambient,
     )
     return Fibres(
-        tuple(wires), tuple(blades), gas, ambient, _springs(design, lambda name: losses(name, None))
+        tuple(wires),
+        tuple(blades),
+        gas,
+        ambient,
+        _springs(design, parts, lambda name: losses(name, None)),
     )
 
 
 def _springs(
-    design: Design, losses: Callable[[str], tuple[Mechanism, ...]]
+    design: Design, parts: list[StagePart], losses: Callable[[str], tuple[Mechanism, ...]]
 ) -> tuple[BladeLoss, ...]:
     """List the losses of the springs of known material, by the labels of the scene."""
-    every = [(stage.name, spring) for stage in design.stage for spring in stage.spring]
+    every = [
+        (part.stage.name, spring)
+        for part in parts
+        for spring in (*part.stage.spring, *part.flexures)
+    ]
     result = []
     for number, (stage, spring) in enumerate(every, 1):
         if spring.material is not None:

@@ -143,6 +143,16 @@ def move_com(scene: Scene, number: int, offset: Any) -> Scene:
             upper_point=_less(springs.upper_point, springs.upper == number, shift),
             lower_point=_less(springs.lower_point, springs.lower == number, shift),
         ),
+        struts=replace(
+            scene.struts,
+            upper_point=_less(scene.struts.upper_point, scene.struts.upper == number, shift),
+            lower_point=_less(scene.struts.lower_point, scene.struts.lower == number, shift),
+        ),
+        bars=replace(
+            scene.bars,
+            point=scene.bars.point
+            - np.where((scene.bars.body == number)[..., None], shift[..., None, None, :], 0.0),
+        ),
     )
 
 

@@ -12,7 +12,7 @@ from suspension_cli.design.derive import body_inertia, body_mass, gravity_streng
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.gravity import field_of
-from suspension_cli.scene.scene import Blades, Bodies, Scene, Springs, Wires
+from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Springs, Wires, no_struts
 
 
 @dataclass(frozen=True)
@@ -90,11 +90,31 @@ class BladePart:
     load: float | None = None
 
 
+@dataclass(frozen=True)
+class BarPart:
+    """Inertia of one bar between the body above and a stage.
+
+    Attributes
+    ----------
+    label : str
+    upper, lower : (3,) arrays
+        Ends in the frames of the two bodies, m.
+    inertia : (3,) array
+        First, mixed and second, kg, see `scene.Bars`.
+    """
+
+    label: str
+    upper: Array
+    lower: Array
+    inertia: Array
+
+
 @dataclass
 class StagePart:
     """One stage: its wires and blades by name, their tensions (w,) and loads (3,) in N.
 
-    `offset` is the vector from the COM above to its COM, m; `parent` the number of the body above.
+    `offset` is the vector from the COM above to its COM, m; `parent` the number of the body above;
+    struts (with their thrust, N), flexures and bars are those of legs and of blades of a filter.
     """
 
     stage: Stage
@@ -104,6 +124,10 @@ class StagePart:
     blades: dict[str, BladePart] = field(default_factory=dict)
     tension: Array = field(default_factory=lambda: np.zeros(0))
     loads: dict[str, Array] = field(default_factory=dict)
+    struts: list[WirePart] = field(default_factory=list)
+    thrust: Array = field(default_factory=lambda: np.zeros(0))
+    flexures: list[Spring] = field(default_factory=list)
+    bars: list[BarPart] = field(default_factory=list)
 
 
 def pack(design: Design, parts: list[StagePart]) -> Scene:
@@ -124,6 +148,8 @@ def pack(design: Design, parts: list[StagePart]) -> Scene:
         wires=_wires(parts),
         blades=_blades(parts),
         springs=_springs(design, parts),
+        struts=_struts(parts),
+        bars=_bars(parts),
         field=field_of(design),
     )
 
@@ -157,6 +183,40 @@ def _wires(parts: list[StagePart]) -> Wires:
     )
 
 
+def _struts(parts: list[StagePart]) -> Wires:
+    rows = [(n, part, strut) for n, part in enumerate(parts, 1) for strut in part.struts]
+    if not rows:
+        return no_struts()
+    span = np.array([strut.span for _, _, strut in rows])
+    return Wires(
+        label=tuple(strut.label for _, _, strut in rows),
+        upper=np.array([part.parent for _, part, _ in rows], dtype=np.intp),
+        lower=np.array([n for n, _, _ in rows], dtype=np.intp),
+        blade=np.full(len(rows), -1),
+        upper_point=np.array([strut.upper_point for _, _, strut in rows]),
+        lower_point=np.array([strut.lower_point for _, _, strut in rows]),
+        span=span,
+        length=np.sqrt((span**2).sum(-1)),
+        tension=-np.concatenate([part.thrust for part in parts]),
+        stiffness=np.array([strut.stiffness for _, _, strut in rows]),
+        torsion=np.zeros(len(rows)),
+        loss=np.zeros(len(rows)),
+        mass=np.zeros((len(rows), 3)),
+    )
+
+
+def _bars(parts: list[StagePart]) -> Bars:
+    rows = [(n, part, bar) for n, part in enumerate(parts, 1) for bar in part.bars]
+    if not rows:
+        return Bars()
+    return Bars(
+        label=tuple(bar.label for _, _, bar in rows),
+        body=np.array([(part.parent, n) for n, part, _ in rows], dtype=np.intp),
+        point=np.array([(bar.upper, bar.lower) for _, _, bar in rows]),
+        inertia=np.array([bar.inertia for _, _, bar in rows]),
+    )
+
+
 def _blades(parts: list[StagePart]) -> Blades:
     rows = [(part, name, blade) for part in parts for name, blade in part.blades.items()]
     return Blades(
@@ -172,7 +232,11 @@ def _blades(parts: list[StagePart]) -> Blades:
 
 
 def _springs(design: Design, parts: list[StagePart]) -> Springs:
-    rows = [(n, part, spring) for n, part in enumerate(parts, 1) for spring in part.stage.spring]
+    rows = [
+        (n, part, spring)
+        for n, part in enumerate(parts, 1)
+        for spring in (*part.stage.spring, *part.flexures)
+    ]
     lower = np.array([spring.at for _, _, spring in rows]).reshape(-1, 3)
     return Springs(
         label=tuple(

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
 
 
+PARTS = ("bodies", "wires", "blades", "springs", "struts", "bars")
+"""Fields of a scene with an array of each kind of element."""
+
+
 @dataclass(frozen=True)
 class Bodies:
     """Rigid bodies.
@@ -153,7 +157,52 @@ class Springs:
     stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
     damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
     preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2))
-    loss: Float[np.ndarray, " spring"]
+    loss: Inexact[np.ndarray, " spring"]
+
+
+def no_struts() -> Wires:
+    """Struts of a scene without any."""
+    none, points, values = np.zeros(0, dtype=np.intp), np.zeros((0, 3)), np.zeros(0)
+    return Wires(
+        label=(),
+        **dict.fromkeys(("upper", "lower", "blade"), none),
+        **dict.fromkeys(("upper_point", "lower_point", "span"), points),
+        **dict.fromkeys(("length", "tension", "stiffness", "torsion", "loss"), values),
+        mass=np.zeros((0, 3)),
+    )
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Inertia of bars between points of two bodies: legs, blades.
+
+    A bar has the kinetic energy first v_1^2 / 2 + mixed v_1 . v_2 + second v_2^2 / 2 of the
+    velocities of its two ends, and so the weights g (first + mixed) and g (mixed + second) there.
+
+    Attributes
+    ----------
+    label : tuple of str
+    body
+        The bodies of both ends.
+    point
+        The ends in the frames of these bodies, m.
+    inertia
+        First, mixed and second, kg.
+    """
+
+    label: tuple[str, ...] = ()
+    body: Int[np.ndarray, "bar 2"] = field(default_factory=lambda: np.zeros((0, 2), np.intp))
+    point: Inexact[np.ndarray, "... bar 2 3"] = field(
+        default_factory=lambda: np.zeros((0, 2, 3)), metadata=inner(3)
+    )
+    inertia: Inexact[np.ndarray, "... bar 3"] = field(
+        default_factory=lambda: np.zeros((0, 3)), metadata=inner(2)
+    )
+
+    @property
+    def loads(self) -> Inexact[np.ndarray, "... bar 2"]:
+        """Mass (..., bar, 2) whose weight rests on each end, kg."""
+        return self.inertia[..., [0, 2]] + self.inertia[..., [1]]
 
 
 @dataclass(frozen=True)
@@ -188,6 +237,11 @@ class Scene:
     gravity : float
         Strength of gravity at the suspension point, m/s^2.
     bodies, wires, blades, springs
+    struts : Wires
+        Legs of inverted pendulums along their length: straight elastic bars from the foot (upper)
+        to the top (lower), with the tension of wires that push (negative).
+    bars : Bars
+        Inertia and weight of legs, and of blades that couple a filter and its keystone.
     drawn : Scene or None
         Of an imperfect scene, the same without imperfections, in balance in its nominal pose.
     fibres : Fibres or None
@@ -204,6 +258,8 @@ class Scene:
     wires: Wires
     blades: Blades
     springs: Springs
+    struts: Wires = field(default_factory=no_struts)
+    bars: Bars = field(default_factory=Bars)
     drawn: Scene | None = None
     fibres: Fibres | None = None
     flex: Flex | None = None
@@ -211,8 +267,8 @@ class Scene:
 
     @property
     def parts(self) -> dict[str, Any]:
-        """Bodies, wires, blades and springs by the name of their field."""
-        return {name: getattr(self, name) for name in ("bodies", "wires", "blades", "springs")}
+        """Bodies, wires, blades, springs, struts and bars by the name of their field."""
+        return {name: getattr(self, name) for name in PARTS}
 
     @cached_property
     def batch(self) -> tuple[int, ...]:
@@ -244,4 +300,5 @@ class Scene:
     def weight(self) -> Inexact[np.ndarray, "*batch"]:
         """Weight of everything that hangs, N, shape ``batch``."""
         wires = self.wires.mass.sum((-2, -1)) + self.wires.mass[..., 1].sum(-1)
-        return self.gravity * (self.bodies.mass.sum(-1) + self.blades.tip_mass.sum(-1) + wires)
+        mass = self.bodies.mass.sum(-1) + self.blades.tip_mass.sum(-1) + wires
+        return self.gravity * mass + self.gravity * self.bars.loads[..., 1].sum(-1)

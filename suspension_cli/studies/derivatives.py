@@ -263,13 +263,7 @@ def _enlarged(scene: Scene) -> Scene:
         }
         return replace(part, **steps)
 
-    return replace(
-        scene,
-        bodies=grown(scene.bodies),
-        wires=grown(scene.wires),
-        blades=grown(scene.blades),
-        springs=grown(scene.springs),
-    )
+    return replace(scene, **{name: grown(part) for name, part in scene.parts.items()})
 
 
 def _searched(base: Differentiable) -> bool:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import msgspec
 
 from suspension_cli.design import materials, paths, reader
+from suspension_cli.design.keystones import add_keystones, drop_keystones
 from suspension_cli.design.paths import twins
 from suspension_cli.design.schema import Design, Material
 from suspension_cli.design.sections import stretches
@@ -129,6 +130,7 @@ def shifted(design: Design, name: str, by: complex) -> Design:
         return msgspec.structs.replace(
             design, materials=design.materials | {keys[1]: paths.changed(own, keys[2:], add)}
         )
+    design = drop_keystones(design)
     for path in twins(name):
         design = paths.changed(design, path.split("."), add)
-    return design
+    return add_keystones(design)

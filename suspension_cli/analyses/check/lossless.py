@@ -75,6 +75,11 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
         )
         if any(_is_lossless(design, spring, level) for spring in stage.spring):
             found.append(Lossless(f"{stage.name}.springs"))
+        legs, blades = stage.inverted_pendulum, stage.filter
+        if legs is not None and not legs.loss_angle and legs.q is None:
+            found.append(Lossless(f"{stage.name}.inverted_pendulum"))
+        if blades is not None and not blades.loss_angle and blades.q is None:
+            found.append(Lossless(f"{stage.name}.filter"))
     return found
 
 

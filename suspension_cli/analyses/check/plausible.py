@@ -193,7 +193,7 @@ def find_instability(choice: Choice, found: Modes) -> list[ImplausibleNumber]:
             Fault(
                 "stage",
                 f"the equilibrium is unstable in the {choice.level} model: {worst}",
-                "attach the wires higher above the COM (raise d)",
+                "attach the wires higher above the COM (raise d), or stiffen the flexures of legs",
             )
         )
     ]

@@ -57,6 +57,8 @@ class Check(Report):
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document that ``pendsus check --json`` prints."""
+        from suspension_cli.analyses.check import towers
+
         found = self.statics
         return {
             "command": "check",
@@ -87,6 +89,7 @@ class Check(Report):
                 {"stage": b.name, "shift_m": list(b.shift), "rotation_rad": list(b.rotation)}
                 for b in found.bodies
             ],
+            **towers.documents(found.legs, found.filters),
             "warnings": [
                 {name: getattr(item.fault, name) for name in ("key", "value", "problem", "remedy")}
                 | {"serious": item.serious}
@@ -120,6 +123,8 @@ class Check(Report):
         return result
 
     def __str__(self) -> str:
+        from suspension_cli.analyses.check import towers
+
         found, count = self.statics, len(self.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
         lines = [
@@ -134,6 +139,7 @@ class Check(Report):
         if self.weights is not None and self.weights.line:
             lines.append(f"  {self.weights.line}")
         lines += [f"  {one.line}" for one in self.profiles]
+        lines += towers.lines(found.legs, found.filters)
         for body in found.bodies:
             if any(body.shift) or any(body.rotation):
                 shift = ", ".join(f"{1e3 * value:.4f}" for value in body.shift)
@@ -169,6 +175,7 @@ def solve(source: Source) -> Check:
         plausible,
         profiles,
         statics,
+        towers,
         warnings,
         wire_weights,
     )
@@ -184,6 +191,7 @@ def solve(source: Source) -> Check:
     except InputError as error:  # it may be one of these numbers that keeps it from balancing
         raise InputError([*error.faults, *(item.fault for item in found)], source.file) from None
     found += plausible.find_implausible_loads(design, loads)
+    found += towers.find_implausible_towers(design, loads.legs, loads.filters)
     stable = level = modes = None
     stability = plausible.solve_stability(design)
     if stability is not None:

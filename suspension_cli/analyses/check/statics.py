@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from suspension_cli.analyses.check import towers
+from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import given_sections, thinnest
@@ -119,6 +121,9 @@ class Statics:
         z of the highest end of a wire, m.
     residual : float
         Of the equilibrium, over the weight.
+    legs : tuple of LegLoad
+        One per inverted pendulum.
+    filters : tuple of FilterLoad
     """
 
     wires: tuple[WireLoad, ...]
@@ -127,6 +132,8 @@ class Statics:
     lowest: tuple[Lowest, ...]
     top: float
     residual: float
+    legs: tuple[LegLoad, ...] = ()
+    filters: tuple[FilterLoad, ...] = ()
 
     @property
     def height(self) -> float:
@@ -177,6 +184,8 @@ def solve(design: Design) -> Statics:
         if scene.wires.label
         else 0.0,
         residual=float(balanced.residual),
+        legs=towers.leg_loads(design, scene, balanced),
+        filters=towers.filter_loads(design, scene, balanced),
     )
 
 

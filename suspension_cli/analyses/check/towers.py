@@ -1,0 +1,318 @@
+"""Statics of inverted pendulums and filters: load, tipping, saturation, working point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.analyses import tables
+from suspension_cli.design.filters import filter_statics
+from suspension_cli.design.inverted_pendulum import leg_inertia, leg_statics
+from suspension_cli.design.keystones import Keystone
+from suspension_cli.design.plausibility import ImplausibleNumber
+from suspension_cli.design.schema import Design
+from suspension_cli.elements import string
+from suspension_cli.equilibrium.energy import with_struts
+from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.errors import Fault, format_value
+from suspension_cli.scene.scene import Scene
+
+TIPPING = 1e-3
+"""Margin of an inverted pendulum to its tipping load, as a fraction of the load, below which to
+warn."""
+WORKING_RANGE = 5e-3
+"""Largest plausible displacement of a keystone from its working point, m: blades are soft within
+some millimetres."""
+
+
+@dataclass(frozen=True)
+class LegLoad:
+    """Load and lateral motion of one inverted pendulum.
+
+    Attributes
+    ----------
+    stage : str
+    thrust : tuple of float
+        Of each leg in equilibrium, at its top, N.
+    load, critical : float
+        Weight that stands on the legs, and that at which they tip over, N.
+    flexure : float
+        Bending stiffness at the foot of one leg, N m/rad.
+    stiffness, elastic : float
+        Lateral stiffness of all legs with the load, and of the flexures alone, N/m.
+    frequency : float or None
+        With everything that hangs moving along, Hz; None if it tips over.
+    tilt : float or None
+        Displacement of the stage as the ground tilts about the height of the feet, m/rad.
+    saturation : float
+        Fraction of the ground's motion that passes by the inertia of the legs at high frequency,
+        with everything that hangs moving along.
+    dilution : float
+        Loss of the mode over that of the flexures.
+    """
+
+    stage: str
+    thrust: tuple[float, ...]
+    load: float
+    critical: float
+    flexure: float
+    stiffness: float
+    elastic: float
+    frequency: float | None
+    tilt: float | None
+    saturation: float
+    dilution: float
+
+    @property
+    def margin(self) -> float:
+        """Critical load over load, less 1; negative if it tips over."""
+        return self.critical / self.load - 1
+
+
+@dataclass(frozen=True)
+class FilterLoad:
+    """Working point of one filter.
+
+    Attributes
+    ----------
+    stage : str
+        Name of the stage with the filter.
+    carried, load : float
+        Weight on the blades, and that for which they are set, N.
+    stiffness : float
+        N/m.
+    frequency : float
+        With the load rigid, Hz.
+    sag : float
+        Displacement of the keystone below its point, m.
+    saturation : float
+        Fraction of the filter's motion that reaches the keystone at high frequency, load rigid.
+    thermal_force : float
+        Change of the blades' force with temperature, N/K.
+    thermal_shift : float
+        Change of the working point, m/K, upwards.
+    """
+
+    stage: str
+    carried: float
+    load: float
+    stiffness: float
+    frequency: float
+    sag: float
+    saturation: float
+    thermal_force: float
+    thermal_shift: float
+
+
+def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegLoad, ...]:
+    """Loads of all inverted pendulums in an equilibrium."""
+    if not scene.struts.label:
+        return ()
+    thrust = -string.state(with_struts(scene), balanced.pose).tension
+    nominal, gravity = scene.drawn or scene, float(scene.gravity)
+    found = []
+    for number, stage in enumerate(design.stage, 1):
+        legs = stage.inverted_pendulum
+        if legs is None:
+            continue
+        own = scene.struts.lower == number
+        inertia = leg_inertia(legs)
+        weight = gravity * inertia.on_top * own.sum()
+        drawn = leg_statics(legs, float(-nominal.struts.tension[own].sum()) - weight, gravity)
+        load = float(thrust[own].sum()) - weight
+        stiffness = drawn.stiffness - (load - drawn.load) / legs.length
+        mass = load / gravity + drawn.count * inertia.top
+        found.append(
+            LegLoad(
+                stage=stage.name,
+                thrust=tuple(thrust[own].tolist()),
+                load=load,
+                critical=drawn.critical,
+                flexure=drawn.flexure,
+                stiffness=stiffness,
+                elastic=drawn.elastic,
+                frequency=math.sqrt(stiffness / mass) / (2 * math.pi) if stiffness > 0 else None,
+                tilt=legs.length * drawn.elastic / stiffness if stiffness > 0 else None,
+                saturation=-drawn.count * inertia.coupling / mass,
+                dilution=stiffness / drawn.elastic,
+            )
+        )
+    return tuple(found)
+
+
+def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[FilterLoad, ...]:
+    """Working points of all filters in an equilibrium."""
+    found = []
+    stages = {stage.name: stage for stage in design.stage}
+    for number, stage in enumerate(design.stage, 1):
+        table = stages[stage.blades_of].filter if isinstance(stage, Keystone) else None
+        if table is None or not isinstance(stage, Keystone):
+            continue
+        spring = int(np.flatnonzero(scene.springs.lower == number)[-1])
+        upper = int(scene.springs.upper[spring])
+        pose, carried = balanced.pose, _weight_below(scene, number)
+        numbers = filter_statics(table, carried, float(scene.gravity))
+        load = float(scene.springs.preload[spring, 2])
+        stiffness = float(scene.springs.stiffness[spring, 2, 2])
+        point = (
+            pose.shift[upper]
+            + pose.arms(np.array([upper]), scene.springs.upper_point[spring][None])[0]
+        )
+        own = pose.shift[number] + scene.springs.upper_point[spring]
+        force = load * (table.modulus_slope + 2 * table.thermal_expansion)
+        found.append(
+            FilterLoad(
+                stage=stage.blades_of,
+                carried=carried,
+                load=load,
+                stiffness=stiffness,
+                frequency=math.sqrt(stiffness / numbers.mass) / (2 * math.pi),
+                sag=float(pose.rotation[upper][:, 2] @ (point - own)),
+                saturation=numbers.coupling / numbers.mass,
+                thermal_force=force,
+                thermal_shift=force / stiffness,
+            )
+        )
+    return tuple(found)
+
+
+def _weight_below(scene: Scene, number: int) -> float:
+    """Weight of a body and of all that hangs from it, N."""
+    from suspension_cli.equilibrium.residual_scale import carried_weights
+
+    return float(carried_weights(scene)[number - 1])
+
+
+def documents(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> dict[str, Any]:
+    """JSON lists of inverted pendulums and filters, where there are any."""
+    result: dict[str, Any] = {}
+    if legs:
+        result["inverted_pendulums"] = [
+            {
+                "stage": leg.stage,
+                "thrust_n": list(leg.thrust),
+                "load_n": leg.load,
+                "critical_load_n": leg.critical,
+                "margin": leg.margin,
+                "flexure_n_m_per_rad": leg.flexure,
+                "stiffness_n_per_m": leg.stiffness,
+                "elastic_stiffness_n_per_m": leg.elastic,
+                "frequency_hz": leg.frequency,
+                "tilt_m_per_rad": leg.tilt,
+                "saturation": leg.saturation,
+                "dilution": leg.dilution,
+            }
+            for leg in legs
+        ]
+    if filters:
+        result["filters"] = [
+            {
+                "stage": own.stage,
+                "carried_n": own.carried,
+                "load_n": own.load,
+                "stiffness_n_per_m": own.stiffness,
+                "frequency_hz": own.frequency,
+                "sag_m": own.sag,
+                "saturation": own.saturation,
+                "thermal_force_n_per_k": own.thermal_force,
+                "thermal_shift_m_per_k": own.thermal_shift,
+            }
+            for own in filters
+        ]
+    return result
+
+
+def lines(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> list[str]:
+    """Tables of inverted pendulums and filters, where there are any."""
+    found = []
+    if legs:
+        heads = {
+            "legs": "",
+            "load\nN": ".2f",
+            "tips over at\nN": ".2f",
+            "margin\n%": ".3g",
+            "stiffness\nN/m": ".4g",
+            "frequency\nHz": ".4g",
+            "ground tilt\nm/rad": ".4g",
+            "saturation": ".2g",
+        }
+        rows = [
+            (
+                leg.stage,
+                leg.load,
+                leg.critical,
+                100 * leg.margin,
+                leg.stiffness,
+                leg.frequency,
+                leg.tilt,
+                leg.saturation,
+            )
+            for leg in legs
+        ]
+        found.append(tables.render(heads, rows))
+    if filters:
+        heads = {
+            "filter": "",
+            "carried\nN": ".2f",
+            "sag\nmm": ".3f",
+            "stiffness\nN/m": ".4g",
+            "frequency\nHz": ".4g",
+            "saturation": ".2g",
+            "thermal force\nN/K": ".3g",
+            "shift\nmm/K": ".3g",
+        }
+        rows = [
+            (
+                own.stage,
+                own.carried,
+                1e3 * own.sag,
+                own.stiffness,
+                own.frequency,
+                own.saturation,
+                own.thermal_force,
+                1e3 * own.thermal_shift,
+            )
+            for own in filters
+        ]
+        found.append(tables.render(heads, rows))
+    return found
+
+
+def find_implausible_towers(
+    design: Design, legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]
+) -> Iterator[ImplausibleNumber]:
+    """Report inverted pendulums near tipping and filters away from their working point."""
+    stages = {stage.name: stage for stage in design.stage}
+    for leg in legs:
+        if leg.margin >= TIPPING:
+            continue
+        key = f"stage.{leg.stage}.inverted_pendulum"
+        state = (
+            f"tips over: its load of {leg.load:.6g} N is above the critical load of"
+            f" {leg.critical:.6g} N"
+            if leg.margin <= 0
+            else f"is near tipping: its load of {leg.load:.6g} N is {100 * leg.margin:.2g} % below"
+            f" the critical load of {leg.critical:.6g} N"
+        )
+        table = stages[leg.stage].inverted_pendulum
+        assert table is not None
+        least = leg.flexure + (leg.load - leg.critical) * table.length / len(leg.thrust)
+        remedy = f"take off load, or give flexures well above {least:.6g} N m/rad"
+        yield ImplausibleNumber(Fault(key, state, remedy))
+    for own in filters:
+        if abs(own.sag) <= WORKING_RANGE:
+            continue
+        way = "below" if own.sag > 0 else "above"
+        yield ImplausibleNumber(
+            Fault(
+                f"stage.{own.stage}.filter.load",
+                f"the keystone is {1e3 * abs(own.sag):.3g} mm {way} its working point: it carries"
+                f" {own.carried:.6g} N, not {own.load:.6g} N",
+                f"give load = {own.carried:.6g}, leave it out, or change the mass below",
+                format_value(own.load),
+            )
+        )

@@ -1,0 +1,240 @@
+"""Filters: bodies with blades (geometric anti-springs) that carry a keystone.
+
+`[stage.filter]` adds to a stage a second body, its keystone, of the name STAGE-keystone: it stands
+right after the stage in the list of bodies, so that the next stage hangs from it. The blades are a
+spring between both, stiff in all directions but the vertical. Their inertia couples the motion of
+the two ends: with kinetic energy m_c v_f v_k of the velocities of filter and keystone, the keystone
+and the mass M that it carries follow the filter with
+
+    z_k / z_f = (k + m_c w^2) / (k - (M - m_c) w^2),
+
+w the angular frequency; the isolation saturates at m_c / (M - m_c), and the frequency of the blades
+is sqrt(k / (M - m_c)) (Stochino et al., Nucl. Instrum. Methods A 580, 1559 (2007), for the transfer
+function (w0^2 + beta w^2) / (w0^2 - w^2)). A magic wand makes m_c small or negative. The mass of
+the blades is part of those of filter and keystone, m_c of it counted on both, which a relative
+inertia of -m_c between the two corrects.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from msgspec import Meta
+
+from suspension_cli.design.units import (
+    Expansion,
+    Frequency,
+    LossAngle,
+    Mass,
+    ModulusSlope,
+    Stiffness,
+    Table,
+    Tension,
+    Vector,
+    of_unit,
+)
+from suspension_cli.errors import Fault, format_value
+
+SUFFIX = "-keystone"
+LATERAL, TILT = 1e7, 1e4
+"""Default stiffness of a keystone across the vertical, N/m, and against rotation, N m/rad: far
+above that of any wire."""
+STEEL = 7900.0
+"""Density of a keystone whose moments of inertia are not given, kg/m^3."""
+
+
+class Keystone(Table, frozen=True):
+    """Mass and inertia of a keystone, the part of the blades that moves with it included."""
+
+    mass: Mass
+    inertia: (
+        Annotated[
+            list[Annotated[float, of_unit("kg m^2", "", gt=0, le=1e15)]],
+            Meta(
+                min_length=3,
+                max_length=3,
+                description=(
+                    "moments of inertia about x, y, z, kg m^2; default those of a steel cylinder as"
+                    " high as wide"
+                ),
+            ),
+        ]
+        | None
+    ) = None
+
+
+class Filter(Table, frozen=True):
+    """Blades (geometric anti-springs) on this body, which carry a keystone.
+
+    The next stage hangs from the keystone, a body of the name STAGE-keystone; name the stage itself
+    in hangs_from to hang from the filter's own body.
+    """
+
+    keystone: Keystone
+    at: Annotated[Vector, Meta(description="COM of the keystone from this body's COM, m")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    frequency: (
+        Annotated[
+            Frequency,
+            Meta(description="vertical frequency at the working point, Hz, with the load rigid"),
+        ]
+        | None
+    ) = None
+    stiffness: (
+        Annotated[
+            Stiffness,
+            Meta(description="vertical stiffness of all blades there, N/m, instead of frequency"),
+        ]
+        | None
+    ) = None
+    load: (
+        Annotated[
+            Tension,
+            Meta(
+                description=(
+                    "weight under which the keystone is at its point, its own included, N; default"
+                    " what it carries"
+                )
+            ),
+        ]
+        | None
+    ) = None
+    lateral_stiffness: Annotated[
+        Stiffness, Meta(description="stiffness of the blades against horizontal motion, N/m")
+    ] = LATERAL
+    tilt_stiffness: Annotated[
+        float,
+        of_unit("N m/rad", "stiffness of the blades against rotation, N m/rad", gt=0, le=1e15),
+    ] = TILT
+    saturation: (
+        Annotated[
+            float,
+            of_unit(
+                "1",
+                "fraction of the filter's vertical motion that reaches the keystone at high"
+                " frequency, with the load rigid; negative with too heavy a magic wand",
+                gt=-0.5,
+                lt=0.5,
+            ),
+        ]
+        | None
+    ) = None
+    mass_coupling: (
+        Annotated[
+            float,
+            of_unit(
+                "kg",
+                "inertia of the blades that couples both bodies, kg, instead of saturation",
+                ge=-1e6,
+                le=1e6,
+            ),
+        ]
+        | None
+    ) = None
+    loss_angle: (
+        Annotated[LossAngle, Meta(description="loss angle of the blades' stiffness in rad")] | None
+    ) = None
+    q: (
+        Annotated[float, of_unit("1", "Q of the vertical mode, 1/loss_angle", gt=0, le=1e12)] | None
+    ) = None
+    modulus_slope: Annotated[
+        ModulusSlope,
+        Meta(
+            description=(
+                "relative change of Young's modulus of the blades with temperature, 1/K, for the"
+                " shift of the working point that check reports"
+            )
+        ),
+    ] = 0.0
+    thermal_expansion: Annotated[
+        Expansion,
+        Meta(description="expansion of the blades in 1/K, adds to the slope in the shift"),
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class FilterStatics:
+    """Blades of a filter under their load.
+
+    Attributes
+    ----------
+    carried, load : float
+        Weight that the keystone carries, its own included, and that under which it is at its
+        nominal point, N.
+    stiffness : float
+        Vertical, N/m.
+    coupling : float
+        m_c, kg.
+    mass : float
+        Inertia against vertical motion M - m_c at the load, kg.
+    loss : float
+        Loss angle, rad.
+    """
+
+    carried: Any
+    load: Any
+    stiffness: Any
+    coupling: Any
+    mass: Any
+    loss: Any
+
+
+def filter_statics(table: Filter, carried: Any, gravity: Any) -> FilterStatics:
+    """Compute the blades of a filter whose keystone carries a weight (N), its own included."""
+    load = carried if table.load is None else table.load
+    whole = load / gravity
+    coupling = table.mass_coupling or 0.0
+    if table.saturation is not None:
+        coupling = whole * table.saturation / (1 + table.saturation)
+    stiffness = table.stiffness
+    if stiffness is None:
+        assert table.frequency is not None
+        stiffness = (2 * math.pi * table.frequency) ** 2 * (whole - coupling)
+    loss = 1 / table.q if table.q is not None else table.loss_angle or 0.0
+    return FilterStatics(carried, load, stiffness, coupling, whole - coupling, loss)
+
+
+def keystone_inertia(keystone: Keystone) -> list[Any]:
+    """Moments of inertia of a keystone, kg m^2: m r^2 / 2 about z, 7 m r^2 / 12 across.
+
+    Of a cylinder of the height 2 r, if not given (any text on mechanics).
+    """
+    if keystone.inertia is not None:
+        return keystone.inertia
+    square = (keystone.mass / (2 * math.pi * STEEL)) ** (2 / 3)
+    across = 7 * keystone.mass * square / 12
+    return [across, across, keystone.mass * square / 2]
+
+
+def check_filter(table: Filter, path: str) -> Iterator[Fault]:
+    """Check one `[stage.filter]` table."""
+    for keys, what in (
+        (("stiffness", "frequency"), "stiffness in N/m, or frequency at the load in Hz"),
+        (("loss_angle", "q"), "loss_angle in rad, or q"),
+        (("saturation", "mass_coupling"), "saturation, or mass_coupling in kg"),
+    ):
+        given = [key for key in keys if getattr(table, key) is not None]
+        if len(given) == 2 or (not given and keys[0] == "stiffness"):
+            have = f"{keys[0]} and {keys[1]} are both given" if given else "has no stiffness"
+            yield Fault(path, have, f"give exactly one: {what}")
+    if table.q is not None and table.q <= 1:
+        yield Fault(
+            f"{path}.q",
+            "gives a loss angle of 1 rad or more",
+            "give a larger one, or damp the stage with [stage.damping]",
+            format_value(table.q),
+        )
+    if table.mass_coupling is not None and table.mass_coupling >= table.keystone.mass:
+        yield Fault(
+            f"{path}.mass_coupling",
+            f"is not below the mass of the keystone, {table.keystone.mass:g} kg, of which it is"
+            " part",
+            "give the keystone the mass of the blades that moves with it",
+            format_value(table.mass_coupling),
+        )

@@ -1,0 +1,379 @@
+"""Inverted pendulum: a stage that stands on legs, with its flexures, load and loss.
+
+A leg is a rigid bar of length L from a foot on the body (or support) below to a joint on the stage.
+Leaning by an angle phi it bends the flexure at its foot (stiffness k) and the joint at its top
+(k_t), and lowers the load F on it and its own weight m g at the height h of its COM:
+
+    V = (k + k_t) phi^2 / 2 - (F L + m g h) phi^2 / 2.
+
+n legs that lean together by phi = x / L carry the weight W = n F. Their lateral stiffness, inertia
+and the load at which they tip over are
+
+    K = (n (k + k_t) - W L - n m g h) / L^2,      M = W / g + n (I + m h^2) / L^2,
+    W_tip = n (k + k_t - m g h) / L,
+
+I being the moment of inertia of a leg about its COM (the anti-spring of Losurdo et al., Rev. Sci.
+Instrum. 70, 2507 (1999), with the mass of the legs). Ground motion at high frequency passes by the
+inertia of the legs alone: the stage moves by the fraction -n m_c / (M_s + n m_t) of the ground,
+
+    m_c = m (h/L) (1 - h/L) - I / L^2,      m_t = m (h/L)^2 + I / L^2,
+
+M_s being the mass that moves with the tops; 0 if the centre of percussion of the legs is at their
+tops' joint, which a counterweight below the feet brings about.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from msgspec import Meta
+
+from suspension_cli.design.units import (
+    Angle,
+    Frequency,
+    Length,
+    LossAngle,
+    Mass,
+    MassOrZero,
+    MomentOrZero,
+    Position,
+    Stiffness,
+    Table,
+    Vector,
+    of_unit,
+)
+from suspension_cli.errors import Fault, format_value
+
+FLEXURE = Annotated[float, of_unit("N m/rad", "", gt=0, le=1e15)]
+AXIAL_STIFFNESS = 1e8
+"""Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
+long."""
+TURN = 5040
+"""Parts of a turn, to which angles are rounded if they are as near as 1e-13 rad: a multiple of most
+numbers of legs."""
+ROUND_ROD = 1.3
+"""Bending over torsional stiffness of a round rod, E I / (G J) = 1 + nu at Poisson's ratio 0.3."""
+
+
+class Counterweight(Table, frozen=True):
+    """A mass on each leg below its foot, which moves the leg's centre of percussion."""
+
+    mass: Mass
+    below: Annotated[Length, Meta(description="distance below the flexure, m")]
+
+
+class InvertedPendulum(Table, frozen=True):
+    """Legs on which a stage stands: feet on the body above it in the file, or on the support."""
+
+    length: Annotated[Length, Meta(description="length of a leg, foot to top, m")]
+    points: (
+        Annotated[
+            list[Vector],
+            Meta(
+                min_length=3,
+                max_length=24,
+                description="tops of the legs from this body's COM, m; instead of count and radius",
+            ),
+        ]
+        | None
+    ) = None
+    count: (
+        Annotated[int, Meta(ge=3, le=24, description="number of legs, evenly spaced on a circle")]
+        | None
+    ) = None
+    radius: Annotated[Length, Meta(description="radius of that circle, m")] | None = None
+    phase: Annotated[
+        Angle, Meta(description="angle of the first leg from the x axis towards y, rad")
+    ] = 0.0
+    top: Annotated[
+        Position, Meta(description="height of the tops above this body's COM, with count, m")
+    ] = 0.0
+    stiffness: (
+        Annotated[
+            FLEXURE,
+            Meta(description="bending stiffness of the flexure at the foot of a leg, N m/rad"),
+        ]
+        | None
+    ) = None
+    frequency: (
+        Annotated[
+            Frequency,
+            Meta(
+                description=(
+                    "lateral frequency with the load, Hz, instead of stiffness; everything that"
+                    " hangs moves with the stage"
+                )
+            ),
+        ]
+        | None
+    ) = None
+    top_stiffness: Annotated[
+        float,
+        of_unit(
+            "N m/rad", "bending stiffness of the joint at the top of a leg, N m/rad", ge=0, le=1e15
+        ),
+    ] = 0.0
+    yaw_stiffness: (
+        Annotated[
+            float,
+            of_unit(
+                "N m/rad",
+                "torsional stiffness of a leg, N m/rad; default that of a round rod, stiffness/1.3",
+                ge=0,
+                le=1e15,
+            ),
+        ]
+        | None
+    ) = None
+    axial_stiffness: Annotated[
+        Stiffness, Meta(description="stiffness of a leg along its length, N/m")
+    ] = AXIAL_STIFFNESS
+    leg_mass: Annotated[MassOrZero, Meta(description="mass of a leg, kg")] = 0.0
+    leg_com: (
+        Annotated[
+            float,
+            of_unit(
+                "m", "height of the COM of a leg above its foot, m; default half", ge=-1e5, le=1e5
+            ),
+        ]
+        | None
+    ) = None
+    leg_inertia: (
+        Annotated[
+            MomentOrZero,
+            Meta(
+                description=(
+                    "moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"
+                )
+            ),
+        ]
+        | None
+    ) = None
+    counterweight: Counterweight | None = None
+    loss_angle: (
+        Annotated[LossAngle, Meta(description="loss angle of the flexures in rad")] | None
+    ) = None
+    q: (
+        Annotated[
+            float,
+            of_unit(
+                "1",
+                "Q of the lateral mode with the load, instead of loss_angle",
+                gt=0,
+                le=1e12,
+            ),
+        ]
+        | None
+    ) = None
+
+
+def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
+    """List the tops of the legs from the COM of the stage, m."""
+    if legs.points is not None:
+        return list(legs.points)
+    assert legs.count is not None and legs.radius is not None
+    found = []
+    for n in range(legs.count):
+        x, y = _direction(legs.phase + 2 * math.pi * n / legs.count)
+        found.append((legs.radius * x, legs.radius * y, legs.top))
+    return found
+
+
+def _direction(angle: Any) -> tuple[Any, Any]:
+    """Cosine and sine; of fractions of a turn those of mirror images are equal but for the sign."""
+    if isinstance(angle, complex):  # a derivative by a complex step
+        x, y = _direction(angle.real)
+        return complex(x, -y * angle.imag), complex(y, x * angle.imag)
+    steps = angle / (2 * math.pi) * TURN
+    if abs(steps - round(steps)) > 1e-10:
+        return math.cos(angle), math.sin(angle)
+    step, quarter = round(steps) % TURN, TURN // 4
+    quadrant, rest = divmod(step, quarter)
+    x, y = math.cos(2 * math.pi * rest / TURN), math.cos(2 * math.pi * (quarter - rest) / TURN)
+    x, y = (1.0, 0.0) if rest == 0 else (x, y)
+    return ((x, y), (-y, x), (-x, -y), (y, -x))[quadrant]
+
+
+def offset(legs: InvertedPendulum) -> tuple[float, float, float]:
+    """Compute the COM of the stage from that below, m, if the feet are at the height of the
+    latter.
+    """
+    return (0.0, 0.0, legs.length - min(tops(legs), key=lambda top: top[2].real)[2])
+
+
+@dataclass(frozen=True)
+class LegInertia:
+    """Inertia of one leg, its counterweight included.
+
+    Attributes
+    ----------
+    foot, coupling, top : float
+        Kinetic energy foot v_f^2 / 2 + coupling v_f v_t + top v_t^2 / 2 of the velocities of both
+        ends, kg.
+    """
+
+    foot: Any
+    coupling: Any
+    top: Any
+
+    @property
+    def on_top(self) -> Any:
+        """Mass whose weight rests on the top, m h / L, kg."""
+        return self.coupling + self.top
+
+    @property
+    def on_foot(self) -> Any:
+        """Mass whose weight rests on the foot, m (1 - h / L), kg."""
+        return self.foot + self.coupling
+
+
+def leg_inertia(legs: InvertedPendulum) -> LegInertia:
+    """Compute the inertia of one leg as a rigid bar between its ends."""
+    length = legs.length
+    com = length / 2 if legs.leg_com is None else legs.leg_com
+    moment = legs.leg_inertia
+    if moment is None:
+        moment = legs.leg_mass * length**2 / 12
+    masses = [(legs.leg_mass, com / length)]
+    if legs.counterweight is not None:
+        masses.append((legs.counterweight.mass, -legs.counterweight.below / length))
+    own = moment / length**2
+    return LegInertia(
+        foot=own + sum(m * (1 - s) ** 2 for m, s in masses),
+        coupling=-own + sum(m * s * (1 - s) for m, s in masses),
+        top=own + sum(m * s**2 for m, s in masses),
+    )
+
+
+@dataclass(frozen=True)
+class LegStatics:
+    """Flexures of an inverted pendulum under its load, and its lateral motion.
+
+    Attributes
+    ----------
+    count : int
+    flexure, top : float
+        Bending stiffness of the flexure at the foot and of the joint at the top of a leg, N m/rad.
+    yaw : float
+        Torsional stiffness of a leg, N m/rad.
+    load : float
+        Weight of the stage and of all that hangs from it, N.
+    critical : float
+        Load at which it tips over, N.
+    stiffness, elastic : float
+        Lateral, of all legs: with the load, and of the flexures alone, N/m.
+    mass : float
+        Inertia against lateral motion, kg.
+    loss : float
+        Loss angle of the flexures, rad.
+    gravity : float
+        m/s^2.
+    """
+
+    count: int
+    flexure: Any
+    top: Any
+    yaw: Any
+    load: Any
+    critical: Any
+    stiffness: Any
+    elastic: Any
+    mass: Any
+    loss: Any
+    gravity: Any
+
+    @property
+    def omega_squared(self) -> Any:
+        """Square of the lateral angular frequency, 1/s^2; negative if it tips over."""
+        return self.stiffness / self.mass
+
+
+def leg_statics(legs: InvertedPendulum, load: Any, gravity: Any) -> LegStatics:
+    """Compute the flexures of an inverted pendulum under a load (N); formulas: see the module."""
+    count, length, inertia = len(tops(legs)), legs.length, leg_inertia(legs)
+    mass = load / gravity + count * inertia.top
+    weight = load + count * inertia.on_top * gravity
+    if legs.stiffness is not None:
+        flexure = legs.stiffness
+    else:
+        assert legs.frequency is not None
+        wanted = (2 * math.pi * legs.frequency) ** 2 * mass
+        flexure = (wanted * length**2 + weight * length) / count - legs.top_stiffness
+    elastic = count * (flexure + legs.top_stiffness) / length**2
+    stiffness = elastic - weight / length
+    yaw = flexure / ROUND_ROD if legs.yaw_stiffness is None else legs.yaw_stiffness
+    loss = legs.loss_angle or 0.0
+    if legs.q is not None:
+        loss = stiffness / elastic / legs.q if stiffness.real > 0 else 0.0
+    return LegStatics(
+        count=count,
+        flexure=flexure,
+        top=legs.top_stiffness,
+        yaw=yaw,
+        load=load,
+        critical=elastic * length - count * inertia.on_top * gravity,
+        stiffness=stiffness,
+        elastic=elastic,
+        mass=mass,
+        loss=loss,
+        gravity=gravity,
+    )
+
+
+def check_legs(legs: InvertedPendulum, path: str) -> Iterator[Fault]:
+    """Check one `[stage.inverted_pendulum]` table."""
+    if (legs.points is None) == (legs.count is None):
+        both = "points and count are both given" if legs.points is not None else "has no legs"
+        yield Fault(path, both, "give exactly one: points, or count with radius")
+    elif legs.count is not None and legs.radius is None:
+        yield Fault(f"{path}.radius", "missing", "give the radius of the circle of legs in m")
+    if legs.points is not None and legs.count is None:
+        for key, value in (("radius", legs.radius), ("phase", legs.phase), ("top", legs.top)):
+            if value:
+                yield Fault(
+                    f"{path}.{key}",
+                    "goes with count; points place the legs themselves",
+                    "remove it or give count",
+                    format_value(value),
+                )
+        yield from _check_base(legs.points, f"{path}.points")
+    for keys, what in (
+        (("stiffness", "frequency"), "stiffness in N m/rad, or frequency with the load in Hz"),
+        (("loss_angle", "q"), "loss_angle in rad, or q"),
+    ):
+        given = [key for key in keys if getattr(legs, key) is not None]
+        if len(given) == 2 or (not given and keys[0] == "stiffness"):
+            have = f"{keys[0]} and {keys[1]} are both given" if given else "has no stiffness"
+            yield Fault(path, have, f"give exactly one: {what}")
+    if legs.leg_mass == 0 and (legs.leg_inertia or legs.leg_com):
+        yield Fault(f"{path}.leg_mass", "missing", "give the mass of a leg in kg")
+    if legs.leg_inertia is not None and legs.leg_inertia > legs.leg_mass * legs.length**2:
+        yield Fault(
+            f"{path}.leg_inertia",
+            f"is more than that of {legs.leg_mass:g} kg at both ends of two legs' length",
+            "give it about the leg's COM in kg m^2; a thin rod has m L^2 / 12",
+            format_value(legs.leg_inertia),
+        )
+    if legs.counterweight is not None and legs.counterweight.below > 2 * legs.length:
+        yield Fault(
+            f"{path}.counterweight.below",
+            f"is more than twice the length of the leg, {legs.length:g} m",
+            "give it in m",
+            format_value(legs.counterweight.below),
+        )
+
+
+def _check_base(points: list[tuple[float, float, float]], path: str) -> Iterator[Fault]:
+    """Check that the legs do not stand on one line."""
+    (x, y, _), rest = points[0], points[1:]
+    size = max(math.hypot(a - x, b - y) for a, b, _ in rest)
+    area = max(abs((a - x) * (d - y) - (b - y) * (c - x)) for a, b, _ in rest for c, d, _ in rest)
+    if area <= 1e-6 * size**2:
+        yield Fault(
+            path,
+            "all legs stand on one line, so that the stage would fall over",
+            "place a leg beside it",
+        )

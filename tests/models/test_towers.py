@@ -1,0 +1,426 @@
+"""Inverted pendulums and filters against energies written down here, and against closed forms."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from suspension_cli.design import reader
+from suspension_cli.design.paths import value_at
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.energy import gradient_and_stiffness
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear.symmetry import find_symmetry
+from suspension_cli.models import registry, string
+from suspension_cli.scene import imperfections, stack
+from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
+from suspension_cli.studies import derivatives
+from tests.support import jets
+
+G = 9.81
+LEG = {"length": 0.45, "mass": 2.2, "com": 0.25, "inertia": 0.05, "axial": 3e7, "yaw": 55.0}
+WEIGHT = {"mass": 1.3, "below": 0.15}
+FLEXURE, TOP_JOINT, RADIUS, TOP = 700.0, 21.0, 0.55, 0.06
+MASSES = {"ip": 310.0, "ip-keystone": 2.4, "f": 120.0}
+INERTIAS = {"ip": (30.0, 28.0, 55.0), "ip-keystone": (0.004, 0.005, 0.006), "f": (4.0, 5.0, 6.0)}
+BLADES = {"k": 310.0, "lateral": 2e6, "tilt": 4e3, "coupling": 0.35, "at": (0.0, 0.0, -0.08)}
+WIRE = {"l": 1.1, "s": 0.03, "t": 0.04, "d": 0.02, "d_upper": 0.01, "k": 4e5}
+
+TOWER = f"""
+[design]
+name = "tower"
+[[stage]]
+name = "ip"
+body = {{ mass = {MASSES["ip"]}, inertia = {list(INERTIAS["ip"])} }}
+[stage.inverted_pendulum]
+length = {LEG["length"]}
+count = 3
+radius = {RADIUS}
+top = {TOP}
+phase = 0.4
+stiffness = {FLEXURE}
+top_stiffness = {TOP_JOINT}
+yaw_stiffness = {LEG["yaw"]}
+axial_stiffness = {LEG["axial"]}
+leg_mass = {LEG["mass"]}
+leg_com = {LEG["com"]}
+leg_inertia = {LEG["inertia"]}
+counterweight = {{ mass = {WEIGHT["mass"]}, below = {WEIGHT["below"]} }}
+loss_angle = 1e-3
+[stage.filter]
+at = {list(BLADES["at"])}
+stiffness = {BLADES["k"]}
+lateral_stiffness = {BLADES["lateral"]}
+tilt_stiffness = {BLADES["tilt"]}
+mass_coupling = {BLADES["coupling"]}
+q = 80.0
+keystone = {{ mass = {MASSES["ip-keystone"]}, inertia = {list(INERTIAS["ip-keystone"])} }}
+[[stage]]
+name = "f"
+body = {{ mass = {MASSES["f"]}, inertia = {list(INERTIAS["f"])} }}
+wires = {{ count = 4, l = {WIRE["l"]}, s = {WIRE["s"]}, t1 = {WIRE["t"]}, t2 = {WIRE["t"]}, \
+d = {WIRE["d"]}, d_upper = {WIRE["d_upper"]}, k = {WIRE["k"]} }}
+"""
+
+
+def blades(at, tilt, place, turn, mass):
+    """Energy of the blades of the filter; m_c v . v in place of a part of both masses."""
+    total = 0.0
+    strain = turn["ip"].T @ (at["ip-keystone"] - place("ip", BLADES["at"]))
+    carried = (MASSES["ip-keystone"] + MASSES["f"]) * G
+    stiffness = (BLADES["lateral"], BLADES["lateral"], BLADES["k"])
+    for k, s, t in zip(stiffness, strain, tilt, strict=True):
+        total = total + 0.5 * k * s * s + 0.5 * BLADES["tilt"] * t * t
+    ends = [place("ip", BLADES["at"]), at["ip-keystone"]]
+    one, other = (np.array([axis.gradient for axis in end]) for end in ends)
+    mass += BLADES["coupling"] * (one.T @ other + other.T @ one - one.T @ one - other.T @ other)
+    return total - carried * strain[2]
+
+
+LOSSLESS = TOWER.replace("loss_angle = 1e-3\n", "").replace("q = 80.0\n", "")
+
+
+@cache
+def energies():
+    """Second derivatives of the potential energy, and the mass matrix, from geometry alone.
+
+    Coordinates: six each of support, platform, keystone and filter; finite rotations.
+    """
+    q = jets.coordinates(24)
+    names = ["support", *MASSES]
+    nominal = {"support": np.zeros(3), "ip": np.array([0.0, 0.0, LEG["length"] - TOP])}
+    nominal["ip-keystone"] = nominal["ip"] + BLADES["at"]
+    drop = WIRE["d_upper"] + WIRE["l"] + WIRE["d"]
+    nominal["f"] = nominal["ip-keystone"] - [0.0, 0.0, drop]
+    at = {n: nominal[n] + np.array(q[6 * i : 6 * i + 3]) for i, n in enumerate(names)}
+    turn = {n: jets.rotation(np.array(q[6 * i + 3 : 6 * i + 6])) for i, n in enumerate(names)}
+
+    def place(body, point):
+        return at[body] + turn[body] @ np.array(point)
+
+    def twist(one, other):
+        relative = turn[one].T @ turn[other]
+        skew = relative - relative.T
+        return np.array([skew[2, 1], skew[0, 2], skew[1, 0]]) / 2
+
+    mass = np.zeros((24, 24))
+
+    def add(kilograms, point):
+        motion = np.array([axis.gradient for axis in point])
+        mass[:] += kilograms * motion.T @ motion
+        return kilograms * G * point[2]
+
+    potential = 0.0 * q[0]
+    for i, name in enumerate(names[1:], 1):
+        potential = potential + add(MASSES[name], at[name])
+        turning = slice(6 * i + 3, 6 * i + 6)
+        mass[turning, turning] += np.diag(INERTIAS[name])
+    # legs: a rod of given mass and moment as two points, and a counterweight below the foot
+    share = LEG["com"] / LEG["length"]
+    half = np.sqrt(LEG["inertia"] / LEG["mass"]) / LEG["length"]
+    load = sum(MASSES.values()) * G
+    on_top = share * LEG["mass"] - WEIGHT["below"] / LEG["length"] * WEIGHT["mass"]
+    thrust = load / 3 + on_top * G
+    for n in range(3):
+        angle = 0.4 + 2 * np.pi * n / 3
+        x, y = RADIUS * np.cos(angle), RADIUS * np.sin(angle)
+        foot, top = place("support", (x, y, 0.0)), place("ip", (x, y, TOP))
+        leg = top - foot
+        size = jets.length(leg)
+        lean = leg / size
+        potential = potential + 0.5 * LEG["axial"] * (
+            (size - LEG["length"] - thrust / LEG["axial"]) ** 2
+        )
+        for body, stiffness in (("support", FLEXURE), ("ip", TOP_JOINT)):
+            seen = turn[body].T @ lean
+            potential = potential + 0.5 * stiffness * (seen[0] * seen[0] + seen[1] * seen[1])
+        yaw = twist("support", "ip")[2]
+        potential = potential + 0.5 * LEG["yaw"] * yaw * yaw
+        for sign in (1, -1):
+            potential = potential + add(LEG["mass"] / 2, foot + (share + sign * half) * leg)
+        below = foot - WEIGHT["below"] / LEG["length"] * leg
+        potential = potential + add(WEIGHT["mass"], below)
+    potential = potential + blades(at, twist("ip", "ip-keystone"), place, turn, mass)
+    pull = MASSES["f"] * G / 4
+    for i in (1, -1):
+        for j in (1, -1):
+            x, y = i * WIRE["s"], j * WIRE["t"]
+            wire = place("ip-keystone", (x, y, -WIRE["d_upper"])) - place("f", (x, y, WIRE["d"]))
+            stretch = jets.length(wire) - WIRE["l"] + pull / WIRE["k"]
+            potential = potential + 0.5 * WIRE["k"] * stretch * stretch
+    return potential, mass
+
+
+def linear():
+    scene = expand(reader.parse(TOWER))
+    numbering = layout(scene)
+    gradient, stiffness = gradient_and_stiffness(scene, numbering, nominal_pose(scene))
+    mass = string.mass_matrix(scene, numbering, nominal_pose(scene))
+    return gradient, stiffness, mass
+
+
+def scaled_error(found, expected):
+    size = np.sqrt(np.abs(np.diag(expected))) + 1e-3
+    return np.abs((found - expected) / np.outer(size, size)).max()
+
+
+def test_matrices_are_the_second_derivatives_of_the_energies():
+    potential, mass = energies()
+    gradient, stiffness, found = linear()
+    assert np.abs(potential.gradient[6:]).max() < 1e-9  # in balance
+    np.testing.assert_allclose(gradient, potential.gradient, atol=1e-8)
+    assert scaled_error(stiffness, potential.hessian) < 1e-11
+    assert scaled_error(found, mass) < 1e-12
+
+
+def test_frequencies_are_those_of_the_energies():
+    potential, mass = energies()
+    root = np.linalg.cholesky(mass[6:, 6:])
+    # the softest modes are the largest eigenvalues of the compliance
+    compliance = root.T @ np.linalg.solve(potential.hessian[6:, 6:], root)
+    expected = 1 / np.sqrt(np.linalg.eigvalsh((compliance + compliance.T) / 2)[::-1])
+    found = sus.modes(sus.parse(LOSSLESS), model="string")
+    np.testing.assert_allclose(2 * np.pi * found.frequency[:8], expected[:8], rtol=1e-9)
+
+
+def test_compiled_loops_and_arrays_agree_in_any_pose():
+    scene, rng = expand(reader.parse(TOWER)), np.random.default_rng(3)
+    numbering = layout(scene)
+    pose = displace(numbering, nominal_pose(scene), 1e-2 * rng.normal(size=numbering.size))
+    from suspension_cli.equilibrium import compiled
+
+    pair = stack.stack_scenes([scene, scene])
+    poses = Pose(*(np.stack([part] * 2) for part in (pose.shift, pose.turn, pose.deflection)))
+    soft, form = compiled.tangent(pair, numbering, poses)[:2]
+    whole = soft[0] + np.einsum("w,wi,wj->ij", scene.wires.stiffness, form[0], form[0])
+    _, stiffness = gradient_and_stiffness(scene, numbering, pose)
+    assert scaled_error(whole, stiffness) < 1e-12
+
+
+def test_imperfect_builds_in_a_batch_are_those_solved_alone():
+    scene, rng = expand(reader.parse(TOWER)), np.random.default_rng(4)
+    numbering, built = layout(scene), []
+    for _ in range(3):
+        one = imperfections.impose(scene, "body", 1, {"com_offset": 2e-3 * rng.normal(size=3)})
+        one = imperfections.impose(one, "body", 3, {"mass_factor": 1 + 1e-3 * rng.normal()})
+        built.append(imperfections.impose(one, "wire", 0, {"length_change": 1e-5}))
+    batch = equilibrium.solve(stack.stack_scenes(built), numbering)
+    assert batch.converged.all()
+    for n, one in enumerate(built):
+        alone = equilibrium.solve(one, numbering)
+        np.testing.assert_allclose(batch.pose.shift[n], alone.pose.shift, atol=1e-12)
+        assert scaled_error(batch.stiffness[n], alone.stiffness) < 1e-11
+
+
+# ---------------------------------------------------------------- one inverted pendulum alone
+
+ALONE = """
+[design]
+name = "legs"
+[[stage]]
+name = "ip"
+body = {{ mass = 300.0, inertia = [20.0, 20.0, 40.0] }}
+[stage.inverted_pendulum]
+length = 0.5
+count = 3
+radius = 0.6
+{more}
+"""
+
+
+def alone(**keys):
+    lines = "\n".join(f"{key} = {value}" for key, value in keys.items())
+    return sus.parse(ALONE.format(more=lines))
+
+
+def transfer(design, source, target, frequency):
+    found = sus.response(
+        design,
+        inputs=[source],
+        outputs=[target],
+        frequency=np.atleast_1d(frequency),
+        model="string",
+    )
+    return found.value[:, 0, 0]
+
+
+def lateral(k, mass=300.0, length=0.5):
+    return 3 * k / length**2 - mass * G / length
+
+
+def test_frequency_is_that_of_the_flexures_less_the_load():
+    found = sus.modes(alone(stiffness=600.0), model="string")
+    expected = np.sqrt(lateral(600.0) / 300.0) / (2 * np.pi)
+    np.testing.assert_allclose(found.frequency[:2], expected, rtol=1e-9)
+
+
+def test_legs_resist_yaw_by_torsion_and_by_leaning():
+    found = sus.modes(alone(stiffness=600.0, yaw_stiffness=40.0), model="string")
+    expected = np.sqrt((3 * 40.0 + 0.6**2 * lateral(600.0)) / 40.0) / (2 * np.pi)
+    np.testing.assert_allclose(found.frequency[2], expected, rtol=1e-9)
+
+
+def test_measured_frequency_sets_the_flexures():
+    found = sus.modes(alone(frequency=0.06, leg_mass=3.0), model="string")
+    np.testing.assert_allclose(found.frequency[:2], 0.06, rtol=1e-9)
+
+
+def test_ground_tilt_moves_the_stage_by_g_over_omega_squared():
+    frequency = np.sqrt(G / 69.5) / (2 * np.pi)  # of KAGRA's signal recycling mirror
+    design = alone(frequency=frequency)
+    # the stage moves rigidly with the ground by its height of 0.5 m besides
+    found = transfer(design, "support.pitch", "ip.x", 1e-9)
+    np.testing.assert_allclose(found, 69.5 + 0.5, rtol=1e-8)
+    np.testing.assert_allclose(transfer(design, "support.roll", "ip.y", 1e-9), -70.0, rtol=1e-8)
+
+
+@pytest.mark.filterwarnings("ignore:.*unstable")
+def test_it_tips_over_at_the_critical_load():
+    critical = 3 * 600.0 / 0.5 / G  # kg
+    for factor, stable in ((1 - 1e-9, True), (1 + 1e-9, False)):
+        design = alone(stiffness=600.0).replace({"stage.ip.body.mass": critical * factor})
+        assert sus.modes(design, model="string").stable is stable
+
+
+@pytest.mark.parametrize("below", [None, 0.1])
+def test_high_frequencies_pass_by_the_inertia_of_the_legs(below):
+    keys = {"frequency": 0.06, "leg_mass": 4.0}
+    coupling, top = 4.0 / 6, 4.0 / 3  # a rod about its end: m/3, and m/6 between the ends
+    if below is not None:
+        keys["counterweight"] = f"{{ mass = 5.0, below = {below} }}"
+        coupling -= 5.0 * below / 0.5 * (1 + below / 0.5)
+        top += 5.0 * (below / 0.5) ** 2
+    mass = 300.0 + 3 * top
+    w = 2 * np.pi * np.array([0.1, 1.0, 8.0])
+    k = (2 * np.pi * 0.06) ** 2 * mass
+    expected = (k + 3 * coupling * w**2) / (k - mass * w**2)
+    found = transfer(alone(**keys), "support.x", "ip.x", w / (2 * np.pi))
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+def test_thermal_noise_is_that_of_an_oscillator_with_diluted_loss():
+    design = alone(frequency=0.06, loss_angle=1e-3)
+    frequency = np.array([0.01, 0.06, 0.3, 2.0])
+    w, mass = 2 * np.pi * frequency, 300.0
+    k = (2 * np.pi * 0.06) ** 2 * mass
+    elastic = k + mass * G / 0.5  # the load takes away stiffness without loss
+    admittance = 1 / (k + 1j * 1e-3 * elastic - mass * w**2)
+    expected = np.sqrt(4 * 1.380649e-23 * 290.0 / w * np.abs(admittance.imag))
+    found = sus.thermal(design, outputs=["ip.x"], frequency=frequency, model="beam")
+    np.testing.assert_allclose(np.sqrt(found.data[0].density.sum(0)), expected, rtol=1e-8)
+
+
+def test_quality_factor_is_that_of_the_loaded_mode():
+    found = sus.modes(alone(frequency=0.06, q=20.0), model="string")
+    np.testing.assert_allclose(found.q[:2], 20.0, rtol=1e-3)
+
+
+def test_legs_stand_on_an_earlier_body_too():
+    base = """
+[[stage]]
+name = "base"
+body = { mass = 900.0, inertia = [90.0, 90.0, 90.0] }
+position = [0.0, 0.0, 0.2]
+[[stage.spring]]
+stiffness = [1e9, 1e9, 1e9, 1e9, 1e9, 1e9]
+preload = [0.0, 0.0, 11860.29, 0.0, 0.0, 0.0]
+[[stage]]"""
+    text = ALONE.format(more="stiffness = 600.0\nleg_mass = 3.0").replace("\n[[stage]]", base, 1)
+    found = sus.modes(sus.parse(text), model="string")
+    alone_ = sus.modes(alone(stiffness=600.0, leg_mass=3.0), model="string")
+    np.testing.assert_allclose(found.frequency[:2], alone_.frequency[:2], rtol=1e-5)
+
+
+# ---------------------------------------------------------------- a filter
+
+FILTER = """
+[design]
+name = "gas"
+[[stage]]
+name = "f"
+body = {{ mass = 100.0, inertia = [4.0, 4.0, 6.0] }}
+wires = {{ count = 4, l = 0.5, s = 0.1, t1 = 0.1, t2 = 0.1, d = 0.1, k = 1e12 }}
+[stage.filter]
+frequency = 0.3
+keystone = {{ mass = 40.0, inertia = [0.5, 0.5, 0.5] }}
+{more}
+"""
+
+
+@pytest.mark.parametrize("saturation", [1e-3, -2e-3])
+def test_isolation_of_a_filter_saturates(saturation):
+    design = sus.parse(FILTER.format(more=f"saturation = {saturation}"))
+    f = np.array([0.01, 1.0, 30.0])
+    found = transfer(design, "support.z", "f-keystone.z", f)
+    expected = (0.3**2 + saturation * f**2) / (0.3**2 - f**2)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_a_filter_away_from_its_load_sags():
+    design = sus.parse(FILTER.format(more="load = 400.0"))
+    k = (2 * np.pi * 0.3) ** 2 * 400.0 / G
+    scene = expand(design.design)
+    found = equilibrium.solve(scene, layout(scene))
+    np.testing.assert_allclose(found.pose.shift[2, 2], (400.0 - 40.0 * G) / k, rtol=1e-9)
+
+
+# ---------------------------------------------------------------- symmetry, models, derivatives
+
+
+def test_symmetry_of_legs_and_filters_is_exact():
+    for phase, mirrors in ((0.0, ("y",)), (np.pi / 2, ("x",)), (0.1, ())):
+        scene = expand(reader.parse(TOWER.replace("phase = 0.4", f"phase = {phase}")))
+        assert find_symmetry(scene, layout(scene)).mirrors == mirrors
+    four = TOWER.replace("count = 3", "count = 4").replace("phase = 0.4", "")
+    scene = expand(reader.parse(four))
+    assert find_symmetry(scene, layout(scene)).mirrors == ("x", "y")
+
+
+def test_chain_models_say_why_they_do_not_fit():
+    tower, legs = reader.parse(TOWER), alone(frequency=0.1).design
+    assert registry.by_name("force").unsuitable(tower) == "stage ip stands on legs"
+    assert registry.by_name("closed-form").unsuitable(legs) == "it stands on legs"
+    gas = reader.parse(FILTER.format(more=""))
+    assert registry.by_name("force").unsuitable(gas) == "stage f has a filter"
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "stage.ip.inverted_pendulum.length",
+        "stage.ip.inverted_pendulum.stiffness",
+        "stage.ip.inverted_pendulum.phase",
+        "stage.ip.inverted_pendulum.counterweight.below",
+        "stage.ip.inverted_pendulum.loss_angle",
+        "stage.ip.filter.q",
+        "stage.ip.filter.stiffness",
+        "stage.ip.filter.keystone.mass",
+        "stage.f.body.mass",
+        "constants.gravity",
+    ],
+)
+def test_derivatives_are_those_of_differences(path):
+    text = TOWER + "[constants]\ngravity = 9.81\n"
+    base = derivatives.prepared(reader.parse(text))
+    found = derivatives.of(base, path)
+    assert found is not None
+    value = value_at(tomllib.loads(text), path)
+    step = 1e-4 * value
+
+    def matrices(number):
+        design = reader.parse_with_overrides(text, (f"{path}={number!r}",))
+        now = derivatives.prepared(design).linear
+        return np.stack([now.mass, now.stiffness, now.loss])
+
+    # differences of fourth order
+    near, far = (
+        (matrices(value + n * step) - matrices(value - n * step)) / (2 * n * step) for n in (1, 2)
+    )
+    expected = (4 * near - far) / 3
+    whole = np.stack([found.mass, found.stiffness, found.loss])
+    scale = np.abs(matrices(value)).max((-2, -1))[:, None, None] / abs(value)
+    assert np.abs((whole - expected) / scale).max() < 1e-8
