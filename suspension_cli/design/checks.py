@@ -20,7 +20,7 @@ from suspension_cli.design import (
     wire_checks,
 )
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
-from suspension_cli.design.derive import set_geometry
+from suspension_cli.design.derive import SetGeometry, gravity_vector, is_ring, set_geometry
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.filters import SUFFIX, check_filter
 from suspension_cli.design.inverted_pendulum import check_legs
@@ -51,11 +51,12 @@ def check_design(design: Design) -> list[Fault]:
         found += _check_suspension(design, stage, path)
         for number, spring in enumerate(stage.spring, 1):
             found += _check_spring(spring, f"{path}.spring.{number}")
+            found += _check_spring_material(design, spring, f"{path}.spring.{number}")
     if not found:
         for number, perturbation in enumerate(design.perturbation, 1):
             found += _check_perturbation(design, perturbation, f"perturbation.{number}")
     found += link_checks.check_links(design, placed=not found)
-    found += [*_check_control(design), *_check_tolerance(design)]
+    found += [*_check_gravity(design), *_check_control(design), *_check_tolerance(design)]
     if design.support is not None:
         found += _check_frame(design.support)
     for command in design.analysis:
@@ -68,6 +69,42 @@ def check_design(design: Design) -> list[Fault]:
                 )
             )
     return found
+
+
+def _check_gravity(design: Design) -> Iterator[Fault]:
+    gravity, gradient = design.constants.gravity, design.constants.gravity_gradient
+    if isinstance(gravity, list) and not gravity[2] < 0:
+        yield Fault(
+            "constants.gravity",
+            "does not point down, so that nothing hangs",
+            "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]",
+            format_value(gravity),
+        )
+    for stage in design.stage:
+        held = stage.inverted_pendulum is not None or stage.filter is not None
+        if held and (gravity_vector(design) is not None or gradient):
+            yield Fault(
+                "constants.gravity" + ("_gradient" if gradient else ""),
+                f"stage {stage.name} has legs or a filter, which take uniform gravity along -z",
+                "give gravity as a number, without gravity_gradient",
+            )
+            break
+    if not isinstance(gradient, list):
+        return
+    if len(gradient) != 3:
+        yield Fault(
+            "constants.gravity_gradient",
+            f"has {len(gradient)} rows",
+            "give one number dg_z/dz, or three rows of three",
+            format_value(gradient),
+        )
+    elif any(gradient[i][j] != gradient[j][i] for i in range(3) for j in range(i)):
+        yield Fault(
+            "constants.gravity_gradient",
+            "is not symmetric, but gravity is conservative",
+            "give dg_i/dx_j = dg_j/dx_i",
+            format_value(gradient),
+        )
 
 
 def _check_names(design: Design) -> Iterator[Fault]:
@@ -185,6 +222,20 @@ def _check_tower(stage: Stage, path: str) -> Iterator[Fault]:
 
 def _check_wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault]:
     yield from wire_checks.check_wire(design, wires, path)
+    if is_ring(wires):
+        yield from _check_ring(wires, path)
+        return
+    if wires.count not in BLADES_FOR_WIRES:
+        yield Fault(
+            f"{path}.count",
+            "is not 1, 2 or 4",
+            "give one of these, or ring (the radius in m of the circle of the ends)",
+            format_value(wires.count),
+        )
+        return
+    if wires.phase:
+        remedy = "give ring in m too, or remove it"
+        yield Fault(f"{path}.phase", "goes with a ring", remedy, format_value(wires.phase))
     halves = (wires.s_upper, wires.s_lower)
     if wires.s is not None and halves != (None, None):
         yield Fault(
@@ -212,8 +263,37 @@ def _check_wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault
                 format_value(getattr(wires, key)),
             )
     shape = set_geometry(wires)
+    span = (shape.s_lower - shape.s_upper, shape.t2 - shape.t1)
+    yield from _check_set_length(wires, shape, span, path)
+
+
+def _check_ring(wires: WireSet, path: str) -> Iterator[Fault]:
+    for key in ("s", "s_upper", "s_lower", "t1", "t2"):
+        if getattr(wires, key) is not None:
+            value = format_value(getattr(wires, key))
+            yield Fault(f"{path}.{key}", "conflicts with a ring", "keep one of the two", value)
+    halves = (wires.ring_upper, wires.ring_lower)
+    if wires.ring is not None and halves != (None, None):
+        yield Fault(
+            f"{path}.ring",
+            "conflicts with ring_upper or ring_lower",
+            "give ring alone, or ring_upper and ring_lower",
+            format_value(wires.ring),
+        )
+    elif wires.ring is None and None in halves:
+        yield Fault(path, "ring_upper and ring_lower go together", "give both, or ring alone")
+    else:
+        shape = set_geometry(wires)
+        (a, b), (c, d) = shape.ring_ends(0)
+        yield from _check_set_length(wires, shape, (c - a, d - b), path)
+
+
+def _check_set_length(
+    wires: WireSet, shape: SetGeometry, across: tuple[float, float], path: str
+) -> Iterator[Fault]:
+    """Check that the wires of a set are longer than their horizontal span, and what they carry."""
     if shape.height_squared <= 1e-12 * wires.l**2:
-        span = math.hypot(shape.t2 - shape.t1, shape.s_lower - shape.s_upper)
+        span = math.hypot(*across)
         remedy = "give a longer wire or a smaller span" + (
             " (did you mean mm?)" if span > 1.0 and wires.l > 5e-4 * span else ""
         )
@@ -224,9 +304,7 @@ def _check_wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault
             format_value(wires.l),
         )
         return
-    yield from wire_checks.check_span(
-        wires, (shape.s_lower - shape.s_upper, shape.t2 - shape.t1, -shape.height), path
-    )
+    yield from wire_checks.check_span(wires, (*across, -shape.height), path)
 
 
 def _check_wire(design: Design, stage: Stage, wire: Wire, path: str) -> Iterator[Fault]:
@@ -268,13 +346,29 @@ def _check_blade_set(design: Design, stage: Stage, blades: BladeSet, path: str) 
             "goes with a symmetric set [stage.wires]",
             "use [[stage.blade]] and name the blade in each wire",
         )
-    elif blades.count not in BLADES_FOR_WIRES[stage.wires.count]:
-        fits = " or ".join(str(n) for n in BLADES_FOR_WIRES[stage.wires.count])
+    elif blades.count not in (
+        allowed := (1, stage.wires.count)
+        if is_ring(stage.wires)
+        else BLADES_FOR_WIRES.get(stage.wires.count, (blades.count,))
+    ):
+        fits = " or ".join(str(n) for n in allowed)
         yield Fault(
             f"{path}.count",
             f"cannot carry {stage.wires.count} wires",
             f"give {fits}",
             format_value(blades.count),
+        )
+
+
+def _check_spring_material(design: Design, spring: Spring, path: str) -> Iterator[Fault]:
+    if spring.material is not None:
+        yield from wire_checks.check_material(design, spring.material, f"{path}.material")
+    elif spring.thickness is not None:
+        yield Fault(
+            f"{path}.thickness",
+            "has no effect without a material",
+            "name the material too",
+            format_value(spring.thickness),
         )
 
 

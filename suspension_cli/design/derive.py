@@ -6,12 +6,13 @@ import cmath
 import math
 import operator
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import inverted_pendulum, materials
-from suspension_cli.design.schema import Body, Design, Stage
-from suspension_cli.design.sections import stretches, thinnest
+from suspension_cli.design.schema import Body, Design, Spring, Stage
+from suspension_cli.design.sections import given_sections, stretches, thinnest
 from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet
 
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -68,7 +69,7 @@ def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float
     """
     if wire.k is not None:
         return wire.k
-    if wire.sections is None:
+    if given_sections(wire) is None:
         area = thinnest(wire)
         assert wire.material is not None and area is not None
         return _modulus(design, wire.material) * area / length
@@ -108,7 +109,8 @@ def gives_natural_lengths(design: Design) -> bool:
 def solves_pose(design: Design) -> bool:
     """Whether the pose of a design is solved for instead of given.
 
-    It is where natural lengths of wires or loads of blades or filters are given.
+    It is where natural lengths of wires or loads of blades or filters are given, or gravity is not
+    a uniform pull along -z.
     """
     blades = (
         blade
@@ -118,6 +120,8 @@ def solves_pose(design: Design) -> bool:
     return (
         gives_natural_lengths(design)
         or any(blade.load is not None for blade in blades)
+        or gravity_vector(design) is not None
+        or gravity_tensor(design) is not None
         or any(s.filter is not None and s.filter.load is not None for s in design.stage)
     )
 
@@ -137,6 +141,29 @@ def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
     )
 
 
+STEPS_OF_A_TURN = 24
+"""Fractions of a quarter turn that angles near them are taken for, so that mirror images agree to
+the last bit."""
+
+
+def _direction(angle: Any, quarters: Fraction) -> tuple[Any, Any]:
+    """Cosine and sine of an angle (rad) plus a number of quarter turns."""
+    turns = angle.real / (math.pi / 2)
+    nearest = Fraction(round(turns * STEPS_OF_A_TURN), STEPS_OF_A_TURN)
+    if abs(turns - nearest) < 1e-9:
+        exact = nearest + quarters
+        whole = round(exact)
+        rest = float(exact - whole) * math.pi / 2
+    else:
+        whole, rest = 0, angle.real + float(quarters) * math.pi / 2
+    x, y = math.cos(rest), math.sin(rest)
+    for _ in range(whole % 4):
+        x, y = -y, x
+    if isinstance(angle, complex):  # a complex step
+        x, y = x - 1j * angle.imag * y, y + 1j * angle.imag * x
+    return x, y
+
+
 @dataclass(frozen=True)
 class SetGeometry:
     """Geometry of a symmetric set of wires (all in m; the paper's symbols)."""
@@ -149,11 +176,23 @@ class SetGeometry:
     t2: float
     d: float
     d_upper: float
+    ring_upper: float = 0.0
+    ring_lower: float = 0.0
+    phase: float = 0.0
+    is_ring: bool = False
 
     @property
     def height_squared(self) -> float:
         """Square of the vertical span of a wire, m^2; not positive if the wire is too short."""
+        if self.is_ring:
+            return self.length**2 - (self.ring_upper - self.ring_lower) ** 2
         return self.length**2 - (self.t2 - self.t1) ** 2 - (self.s_lower - self.s_upper) ** 2
+
+    def ring_ends(self, number: int) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        """Compute x and y (m) of the upper and of the lower end of a wire of a ring, from 0."""
+        x, y = _direction(self.phase, Fraction(4 * number, self.count))
+        upper, lower = self.ring_upper, self.ring_lower
+        return (upper * x, upper * y), (lower * x, lower * y)
 
     @property
     def height(self) -> Any:
@@ -174,7 +213,16 @@ def set_geometry(wires: WireSet) -> SetGeometry:
         t2=wires.t2 or 0.0,
         d=wires.d,
         d_upper=wires.d_upper,
+        ring_upper=(wires.ring if wires.ring_upper is None else wires.ring_upper) or 0.0,
+        ring_lower=(wires.ring if wires.ring_lower is None else wires.ring_lower) or 0.0,
+        phase=wires.phase,
+        is_ring=is_ring(wires),
     )
+
+
+def is_ring(wires: WireSet) -> bool:
+    """Whether the ends of a set lie on circles."""
+    return any(value is not None for value in (wires.ring, wires.ring_upper, wires.ring_lower))
 
 
 def com_offset(stage: Stage) -> tuple[float, float, float]:
@@ -206,7 +254,7 @@ def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
     That which the design gives its material, or 0; of several sections the mean, weighted by their
     compliances.
     """
-    if wire.sections is None:
+    if given_sections(wire) is None:
         return 0.0 if wire.material is None else materials.constant_angle(design, wire.material)
     pieces = [piece for piece in stretches(wire, length) if piece.material is not None]
     angles = [materials.constant_angle(design, piece.material or "") for piece in pieces]
@@ -230,3 +278,90 @@ def blade_loss(design: Design, blade: BladeSet | Blade) -> float:
         return blade.loss_angle
     material = blade_material(blade)
     return 0.0 if material is None else materials.constant_angle(design, material)
+
+
+def spring_loss(design: Design, spring: Spring) -> float:
+    """Look up the loss angle of a spring, rad: its own, or that of its material in the design."""
+    if spring.loss_angle is not None:
+        return spring.loss_angle
+    return 0.0 if spring.material is None else materials.constant_angle(design, spring.material)
+
+
+def gravity_strength(design: Design) -> Any:
+    """Compute the strength of gravity at the suspension point, m/s^2."""
+    given = design.constants.gravity
+    if not isinstance(given, list):
+        return given
+    square = sum(component**2 for component in given)
+    return cmath.sqrt(square) if isinstance(square, complex) else math.sqrt(square)
+
+
+def gravity_vector(design: Design) -> list[float] | None:
+    """Find the vector of gravity at the suspension point, m/s^2; None if it is along -z."""
+    given = design.constants.gravity
+    return given if isinstance(given, list) and (given[0] != 0 or given[1] != 0) else None
+
+
+def gravity_tensor(design: Design) -> list[list[float]] | None:
+    """Find the gradient dg_i/dx_j of gravity, 1/s^2; None if it is 0.
+
+    A single number G is dg_z/dz. Then dg_x/dx = dg_y/dy = -G/2, so that the divergence of the field
+    is 0 (Laplace's equation, outside the masses that attract).
+    """
+    given = design.constants.gravity_gradient
+    if isinstance(given, list):
+        return given if any(value != 0 for row in given for value in row) else None
+    if not given:
+        return None
+    return [[-given / 2, 0.0, 0.0], [0.0, -given / 2, 0.0], [0.0, 0.0, given]]
+
+
+def wire_mass_moments(design: Design, wire: WireSet | Wire, length: float) -> tuple[Any, Any, Any]:
+    """Compute the moments of the mass of a wire of a loaded length (m) that has weight, kg.
+
+    The integrals of (1 - s)^2, s (1 - s) and s^2 over its mass, s being the fraction of its length
+    from the upper end; 0 without ``constants.wire_weight`` or where a density or cross-section is
+    unknown.
+    """
+    if not design.constants.wire_weight:
+        return 0.0, 0.0, 0.0
+    upper = mixed = lower = 0.0
+    start: Any = 0.0
+    for piece, density in wire_line_densities(design, wire, length):
+        end = start + piece / length
+        # of uniform stretches: integrals of powers of s
+        zeroth, first, second = end - start, (end**2 - start**2) / 2, (end**3 - start**3) / 3
+        upper += density * length * (zeroth - 2 * first + second)
+        mixed += density * length * (first - second)
+        lower += density * length * second
+        start = end
+    return upper, mixed, lower
+
+
+def wire_line_densities(
+    design: Design, wire: WireSet | Wire, length: float
+) -> list[tuple[float, float]]:
+    """List length (m) and mass per length (kg/m) of the uniform stretches of a wire."""
+    return [
+        (
+            piece.length,
+            ((piece.material and materials.resolve(design, piece.material).density) or 0.0)
+            * piece.shape.bulk[0],
+        )
+        for piece in stretches(wire, length)
+    ]
+
+
+def beyond_symmetric_chains(design: Design) -> str:
+    """What the models of symmetric chains omit besides bending and wire mass; "" if nothing."""
+    if gravity_vector(design) is not None or gravity_tensor(design) is not None:
+        return "its gravity is not a uniform pull along -z"
+    if design.constants.wire_weight:
+        return "its wires have weight"
+    for stage in design.stage:
+        if stage.wires is not None and is_ring(stage.wires):
+            return f"the wires of stage {stage.name} are on a ring"
+        for wire in (*([stage.wires] if stage.wires else []), *stage.wire):
+            if wire.bending is not None:
+                return f"wires of stage {stage.name} are hinged"
+    return ""

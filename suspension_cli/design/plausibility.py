@@ -21,10 +21,17 @@ from dataclasses import dataclass
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import imperfections
-from suspension_cli.design.derive import body_inertia, body_mass, com_offset, set_geometry, volume
+from suspension_cli.design.derive import (
+    body_inertia,
+    body_mass,
+    com_offset,
+    gravity_strength,
+    set_geometry,
+    volume,
+)
 from suspension_cli.design.imperfections import Imperfection
 from suspension_cli.design.schema import Body, Design, Material, NoiseSpectrum, Perturbation, Stage
-from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet, cross_sections
+from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet, cross_sections
 from suspension_cli.errors import Fault, format_key, format_value
 
 OSMIUM = 22_600.0
@@ -54,6 +61,8 @@ INFERRED = 3.0
 """Half sides of a body without a given shape, relative to the homogeneous box of its inertia."""
 ABSURD = 5.0
 """Factor beyond these bounds above which a number is taken for an error."""
+GRADIENT = 1e-3
+"""1/s^2; steep beside any mass in a laboratory."""
 GRAVITY = (1.0, 30.0)
 """m/s^2; the Moon's is 1.6, Jupiter's 25."""
 BLADE_FREQUENCY = 100.0
@@ -162,7 +171,7 @@ def _check_tower(stage: Stage, path: str) -> Iterator[ImplausibleNumber]:
 
 
 def _check_surroundings(design: Design) -> Iterator[ImplausibleNumber]:
-    g = design.constants.gravity
+    g = gravity_strength(design)
     if not GRAVITY[0] <= g <= GRAVITY[1]:
         hint = (
             suggest_unit(
@@ -173,6 +182,18 @@ def _check_surroundings(design: Design) -> Iterator[ImplausibleNumber]:
         low, high = GRAVITY
         problem = f"is outside {low:g} to {high:g} m/s^2, of small moons to giant planets"
         yield ImplausibleNumber(Fault("constants.gravity", problem, hint, format_value(g)))
+    given = design.constants.gravity_gradient
+    rows = given if isinstance(given, list) else [[given]]
+    largest = max((abs(value) for row in rows for value in row), default=0.0)
+    if largest > GRADIENT:
+        yield ImplausibleNumber(
+            Fault(
+                "constants.gravity_gradient",
+                f"is more than {GRADIENT:g} 1/s^2, 300 times that of Earth",
+                "give it in 1/s^2: 3.1e-6 on Earth (1 eotvos is 1e-9, 1 mGal/m is 1e-5)",
+                format_value(largest),
+            )
+        )
 
 
 def _check_material(material: Material, path: str) -> Iterator[ImplausibleNumber]:
@@ -435,16 +456,18 @@ def _check_wires(stage: Stage, above: Stage | None, path: str) -> Iterator[Impla
         wires, shape = stage.wires, set_geometry(stage.wires)
         key = f"{path}.wires"
         side = ("s_lower", "s_upper") if wires.s is None else ("s", "s")
+        if shape.is_ring:
+            side = ("ring_lower", "ring_upper") if wires.ring is None else ("ring", "ring")
         yield from _check_length(shape.length, f"{key}.l")
         yield from _check_thickness(wires, shape.length, key)
         yield from _check_point(
             stage.body,
-            (shape.s_lower, shape.t2, shape.d),
+            (max(shape.s_lower, shape.ring_lower), shape.t2, shape.d),
             (f"{key}.{side[0]}", f"{key}.t2", f"{key}.d"),
             "lower ends of wires lie",
         )
         if above is not None:
-            ends = (shape.s_upper, shape.t1, shape.d_upper)
+            ends = (max(shape.s_upper, shape.ring_upper), shape.t1, shape.d_upper)
             yield from _check_point(
                 above.body,
                 ends,
@@ -482,6 +505,16 @@ def _check_thickness(wire: WireSet | Wire, length: float, key: str) -> Iterator[
         if wire.sections is None
         else [(f"{key}.sections.{n}", piece) for n, piece in enumerate(wire.sections, 1)]
     )
+    if wire.neck is not None and wire.neck.radius > THICK * length:
+        thick, remedy = wire.neck.radius, "give it in m"
+        problem = f"the neck is {thick:.3g} m thick, more than a tenth of the wire's length"
+        yield ImplausibleNumber(Fault(f"{key}.neck.radius", problem, remedy, f"{thick:g}"))
+    if isinstance(wire.profile, Profile):
+        thick = max(wire.profile.diameter)
+        if thick > THICK * length:
+            problem = f"the fibre is {thick:.3g} m thick, more than a tenth of its length"
+            remedy = "write the unit into the titles of the columns: position_mm,diameter_um"
+            yield ImplausibleNumber(Fault(f"{key}.profile", problem, remedy))
     for path, table in tables:
         sizes = (size for shape in cross_sections(table) for size in shape.sizes())
         for name, value, size in sizes:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from suspension_cli.design import checks, faults, link_tables, paths
+from suspension_cli.design import checks, faults, link_tables, paths, profiles
 from suspension_cli.design.keystones import add_keystones
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
@@ -64,6 +64,7 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
         apply_overrides(raw, overrides)
         _check_kind(raw)
         link_tables.insert_tables(raw, Path(file).parent)
+        profiles.resolve_files(raw, Path(file).parent)
         design = convert(raw)
     except InputError as error:
         raise error.in_file(name) from None
@@ -106,13 +107,16 @@ def read_toml(file: str | Path, text: str | None = None) -> dict[str, Any]:
 
 def parse(text: str) -> Design:
     """Parse and check a design from TOML text."""
-    return convert(_parse(text))
+    raw = _parse(text)
+    profiles.resolve_files(raw, Path())
+    return convert(raw)
 
 
 def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
     """Parse and check a design from TOML text with overrides applied."""
     raw = _parse(text)
     apply_overrides(raw, overrides)
+    profiles.resolve_files(raw, Path())
     return convert(raw)
 
 
@@ -274,4 +278,5 @@ def replaced(source: Source, changes: Mapping[str, Any]) -> Source:
     raw = tomllib.loads(source.text)
     for path, value in changes.items():
         paths.assign(raw, path.split("."), value, path)
+    profiles.resolve_files(raw, Path(source.file).parent)
     return Source(convert(raw), write_toml(raw), source.file)

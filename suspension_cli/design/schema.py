@@ -24,6 +24,9 @@ from suspension_cli.design.units import (
     Density,
     Expansion,
     Frequency,
+    GravityGradient,
+    GravityRow,
+    GravityVector,
     Hold,
     Inertia,
     Kelvin,
@@ -65,9 +68,33 @@ class Header(Table, frozen=True):
 class Constants(Table, frozen=True):
     """Gravity and temperature."""
 
-    gravity: Annotated[Acceleration, Meta(description="acceleration due to gravity in m/s^2")] = (
-        9.81
-    )
+    gravity: Annotated[
+        Acceleration | GravityVector,
+        Meta(
+            description=(
+                "acceleration due to gravity in m/s^2; a vector [x, y, z] acts on the suspension"
+                " that was trimmed level (z below 0)"
+            )
+        ),
+    ] = 9.81
+    gravity_gradient: Annotated[
+        GravityGradient | list[GravityRow],
+        Meta(
+            description=(
+                "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3"
+                " dg_i/dx_j"
+            )
+        ),
+    ] = 0.0
+    wire_weight: Annotated[
+        bool,
+        Meta(
+            description=(
+                "whether wires of known density and cross-section have weight, and inertia in all"
+                " models"
+            )
+        ),
+    ] = False
     temperature: Annotated[
         Kelvin, Meta(description="temperature in K of everything for which none is given")
     ] = 290.0
@@ -167,7 +194,28 @@ class Spring(Table, frozen=True):
         Wrench, Meta(description="force (N) and torque (N m) on this body in the nominal pose")
     ] = field(default_factory=lambda: [0.0] * 6)
     loss_angle: (
-        Annotated[LossAngle, Meta(description="loss angle of the stiffness in rad")] | None
+        Annotated[
+            LossAngle,
+            Meta(description="loss angle of the stiffness in rad; default that of the material"),
+        ]
+        | None
+    ) = None
+    material: (
+        Annotated[Name, Meta(description=f"name of the spring's material, for its loss: {NAMES}")]
+        | None
+    ) = None
+    thickness: (
+        Annotated[
+            Length,
+            Meta(description="thickness in m of a flexure that bends, for its loss"),
+        ]
+        | None
+    ) = None
+    temperature: (
+        Annotated[
+            Kelvin, Meta(description="temperature in K, for its loss; default that of [constants]")
+        ]
+        | None
     ) = None
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.wires import Wire, WireSection, WireSet, cross_sections
+from suspension_cli.design.profiles import reduced
+from suspension_cli.design.wires import Profile, Wire, WireSection, WireSet, cross_sections
 
 STEPS = 16
 """Number of steps of a taper for which the design gives none."""
@@ -29,9 +32,43 @@ class Stretch:
     shape: CrossSection
 
 
+def given_sections(wire: WireSet | Wire) -> Sequence[WireSection] | None:
+    """Sections of a wire: given, of a fibre with necks, or of a measured profile; else None."""
+    if isinstance(wire.profile, Profile):
+        return _of_profile(wire.profile, id(wire.profile))
+    if wire.neck is None:
+        return wire.sections
+    neck, radius = wire.neck, wire.radius
+    assert radius is not None
+    stock = [WireSection(length=neck.stock, radius=neck.radius)] if neck.stock else []
+    return [
+        *stock,
+        WireSection(length=neck.length, radius=[neck.radius, radius], steps=neck.steps),
+        WireSection(radius=radius),
+        WireSection(length=neck.length, radius=[radius, neck.radius], steps=neck.steps),
+        *stock,
+    ]
+
+
+_PROFILES: dict[int, tuple[Profile, list[WireSection]]] = {}
+
+
+def _of_profile(profile: Profile, key: int) -> list[WireSection]:
+    """Sections of a profile, which a design asks for often."""
+    known = _PROFILES.get(key)
+    if known is None or known[0] is not profile:
+        if len(_PROFILES) > 64:
+            _PROFILES.clear()
+        known = _PROFILES[key] = (profile, reduced(profile))
+    return known[1]
+
+
 def thinnest(wire: WireSet | Wire | WireSection) -> float | None:
     """Find the smallest cross-section of a wire, m^2, where stress is largest; None if unknown."""
-    tables = getattr(wire, "sections", None) or [wire]
+    if not isinstance(wire, WireSection) and isinstance(wire.profile, Profile):
+        return math.pi * min(wire.profile.diameter) ** 2 / 4
+    given = None if isinstance(wire, WireSection) else given_sections(wire)
+    tables = given or [wire]
     return min(
         (shape.least_area for table in tables for shape in cross_sections(table)),
         key=lambda area: area.real,  # it may carry complex steps
@@ -45,14 +82,15 @@ def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
     There are none if the cross-section is not given. Lengths given by the design may miss `length`
     by 1e-6 and are scaled to sum to it.
     """
-    if wire.sections is None:
+    sections = given_sections(wire)
+    if sections is None:
         return [Stretch(length, wire.material, shape) for shape in cross_sections(wire)]
-    given = sum(piece.length or 0.0 for piece in wire.sections)
-    rest = length - given if any(piece.length is None for piece in wire.sections) else 0.0
+    given = sum(piece.length or 0.0 for piece in sections)
+    rest = length - given if any(piece.length is None for piece in sections) else 0.0
     scale = 1.0 if rest.real > 0 else length / given
     return [
         one
-        for piece in wire.sections
+        for piece in sections
         for one in _steps(
             piece, scale * (rest if piece.length is None else piece.length), wire.material
         )

@@ -116,6 +116,16 @@ MolarMass = Annotated[
     float, of_unit("kg/mol", ge=1e-3, le=1.0, description="molar mass in kg/mol; 0.028 is nitrogen")
 ]
 Acceleration = Annotated[float, of_unit("m/s^2", gt=0, le=1e3, description="acceleration in m/s^2")]
+Pull = Annotated[
+    float, of_unit("m/s^2", ge=-1e3, le=1e3, description="component of gravity in m/s^2")
+]
+GravityVector = Annotated[
+    list[Pull], Meta(min_length=3, max_length=3, description="gravity along x, y and z in m/s^2")
+]
+GravityGradient = Annotated[
+    float, of_unit("1/s^2", ge=-1.0, le=1.0, description="gradient of gravity in 1/s^2")
+]
+GravityRow = Annotated[list[GravityGradient], Meta(min_length=3, max_length=3)]
 PositiveLossAngle = Annotated[
     float, of_unit("rad", gt=0, lt=1, description="loss angle in rad, above zero")
 ]

@@ -10,11 +10,13 @@ from suspension_cli.design import materials
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Design, Material
+from suspension_cli.design.sections import stretches
 from suspension_cli.design.wires import (
     CROSS_SECTIONS,
     Blade,
     BladeSet,
     Clamp,
+    Profile,
     Wire,
     WireSection,
     WireSet,
@@ -24,6 +26,9 @@ from suspension_cli.errors import Fault, format_value
 
 CLAMP_ANGLE = 0.5
 """Largest angle of a clamp to the nominal wire, rad: the beam model assumes small slopes."""
+PROFILE = 0.05
+"""Largest relative difference of a wire's length and that of its measured profile, which is scaled
+to fit."""
 SPAN = 1e-6
 """Largest relative difference of a wire's length and the sum of its sections."""
 
@@ -77,6 +82,14 @@ def check_wire(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Faul
     """Check the composition of a wire: k, or material and cross-section, or sections."""
     if wire.material is not None:
         yield from check_material(design, wire.material, f"{path}.material")
+    if wire.bending is not None and wire.k is not None and not stretches(wire, 1.0):
+        remedy = "give material and radius too, or remove it"
+        yield Fault(f"{path}.bending", "needs the wire's cross-section", remedy)
+    if wire.profile is not None:
+        yield from _check_profile(wire, path)
+        return
+    if wire.neck is not None:
+        yield from _check_neck(wire, path)
     if wire.sections is not None:
         yield from _check_sections(design, wire, path)
         return
@@ -99,6 +112,53 @@ def check_wire(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Faul
                 "missing",
                 f"give the wire's {keys} in m, or k in N/m",
             )
+
+
+def _check_profile(wire: WireSet | Wire, path: str) -> Iterator[Fault]:
+    for key in ("radius", "section", "sections", "neck"):
+        if getattr(wire, key) is not None:
+            yield Fault(f"{path}.{key}", "conflicts with a profile", "keep one of the two")
+    if wire.material is None:
+        yield Fault(f"{path}.material", "missing", "name the material of the fibre")
+    own = wire.profile
+    if not isinstance(own, Profile):
+        remedy = "read the design from its file, or give { position, diameter }"
+        yield Fault(f"{path}.profile", "is a file that was not read", remedy)
+        return
+    count = len(own.position)
+    if count < 2 or count != len(own.diameter):
+        yield Fault(
+            f"{path}.profile",
+            f"has {len(own.diameter)} diameters at {count} places",
+            "give one diameter per place, at two places or more",
+        )
+        return
+    for n, (above, below) in enumerate(pairwise(own.position), 2):
+        if not below > above:
+            yield Fault(
+                f"{path}.profile.position.{n}",
+                "is not below the place before",
+                "sort the table by position, each place once",
+                format_value(below),
+            )
+            return
+
+
+def _check_neck(wire: WireSet | Wire, path: str) -> Iterator[Fault]:
+    assert wire.neck is not None
+    for key in ("section", "sections"):
+        if getattr(wire, key) is not None:
+            yield Fault(f"{path}.neck", f"conflicts with {key}", "give radius and neck alone")
+            return
+    if wire.radius is None:
+        yield Fault(f"{path}.radius", "missing", "give the radius between the necks in m")
+    elif not wire.neck.radius > wire.radius:
+        yield Fault(
+            f"{path}.neck.radius",
+            f"is not above the radius of the fibre ({wire.radius:g} m)",
+            "give the radius of the thick ends in m",
+            format_value(wire.neck.radius),
+        )
 
 
 def _check_sections(design: Design, wire: WireSet | Wire, path: str) -> Iterator[Fault]:
@@ -141,6 +201,22 @@ def check_span(
 ) -> Iterator[Fault]:
     """Check sections and clamps against the nominal wire (of a set, the first) along `span`, m."""
     length = math.hypot(*span)
+    if isinstance(wire.profile, Profile) and len(wire.profile.position) > 1:
+        measured = wire.profile.position[-1] - wire.profile.position[0]
+        if abs(measured - length) > PROFILE * length:
+            yield Fault(
+                f"{path}.profile",
+                f"is {measured:.6g} m long, but the wire is {length:.6g} m",
+                "measure from clamp to clamp, or write the unit into the column's title"
+                " (position_mm)",
+            )
+    if wire.neck is not None and 2 * (wire.neck.length + wire.neck.stock) >= length:
+        yield Fault(
+            f"{path}.neck.length",
+            f"both necks take {2 * (wire.neck.length + wire.neck.stock):g} m of {length:.6g} m",
+            "give a shorter neck" + (" (did you mean mm?)" if wire.neck.length > 0.1 else ""),
+            format_value(wire.neck.length),
+        )
     if wire.sections is not None:
         given = sum(piece.length or 0.0 for piece in wire.sections)
         if any(piece.length is None for piece in wire.sections):

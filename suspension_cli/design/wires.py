@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from msgspec import Meta
+from msgspec import Meta, field
 
 from suspension_cli.design.cross_sections.ribbon import Ribbon
 from suspension_cli.design.cross_sections.round import Round
@@ -13,6 +13,7 @@ from suspension_cli.design.losses.mechanism import with_keys
 from suspension_cli.design.losses.registry import MECHANISMS
 from suspension_cli.design.units import (
     NAMES,
+    Angle,
     Direction,
     Frequency,
     Kelvin,
@@ -29,6 +30,7 @@ from suspension_cli.design.units import (
     Tension,
     Torsion,
     Vector,
+    of_unit,
 )
 
 WireMaterial = Annotated[
@@ -153,6 +155,74 @@ Temperature = Annotated[
 ]
 
 
+class Neck(Table, frozen=True):
+    """Thick ends of a fibre, equal above and below: stock, and a taper to the fibre's radius."""
+
+    radius: Annotated[Length, Meta(description="radius of the stock, m")]
+    length: Annotated[Length, Meta(description="length of each linear taper, m")]
+    stock: Annotated[
+        Separation, Meta(description="length of uniform stock beyond each taper, m")
+    ] = 0.0
+    steps: Steps | None = None
+
+
+ProfileError = Annotated[
+    float,
+    of_unit(
+        "1",
+        ge=1e-4,
+        le=0.1,
+        description="relative error that reducing the profile to uniform sections may leave",
+    ),
+]
+
+
+class Profile(Table, frozen=True):
+    """Diameter of a round fibre along its length, as measured."""
+
+    file: (
+        Annotated[
+            str,
+            Meta(
+                max_length=1000,
+                description="CSV file with these two columns, from this file's folder; read once",
+            ),
+        ]
+        | None
+    ) = None
+    position: Annotated[
+        list[Annotated[float, of_unit("m", ge=-1e5, le=1e5, description="place in m")]],
+        Meta(max_length=20000, description="ascending places from the upper end down, m"),
+    ] = field(default_factory=list)
+    diameter: Annotated[list[Length], Meta(max_length=20000, description="diameter there, m")] = (
+        field(default_factory=list)
+    )
+    error: ProfileError = 1e-3
+
+
+FibreProfile = Annotated[
+    Annotated[str, Meta(max_length=1000, description="a CSV file")] | Profile,
+    Meta(
+        description=(
+            "measured diameter against length instead of a radius: a CSV file from this file's"
+            " folder, or { file, error } or { position, diameter, error }"
+        )
+    ),
+]
+FibreNeck = Annotated[
+    Neck, Meta(description="thick ends of a fibre of this radius: { radius, length }, both ends")
+]
+Hinged = Annotated[
+    Literal["hinged"],
+    Meta(
+        description=(
+            'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an'
+            " approximation); beam and violin bend the wire exactly and ignore it"
+        )
+    ),
+]
+
+
 if TYPE_CHECKING:
     _WireLosses = Table
 else:
@@ -160,9 +230,11 @@ else:
 
 
 class WireSet(_WireLosses, frozen=True):
-    """Wires symmetric in x and y, in the paper's symbols: a set of 1, 2 or 4."""
+    """Wires symmetric in x and y, in the paper's symbols: 1, 2 or 4; or any number on a ring."""
 
-    count: Annotated[Literal[1, 2, 4], Meta(description="number of wires")]
+    count: Annotated[
+        int, Meta(ge=1, le=100, description="number of wires: 1, 2 or 4; any with a ring")
+    ]
     l: Annotated[Length, Meta(description="loaded length of each wire, m")]
     s: (
         Annotated[Separation, Meta(description="half separation in x at both ends, m (four wires)")]
@@ -172,14 +244,44 @@ class WireSet(_WireLosses, frozen=True):
         Annotated[Separation, Meta(description="half separation in x at the upper end, m")] | None
     ) = None
     s_lower: (
-        Annotated[Separation, Meta(description="half separation in x at the lower end, m")] | None
+        Annotated[
+            Position,
+            Meta(description="half separation in x at the lower end, m; negative: wires cross"),
+        ]
+        | None
     ) = None
     t1: (
         Annotated[Separation, Meta(description="half separation in y at the upper end, m")] | None
     ) = None
     t2: (
-        Annotated[Separation, Meta(description="half separation in y at the lower end, m")] | None
+        Annotated[
+            Position,
+            Meta(description="half separation in y at the lower end, m; negative: wires cross"),
+        ]
+        | None
     ) = None
+    ring: (
+        Annotated[Separation, Meta(description="radius of the circle of the ends, m, both ends")]
+        | None
+    ) = None
+    ring_upper: (
+        Annotated[Separation, Meta(description="radius of the circle of the upper ends, m")] | None
+    ) = None
+    ring_lower: (
+        Annotated[
+            Position,
+            Meta(
+                description=(
+                    "radius of the circle of the lower ends, m; negative: the wires cross at the"
+                    " axis"
+                )
+            ),
+        ]
+        | None
+    ) = None
+    phase: Annotated[
+        Angle, Meta(description="angle of the first wire of a ring from x towards y, rad")
+    ] = 0.0
     d: Annotated[
         Position, Meta(description="height of the lower end above the COM of this body, m")
     ] = 0.0
@@ -190,6 +292,8 @@ class WireSet(_WireLosses, frozen=True):
     radius: Radius | None = None
     section: Ribbon | None = None
     sections: Sections | None = None
+    neck: FibreNeck | None = None
+    profile: FibreProfile | None = None
     k: (
         Annotated[
             Stiffness,
@@ -204,6 +308,7 @@ class WireSet(_WireLosses, frozen=True):
     ) = None
     torsion: WireTorsion | None = None
     clamp: Clamped = "wire"
+    bending: Hinged | None = None
     temperature: Temperature | None = None
 
 
@@ -218,6 +323,8 @@ class Wire(_WireLosses, frozen=True):
     radius: Radius | None = None
     section: Ribbon | None = None
     sections: Sections | None = None
+    neck: FibreNeck | None = None
+    profile: FibreProfile | None = None
     k: (
         Annotated[
             Stiffness,
@@ -247,6 +354,7 @@ class Wire(_WireLosses, frozen=True):
         | None
     ) = None
     clamp: Clamped = "wire"
+    bending: Hinged | None = None
     temperature: Temperature | None = None
 
 
@@ -304,8 +412,15 @@ class BladeSet(Table, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
 
     count: Annotated[
-        Literal[1, 2, 4],
-        Meta(description="number of blades; each of two carries the wires on its side of y"),
+        int,
+        Meta(
+            ge=1,
+            le=100,
+            description=(
+                "number of blades, 1, 2 or 4; each of two carries the wires on its side of y; on a"
+                " ring 1, or one per wire"
+            ),
+        ),
     ]
     stiffness: (
         Annotated[Stiffness, Meta(description="vertical stiffness of one blade at its tip, N/m")]

@@ -123,7 +123,7 @@ def _separations(canvas: Canvas, plan: Plan, here: _Set) -> None:
     """Draw s in the side view, t1 and t2 in the face view, in the space between the bodies."""
     shape, scale = here.shape, plan.face.scale
     room = scale * (here.top - here.bottom)
-    if room < LEAST_ROOM or shape.count == 1:
+    if room < LEAST_ROOM or shape.count == 1 or shape.is_ring:
         return
     _pair(
         canvas, plan.face, here, 1, (shape.t1, shape.t2), ("$t_1$", "$t_2$", "$t_1$ = $t_2$"), room

@@ -152,6 +152,9 @@ def _set(stage: Stage) -> tuple[str, ...]:
     shape = set_geometry(stage.wires)
     across = (millimetres(shape.t1), millimetres(shape.t2)) if shape.count > 1 else (NONE, NONE)
     along = separation(shape) if shape.count == 4 else NONE
+    if shape.is_ring:
+        radii = (millimetres(shape.ring_upper), millimetres(shape.ring_lower))
+        along, across = NONE, (f"r {radii[0]}", f"r {radii[1]}")
     return (
         str(shape.count),
         millimetres(shape.length),

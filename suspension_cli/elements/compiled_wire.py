@@ -1,9 +1,9 @@
 """Bending and twisting of wires of one build, as loops that `numba` compiles.
 
 The formulas are those of `beam`, `rod`, `joined_sections` and `dynamic_wire`, which work on arrays;
-`tests/elements/test_compiled.py` compares both. A section of a wire is a row of 9 numbers: length
-(m), EI in both planes, EA, GJ, I_p/A, mass and polar moment of inertia per length, and 1 if it is
-round.
+`tests/elements/test_compiled.py` compares both. A section of a wire is a row of 10 numbers: length
+(m), EI in both planes, EA, GJ, I_p/A, mass and polar moment of inertia per length, 1 if it is
+round, and the tension beyond that of the wire (N; of wires with mass).
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from suspension_cli.elements.beam import COEFFICIENT, EPS, SERIES, TERMS
 from suspension_cli.scene.composition import Fibre
 
 _COEFFICIENT = np.array(COEFFICIENT)
-LENGTH, SOFT, STIFF, STRETCHING, TWISTING, POLAR_AREA, MASS, POLAR, ROUND = range(9)
+LENGTH, SOFT, STIFF, STRETCHING, TWISTING, POLAR_AREA, MASS, POLAR, ROUND, OFFSET = range(10)
 """Columns of a section."""
 
 
 def wire_sections(fibres: tuple[Fibre, ...]) -> Any:
-    """Sections of wires (w, m, 9), those that a wire has fewer of with no length."""
+    """Sections of wires (w, m, 10), those that a wire has fewer of with no length."""
     most = max((len(fibre.sections) for fibre in fibres), default=0)
-    result = np.zeros((len(fibres), most, 9))
+    result = np.zeros((len(fibres), most, 10))
     for n, fibre in enumerate(fibres):
         for m, own in enumerate(fibre.sections):
             result[n, m] = (
@@ -37,6 +37,7 @@ def wire_sections(fibres: tuple[Fibre, ...]) -> Any:
                 own.mass,
                 own.polar,
                 own.round,
+                own.tension_offset,
             )
     return result
 
@@ -158,7 +159,7 @@ def resting(
 
     Parameters
     ----------
-    sections : (w, m, 9) array
+    sections : (w, m, 10) array
         Those of no length are left out.
     wire : int
         Its number.
@@ -309,7 +310,7 @@ def add_dynamic(
         Build, frequency (rad/s) and number of the frequency of each system.
     place : (w, 15) int array
         Coordinates of the upper body, the lower body and the tip of each wire.
-    sections : (w, m, 9) array
+    sections : (w, m, 10) array
     geometry : (p, w, 25) array
         Of each wire in equilibrium: unit vector e along it, n_1 of its first plane, arms of its
         upper and lower end, motion of the upper end with the tip (9), length, tension, stiffness
@@ -502,7 +503,8 @@ def _join_bends(
         if massive:
             inertia = row[MASS] - (1j * drag[m, plane] / omega if omega > 0 else 0.0j)
         lossy = rigidity * (1 + 1j * angle)
-        _dynamic_beam(lossy, tension, inertia, length, omega, part if started else whole)
+        own_tension = tension + (row[OFFSET] if massive else 0.0)
+        _dynamic_beam(lossy, own_tension, inertia, length, omega, part if started else whole)
         _static_rotations(rigidity, tension, length, piece if started else still)
         if started:
             join(whole, part)

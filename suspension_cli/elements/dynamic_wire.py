@@ -143,9 +143,8 @@ class WireAtFrequencies:
                 rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
                 half = section.length / 2
                 if _is_bending(part):
-                    total = total + beam.resonances_below(
-                        rigidity, self.strand.tension, mass, half, self.omega
-                    )
+                    tension = self._tension(section)
+                    total = total + beam.resonances_below(rigidity, tension, mass, half, self.omega)
                 else:
                     total = total + rod.resonances_below(rigidity, mass, half, self.omega)
             total = total + self._joined(self._twin(part))[2]
@@ -311,11 +310,14 @@ class WireAtFrequencies:
             result[part] = []
             for section in self.strand.fibre.sections:
                 rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
-                waves = beam.waves(
-                    rigidity, self.strand.tension, mass, section.length / 2, self.omega
-                )
+                tension = self._tension(section)
+                waves = beam.waves(rigidity, tension, mass, section.length / 2, self.omega)
                 result[part].append((waves, rigidity, mass))
         return result
+
+    def _tension(self, section: Section) -> Any:
+        """Tension in the middle of a section, N, which the weight of a wire with mass changes."""
+        return self.strand.tension + (section.tension_offset if self.strand.massive else 0.0)
 
     def _rigidity(self, section: Section, part: str) -> Any:
         """EI, EA or GJ times 1 + i phi; for twisting also T I_p/A."""

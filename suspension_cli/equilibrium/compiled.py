@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.compiled import compiled, factorise, substitute
-from suspension_cli.elements import bending
+from suspension_cli.elements import bending, weight
 from suspension_cli.elements.compiled import (
     BLADE,
     FLEX,
@@ -27,6 +27,12 @@ from suspension_cli.elements.compiled import (
     fill_geometry,
 )
 from suspension_cli.elements.compiled_legs import FIRST, add_legs, pack_legs
+from suspension_cli.elements.compiled_weight import (
+    MOMENTS,
+    add_weights,
+    pack_bodies,
+    pack_gravity,
+)
 from suspension_cli.elements.compiled_wire import wire_sections
 from suspension_cli.equilibrium.residual_scale import LEAST_ARM, ROUNDINGS
 from suspension_cli.equilibrium.tree import parents
@@ -58,14 +64,16 @@ class Packed:
     topology : tuple of int arrays
         Upper body, lower body, blade and coordinates (w, 15) of wires; body and coordinates (b, 3)
         of blades; upper and lower body of springs; body that each body hangs from (n + 1,).
-        Last, the sections of wires that bend, (w, m, 9), see `compiled_wire`.
-    gravity : float
+        Last, the sections of wires that bend, (w, m, 10), see `compiled_wire`.
+    gravity : (13,) array
+        See `compiled_weight`.
     numbers : tuple of (p, k, m) arrays
-        Masses (p, n, 1), wires, blades, springs, and the bending of wires.
+        Masses (p, n, 1), wires, blades, springs, and the bending of wires; where wires have weight
+        or gravity is not along -z, rows of 13 numbers for bodies and of 16 for wires.
     """
 
     topology: tuple[Any, ...]
-    gravity: float
+    gravity: Any
     numbers: tuple[Any, ...]
 
 
@@ -93,17 +101,18 @@ def pack(scene: Scene, numbering: Layout) -> Packed:
     flex = bending.wire_resistance(scene)
     if flex is not None and flex.bend is None:
         flex = Flex(flex.upper, flex.lower, np.zeros((flex.twist.shape[-1], 2, 3)), flex.twist)
-    batch, held = scene.batch, _table(scene.batch, springs, SPRING)
+    batch, heavy = scene.batch, weight.acts(scene)
+    held = _table(batch, springs, SPRING)
     if scene.struts.label:
         held = np.concatenate([held, pack_legs(scene)], axis=-1)
     numbers = (
-        _table(batch, scene.bodies, ("mass",)),
-        _table(batch, wires, WIRE),
+        pack_bodies(scene) if heavy else _table(batch, scene.bodies, ("mass",)),
+        _table(batch, wires, (*WIRE, "mass") if heavy else WIRE),
         _table(batch, blades, BLADE),
         held,
         np.zeros((*batch, 0, 19)) if flex is None else _table(batch, flex, FLEX),
     )
-    return Packed(topology, float(scene.gravity), numbers)
+    return Packed(topology, pack_gravity(scene), numbers)
 
 
 def _table(batch: tuple[int, ...], part: Any, names: tuple[str, ...]) -> Any:
@@ -122,7 +131,7 @@ def _table(batch: tuple[int, ...], part: Any, names: tuple[str, ...]) -> Any:
 @compiled
 def _evaluate(
     topology: Any,
-    gravity: float,
+    gravity: Any,
     numbers: Any,
     pose: Any,
     tension: Any,
@@ -142,8 +151,12 @@ def _evaluate(
     gradient[:], on_tips[:] = 0.0, 0.0
     if curved:
         hessian[:] = 0.0
-    for n in range(len(mass)):
-        gradient[6 * n + 8] = gravity * mass[n, 0]
+    heavy = mass.shape[1] > 1
+    if heavy:
+        add_weights(topology, gravity, numbers, pose, gradient, hessian, on_tips, curved)
+    else:
+        for n in range(len(mass)):
+            gradient[6 * n + 8] = gravity[0] * mass[n, 0]
     add_wires(
         w_upper,
         w_lower,
@@ -162,17 +175,16 @@ def _evaluate(
         curved,
         form,
     )
-    add_blades(
-        b_body, b_tips, gravity, blades, turn, deflection, gradient, hessian, on_tips, curved
-    )
+    pull = 0.0 if heavy else gravity[0]
+    add_blades(b_body, b_tips, pull, blades, turn, deflection, gradient, hessian, on_tips, curved)
     if len(springs):
         add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian, curved)
     if springs.shape[1] > FIRST:
-        add_legs(s_upper, s_lower, gravity, springs, shift, turn, gradient, hessian, curved)
+        add_legs(s_upper, s_lower, gravity[0], springs, shift, turn, gradient, hessian, curved)
 
 
 @compiled
-def _scales(topology: Any, gravity: float, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
+def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
     """Fill the scale of the residual in every coordinate but the support's; largest lever arm."""
     w_upper, w_lower, w_blade, w_place, b_body, _, _, s_lower, parent, _ = topology
     mass, wires, blades, springs, _ = numbers
@@ -180,10 +192,15 @@ def _scales(topology: Any, gravity: float, numbers: Any, scale: Any, load: Any, 
     largest = 1e-3
     load[:], arm[:] = 0.0, LEAST_ARM
     for n in range(bodies):
-        load[n + 1] = gravity * mass[n, 0]
+        load[n + 1] = gravity[0] * mass[n, 0]
     total = 0.0
     for n in range(len(blades)):
-        load[b_body[n]] += gravity * blades[n, 9]
+        load[b_body[n]] += gravity[0] * blades[n, 9]
+    if mass.shape[1] > 1:
+        for n in range(len(wires)):
+            own = wires[n, MOMENTS : MOMENTS + 3]
+            load[w_upper[n]] += gravity[0] * (own[0] + own[1])
+            load[w_lower[n]] += gravity[0] * (own[1] + own[2])
     for n in range(bodies, 0, -1):
         load[parent[n]] += load[n]
     total = load[0]
@@ -267,7 +284,7 @@ def _rounding(topology: Any, wires: Any, tension: Any, pose: Any, scale: Any) ->
 @compiled
 def newton_batch(
     topology: Any,
-    gravity: float,
+    gravity: Any,
     numbers: Any,
     poses: Any,
     targets: Any,
@@ -365,7 +382,7 @@ def newton_batch(
 @compiled
 def _tangents(
     topology: Any,
-    gravity: float,
+    gravity: Any,
     numbers: Any,
     inertia: Any,
     poses: Any,
@@ -474,7 +491,7 @@ def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> 
     Returns
     -------
     place : (w, 15) int array
-    sections : (w, m, 9) array
+    sections : (w, m, 10) array
     geometry : (p, w, 25) array
         All as `elements.compiled_wire.add_dynamic` takes them.
     """

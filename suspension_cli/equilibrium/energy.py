@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements import bar, bending, blade, spring, string
+from suspension_cli.elements import bar, bending, blade, spring, string, weight
 from suspension_cli.elements.geometric_stiffness import add_arms, rotation_hessian, sum_by
 from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.pose import Layout, Pose, point_jacobian
@@ -19,6 +19,16 @@ if TYPE_CHECKING:
 
 def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     """Elastic and gravitational energy (...) relative to the nominal pose, J."""
+    if weight.acts(scene):
+        return (
+            string.energy(scene, pose)
+            + (string.energy(with_struts(scene), pose) if scene.struts.label else 0.0)
+            + bar.energy(scene, pose)
+            + bending.energy(scene, pose)
+            + blade.energy(scene, pose)
+            + spring.energy(scene, pose)
+            + weight.energy(scene, pose)
+        )
     blades = scene.blades
     bodies = (scene.gravity * scene.bodies.mass * pose.shift[..., 1:, 2]).sum(-1)
     tip_motion = blade.tip_arms(scene, pose) - blades.tip
@@ -62,7 +72,10 @@ def gradient_and_stiffness(
     hessian = np.zeros((*scene.batch, size + 1, size + 1), dtype=scene.kind)
     outer = np.zeros((*scene.batch, bodies, 3, 3), dtype=scene.kind)
     on_tips = np.zeros((*scene.batch, len(scene.blades.label), 3), dtype=scene.kind)
-    gradient[..., 8 : 6 * bodies : 6] += scene.gravity * scene.bodies.mass
+    if weight.acts(scene):
+        weight.add_derivatives(scene, numbering, pose, gradient, hessian, outer, on_tips)
+    else:
+        gradient[..., 8 : 6 * bodies : 6] += scene.gravity * scene.bodies.mass
     if scene.wires.label:
         _add_wires(scene, numbering, pose, gradient, hessian, outer, on_tips)
         bending.add_derivatives(scene, numbering, pose, gradient, hessian, outer, on_tips)
@@ -127,12 +140,16 @@ def _add_blades(
     hessian[..., rows, rows] += blades.stiffness[..., blades.axes]
     if blades.tip_mass.any():
         arm = blade.tip_arms(scene, pose)
-        weight = np.zeros(arm.shape, dtype=scene.kind)
-        weight[..., 2] += scene.gravity * blades.tip_mass
+        place = scene.bodies.position[..., blades.body, :] + pose.shift[..., blades.body, :] + arm
+        force = np.zeros(arm.shape, dtype=scene.kind)
+        force += weight.lift(scene, place) * blades.tip_mass[..., None]
         jacobian = point_jacobian(numbering, pose, blades.body, arm, np.arange(len(blades.label)))
-        gradient += (jacobian * weight[..., None, :, :]).sum((-2, -1))
-        add_arms(outer, blades.body, weight, arm)
-        on_tips += weight
+        gradient += (jacobian * force[..., None, :, :]).sum((-2, -1))
+        add_arms(outer, blades.body, force, arm)
+        on_tips += force
+        if scene.field is not None and not scene.field.is_uniform:
+            turned = jacobian @ scene.field.gradient * blades.tip_mass[..., None, :, None]
+            hessian[..., :-1, :-1] -= np.einsum("...awi,...bwi->...ab", jacobian, turned)
     # the gradient F at a tip, deflected by q, adds F . (t x R q) = -t . [F] R q as its body rotates
     # by t
     block = -cross_matrix(on_tips) @ pose.rotation[..., blades.body, :, :]

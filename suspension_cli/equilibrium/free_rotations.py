@@ -1,6 +1,7 @@
 """Rotations without restoring torque, of a body hung at a single point with all below it.
 
-Such a body rotates about the vertical through that point at constant energy, in any pose.
+Such a body rotates about the vertical through that point at constant energy, in any pose (about the
+direction of gravity, where that is not the vertical; not in a field with a gradient).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 
 from suspension_cli.elements import string
 from suspension_cli.equilibrium.tree import subtree
+from suspension_cli.rotations import cross
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene
 
@@ -24,7 +26,7 @@ def single_point_stages(scene: Scene) -> list[tuple[int, int]]:
     By one wire, or by wires whose upper or lower ends coincide in every scene of a batch; not if a
     spring holds the body or a wire resists twisting.
     """
-    if scene.flex is not None:
+    if scene.flex is not None or not (scene.field is None or scene.field.is_uniform):
         return []
     wires, result = scene.wires, []
     for body in range(1, len(scene.bodies.name) + 1):
@@ -63,6 +65,10 @@ def free_rotations(
         From `single_point_stages`.
     """
     result = np.zeros((*scene.batch, numbering.size, len(stages)))
+    axis = np.array([0.0, 0.0, 1.0])
+    if scene.field is not None:
+        down = np.real(scene.field.vector)
+        axis = -down / np.sqrt(down @ down)
     position, wires = scene.bodies.position + pose.shift, scene.wires
     for column, (body, wire) in enumerate(stages):
         arm = pose.arms(wires.lower[[wire]], wires.lower_point[..., [wire], :])[..., 0, :]
@@ -72,7 +78,11 @@ def free_rotations(
             pivot = pivot - now.direction[..., wire, :] * now.length[..., wire, None]
         for member in subtree(scene, body):
             arm = position[..., member, :] - pivot
-            result[..., 6 * member, column] = -arm[..., 1]
-            result[..., 6 * member + 1, column] = arm[..., 0]
-            result[..., 6 * member + 5, column] = 1.0
+            if scene.field is None:
+                result[..., 6 * member, column] = -arm[..., 1]
+                result[..., 6 * member + 1, column] = arm[..., 0]
+                result[..., 6 * member + 5, column] = 1.0
+            else:
+                result[..., 6 * member : 6 * member + 3, column] = cross(axis, arm)
+                result[..., 6 * member + 3 : 6 * member + 6, column] = axis
     return result[..., 6:, :]

@@ -18,7 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import string
+from suspension_cli.elements import blade, string
+from suspension_cli.elements import weight as weights
+from suspension_cli.elements.geometric_stiffness import sum_by
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
@@ -161,7 +163,10 @@ def drop_complex_step(scene: Scene) -> Scene:
         )
         for name, part in scene.parts.items()
     }
-    return replace(scene, gravity=np.real(scene.gravity), **parts)
+    field = scene.field
+    if field is not None:
+        field = replace(field, vector=np.real(field.vector), gradient=np.real(field.gradient))
+    return replace(scene, gravity=np.real(scene.gravity), field=field, **parts)
 
 
 def _first_order_pose(scene: Scene, numbering: Layout, pose: Pose) -> Pose:
@@ -185,7 +190,15 @@ def _blade_loads(scene: Scene, pose: Pose) -> Array:
     """
     wires, blades, now = scene.wires, scene.blades, string.state(scene, pose)
     to_body = np.swapaxes(pose.rotation, -1, -2)
-    weight = blades.tip_mass[:, None] * np.array([0.0, 0.0, scene.gravity])
+    place = scene.bodies.position + pose.shift
+    tips = place[blades.body] + blade.tip_arms(scene, pose)
+    weight = blades.tip_mass[:, None] * weights.lift(scene, tips)
+    if wires.mass.any():
+        upper = place[wires.upper] + now.upper_arm
+        lower = place[wires.lower] + now.lower_arm
+        own, mixed = wires.mass[:, :1], wires.mass[:, 1:2]
+        share = own * weights.lift(scene, upper) + mixed * weights.lift(scene, lower)
+        weight = weight + sum_by(wires.blade, share, len(blades.label))
     result = (to_body[blades.body] @ weight[..., None])[..., 0]
     for body in sorted(set(wires.lower[wires.blade >= 0].tolist())):
         own = np.flatnonzero(wires.lower == body)

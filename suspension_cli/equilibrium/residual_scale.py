@@ -50,6 +50,14 @@ def carried_weights(scene: Scene) -> Float[np.ndarray, "*batch body"]:
     for number, body in enumerate(scene.blades.body.tolist()):
         if body > 0:
             result[..., body - 1] += scene.gravity * scene.blades.tip_mass[..., number]
+    if scene.wires.mass.any():
+        for wire, (upper, lower) in enumerate(
+            zip(scene.wires.upper, scene.wires.lower, strict=True)
+        ):
+            own, mixed, other = np.moveaxis(scene.gravity * scene.wires.mass[..., wire, :], -1, 0)
+            result[..., lower - 1] += mixed + other
+            if upper > 0:
+                result[..., upper - 1] += own + mixed
     for body in range(len(bodies.name), 0, -1):
         if parent[body] > 0:
             result[..., parent[body] - 1] += result[..., body - 1]

@@ -9,7 +9,7 @@ between coordinates of different parity are rounding errors, and are set to exac
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -195,6 +195,7 @@ def _equal_parts(scene: Scene) -> _EqualParts:
         _equal_labels(wires.upper, wires.lower, wires.loss, wires.blade < 0)
         & _equal(wires.stiffness[..., None], wires.stiffness[..., None])
         & _equal(wires.torsion[..., None], wires.torsion[..., None])
+        & _equal(wires.mass, wires.mass)
         & _close(wires.tension[..., None], wires.tension[..., None])
         & _close(wires.length[..., None], wires.length[..., None])
     )
@@ -246,6 +247,8 @@ def _has_mirror(
         (-2, -1)
     )
     symmetric = symmetric & one_to_one
+    if scene.field is not None and not scene.field.has_mirror(axis):
+        symmetric = symmetric & False
     if not np.any(symmetric):
         return symmetric
     pairs = (
@@ -269,6 +272,9 @@ def _has_mirror(
         & _equal(springs.lower_point, springs.lower_point * flip)
         & _equal(springs.preload, springs.preload * parity)
     )
+    if scene.fibres is not None and scene.fibres.spring:
+        losses = {own.label: replace(own, label="") for own in scene.fibres.spring}
+        pairs = pairs & _equal_items([losses.get(label) for label in springs.label])
     for matrix in (springs.stiffness, springs.damping):
         flat = matrix.reshape(*matrix.shape[:-2], 36)
         pairs = pairs & _equal(flat, flat * np.outer(parity, parity).ravel())

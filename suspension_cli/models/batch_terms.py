@@ -70,7 +70,7 @@ class WireBatchTerm:
     surrounded: Gas | None
     size: int
     place: Int[np.ndarray, "wire 15"]
-    sections: Float[np.ndarray, "wire section 9"]
+    sections: Float[np.ndarray, "wire section 10"]
     geometry: Float[np.ndarray, "all_builds wire 25"]
     basis: Float[np.ndarray, "own coordinate"] | None = None
 

@@ -65,7 +65,7 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSyste
     scene, balanced = bending_wires.solve_bending(scene, numbering)
     balanced.demand(scene)
     adapted = find_symmetry(scene, numbering)
-    model = string_model.linear_model(lossless(scene), balanced)
+    model = string_model.linear_model(lossless(scene), balanced, wire_inertia=not massive)
     of_springs, of_ground = spring_terms(scene, numbering, balanced.pose, adapted)
     grounded = of_springs[: len(of_ground)]
     terms = [
@@ -217,7 +217,7 @@ def linear_models(
     """
     numbering = layout(scene)
     scene, found = bending_wires.solve_bending(scene, numbering)
-    model = string_model.linear_model(lossless(scene), found, split=split)
+    model = string_model.linear_model(lossless(scene), found, split=split, wire_inertia=not massive)
     plain = no_symmetry(numbering)
     of_springs, of_ground = spring_terms(scene, numbering, found.pose, plain)
     lossy = [
@@ -288,6 +288,7 @@ class Beam(string_model.SceneModel):
             *directions,
             *kinds,
             made.blade,
+            made.spring,
             made.gas,
             made.temperature,
             *(None if own is None else own.tobytes() for own in drag),

@@ -19,9 +19,11 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.derive import (
+    beyond_symmetric_chains,
     body_inertia,
     body_mass,
     com_offset,
+    gravity_strength,
     set_geometry,
     wire_loss,
     wire_stiffness,
@@ -130,6 +132,8 @@ def _matrix(a11: Any, a12: Any, a21: Any, a22: Any) -> Any:
 
 def unsuited(design: Design) -> str:
     """Why the closed forms are not valid for a design; "" if they are."""
+    if reason := beyond_symmetric_chains(design):
+        return reason
     stage = design.stage[0]
     if stage.inverted_pendulum is not None:
         return "it stands on legs"
@@ -169,7 +173,7 @@ def four_wires(design: Design, *, lossy: bool = False) -> FourWires:
         shape.t2,
         shape.d,
         k,
-        design.constants.gravity,
+        gravity_strength(design),
     )
 
 

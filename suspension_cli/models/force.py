@@ -28,11 +28,13 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.derive import (
+    beyond_symmetric_chains,
     blade_loss,
     blade_stiffness,
     body_inertia,
     body_mass,
     com_positions,
+    gravity_strength,
     set_geometry,
     wire_loss,
     wire_stiffness,
@@ -270,6 +272,8 @@ def unsuited(design: Design) -> str:
     """Why a design is not a symmetric chain; "" if it is one."""
     if design.link or design.damper:
         return "it has [[link]] or [[damper]]"
+    if reason := beyond_symmetric_chains(design):
+        return reason
     above = SUPPORT
     for stage in design.stage:
         if stage.inverted_pendulum is not None:
@@ -347,7 +351,7 @@ def chain(design: Design, *, lossy: bool = False) -> Chain:
                 ),
             )
         )
-    return Chain(tuple(stages), design.constants.gravity)
+    return Chain(tuple(stages), gravity_strength(design))
 
 
 def lossy(design: Design) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from suspension_cli.elements import loss, spring
 from suspension_cli.linear.frequency_terms import LossTerm, Term
 from suspension_cli.linear.symmetry import Symmetry
+from suspension_cli.scene.composition import BladeLoss
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene, Spectrum
 
@@ -73,21 +74,23 @@ def spring_terms(
         These with the coordinates of the ground in place of the support's.
     """
     springs = scene.springs
-    if not springs.loss.any() and not any(springs.spectrum):
+    known = {} if scene.fibres is None else {own.label: own for own in scene.fibres.spring}
+    if not known and not springs.loss.any() and not any(springs.spectrum):
         return [], ()
     now = spring.state(scene, pose)
     terms: list[LossTerm] = []
     ground: list[LossTerm] = []
     for n in np.argsort(~springs.grounded, kind="stable").tolist():
-        spectrum = springs.spectrum[n]
-        if spectrum is None and (tables or not springs.loss[n]):
+        spectrum, own = springs.spectrum[n], known.get(springs.label[n])
+        if spectrum is None and (tables or not (own or springs.loss[n])):
             continue
+        ambient = spectrum.temperature if scene.fibres is None else scene.fibres.temperature  # pyright: ignore[reportOptionalMemberAccess]
+        own = own or BladeLoss("", float(np.real(springs.loss[n])), None, 0.0, ambient)
         jacobian = spring.strain_jacobian(scene, numbering, pose, now, n)
-        for axes, angle, storage in _functions(spectrum, float(np.real(springs.loss[n]))):
+        for axes, angle, storage in _functions(spectrum, own):
             stiffness = springs.stiffness[..., n, :, :] * axes
             matrix = adapted.apply(np.swapaxes(jacobian, -1, -2) @ stiffness @ jacobian)
-            temperature = spectrum.temperature if scene.fibres is None else scene.fibres.temperature  # pyright: ignore[reportOptionalMemberAccess]
-            one = LossTerm(_cause(springs.label[n]), temperature, matrix, angle, True, storage)
+            one = LossTerm(_cause(springs.label[n]), own.temperature, matrix, angle, True, storage)
             if springs.grounded[n]:
                 ground.append(one)
                 others = np.eye(numbering.size)
@@ -97,10 +100,10 @@ def spring_terms(
     return terms, tuple(ground)
 
 
-def _functions(spectrum: Spectrum | None, angle: float) -> list[tuple[Any, Any, Any]]:
+def _functions(spectrum: Spectrum | None, own: BladeLoss) -> list[tuple[Any, Any, Any]]:
     """Axes (6, 6) of a spring that share a function, loss angle and change of the real part."""
     if spectrum is None:
-        return [(np.ones((6, 6)), lambda omega: angle + 0 * omega, None)]
+        return [(np.ones((6, 6)), lambda omega: loss.blade_angle(own, omega), None)]
     at = np.log(2 * np.pi * np.array(spectrum.frequency))
 
     def curve(values: tuple[float, ...], less: float) -> Any:

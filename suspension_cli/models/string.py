@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import bar, bending, blade, spring, string
+from suspension_cli.elements import bar, bending, blade, spring, string, weight
 from suspension_cli.equilibrium.energy import gradient_and_stiffness, spring_stiffness
+from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.linear import separated_stiffness
@@ -36,7 +37,11 @@ if TYPE_CHECKING:
 
 
 def linear_model(
-    scene: Scene, balanced: Equilibrium | None = None, *, split: bool = True
+    scene: Scene,
+    balanced: Equilibrium | None = None,
+    *,
+    split: bool = True,
+    wire_inertia: bool = True,
 ) -> LinearSystem:
     """Linear model of small motions about the equilibrium of a scene on strings.
 
@@ -49,6 +54,8 @@ def linear_model(
     split : bool
         Whether to use mirror symmetries. Without them, the result for one scene of a batch does
         not depend on the others.
+    wire_inertia : bool
+        Whether the mass of wires that have weight moves as straight lines between their ends.
 
     Returns
     -------
@@ -69,7 +76,10 @@ def linear_model(
     adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
     tips = np.zeros(numbering.size, dtype=bool)
     weightless = scene.blades.tip_mass == 0
-    for number in np.flatnonzero(weightless.all(tuple(range(weightless.ndim - 1)))):
+    light = weightless.all(tuple(range(weightless.ndim - 1)))
+    if wire_inertia and scene.wires.mass.any():
+        light[scene.wires.blade[scene.wires.blade >= 0]] = False
+    for number in np.flatnonzero(light):
         tips[numbering.blade[number][scene.blades.axes[number]]] = True
     separated = mass = low = stretched = None
     if _is_compiled(scene):
@@ -96,7 +106,9 @@ def linear_model(
         coordinate=numbering.name,
         basis=adapted.basis,
         massless=adapted.carried(tips),
-        mass=adapted.apply(mass_matrix(scene, numbering, pose) if mass is None else mass),
+        mass=adapted.apply(
+            mass_matrix(scene, numbering, pose, wire_inertia=wire_inertia) if mass is None else mass
+        ),
         stiffness=stiffness,
         damping=adapted.apply(damping),
         lossy=lossy,
@@ -182,7 +194,8 @@ def _on_ground(
     columns[..., :6, :], resisted[..., :6, :] = 0.0, 0.0
     lossy, separated = model.lossy, model.separated
     if lossy is not None:
-        lossy = without_ground(lossy.real, stiffness) + 1j * without_ground(lossy.imag, loss)
+        lost = without_ground(np.imag(lossy), loss)
+        lossy = without_ground(np.real(lossy), stiffness) + 1j * lost
     if separated is not None:
         separated = replace(separated, soft=without_ground(separated.soft, whole))
     low = model.low
@@ -236,8 +249,8 @@ def _separated(
 
     soft, form, stiffness, mass = compiled.tangent(scene, numbering, pose)
     separated = Separated(adapted.apply(soft), adapted.forms(form), scene.wires.stiffness)
-    light = not scene.blades.tip_mass.any() and not scene.bars.label
-    return separated, adapted.apply(stiffness), mass if light else None
+    more = scene.blades.tip_mass.any() or scene.wires.mass.any() or scene.bars.label
+    return separated, adapted.apply(stiffness), None if more else mass
 
 
 def _loss(
@@ -258,9 +271,9 @@ def _loss(
 
 
 def mass_matrix(
-    scene: Scene, numbering: Layout, pose: Pose
+    scene: Scene, numbering: Layout, pose: Pose, *, wire_inertia: bool = True
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Mass matrix (..., N, N): bodies about their COMs as they are turned, tip masses and bars."""
+    """Mass matrix (..., N, N): bodies as they are turned, tip masses, bars and heavy wires."""
     result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
     for n in range(1, len(scene.bodies.name) + 1):
         for axis in range(3):
@@ -278,6 +291,8 @@ def mass_matrix(
         result = result + (
             flat * np.repeat(scene.blades.tip_mass, 3, axis=-1)[..., None, :]
         ) @ np.swapaxes(flat, -1, -2)
+    if wire_inertia and scene.wires.mass.any():
+        result = result + weight.wire_inertia(scene, numbering, pose)
     if scene.bars.label:
         result = result + bar.mass_matrix(scene, numbering, pose)
     return (result + np.swapaxes(result, -1, -2)) / 2
@@ -408,7 +423,15 @@ class String(SceneModel):
 
     def suspension(self, design: Design) -> LinearSystem:
         """The linear model on a rigid support."""
-        return linear_model(expand(design))
+        return linear_model(self.completed(expand(design), design))
+
+    def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
+        """Bending stiffness of hinged wires, which shortens their strings."""
+        return hinge_rigidities(design)
+
+    def completed(self, scene: Scene, design: Design) -> Scene:
+        """The scene with its hinged wires ending at their hinges."""
+        return to_hinges(scene, hinge_rigidities(design))
 
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False

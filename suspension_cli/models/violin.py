@@ -26,7 +26,8 @@ class Violin(Beam):
 
     def refined(self, design: Design, built: Mapping[str, LinearSystem]) -> LinearSystem:
         """The system, from that of the beam model where it is there."""
-        simpler = built.get(BEAM.name)
+        # with the weight of wires, the beam model has their inertia too
+        simpler = None if design.constants.wire_weight else built.get(BEAM.name)
         return self.system(design) if simpler is None else with_wire_mass(simpler)
 
 

@@ -30,6 +30,8 @@ class Section:
     losses : tuple of Mechanism
     torsion_factor : float
         Factor on G J + T I_p/A, for a wire whose torsional stiffness is given.
+    tension_offset : float
+        Tension in its middle beyond that of the wire, by the wire's own weight, N.
     """
 
     length: float
@@ -41,6 +43,7 @@ class Section:
     shape: CrossSection
     losses: tuple[Mechanism, ...]
     torsion_factor: float = 1.0
+    tension_offset: float = 0.0
 
     @property
     def round(self) -> bool:
@@ -137,6 +140,8 @@ class Fibres:
         In the order of `Scene.wires`.
     blade : tuple of BladeLoss
         In the order of `Scene.blades`.
+    spring : tuple of BladeLoss
+        Of the springs of known material; others have the loss angle of `Scene.springs`.
     gas : Gas or None
     temperature : float
         Of everything for which the design gives none, K.
@@ -146,3 +151,4 @@ class Fibres:
     blade: tuple[BladeLoss, ...]
     gas: Gas | None
     temperature: float
+    spring: tuple[BladeLoss, ...] = ()

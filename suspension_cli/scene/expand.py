@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,8 +14,10 @@ from suspension_cli.design.derive import (
     blade_stiffness,
     body_mass,
     com_offset,
+    gravity_strength,
     set_geometry,
     wire_loss,
+    wire_mass_moments,
     wire_stiffness,
 )
 from suspension_cli.design.keystones import Keystone
@@ -86,6 +90,7 @@ def _add_single_wires(design: Design, part: StagePart) -> None:
                 blade=wire.blade,
                 given=k * (length - wire.natural_length) if natural else wire.tension,
                 natural=natural,
+                mass=np.array(wire_mass_moments(design, wire, length)),
             )
         )
     for blade in stage.blade:
@@ -102,20 +107,21 @@ def _add_symmetric_set(design: Design, part: StagePart, wires: WireSet) -> None:
     stage, mass, shape = part.stage, body_mass(part.stage.body), set_geometry(wires)
     k = wire_stiffness(design, wires, shape.length)
     loss = wire_loss(design, wires, shape.length)
-    across_x, across_y = shape.s_lower - shape.s_upper, shape.t2 - shape.t1
-    for number, (x, y) in enumerate(wire_signs(shape.count), 1):
+    moments = np.array(wire_mass_moments(design, wires, shape.length))
+    for number, (upper, lower) in enumerate(_set_ends(shape), 1):
         part.wires.append(
             WirePart(
                 label=f"{stage.name}.{number}",
-                upper_point=np.array([x * shape.s_upper, y * shape.t1, -shape.d_upper]),
-                lower_point=np.array([x * shape.s_lower, y * shape.t2, shape.d]),
-                span=np.array([x * across_x, y * across_y, -shape.height]),
+                upper_point=np.array([*upper, -shape.d_upper]),
+                lower_point=np.array([*lower, shape.d]),
+                span=np.array([lower[0] - upper[0], lower[1] - upper[1], -shape.height]),
                 stiffness=k,
                 torsion=wires.torsion or 0.0,
                 loss=loss,
-                blade=_blade_of(stage.blades, number, y),
+                blade=_blade_of(stage.blades, number, shape),
                 given=None,
                 natural=False,
+                mass=moments,
             )
         )
     if stage.blades is not None:
@@ -129,19 +135,32 @@ def wire_signs(count: int) -> list[tuple[int, int]]:
     return {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}[count]
 
 
-def _blade_of(blades: BladeSet | None, number: int, across: int) -> str | None:
+def _set_ends(shape: SetGeometry) -> list[tuple[tuple[Any, Any], tuple[Any, Any]]]:
+    """List x and y (m) of the upper and the lower end of each wire of a set."""
+    if shape.is_ring:
+        return [shape.ring_ends(number) for number in range(shape.count)]
+    return [
+        ((x * shape.s_upper, y * shape.t1), (x * shape.s_lower, y * shape.t2))
+        for x, y in wire_signs(shape.count)
+    ]
+
+
+def _blade_of(blades: BladeSet | None, number: int, shape: SetGeometry) -> str | None:
     if blades is None:
         return None
-    if blades.count == 4:
+    if blades.count == shape.count:
         return str(number)
     if blades.count == 2:
-        return "1" if across > 0 else "2"
+        return "1" if wire_signs(shape.count)[number - 1][1] > 0 else "2"
     return "1"
 
 
 def _set_tips(blades: BladeSet, shape: SetGeometry) -> list[tuple[str, Array]]:
     """List name and tip of each blade of a set; the tip of one with two wires is between them."""
     z = -shape.d_upper
+    if shape.is_ring and blades.count > 1:
+        ends = (shape.ring_ends(n)[0] for n in range(shape.count))
+        return [(str(n), np.array([*end, z])) for n, end in enumerate(ends, 1)]
     if blades.count == 4:
         return [
             (str(n), np.array([a * shape.s_upper, b * shape.t1, z]))
@@ -171,13 +190,15 @@ def _blade(
 
 def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
     """Set tensions and blade loads of every stage, from the bottom up; return the faults."""
-    g = design.constants.gravity
+    g = gravity_strength(design)
     loads = [np.array([0.0, 0.0, -g * body_mass(part.stage.body), 0.0, 0.0, 0.0]) for part in parts]
     position = [np.zeros(3)]
     for part in parts:
         position.append(position[part.parent] + part.offset)
     for body, wrench in preload_wrenches(design, np.array(position)):
         loads[body - 1] = loads[body - 1] + wrench
+    if any(np.any(wire.mass) for part in parts for wire in part.wires):
+        _add_wire_weights(parts, loads, g)
     faults: list[Fault] = []
     for n in range(len(parts), 0, -1):
         part, load = parts[n - 1], loads[n - 1]
@@ -194,9 +215,22 @@ def _balance(design: Design, parts: list[StagePart]) -> list[Fault]:
     return faults
 
 
+def _add_wire_weights(parts: list[StagePart], loads: list[Array], gravity: float) -> None:
+    """Add the parts of the weight of wires that their ends carry to the loads of the bodies."""
+    for n, part in enumerate(parts):
+        for wire in part.wires:
+            upper, lower = gravity * (wire.mass[:2] + wire.mass[1:])
+            ends = [(n, lower, wire.lower_point)]
+            if part.parent > 0:
+                ends.append((part.parent - 1, upper, wire.upper_point))
+            for body, weight, point in ends:
+                force = np.array([0.0, 0.0, -weight, 0.0, 0.0, 0.0])
+                loads[body] = loads[body] + tensions.move_wrench(force, point)
+
+
 def _balance_stage(design: Design, part: StagePart, load: Array) -> list[Fault]:
     """Set the tensions of one stage under its load (6,) about its COM; return its faults."""
-    stage, wires, gravity = part.stage, part.wires, design.constants.gravity
+    stage, wires, gravity = part.stage, part.wires, gravity_strength(design)
     key, weight = f"stage.{stage.name}", max(float(np.abs(load).max()), 1e-12)
     for spring in stage.spring:
         load = load + tensions.move_wrench(np.array(spring.preload), np.array(spring.at))
@@ -286,6 +320,9 @@ def _blade_load(part: StagePart, name: str, tension: Array, gravity: float) -> A
         if wire.blade == name
     ]
     total = np.sum(pull, axis=0) + np.array([0.0, 0.0, -gravity * blade.tip_mass])
+    for wire in part.wires:
+        if wire.blade == name:
+            total = total + np.array([0.0, 0.0, -gravity * (wire.mass[0] + wire.mass[1])])
     if blade.load is not None:
         total = np.array([*total[:2], -blade.load])
     return np.where(blade.axes, -total, 0.0)

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_material
+from suspension_cli.design.derive import blade_material, gravity_strength, is_ring, spring_loss
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.losses.registry import mechanisms_of
-from suspension_cli.design.schema import Design, Material, Stage
+from suspension_cli.design.schema import Design, Material, Spring, Stage
 from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.design.wires import Blade, BladeSet, Clamp, EndTemperatures, Wire, WireSet
+from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Section
 from suspension_cli.scene.expand import expand_stages, wire_signs
-from suspension_cli.scene.parts import WirePart
+from suspension_cli.scene.parts import StagePart, WirePart
 
 POISSON = 0.3
 """Poisson's ratio of a material for which none is known."""
@@ -73,15 +75,17 @@ def compose(design: Design) -> Fibres:
 
     wires: list[Fibre] = []
     blades: list[BladeLoss] = []
-    for part in expand_stages(design):
+    parts = expand_stages(design)
+    for part in parts:
         for number, (wire, table) in enumerate(zip(part.wires, _wires(part.stage), strict=True)):
             temperature = table.temperature or ambient
+            sections = _sections(design, table, np.sqrt(wire.span @ wire.span).item(), losses)
+            if np.any(wire.mass):
+                sections = _weighed(sections, wire, gravity_strength(design))
             wires.append(
                 Fibre(
                     label=wire.label,
-                    sections=_sections(
-                        design, table, np.sqrt(wire.span @ wire.span).item(), losses
-                    ),
+                    sections=sections,
                     plane=_plane(wire.direction),
                     clamp=_clamp(part.stage, number, table, wire),
                     temperature=(temperature.upper, temperature.lower)
@@ -100,7 +104,31 @@ def compose(design: Design) -> Fibres:
         design.gas.molar_mass / AVOGADRO,
         design.gas.temperature or ambient,
     )
-    return Fibres(tuple(wires), tuple(blades), gas, ambient)
+    return Fibres(
+        tuple(wires),
+        tuple(blades),
+        gas,
+        ambient,
+        _springs(design, parts, lambda name: losses(name, None)),
+    )
+
+
+def _springs(
+    design: Design, parts: list[StagePart], losses: Callable[[str], tuple[Mechanism, ...]]
+) -> tuple[BladeLoss, ...]:
+    """List the losses of the springs of known material, by the labels of the scene."""
+    every = [
+        (part.stage.name, spring)
+        for part in parts
+        for spring in (*part.stage.spring, *part.flexures)
+    ]
+    result = []
+    for number, (stage, spring) in enumerate(every, 1):
+        if spring.material is not None:
+            own, angle = losses(spring.material), spring_loss(design, spring)
+            ambient = design.constants.temperature
+            result.append(_blade(f"{stage}.spring{number}", spring, own, angle, ambient))
+    return tuple(result)
 
 
 def _sections(
@@ -119,6 +147,23 @@ def _sections(
     return tuple(
         _section(piece, own, losses(piece.material or "", table), along) for piece, own in pieces
     )
+
+
+def _weighed(sections: tuple[Section, ...], wire: WirePart, gravity: float) -> tuple[Section, ...]:
+    """Sections with the tension in the middle of each beyond that of the wire.
+
+    From the upper end down the tension falls by the weight above, times the cosine of the angle to
+    the vertical; that of the wire, between both ends, is below that of the upper end by the part
+    m_uu + m_ul of the weight that this end carries (`elements.weight`).
+    """
+    along = -gravity * wire.direction[2]
+    left = wire.mass[0] + wire.mass[1]
+    result = []
+    for section in sections:
+        own = section.mass * section.length
+        result.append(replace(section, tension_offset=along * (left - own / 2)))
+        left = left - own
+    return tuple(result)
 
 
 def _modulus(material: Material) -> float:
@@ -170,16 +215,22 @@ def _plane(direction: Array) -> Array:
 def _clamp(stage: Stage, number: int, table: WireSet | Wire, wire: WirePart) -> tuple[Array, Array]:
     """Directions in which a wire leaves its clamps.
 
-    A symmetric set gives those of its first wire; they are mirrored for the others.
+    A symmetric set gives those of its first wire; they are mirrored (of a ring: turned) for the
+    others.
     """
     clamp = table.clamp if isinstance(table.clamp, Clamp) else Clamp()
-    along, across = wire_signs(table.count)[number] if isinstance(table, WireSet) else (1, 1)
-    mirror = np.array([along or 1, across or 1, 1.0])
+    turn = np.eye(3)
+    if isinstance(table, WireSet) and is_ring(table):
+        angle = 2 * np.pi * number / table.count
+        turn = rotation_matrix(np.array([0.0, 0.0, angle]))
+    elif isinstance(table, WireSet):
+        along, across = wire_signs(table.count)[number]
+        turn = np.diag([along or 1, across or 1, 1.0])
 
     def direction(given: tuple[float, float, float] | None) -> Array:
         if given is None:
             return wire.direction
-        turned = np.array(given) * mirror
+        turned = turn @ np.array(given)
         return turned / np.sqrt(turned @ turned)
 
     return direction(clamp.upper), direction(clamp.lower)
@@ -187,14 +238,15 @@ def _clamp(stage: Stage, number: int, table: WireSet | Wire, wire: WirePart) -> 
 
 def _blade(
     label: str,
-    table: BladeSet | Blade,
+    table: BladeSet | Blade | Spring,
     losses: tuple[Mechanism, ...] | None,
     angle: float,
     ambient: float,
 ) -> BladeLoss:
-    """Look up the loss of a blade; its own loss angle replaces that of its material's bulk."""
+    """Look up the loss of a blade or spring; its own loss angle replaces that of its bulk."""
     if losses is not None and table.loss_angle is not None:
         others = tuple(own for own in losses if not isinstance(own, Bulk))
         losses = (Bulk(table.loss_angle), *others)
-    thickness = table.thickness if table.geometry is None else table.geometry.thickness
+    geometry = None if isinstance(table, Spring) else table.geometry
+    thickness = table.thickness if geometry is None else geometry.thickness
     return BladeLoss(label, angle, losses, thickness or 0.0, table.temperature or ambient)

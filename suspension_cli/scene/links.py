@@ -10,6 +10,7 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, GROUND, SUPPORT
 from suspension_cli.design import materials
+from suspension_cli.design.derive import gravity_strength, spring_loss
 from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.schema import Design, Spring
 from suspension_cli.scene import eddy_current, strands, tensions
@@ -44,7 +45,7 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
         Nominal COMs from the suspension point, m; row 0 is the support.
     """
     rows = [
-        _of_stage(n, part, spring, number)
+        _of_stage(design, n, part, spring, number)
         for number, (n, part, spring) in enumerate(
             (
                 (n, part, s)
@@ -81,7 +82,7 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
     )
 
 
-def _of_stage(n: int, part: Any, spring: Spring, number: int) -> SpringPart:
+def _of_stage(design: Design, n: int, part: Any, spring: Spring, number: int) -> SpringPart:
     return SpringPart(
         f"{part.stage.name}.spring{number}",
         part.parent,
@@ -90,7 +91,7 @@ def _of_stage(n: int, part: Any, spring: Spring, number: int) -> SpringPart:
         matrix(spring.stiffness),
         matrix(spring.damping),
         spring.preload,
-        spring.loss_angle or 0.0,
+        spring_loss(design, spring),
     )
 
 
@@ -218,7 +219,7 @@ def wire_of(design: Design, given: Strands) -> strands.RoundWire:
     """Stiffness and weight of one wire of a link."""
     made = materials.resolve(design, given.material)
     poisson = 0.3 if made.poisson_ratio is None else made.poisson_ratio
-    weight = design.constants.gravity * (made.density or 0.0)
+    weight = gravity_strength(design) * (made.density or 0.0)
     return strands.RoundWire.of(given.diameter, made.youngs_modulus, poisson, weight)
 
 

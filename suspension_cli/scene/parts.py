@@ -8,9 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from suspension_cli.design.derive import body_inertia, body_mass
+from suspension_cli.design.derive import body_inertia, body_mass, gravity_strength
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.gravity import field_of
 from suspension_cli.scene.links import springs
 from suspension_cli.scene.scene import Bars, Blades, Bodies, Scene, Wires, no_struts
 
@@ -38,6 +39,8 @@ class WirePart:
         Tension in the nominal pose that the design fixes, N.
     natural : bool
         Whether a natural length fixes it, so that the pose has to be solved for.
+    mass : (3,) array
+        Moments m_uu, m_ul, m_ll of the mass that has weight, kg; see `elements.weight`.
     """
 
     label: str
@@ -50,6 +53,7 @@ class WirePart:
     blade: str | None
     given: float | None
     natural: bool
+    mass: Array = field(default_factory=lambda: np.zeros(3))
 
     @cached_property
     def direction(self) -> Array:
@@ -140,13 +144,14 @@ def pack(design: Design, parts: list[StagePart]) -> Scene:
     )
     return Scene(
         name=design.design.name,
-        gravity=design.constants.gravity,
+        gravity=gravity_strength(design),
         bodies=bodies,
         wires=_wires(parts),
         blades=_blades(parts),
         springs=springs(design, parts, bodies.position),
         struts=_struts(parts),
         bars=_bars(parts),
+        field=field_of(design),
     )
 
 
@@ -175,6 +180,7 @@ def _wires(parts: list[StagePart]) -> Wires:
         stiffness=np.array([wire.stiffness for _, _, wire in rows]),
         torsion=np.array([wire.torsion for _, _, wire in rows]),
         loss=np.array([wire.loss for _, _, wire in rows]),
+        mass=np.array([wire.mass for _, _, wire in rows]).reshape(-1, 3),
     )
 
 
@@ -196,6 +202,7 @@ def _struts(parts: list[StagePart]) -> Wires:
         stiffness=np.array([strut.stiffness for _, _, strut in rows]),
         torsion=np.zeros(len(rows)),
         loss=np.zeros(len(rows)),
+        mass=np.zeros((len(rows), 3)),
     )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from suspension_cli.scene.arrays import inner, inner_axes
 from suspension_cli.scene.composition import Fibres
+from suspension_cli.scene.gravity import Field
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
@@ -77,6 +78,9 @@ class Wires:
         Torsional stiffness that the design gives, N m/rad; 0 if it gives none.
     loss
         Loss angle of the stretching, and of a torsion that is given, rad.
+    mass
+        Moments m_uu, m_ul, m_ll of the mass that counts (see `elements.weight`), kg; 0 of wires
+        without weight.
     """
 
     label: tuple[str, ...]
@@ -91,6 +95,7 @@ class Wires:
     stiffness: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     torsion: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     loss: Float[np.ndarray, " wire"]
+    mass: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
 
 
 @dataclass(frozen=True)
@@ -190,6 +195,7 @@ def no_struts() -> Wires:
         **dict.fromkeys(("upper", "lower", "blade"), none),
         **dict.fromkeys(("upper_point", "lower_point", "span"), points),
         **dict.fromkeys(("length", "tension", "stiffness", "torsion", "loss"), values),
+        mass=np.zeros((0, 3)),
     )
 
 
@@ -256,7 +262,7 @@ class Scene:
     name : str
         The design's name.
     gravity : float
-        m/s^2.
+        Strength of gravity at the suspension point, m/s^2.
     bodies, wires, blades, springs
     struts : Wires
         Legs of inverted pendulums along their length: straight elastic bars from the foot (upper)
@@ -269,6 +275,8 @@ class Scene:
         Composition of wires and blades, where wires bend (`beam`, `violin`); None for strings.
     flex : Flex or None
         Stiffness of the wires against bending and twisting.
+    field : Field or None
+        Gravity that is not a uniform pull along -z.
     """
 
     name: str
@@ -282,6 +290,7 @@ class Scene:
     drawn: Scene | None = None
     fibres: Fibres | None = None
     flex: Flex | None = None
+    field: Field | None = None
 
     @property
     def parts(self) -> dict[str, Any]:
@@ -307,7 +316,7 @@ class Scene:
             self.gravity,
             *(
                 value
-                for part in (*self.parts.values(), self.flex)
+                for part in (*self.parts.values(), self.flex, self.field)
                 if part is not None
                 for value in vars(part).values()
                 if isinstance(value, np.ndarray) and value.dtype == complex
@@ -317,5 +326,6 @@ class Scene:
     @property
     def weight(self) -> Inexact[np.ndarray, "*batch"]:
         """Weight of everything that hangs, N, shape ``batch``."""
-        weight = self.gravity * (self.bodies.mass.sum(-1) + self.blades.tip_mass.sum(-1))
-        return weight + self.gravity * self.bars.loads[..., 1].sum(-1)
+        wires = self.wires.mass.sum((-2, -1)) + self.wires.mass[..., 1].sum(-1)
+        mass = self.bodies.mass.sum(-1) + self.blades.tip_mass.sum(-1) + wires
+        return self.gravity * mass + self.gravity * self.bars.loads[..., 1].sum(-1)

@@ -234,6 +234,7 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
         return None
     if base.bends:
         return _moved_bending(base, design, scene)
+    scene = registry.STRING.completed(scene, design)
     gradient, stiffness = gradient_and_stiffness(scene, base.numbering, base.pose)
     pose = base.pose
     if _searched(base):
@@ -289,7 +290,7 @@ def _searched(base: Differentiable) -> bool:
 
 def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     """True if a suspension that balances in its nominal pose no longer does after the step."""
-    if gives_natural_lengths(design):
+    if gives_natural_lengths(design) or scene.field is not None:
         return False
     drawn = scene.drawn or scene  # straight wires: the loads of blades are those without bending
     gradient = gradient_and_stiffness(drawn, base.numbering, nominal_pose(drawn))[0]

@@ -26,7 +26,7 @@ STEP = 1e-30
 design may hold."""
 OTHER_TABLES = ("design", "analysis", "control", "tolerance")
 """Tables that do not describe the suspension itself."""
-NOT_CONTINUOUS = ("count", "steps", "temperature", "real", "imaginary", "static")
+NOT_CONTINUOUS = ("count", "steps", "temperature", "profile", "real", "imaginary", "static")
 """Keys whose numbers cannot change a little, do not matter to any model, or are tables of links
 (which have a factor)."""
 TABLE_FREQUENCY = re.compile(r"link\.[^.]+\.table\.frequency\.")
@@ -70,7 +70,8 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
         if (bends or not name.endswith(TWIST)) and not TABLE_FREQUENCY.match(name)
     ]
     known = {item.name for item in found}
-    implied = [Parameter("constants.gravity", design.constants.gravity)]
+    gravity = design.constants.gravity
+    implied = [Parameter("constants.gravity", gravity)] if isinstance(gravity, float) else []
     bent = _bent(design) if bends else set[str]()
     for name in sorted(_used(design) | bent):
         made = materials.resolve(design, name)

@@ -194,4 +194,6 @@ def _topology(scene: Scene, design: Design) -> tuple[Any, ...]:
         bool(scene.springs.damping.any()),
         (scene.wires.torsion > 0).tobytes(),
     )
-    return (scene.gravity, *kinds, light, damped, twisted, surroundings_key(design))
+    field = scene.field and (scene.field.vector.tobytes(), scene.field.gradient.tobytes())
+    heavy = (scene.wires.mass != 0).tobytes()
+    return (scene.gravity, field, heavy, *kinds, light, damped, twisted, surroundings_key(design))

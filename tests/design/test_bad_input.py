@@ -74,7 +74,7 @@ gravity = -9.81
 name = "test"
 body = { mass = "heavy", inertia = [1.0, nan, 1.0] }
 [stage.wires]
-count = 3
+count = 0
 l = 0.3
 """
 

@@ -16,6 +16,7 @@ from suspension_cli.analyses.check import plausible
 from suspension_cli.analyses.check.names import find_unknown_names as names_of
 from suspension_cli.analyses.check.statics import solve
 from suspension_cli.design import plausibility as numbers
+from suspension_cli.design import profiles
 from suspension_cli.design.materials import resolve
 from suspension_cli.design.reader import convert, template
 from suspension_cli.errors import InputError
@@ -39,9 +40,11 @@ G = 9.81
 def raw(name):
     """A shipped design, or one as `pendsus new` writes it."""
     kind = name.removeprefix("new/")
-    return tomllib.loads(
+    found = tomllib.loads(
         template(kind, kind) if kind != name else (CONFIGS / f"{name}.toml").read_text()
     )
+    profiles.resolve_files(found, CONFIGS)
+    return found
 
 
 def checked(folder, document, *args):
@@ -260,6 +263,21 @@ NONSENSE = {
         "double",
         {("constants",): {"gravity": 981.0}},
         "constants.gravity = 981.0: is outside 1 to 30 m/s.2, .*; did you mean cm/s.2?",
+    ),
+    "gravity gradient": (
+        "double",
+        {("constants",): {"gravity_gradient": 0.3}},
+        "constants.gravity_gradient = 0.3: is more than 0.001 1/s.2, .*; give it in 1/s.2",
+    ),
+    "ring in mm": (
+        "pulled-fibres",
+        {(*UPPER, "wires", "ring_upper"): 140.0, (*UPPER, "wires", "ring_lower"): 140.0},
+        "stage.upper.wires.ring_lower = 140.0: lower ends of wires lie 140 m .*; did you mean mm?",
+    ),
+    "neck in mm": (
+        "double",
+        {(*LAST, "wires", "neck"): {"radius": 1.5, "length": 0.01}},
+        "stage.test.wires.neck.radius = 1.5: the neck is 1.5 m thick, .*; give it in m",
     ),
     "unstable": (
         "double",

@@ -38,6 +38,8 @@ TABLES = {
     "body": [schema.Body],
     "[stage.wires]": [schema.WireSet],
     "Wires of several sections": [wires.WireSection],
+    "Necks of fibres": [wires.Neck],
+    "Measured profiles of fibres": [wires.Profile],
     "[stage.blades]": [schema.BladeSet],
     "[[stage.wire]]": [schema.Wire],
     "[[stage.blade]]": [schema.Blade],

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
-from suspension_cli.design.derive import blade_loss, blade_material
+from suspension_cli.design.derive import blade_loss, blade_material, spring_loss
 from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.losses.registry import mechanisms_of
 from suspension_cli.design.schema import Design, Spring, Stage
@@ -74,7 +74,7 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
             [str(n) for n, _ in enumerate(wires, 1)],
             [_check_wire(design, wire, level) for wire in wires],
         )
-        if any(_is_lossless(spring) for spring in stage.spring):
+        if any(_is_lossless(design, spring, level) for spring in stage.spring):
             found.append(Lossless(f"{stage.name}.springs"))
         legs, blades = stage.inverted_pendulum, stage.filter
         if legs is not None and not legs.loss_angle and legs.q is None:
@@ -131,10 +131,13 @@ def _check_blade(design: Design, blade: BladeSet | Blade, level: str) -> Lossles
     return Lossless("", given, _in_bending(losses) if thick else ())
 
 
-def _is_lossless(spring: Spring) -> bool:
+def _is_lossless(design: Design, spring: Spring, level: str) -> bool:
     """Whether a spring is elastic and dissipates nothing."""
     stiff, damped = (_nonzero(matrix) for matrix in (spring.stiffness, spring.damping))
-    return stiff and not damped and not spring.loss_angle
+    lossy = bool(spring_loss(design, spring))
+    if spring.material is not None and registry.by_name(level).bends_wires:
+        lossy = lossy or _bulk(_losses(design, spring.material, None))
+    return stiff and not damped and not lossy
 
 
 def _nonzero(matrix: list[float | list[float]] | None) -> bool:

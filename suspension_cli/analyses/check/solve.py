@@ -10,7 +10,9 @@ from suspension_cli.analyses.analysis import Log, Report
 from suspension_cli.errors import Fault, InputError, escape_unprintable
 
 if TYPE_CHECKING:
+    from suspension_cli.analyses.check.profiles import ReducedProfile
     from suspension_cli.analyses.check.statics import BladeLoad, LinkLoad, Statics, WireLoad
+    from suspension_cli.analyses.check.wire_weights import WireWeights
     from suspension_cli.design.plausibility import ImplausibleNumber
     from suspension_cli.design.reader import Source
     from suspension_cli.models.registry import Choice
@@ -33,6 +35,10 @@ class Check(Report):
     stability_model : str or None
         Name of the model in which it is.
     warnings : list of ImplausibleNumber
+    weights : WireWeights or None
+        Weight of the wires; None where no density is known.
+    profiles : list of ReducedProfile
+        Measured profiles of fibres.
     """
 
     source: Source
@@ -41,6 +47,8 @@ class Check(Report):
     stable: bool | None
     stability_model: str | None
     warnings: list[ImplausibleNumber]
+    weights: WireWeights | None
+    profiles: list[ReducedProfile]
 
     def warn(self, log: Log) -> None:
         """Report the warnings."""
@@ -88,7 +96,32 @@ class Check(Report):
                 | {"serious": item.serious}
                 for item in self.warnings
             ],
-        }
+        } | self._wire_details()
+
+    def _wire_details(self) -> dict[str, Any]:
+        """Weight of wires where it is included, and measured profiles where there are any."""
+        result: dict[str, Any] = {}
+        own = self.weights
+        if own is not None and own.included:
+            result["wire_weight"] = {
+                "total_n": own.total,
+                "largest_over_tension": own.ratio,
+                "sag_m": own.sag,
+                "error": own.error,
+            }
+        if self.profiles:
+            result["profiles"] = [
+                {
+                    "wire": one.wire,
+                    "places": one.places,
+                    "sections": one.sections,
+                    "stretching_change": one.stretching,
+                    "bending_change": one.bending,
+                    "allowed": one.allowed,
+                }
+                for one in self.profiles
+            ]
+        return result
 
     def __str__(self) -> str:
         from suspension_cli.analyses.check import towers
@@ -106,6 +139,9 @@ class Check(Report):
             lines.append(_table("blade", "load", "sag", rows))
         if found.links:
             lines.append(_link_table(found.links))
+        if self.weights is not None and self.weights.line:
+            lines.append(f"  {self.weights.line}")
+        lines += [f"  {one.line}" for one in self.profiles]
         lines += towers.lines(found.legs, found.filters)
         for body in found.bodies:
             if any(body.shift) or any(body.rotation):
@@ -146,9 +182,11 @@ def solve(source: Source) -> Check:
         limits,
         names,
         plausible,
+        profiles,
         statics,
         towers,
         warnings,
+        wire_weights,
     )
     from suspension_cli.design import plausibility
     from suspension_cli.design.paths import value_at
@@ -177,7 +215,8 @@ def solve(source: Source) -> Check:
         )
     raw = tomllib.loads(source.text)
     found += names.find_unknown_names(design, modes, lambda path: value_at(raw, path) is not None)
-    return Check(source, choice, loads, stable, level, found)
+    weights, reduced = wire_weights.solve(design, loads), profiles.solve(design, loads)
+    return Check(source, choice, loads, stable, level, found, weights, reduced)
 
 
 def _stressed(part: WireLoad | BladeLoad) -> dict[str, Any]:

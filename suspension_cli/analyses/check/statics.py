@@ -11,7 +11,7 @@ from suspension_cli.analyses.check import towers
 from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
 from suspension_cli.design.schema import Body, Design, Stage
-from suspension_cli.design.sections import thinnest
+from suspension_cli.design.sections import given_sections, thinnest
 from suspension_cli.design.wires import Blade, BladeSet, Wire, WireSet
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
@@ -206,8 +206,10 @@ def solve(design: Design) -> Statics:
     ends = _end_heights(scene, balanced)
     return Statics(
         wires=tuple(
-            _wire_load(design, table, label, tension, tension / k, length)
-            for table, label, tension, k, length in rows
+            _wire_load(design, table, label, tension, tension / k, length, own)
+            for (table, label, tension, k, length), own in zip(
+                rows, _upper_weights(scene), strict=True
+            )
         ),
         blades=tuple(_blade_load(design, *blade) for blade in _blade_rows(design, scene, balanced)),
         bodies=bodies,
@@ -255,25 +257,42 @@ def _links(design: Design, scene: Scene) -> Iterator[LinkLoad]:
         yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
 
 
+def _upper_weights(scene: Scene) -> list[float]:
+    """Tension at the upper end of each wire beyond that of the wire, by its own weight, N."""
+    wires = scene.wires
+    weight = scene.gravity * (wires.mass[:, 0] + wires.mass[:, 1])
+    return (weight * -wires.span[:, 2] / wires.length).tolist()
+
+
 def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
     """List the table of each wire of a stage."""
     return [stage.wires] * stage.wires.count if stage.wires is not None else stage.wire
 
 
 def _wire_load(
-    design: Design, table: WireSet | Wire, label: str, tension: float, stretch: float, length: float
+    design: Design,
+    table: WireSet | Wire,
+    label: str,
+    tension: float,
+    stretch: float,
+    length: float,
+    weight: float = 0.0,
 ) -> WireLoad:
-    """Load of a wire; strength counts where the stress comes nearest to it."""
+    """Load of a wire; strength counts where the stress comes nearest to it.
+
+    `weight` (N) adds to the tension at its upper end.
+    """
+    sections = given_sections(table)
     pieces = (
-        [(piece, piece.material or table.material) for piece in table.sections]
-        if table.sections is not None
+        [(piece, piece.material or table.material) for piece in sections]
+        if sections is not None
         else [(table, table.material)]
     )
     found: list[tuple[float, float | None, str]] = []
     for piece, name in pieces:
         area = thinnest(piece)
         if area is not None:
-            found.append((tension / area, _strength(design, name), name or ""))
+            found.append(((tension + weight) / area, _strength(design, name), name or ""))
     known = [
         (stress / strength, strength, name)
         for stress, strength, name in found

@@ -161,8 +161,8 @@ def _plain_or_power(value: float) -> str:
 
 def _rates(poles: Poles) -> Any:
     """Real parts, 1/s; 0 where they may be rounding errors."""
-    small = np.abs(poles.value.real) <= poles.rounding * np.abs(poles.value)
-    return np.where(small, 0.0, poles.value.real)
+    rate = np.real(poles.value)
+    return np.where(np.abs(rate) <= poles.rounding * np.abs(poles.value), 0.0, rate)
 
 
 def _group(poles: Poles) -> list[tuple[float, float, int]]:

@@ -137,8 +137,12 @@ class RandomBuilds:
     def _start(self) -> tuple[eigenmodes.Modes, Array, Index]:
         """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
         # symmetry blocks give the degenerate nominal modes stable labels
-        found = eigenmodes.solve(registry.by_name(self.level).system(self.design))
-        plain = surrounded(string.linear_model(self.scene, split=False), self.design)
+        model = registry.by_name(self.level)
+        found = eigenmodes.solve(model.system(self.design))
+        plain = surrounded(
+            string.linear_model(self.scene, split=False, wire_inertia=not model.has_wire_mass),
+            self.design,
+        )
         keep = np.flatnonzero(~plain.massless[6:]) + 6  # coordinates with inertia
         root = np.linalg.cholesky(plain.mass[np.ix_(keep, keep)])
         return found, found.shape[:, keep - 6] @ root, keep

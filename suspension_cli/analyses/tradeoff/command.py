@@ -75,6 +75,7 @@ class TradeoffAnalysis(Analysis):
         from suspension_cli.analyses.tradeoff import solve as tradeoff
         from suspension_cli.models.registry import Choice
 
+        _demand_references(run.design)
         with run.log.progress() as bar:
             _demand_stable(run.design)
             began = time.monotonic()
@@ -114,6 +115,16 @@ class TradeoffAnalysis(Analysis):
         from suspension_cli.analyses.tradeoff import picture
 
         return {"": picture.draw(result.data, result.title)}
+
+
+def _demand_references(design: Design) -> None:
+    from suspension_cli.design.derive import beyond_symmetric_chains
+    from suspension_cli.errors import Fault, InputError
+
+    if reason := beyond_symmetric_chains(design):
+        remedy = "remove gravity_gradient and wire_weight, and give gravity as a number"
+        problem = f"the references in 50 digits do not cover this design: {reason}"
+        raise InputError([Fault("constants", problem, remedy)])
 
 
 def _demand_stable(design: Design) -> None:

@@ -37,6 +37,7 @@ def solve(scene: Scene) -> tuple[Any, Any, Any] | None:
     """
     mp, start = context(), equilibrium.solve(scene)
     numbering = layout(scene)
+    assert start.stiffness is not None  # of one build
     hessian = start.stiffness[6:, 6:]
     root = np.sqrt(np.abs(np.diag(hessian)))
     if not np.all(start.converged) or np.linalg.cond(hessian / root[:, None] / root) > 1 / (

@@ -380,7 +380,8 @@ def test_peaks_reach_their_tips_in_the_picture(file):
     at = np.searchsorted(fine.frequency, coarse.data[0].frequency)
     assert len(fine.frequency) > 200
     np.testing.assert_allclose(fine.amplitude[at], coarse.data[0].amplitude, rtol=1e-12)
-    tip = fine.frequency[fine.amplitude.argmax()]
-    (near,) = sus.thermal(sus.read(file), frequency=f"{tip * (1 - 1e-4)!r},{tip!r}").data
+    tip = float(fine.frequency[fine.amplitude.argmax()])
+    grid = f"{tip * (1 - 1e-4)!r},{tip!r}"
+    (near,) = sus.thermal(sus.read(file), frequency=grid, model=coarse.model).data
     assert fine.amplitude.max() == pytest.approx(near.amplitude[1], rel=1e-6)
     assert fine.amplitude.max() > coarse.data[0].amplitude.max()

@@ -1,0 +1,88 @@
+"""Weight of wires beside their tension: sag, softening, and the error of straight wires."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from suspension_cli.analyses.check.statics import Statics, list_wire_tables
+from suspension_cli.design.derive import gravity_strength, wire_line_densities
+from suspension_cli.design.schema import Design
+from suspension_cli.equilibrium.nominal import expand
+
+NOTED = 4e-3
+"""Weight over tension above which a design that leaves it out is told: frequencies of pendulums
+change by up to a quarter of it."""
+
+
+@dataclass(frozen=True)
+class WireWeights:
+    """Weight of the wires of a design.
+
+    Attributes
+    ----------
+    included : bool
+        Whether the design includes it.
+    total : float
+        N.
+    ratio : float
+        Largest weight over tension.
+    wire : str
+        The wire that has it.
+    sag : float
+        Largest distance of a wire from the straight line between its ends, m: w l / (8 T) for the
+        part w of its weight across it (Irvine, Cable Structures, MIT Press (1981), section 1.2).
+    softening : float
+        Largest decrease of a wire's stiffness by its sag, w^2 k l / (12 T^3), over that stiffness k
+        (Ernst, Der Bauingenieur 40, 52 (1965)).
+    """
+
+    included: bool
+    total: float
+    ratio: float
+    wire: str
+    sag: float
+    softening: float
+
+    @property
+    def error(self) -> float:
+        """Error of the stiffness of straight wires: across, (W/T)^2 / 12, or along them."""
+        return max(self.ratio**2 / 12, self.softening)
+
+    @property
+    def line(self) -> str:
+        """The weight in a line; "" where it is left out and small."""
+        if not self.included:
+            if self.ratio < NOTED:
+                return ""
+            return (
+                f"wires weigh up to {self.ratio:.2%} of their tension ({self.wire}), which"
+                " constants.wire_weight = true includes"
+            )
+        sag = f"largest sag {1e3 * self.sag:.3g} mm"
+        return (
+            f"wires weigh {self.total:.4g} N, up to {self.ratio:.2g} of their tension"
+            f" ({self.wire}); {sag}; straight wires leave an error of {self.error:.0e}"
+        )
+
+
+def solve(design: Design, statics: Statics) -> WireWeights | None:
+    """Compute the weight of the wires; None where no density is known."""
+    wires, gravity = expand(design).wires, gravity_strength(design)
+    total = ratio = sag = softening = 0.0
+    worst = ""
+    tables = [table for stage in design.stage for table in list_wire_tables(stage)]
+    for n, (table, load) in enumerate(zip(tables, statics.wires, strict=True)):
+        length = float(wires.length[n])
+        pieces = wire_line_densities(design, table, length)
+        weight = gravity * sum(piece * density for piece, density in pieces)
+        total += weight
+        if weight / load.tension > ratio:
+            ratio, worst = weight / load.tension, load.label
+        across = weight * math.hypot(*wires.span[n, :2].tolist()) / length
+        sag = max(sag, across * length / (8 * load.tension))
+        stiffness = float(wires.stiffness[n]) * length
+        softening = max(softening, across**2 * stiffness / (12 * load.tension**3))
+    if not total:
+        return None
+    return WireWeights(design.constants.wire_weight, total, ratio, worst, sag, softening)

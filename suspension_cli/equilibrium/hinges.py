@@ -1,0 +1,88 @@
+"""Strings that end at effective hinges, as models without bending take wires into account.
+
+Near its clamp a wire of bending stiffness E I under the tension T is curved over the length u =
+sqrt(E I / T); far from it, it hangs as a string would from a point u below the clamp (Gonzalez and
+Saulson, J. Acoust. Soc. Am. 96, 207 (1994)). A string between these points has the static
+stiffness of a uniform round wire against displacement and rotation of its ends, but for a fraction
+of the order of exp(-l / u): T / (l - 2 u), T u / (1 - 2 u / l) and T u (l - u) / (l - 2 u). Not
+covered are necks, a ribbon's stiff plane, torsion, and loss where a wire bends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from suspension_cli.design import materials
+from suspension_cli.design.schema import Design
+from suspension_cli.design.sections import stretches
+from suspension_cli.errors import Fault, InputError
+from suspension_cli.scene.scene import Scene
+
+LARGEST = 0.5
+"""Most of a wire that its two bends may take."""
+
+
+def hinge_rigidities(design: Design) -> tuple[tuple[Any, Any], ...]:
+    """E I (N m^2) at the upper and the lower end of each wire; 0 where it is not hinged.
+
+    Empty if no wire is hinged. Of a ribbon in its soft plane.
+    """
+    tables = [
+        table
+        for stage in design.stage
+        for table in ([stage.wires] * stage.wires.count if stage.wires else stage.wire)
+    ]
+    if all(table.bending is None for table in tables):
+        return ()
+    result = []
+    for table in tables:
+        if table.bending is None:
+            result.append((0.0, 0.0))
+            continue
+        pieces = stretches(table, 1.0)
+        ends = []
+        for piece in (pieces[0], pieces[-1]):
+            modulus = materials.resolve(design, piece.material or "").youngs_modulus
+            assert modulus is not None
+            ends.append(modulus * min(piece.shape.moments, key=lambda value: value.real))
+        result.append((ends[0], ends[1]))
+    return tuple(result)
+
+
+def to_hinges(scene: Scene, rigidity: tuple[tuple[Any, Any], ...]) -> Scene:
+    """Move the ends of hinged wires by sqrt(E I / T) along them, T being that of the drawing.
+
+    Raises
+    ------
+    InputError
+        If the bends would take more than `LARGEST` of a wire.
+    """
+    if not rigidity:
+        return scene
+    drawn = scene.drawn or scene
+    u = np.sqrt(np.array(rigidity) / drawn.wires.tension[..., None])
+    share = np.real(u.sum(-1) / drawn.wires.length)
+    if share.max() > LARGEST:
+        worst = int(np.argmax(share.reshape(-1, share.shape[-1]).max(0)))
+        label = scene.wires.label[worst]
+        problem = f"the bends of wire {label} take {share.max():.0%} of it, so that it is no string"
+        remedy = 'remove bending = "hinged" and use --fidelity beam'
+        raise InputError([Fault(f"stage.{label.rsplit('.', 1)[0]}", problem, remedy)])
+
+    def moved(one: Scene) -> Scene:
+        wires = one.wires
+        e = wires.span / wires.length[..., None]
+        left = wires.length - u.sum(-1)
+        changed = replace(
+            wires,
+            upper_point=wires.upper_point + u[..., :1] * e,
+            lower_point=wires.lower_point - u[..., 1:] * e,
+            span=left[..., None] * e,
+            length=left,
+        )
+        return replace(one, wires=changed)
+
+    return replace(moved(scene), drawn=None if scene.drawn is None else moved(scene.drawn))

@@ -1,0 +1,140 @@
+"""Weight of wires, gravity as a vector with a gradient: energies, forces, stiffness, inertia."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from suspension_cli.elements import string, weight
+from suspension_cli.equilibrium import compiled
+from suspension_cli.equilibrium import energy as tangent
+from suspension_cli.equilibrium.residual_scale import residual_scale
+from suspension_cli.models.string import mass_matrix
+from suspension_cli.scene.gravity import Field
+from suspension_cli.scene.pose import displace, layout, nominal_pose
+from suspension_cli.scene.stack import stack_scenes
+from tests.support import scenes
+from tests.support.derivatives import complex_gradient, hessian
+
+POINTS = np.array([0.1, 0.4, 0.8])
+"""Places of point masses along each wire, from its upper end."""
+KINDS = ["crooked", "blades"]
+
+
+def loaded(kind, seed):
+    """A random scene with a strong gradient, and the point masses of its wires."""
+    rng = np.random.default_rng([KINDS.index(kind), seed, 5])
+    raw = (
+        scenes.crooked(rng)
+        if kind == "crooked"
+        else scenes.bladed_chain(rng, 2, tip_mass=True, lateral=True)
+    )
+    scene = scenes.scene_of(raw)
+    beads = rng.uniform(0.1, 0.5, (len(scene.wires.label), 3))
+    moments = [(1 - POINTS) ** 2, POINTS * (1 - POINTS), POINTS**2]
+    mass = np.stack([(beads * share).sum(-1) for share in moments], axis=-1)
+    slope = rng.normal(size=(3, 3)) * 0.3
+    field = Field(np.array([1.0, -0.6, -9.0]), (slope + slope.T) / 2)
+    return replace(scene, field=field, wires=replace(scene.wires, mass=mass)), beads, rng
+
+
+def random_pose(scene, rng):
+    numbering = layout(scene)
+    step = scenes.step_of(rng, numbering.name, 0.01, 0.1)
+    return numbering, displace(numbering, nominal_pose(scene), step)
+
+
+def potential(scene, beads, pose):
+    """Energy of all masses as points, from their places alone."""
+    field, bodies, wires, blades = scene.field, scene.bodies, scene.wires, scene.blades
+
+    def of(mass, r):
+        return -mass * (field.vector @ r + r @ field.gradient @ r / 2)
+
+    def place(body, point):
+        return bodies.position[body] + pose.shift[body] + pose.rotation[body] @ point
+
+    result = 0.0
+    for n, inertia in enumerate(bodies.inertia):
+        # a body with these second moments: six points on the principal axes
+        square, axes = np.linalg.eigh(np.trace(inertia) / 2 * np.eye(3) - inertia)
+        share = bodies.mass[n] / 6
+        for value, axis in zip(square, axes.T, strict=True):
+            for sign in (1, -1):
+                root = np.sqrt(complex(value) / 2 / share)
+                assert root.imag == 0
+                result += of(share, place(n + 1, sign * root.real * axis))
+    for n, mass in enumerate(blades.tip_mass):
+        result += of(mass, place(blades.body[n], blades.tip[n] + pose.deflection[n]))
+    for n in range(len(wires.label)):
+        deflection = pose.deflection[wires.blade[n]] if wires.blade[n] >= 0 else 0.0
+        upper = place(wires.upper[n], wires.upper_point[n] + deflection)
+        lower = place(wires.lower[n], wires.lower_point[n])
+        for s, mass in zip(POINTS, beads[n], strict=True):
+            result += of(mass, (1 - s) * upper + s * lower)
+    return result
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_energy_forces_and_stiffness(kind):
+    scene, beads, rng = loaded(kind, 0)
+    numbering, pose = random_pose(scene, rng)
+    expected = potential(scene, beads, pose) - potential(scene, beads, nominal_pose(scene))
+    assert weight.energy(scene, pose) == pytest.approx(expected, rel=1e-11)
+    gradient, stiffness = tangent.gradient_and_stiffness(scene, numbering, pose)
+    derived = complex_gradient(tangent.energy, scene, numbering, pose, np.zeros(numbering.size))
+    assert np.abs(gradient - derived).max() < 1e-10 * np.abs(derived).max()
+    second = hessian(tangent.energy, scene, numbering, pose)
+    assert np.abs(stiffness - second).max() < 1e-10 * np.abs(second).max()
+    # the weights alone, which stiff wires hide
+    bare = replace(scene, wires=replace(scene.wires, mass=0 * scene.wires.mass), field=None)
+    first, plain = tangent.gradient_and_stiffness(bare, numbering, pose)
+    alone = hessian(
+        lambda s, p: tangent.energy(s, p) - tangent.energy(bare, p), scene, numbering, pose
+    )
+    assert np.abs(alone - (stiffness - plain)).max() < 1e-9 * np.abs(alone).max()
+    assert np.abs(gradient - first).max() > 0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_kinetic_energy_is_that_of_the_points(kind):
+    scene, beads, rng = loaded(kind, 1)
+    numbering, pose = random_pose(scene, rng)
+    bare = replace(scene, wires=replace(scene.wires, mass=0 * scene.wires.mass))
+    extra = mass_matrix(scene, numbering, pose) - mass_matrix(bare, numbering, pose)
+    upper, lower = weight.end_jacobians(scene, numbering, pose, string.state(scene, pose))
+    speed = rng.normal(size=numbering.size)
+    v_upper, v_lower = (np.einsum("a,awi->wi", speed, j) for j in (upper, lower))
+    expected = sum(
+        (beads[:, n] * (((1 - s) * v_upper + s * v_lower) ** 2).sum(-1)).sum() / 2
+        for n, s in enumerate(POINTS)
+    )
+    assert speed @ extra @ speed / 2 == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_compiled_loops_agree(kind):
+    members = [loaded(kind, 2)[0]] * 2
+    rng = np.random.default_rng(3)
+    scene = stack_scenes(members)
+    scene = replace(
+        scene, wires=replace(scene.wires, mass=scene.wires.mass * rng.uniform(1, 2, (2, 1, 1)))
+    )
+    numbering = layout(scene)
+    step = rng.normal(size=(2, numbering.size)) * 3e-3
+    moved = displace(numbering, displace(numbering, nominal_pose(scene), step), step[:, ::-1])
+    pose = replace(moved, deflection=np.where(scene.blades.axes, moved.deflection, 0.0))
+    soft, form, whole, _ = compiled.tangent(scene, numbering, pose)
+    k = np.broadcast_to(scene.wires.stiffness, form.shape[:2])
+    stiffness = soft + (np.swapaxes(form, -1, -2) * k[:, None]) @ form
+    gradient, expected = tangent.gradient_and_stiffness(scene, numbering, pose)
+    for found in (stiffness, whole):
+        assert np.abs(found - expected).max() < 1e-13 * np.abs(expected).max()
+    solved, parts, _, _ = compiled.newton(
+        scene, numbering, pose, 0.0, (0.0, 0.0, 1e-8, 0.3), accept_nominal=False
+    )
+    residual = np.abs(gradient[:, 6:] / residual_scale(scene, numbering)).max(-1)
+    assert parts["residual"] == pytest.approx(residual, rel=1e-11)
+    assert np.array_equal(solved.shift, pose.shift)
