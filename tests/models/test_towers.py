@@ -11,6 +11,7 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.design import reader
 from suspension_cli.design.paths import value_at
+from suspension_cli.equilibrium import compiled
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
@@ -191,8 +192,6 @@ def test_compiled_loops_and_arrays_agree_in_any_pose():
     scene, rng = expand(reader.parse(TOWER)), np.random.default_rng(3)
     numbering = layout(scene)
     pose = displace(numbering, nominal_pose(scene), 1e-2 * rng.normal(size=numbering.size))
-    from suspension_cli.equilibrium import compiled
-
     pair = stack.stack_scenes([scene, scene])
     poses = Pose(*(np.stack([part] * 2) for part in (pose.shift, pose.turn, pose.deflection)))
     soft, form = compiled.tangent(pair, numbering, poses)[:2]
