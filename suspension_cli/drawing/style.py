@@ -196,23 +196,29 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     with house_style(), matplotlib.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         if form == "png":
-            figure.savefig(stream, format="raw", dpi=dpi)
-            across = int(figure.get_size_inches()[0] * dpi)
-            return _write_png(stream.getbuffer(), across, dpi)
+            return _write_png(_render(figure, dpi), dpi)
         figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form])
     return stream.getvalue()
 
 
-def _write_png(pixels: memoryview, across: int, dpi: float) -> bytes:
-    """Write opaque RGBA pixels as PNG.
+def _render(figure: Figure, dpi: float) -> Any:
+    """Render a figure to pixels, uint8 (rows, columns, 3); its background is opaque."""
+    before, canvas = figure.dpi, FigureCanvasAgg(figure)
+    figure.dpi = dpi
+    canvas.draw()
+    figure.dpi = before
+    return np.asarray(canvas.buffer_rgba())[:, :, :3]
+
+
+def _write_png(pixels: Any, dpi: float) -> bytes:
+    """Write pixels (rows, columns, 3) as PNG.
 
     Without alpha and row filters, which do not help line drawings, it takes a fifth of the time
     of matplotlib's writer, at the same size.
     """
-    rgb = np.frombuffer(pixels, np.uint8).reshape(-1, across, 4)[:, :, :3]
-    up = len(rgb)
+    up, across, _ = pixels.shape
     rows = np.zeros((up, 1 + 3 * across), np.uint8)  # a leading 0: no filter
-    rows[:, 1:] = rgb.reshape(up, -1)
+    rows[:, 1:] = pixels.reshape(up, -1)
     per_metre = round(dpi / 0.0254)
     parts = (
         (b"IHDR", struct.pack(">IIBBBBB", across, up, 8, 2, 0, 0, 0)),

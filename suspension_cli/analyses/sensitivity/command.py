@@ -146,8 +146,8 @@ class SensitivityAnalysis(Analysis):
         from suspension_cli.analyses.sensitivity import picture
         from suspension_cli.drawing import style
 
-        drawn = picture.draw(result.data, result.title)
-        return {"": style.name_model(drawn, result.choice)}
+        drawn = picture.draw(result.data, result.subtitle)
+        return {"": style.name_neglected(drawn, result.choice)}
 
 
 def _unit(found: Sensitivity, number: int) -> str:
