@@ -15,6 +15,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullForma
 from suspension_cli.drawing.dimensions import spread
 from suspension_cli.drawing.style import INK, NOTE, PALE, shorten, single_line, write_text
 
+COLUMN = 4.55
+"""Width of a figure whose text is legible in a column of 8.5 cm, in."""
 HEAD = 0.5
 """Room for the heading at the top of a figure, in."""
 FOOT = 0.16
@@ -34,7 +36,7 @@ LONG = 0.25
 def write_heading(figure: Figure, quantity: str, design: str) -> None:
     """Write the quantity at the top of a figure and, below and smaller, design and model."""
     across, _ = figure.get_size_inches()
-    write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.078)), 9.5, bold=True)
+    write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.084)), 9.5, bold=True)
     write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
 
 
@@ -266,7 +268,7 @@ def find_peaks(size: Any, prominent: float = PROMINENT) -> Any:
 
 
 def label_peaks(
-    axes: Axes, peaks: Sequence[tuple[float, float, str]], size: float = 7.0, most: int = 12
+    axes: Axes, peaks: Sequence[tuple[float, float, str]], size: float = SMALL, most: int = 12
 ) -> None:
     """Write the frequencies of peaks in a row above them, moved apart, with leaders.
 

@@ -62,8 +62,8 @@ RC: dict[str, Any] = {
     "axes.labelsize": 8.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "xtick.labelsize": 7.0,
-    "ytick.labelsize": 7.0,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
     "xtick.major.size": 3.0,
@@ -158,11 +158,11 @@ def _write_below(figure: Figure, text: str) -> Figure:
         figure.text(
             1 - 0.05 / across,
             0.03 / up,
-            single_line(text, int(across / 0.045)),
+            single_line(text, int(across / 0.057)),
             ha="right",
             va="bottom",
             color=NOTE,
-            fontsize=6,
+            fontsize=7.5,
         )
     return figure
 

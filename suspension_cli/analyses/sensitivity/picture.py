@@ -10,7 +10,6 @@ from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.sensitivity.solve import Sensitivity
-from suspension_cli.design.path_units import format_with_unit
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     INK,
@@ -34,10 +33,10 @@ CELL = 0.11, 0.15
 """Width of a cell if there are many, and its height, in."""
 MAX_WIDTH = 1.98
 """Width of the table, in."""
-NAMES, CHANGES = 1.72, 0.80
+NAMES, CHANGES = 1.62, 0.86
 """Width of the names of numbers left of the table, and of the largest changes right of it, in."""
-MAX_NAME = 26
-"""Characters of the name and the value of a number."""
+MAX_NAME = 25
+"""Characters of the name of a number."""
 RESULTS = 1.55
 """Height of the names of results above the table, in."""
 FOOT = 0.85
@@ -105,7 +104,7 @@ def _draw_table(
     axes.plot(across, low, "o", markersize=2.5, color=INK, linestyle="")
     axes.set_yticks(
         range(len(rows)),
-        [_name_number(found.parameter[n], found.value[n]) for n in rows],
+        [shorten(found.parameter[n].removeprefix("stage."), MAX_NAME) for n in rows],
         fontsize=7.5,
     )
     labels = [
@@ -148,12 +147,6 @@ def _draw_table(
         annotation_clip=False,
     )
     return drawn
-
-
-def _name_number(path: str, value: float) -> str:
-    """Name of a number, shortened, and its value with its unit."""
-    shown = format_with_unit(path, value, 3).replace("^2", "²").replace("-", "−")
-    return f"{shorten(path.removeprefix('stage.'), MAX_NAME - len(shown))}  {shown}"
 
 
 def _label_scale(bar: Any, top: float) -> None:
