@@ -175,14 +175,13 @@ def _draw_numbers(figure: Figure, found: Fit, places: list[tuple[float, float]])
             if found.shared[n].all()
             else single_line(", ".join(np.array(found.experiment)[found.shared[n]]), 30)
         )
-        write_text(figure, left, top, single_line(name, 44), 7)
+        write_text(figure, left, top, single_line(name, 44), 7.5)
         text = f"{format_with_sigma(value, half)} {unit}".strip()
-        across, up = figure.get_size_inches()
-        figure.text(
-            (left + WIDE) / across, 1 - (top + 0.125) / up, text + (f" ({who})" if who else ""),
+        axes = add_axes(figure, left, top + 0.28, WIDE, 0.08)
+        axes.text(
+            1, 2.94, text + (f" ({who})" if who else ""), transform=axes.transAxes,
             va="top", ha="right", fontsize=7.5, color=AFTER,
         )  # fmt: skip
-        axes = add_axes(figure, left, top + 0.28, WIDE, 0.08)
         axes.spines["left"].set_visible(False)
         axes.set_yticks([])
         axes.axvline(start, color=BEFORE, linewidth=0.6, ymin=-0.2, ymax=1.4, clip_on=False)

@@ -63,7 +63,7 @@ def draw(found: Optimum, title: str) -> Figure:
         _draw_fractions(add_axes(figure, 3.4, head, 0.92, modes), found)
         _draw_key(figure, frequencies)
         top = head + modes + BETWEEN
-        _draw_numbers(add_axes(figure, 2.42, top, 1.52, numbers), found)
+        _draw_numbers(add_axes(figure, 2.42, top, 1.4, numbers), found)
         _write_above(figure, top, "Numbers of the design between their bounds")
         if others:
             top += numbers + BETWEEN
@@ -274,7 +274,7 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
         unit, factor = _shown_unit(name, numbers.after[row])
         for x, bound, side in ((0.0, lower, "right"), (1.0, upper, "left")):
             if np.isfinite(bound):
-                text = f"{factor * bound:.3g}".replace("-", "−")
+                text = curves.write_plainly(float(f"{factor * bound:.3g}"))
                 text += f" {unit}" if side == "left" and unit else ""
                 shift = -5 if side == "right" else 5
                 axes.annotate(

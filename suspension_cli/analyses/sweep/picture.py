@@ -298,7 +298,7 @@ def _draw_maps(swept: SweepResult, value: Any, title: str) -> Figure:
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels[len(shown) :]:
         axes.set_visible(False)
-    for n, (axes, result) in enumerate(zip(panels, shown, strict=False)):
+    for axes, result in zip(panels, shown, strict=False):
         _draw_map(axes, swept, value[:, :, result], result)
     curves.write_heading(figure, f"{_quantity(swept)} over two parameters", title)
     figure.tight_layout(rect=(0, 0, 1, 1 - 0.45 / figure.get_figheight()))

@@ -17,7 +17,7 @@ from suspension_cli.drawing.style import INK, NOTE, PALETTE, house_style, new_fi
 from suspension_cli.studies.axes import Axis
 
 LABELS = {
-    "k": "$k/k_0$ (fraction of the design)",
+    "k": "$k/k_0$ (ratio)",
     "offset": "offset of the wire's upper end along x (mm)",
     "offset_y": "offset of the wire's upper end along y (mm)",
     "offset_z": "offset of the wire's upper end along z (mm)",
@@ -25,8 +25,8 @@ LABELS = {
     "lower_offset_y": "offset of the wire's lower end along y (mm)",
     "lower_offset_z": "offset of the wire's lower end along z (mm)",
     "length": "change of the wire's length (mm)",
-    "mass": "$m/m_0$ (fraction of the design)",
-    "inertia": "$I/I_0$ (fraction of the design)",
+    "mass": "$m/m_0$ (ratio)",
+    "inertia": "$I/I_0$ (ratio)",
     "com": "offset of the COM along x (mm)",
     "com_y": "offset of the COM along y (mm)",
     "com_z": "offset of the COM along z (mm)",
@@ -70,10 +70,18 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         else:
             _draw_over_axes(axes, coupling, limit)
             at = f" at {coupling.frequency[0]:g} Hz"
-        axes.set_ylabel(single_line(f"|{coupling.over} / {coupling.under}|", 46))
+        ratio = single_line(f"|{coupling.over} / {coupling.under}|", 46)
+        axes.set_ylabel(f"{ratio} ({_unit(coupling)})")
+        axes.yaxis.get_offset_text().set_fontsize(curves.SMALL)
         _write_conditions(axes, coupling)
         curves.write_heading(figure, f"Cross-coupling{at}", title)
         return figure
+
+
+def _unit(coupling: Coupling) -> str:
+    """Unit of the ratio of two motions."""
+    names = [point.split("@")[0].rpartition(".")[2] for point in (coupling.over, coupling.under)]
+    return "/".join("rad" if name in ("roll", "pitch", "yaw") else "m" for name in names)
 
 
 def _write_conditions(axes: Axes, coupling: Coupling) -> None:
