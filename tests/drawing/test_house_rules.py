@@ -122,9 +122,10 @@ def _is_shown(axes, axis, tick, text):
     )
 
 
-UNIT = re.compile(r"\((?!SI\b)[^()]+\)|\bin [A-Za-z%]+$|fraction|count|number|%")
+UNIT = re.compile(r"\((?!SI\b)[^()]+\)|\bin [A-Za-z%]+$|fraction|count|number|ratio|%|± .*[A-Za-z]")
 
 
+@pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
 @pytest.mark.parametrize("name", CALLS)
 def test_pictures_keep_the_house_rules(name, folder):
     """Units on every axis, no overlapping or cut text, short legends, legible in a column."""
