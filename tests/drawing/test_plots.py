@@ -178,7 +178,9 @@ def test_a_png_has_the_pixels_of_the_canvas():
     reference = io.BytesIO()
     figure.savefig(reference, format="png", dpi=style.DPI)
     assert (np.asarray(image) == np.asarray(Image.open(reference).convert("RGB"))).all()
-    assert image.info["Software"] == "pendsus" and image.info["dpi"][0] == pytest.approx(180, 1e-3)
+    assert image.info["Software"] == "pendsus" and image.info["dpi"][0] == pytest.approx(
+        style.DPI, 1e-3
+    )
 
 
 def test_save_leaves_nothing_behind_when_it_fails(tmp_path, monkeypatch):

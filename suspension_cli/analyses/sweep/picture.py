@@ -139,7 +139,7 @@ def _draw_lines(
     for n, text in enumerate([*notes, *remarks[:1]]):
         at = (foot - 0.43 - 0.14 * n) / up
         figure.text(0.1 / across, at, single_line(text, 74), va="top", fontsize=7.5, color=NOTE)
-    heading = f"{_quantity(swept)} against {first.name}"
+    heading = f"{_quantity(swept)} against {first.name.removeprefix('stage.')}"
     curves.write_heading(figure, heading, title)
     return figure
 
