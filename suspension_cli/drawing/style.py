@@ -224,7 +224,7 @@ def _write_png(pixels: Any, dpi: float) -> bytes:
         (b"IHDR", struct.pack(">IIBBBBB", across, up, 8, 2, 0, 0, 0)),
         (b"tEXt", "\0".join(*METADATA["png"].items()).encode("latin-1")),
         (b"pHYs", struct.pack(">IIB", per_metre, per_metre, 1)),
-        (b"IDAT", zlib.compress(rows, PNG_LEVEL)),
+        (b"IDAT", zlib.compress(rows.tobytes(), PNG_LEVEL)),
         (b"IEND", b""),
     )
     return b"\x89PNG\r\n\x1a\n" + b"".join(
