@@ -1,7 +1,7 @@
 """Weight of bodies, blade tips and wires of one build, as loops that `numba` compiles.
 
-The formulas are those of `weight`; `tests/models/test_gravity.py` compares both. They are used where
-wires have weight, or gravity is a vector or has a gradient. A body is a row of 13 numbers:
+The formulas are those of `weight`; `tests/models/test_gravity.py` compares both. They are used
+where wires have weight, or gravity is a vector or has a gradient. A body is a row of 13 numbers:
 mass, nominal position and second moments of mass.
 """
 
