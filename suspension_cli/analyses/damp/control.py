@@ -29,7 +29,7 @@ from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float
+    from jaxtyping import Complex, Float, Inexact
 
 BESIDE = (0.0, 1e-15, -1e-15, 3e-15, -3e-15, 1e-14, -1e-14)
 """Relative steps, tried in turn, away from a frequency at which the response is infinite."""
@@ -158,7 +158,7 @@ def _relative_form(
 
 
 def evaluate_filter(
-    loop: Loop, frequency: Float[np.ndarray, " frequency"]
+    loop: Loop, frequency: Inexact[np.ndarray, " frequency"]
 ) -> Complex[np.ndarray, " frequency"]:
     """Evaluate a loop's factor (f,) from motion to -force at frequencies (f,) in Hz.
 

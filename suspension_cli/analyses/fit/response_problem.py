@@ -66,7 +66,7 @@ class Prediction:
     plant: Plant
     order: Int[np.ndarray, " mode"]
     response: tuple[Responses, ...]
-    reading: list[Complex[np.ndarray, "..."]]
+    reading: list[Complex[np.ndarray, ...]]
 
 
 @dataclass
