@@ -77,7 +77,8 @@ def first_break(row: Row, names: Iterable[str]) -> tuple[float, str]:
     Examples
     --------
     >>> import numpy as np
-    >>> row = Row("", "load (kg)", "", np.array([1.0, 10, 100]), {"sum": np.array([0, 1, 1])}, "", "")
+    >>> value, error = np.array([1.0, 10.0, 100.0]), np.array([0.0, 1.0, 1.0])
+    >>> row = Row("", "load (kg)", "", value, {"sum": error}, "", "")
     >>> first_break(row, ["sum"])
     (0.5, 'sum: 10 kg')
     """
