@@ -261,7 +261,7 @@ def one_of(scene, base, number):
         scene,
         **{
             name: part(getattr(scene, name), getattr(base, name))
-            for name in ("bodies", "wires", "blades", "springs")
+            for name in scene.parts
         },
     )
 
