@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from suspension_cli.drawing.style import (
     add_axes,
     house_style,
     new_figure,
+    single_line,
     with_opacity,
     write_text,
 )
@@ -29,6 +31,8 @@ LEFT, WIDTH, PITCH = 0.86, 2.55, 3.45
 """Left edge and width of the first chart, and distance of charts, in."""
 HEAD, ABOVE, HIGH, ROW, FOOT = 0.76, 0.44, 1.5, 2.5, 0.02
 """Heights of the heading, above a chart, of a chart, of a row and of the foot, in."""
+LINE = 0.15
+"""Height of a line of notes, in."""
 FONT = 8.0
 STRIP = 0.8
 """Decades between the smallest error above rounding and the strip of exact models."""
@@ -49,25 +53,36 @@ def draw(found: Tradeoff, title: str) -> Figure:
         for panel in found.panels
         if panel.compares == "models" and not panel.entries
     ]
-    rows = -(-(len(asked) + len(left_out)) // COLUMNS)
+    columns = min(COLUMNS, len(asked) + len(left_out))
+    rows = -(-(len(asked) + len(left_out)) // columns)
+    across = LEFT + (columns - 1) * PITCH + WIDTH + 0.15
+    key = textwrap.wrap(
+        f"Errors against {reference(found)}. Steps: no model is both faster and more accurate.",
+        int(across / 0.06),
+    )
+    head = HEAD + LINE * (len(key) - 1)
+
+    def place(n: int) -> tuple[float, float]:
+        return LEFT + n % columns * PITCH, head + n // columns * ROW
+
     with house_style():
-        figure = new_figure(LEFT + (COLUMNS - 1) * PITCH + WIDTH + 0.15, HEAD + ROW * rows + FOOT)
+        figure = new_figure(across, head + ROW * rows + FOOT)
         write_heading(figure, "Which model to use: error against time", title)
-        key = (
-            f"Errors against {reference(found)}. Steps: no model is both faster and more accurate."
-        )
-        write_text(figure, 0.1, 0.43, key, 7.5, NOTE)
+        for n, line in enumerate(key):
+            write_text(figure, 0.1, 0.43 + LINE * n, line, 7.5, NOTE)
         for n, (answer, options) in enumerate(asked):
-            left, top = LEFT + n % COLUMNS * PITCH, HEAD + n // COLUMNS * ROW
+            left, top = place(n)
             _write_advice(figure, left, top, answer, options)
             axes = add_axes(figure, left, top + ABOVE, WIDTH, HIGH)
             _draw_chart(axes, options, answer)
-            if n % COLUMNS == 0:
+            if n % columns == 0:
                 axes.set_ylabel("relative error")
         for n, (name, reason) in enumerate(left_out, len(asked)):
-            left, top = LEFT + n % COLUMNS * PITCH - LEFT + 0.1, HEAD + n // COLUMNS * ROW
-            write_text(figure, left, top, name, 9, bold=True)
-            write_text(figure, left, top + 0.17, f"left out: {reason}"[:70], 7.5, NOTE)
+            left, top = place(n)
+            write_text(figure, left - LEFT + 0.1, top, name, 9, bold=True)
+            for k, line in enumerate(textwrap.wrap(f"left out: {reason}", 54)):
+                down = top + 0.175 + LINE * k
+                write_text(figure, left - LEFT + 0.1, down, single_line(line), 7.5, NOTE)
     return figure
 
 

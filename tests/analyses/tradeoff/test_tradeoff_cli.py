@@ -384,6 +384,19 @@ def test_first_picture_gives_advice_with_the_points(found):
         assert answer in summary.answers(found)
 
 
+def test_first_picture_says_what_was_left_out(found):
+    """One chart and one reason, also where nothing else is compared."""
+    modes = found.panels[0]
+    reason = "nothing dissipates: give a loss angle, or a material that has one, to some wire"
+    left = (Omission("violin", "dissipation", reason),)
+    noise = Panel("thermal", "models", "Thermal noise", "", "frequency", 5, "", (), (), left, ())
+    for panels, count in (((modes, noise), 1), ((modes,), 1)):
+        figure = headline.draw(Tradeoff(panels, 2, 1), "Made up")
+        assert len(figure.axes) == count
+        assert_legible(figure)
+        assert any(w.startswith("left out: nothing") for w in said(figure)) == (len(panels) > 1)
+
+
 def test_front_is_drawn_where_it_is():
     panel = made_up()
     once, _ = picture.draw(everything(panel), "Made up").axes
