@@ -144,9 +144,8 @@ class Check(Report):
         lines += [f"  {one.line}" for one in self.profiles]
         lines += towers.lines(found.legs, found.filters)
         for body in found.bodies:
-            if any(body.shift) or any(body.rotation):
-                shift = ", ".join(f"{1e3 * value:.4f}" for value in body.shift)
-                turn = ", ".join(f"{1e3 * value:.4f}" for value in body.rotation)
+            shift, turn = map(_milli, (body.shift, body.rotation))
+            if {shift, turn} != {_milli((0.0, 0.0, 0.0))}:
                 lines.append(
                     f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose"
                 )
@@ -258,6 +257,11 @@ def _link_table(links: tuple[LinkLoad, ...]) -> str:
         between = ((v.label, " - ".join(v.between), *v.damping) for v in viscous)
         found.append(tables.render(damped, between))
     return "\n".join(found)
+
+
+def _milli(vector: tuple[float, ...]) -> str:
+    """Write components in thousandths, without the sign of what is rounded to 0."""
+    return ", ".join(f"{round(1e3 * value, 4) + 0.0:.4f}" for value in vector)
 
 
 def _table(part: str, load: str, change: str, rows: Any) -> str:
