@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-import struct
 import warnings
-import zlib
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -19,6 +17,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.files.atomic import replace_file
@@ -196,7 +196,12 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     with house_style(), matplotlib.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         if form == "png":
-            return _write_png(_render(figure, dpi), dpi)
+            origin = PngInfo()
+            origin.add_text(*next(iter(METADATA["png"].items())))
+            Image.fromarray(_render(figure, dpi)).save(
+                stream, "png", compress_level=PNG_LEVEL, dpi=(dpi, dpi), pnginfo=origin
+            )
+            return stream.getvalue()
         figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form])
     return stream.getvalue()
 
@@ -207,30 +212,7 @@ def _render(figure: Figure, dpi: float) -> Any:
     figure.dpi = dpi
     canvas.draw()
     figure.dpi = before
-    return np.asarray(canvas.buffer_rgba())[:, :, :3]
-
-
-def _write_png(pixels: Any, dpi: float) -> bytes:
-    """Write pixels (rows, columns, 3) as PNG.
-
-    Without alpha and row filters, which do not help line drawings, it takes a fifth of the time
-    of matplotlib's writer, at the same size.
-    """
-    up, across, _ = pixels.shape
-    rows = np.zeros((up, 1 + 3 * across), np.uint8)  # a leading 0: no filter
-    rows[:, 1:] = pixels.reshape(up, -1)
-    per_metre = round(dpi / 0.0254)
-    parts = (
-        (b"IHDR", struct.pack(">IIBBBBB", across, up, 8, 2, 0, 0, 0)),
-        (b"tEXt", "\0".join(*METADATA["png"].items()).encode("latin-1")),
-        (b"pHYs", struct.pack(">IIB", per_metre, per_metre, 1)),
-        (b"IDAT", zlib.compress(rows.tobytes(), PNG_LEVEL)),
-        (b"IEND", b""),
-    )
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in parts
-    )
+    return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
 
 
 def with_opacity(colour: str, strength: float) -> tuple[float, float, float, float]:
