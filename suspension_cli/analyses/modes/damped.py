@@ -160,6 +160,7 @@ def _build_basis(
         damping,
         np.arange(len(moves)),
         losses,
+        is_constant=not elastic,
     ), moves
 
 

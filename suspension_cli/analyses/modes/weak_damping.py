@@ -103,7 +103,9 @@ def follow_poles(
                 shift[n], change[n] = every[which], moved
                 motions[n] = 0.0
                 motions[n, own], motions[n, others] = vectors[:, which], follow @ vectors[:, which]
-                if step == 0 or CONVERGED * abs(shift[n]) < moved < last:
+                limit = CONVERGED * abs(shift[n])
+                # changes shrink at a steady rate: the next one would be moved^2 / last
+                if step == 0 or (limit < moved < last and moved**2 > 0.1 * limit * last):
                     going.append(n)
         running = np.array(going, dtype=np.intp)
         if not len(running):

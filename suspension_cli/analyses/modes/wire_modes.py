@@ -73,7 +73,7 @@ def solve(
     InputError
         If no mode lies below `highest`.
     """
-    static = eigenmodes.solve(replace(model, terms=()))
+    static = eigenmodes.solve(model.constant)
     omega = mode_count.frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
     if not len(omega):
         raise no_mode_error(highest)
@@ -119,7 +119,7 @@ def solve(
 
 def count_modes(model: LinearSystem, highest: float) -> int:
     """Count the modes that oscillate below a frequency (Hz), without solving for them."""
-    lowest = _lowest_frequency(eigenmodes.solve(replace(model, terms=())))
+    lowest = _lowest_frequency(eigenmodes.solve(model.constant))
     low, high = mode_count.modes_below(model, np.array([lowest, max(2 * np.pi * highest, lowest)]))
     return int(high - low)
 
