@@ -244,10 +244,8 @@ def _quadratic_form(
     motion: Complex[np.ndarray, "pole coordinate"],
 ) -> Float[np.ndarray, " pole"]:
     """x^H A x (p,) of shapes x (p, N), for a real symmetric A (N, N)."""
-    real, imag = np.real(motion), np.imag(motion)
-    return np.einsum("mi,ij,mj->m", real, matrix, real) + np.einsum(
-        "mi,ij,mj->m", imag, matrix, imag
-    )
+    parts = np.real(motion), np.imag(motion)
+    return quality.quadratic_form(matrix, parts[0]) + quality.quadratic_form(matrix, parts[1])
 
 
 def _dissipated(
@@ -317,7 +315,7 @@ def mean_energies(
         ],
     )
     for part in (np.real(motion), np.imag(motion)):
-        weight = np.einsum("mi,ij,mj->m", part, model.mass, part)
+        weight = quality.quadratic_form(model.mass, part)
         moves = weight > 0
         total += np.where(moves, weight, 0.0)
         for fraction, own in zip(

@@ -165,7 +165,7 @@ def _kinetic_energies(
         Of each part of the motion of each kind of wire.
     """
     own = shapes[:, : model.size]
-    total = np.einsum("mi,ij,mj->m", own, model.mass, own)
+    total = quality.quadratic_form(model.mass, own)
     body, tips = eigenmodes.energy_fractions(model, own)
     body = np.concatenate([body, tips], axis=1) * total[:, None]
     kinds: list[tuple[CutWires, str, Array]] = []
