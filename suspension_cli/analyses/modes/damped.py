@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses.modes import strong_damping, weak_damping
+from suspension_cli.analyses.modes.elastic_losses import ElasticLosses
 from suspension_cli.analyses.modes.modal_basis import Basis
 from suspension_cli.linear import eigenmodes as undamped
 from suspension_cli.linear import quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -136,31 +136,19 @@ def _build_basis(
     square = np.ix_(group, group)
     moves = np.concatenate([_decouple(squared, shapes, model.stiffness[square]), added])
     elastic = [term for term in model.terms if not isinstance(term, LossTerm) or term.elastic]
-    matrices = [moves @ term.all_matrices[:, group[:, None], group] @ moves.T for term in elastic]
     constant = (
-        np.zeros((len(moves),) * 2)
+        np.zeros((len(moves),) * 2, dtype=complex)
         if model.lossy is None
         else 1j * (moves @ np.imag(model.lossy[square]) @ moves.T)
     )
-
-    def losses(omega: Array, place: Index) -> Any:
-        own = constant[np.ix_(place, place)]
-        result = np.broadcast_to(own, (len(omega), *own.shape)).astype(complex)
-        for term, each in zip(elastic, matrices, strict=True):
-            some = each[:, place[:, None], place]
-            which = np.flatnonzero(some.any((1, 2)))
-            if len(which):
-                result += np.tensordot(term.at(omega).all_functions()[which].T, some[which], 1)
-        return result
-
+    omega = np.sqrt(squared[squared > 0])
     damping = moves @ damping_matrix(model)[square] @ moves.T
     return Basis(
         np.concatenate([squared, np.sign(own)]),
         np.repeat([1.0, 0.0], [len(shapes), len(light)]),
         damping,
         np.arange(len(moves)),
-        losses,
-        is_constant=not elastic,
+        ElasticLosses(constant, elastic, moves, group, omega),
     ), moves
 
 
@@ -200,9 +188,7 @@ def _mark_lossy(basis: Basis) -> Bool[np.ndarray, " coordinate"]:
     On rigid modes only dampers act; massless coordinates always count.
     """
     size = np.sqrt(np.abs(basis.stiffness))
-    losses = np.abs(
-        np.diagonal(basis.losses(1j * np.where(size > 0, size, 1.0)), axis1=1, axis2=2).diagonal()
-    )
+    losses = np.abs(basis.own_losses(1j * np.where(size > 0, size, 1.0)).diagonal())
     resisted = np.abs(basis.viscous.diagonal())
     return (basis.inertia == 0) | np.where(
         size > 0,

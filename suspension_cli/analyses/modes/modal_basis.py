@@ -21,13 +21,12 @@ and a Q of 1e12 keeps all its digits.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Array, Index
+from suspension_cli.analyses.modes.elastic_losses import ElasticLosses
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
@@ -57,19 +56,15 @@ class Basis:
         X^T C X, 1/s.
     place : (n,) int array
         Numbers of these coordinates among those of `elastic`.
-    elastic : callable
-        X^T L(omega) X (m, n, n), complex, as a function of omega (m,) above 0, rad/s, and of places
-        (n,).
-    is_constant : bool
-        Whether X^T L X does not depend on omega.
+    elastic : ElasticLosses
+        X^T L(omega) X.
     """
 
     stiffness: Float[np.ndarray, " coordinate"]
     inertia: Float[np.ndarray, " coordinate"]
     viscous: Float[np.ndarray, "coordinate coordinate"]
     place: Int[np.ndarray, " coordinate"]
-    elastic: Callable[[Array, Index], Any]
-    is_constant: bool = False
+    elastic: ElasticLosses
 
     def losses(
         self, s: Inexact[np.ndarray, " frequency"]
@@ -77,15 +72,33 @@ class Basis:
         """G (m, n, n) at s (m,), rad/s; without loss angles where s is real."""
         s = np.asarray(s, dtype=complex)
         oscillates = np.imag(s) > 0
-        if self.is_constant and oscillates.all() and len(s) and not self.viscous.any():
-            one = self._without_rounding(self.elastic(np.imag(s)[:1], self.place))
+        if self.elastic.is_constant and oscillates.all() and len(s) and not self.viscous.any():
+            one = self._without_rounding(self.elastic.at(np.imag(s)[:1], self.place))
             return np.broadcast_to(one, (len(s), *one.shape[1:]))
         result = s[:, None, None] * self.viscous
         if oscillates.all():
-            result += self.elastic(np.imag(s), self.place)
+            result += self.elastic.at(np.imag(s), self.place)
         elif oscillates.any():
-            result[oscillates] += self.elastic(np.imag(s)[oscillates], self.place)
+            result[oscillates] += self.elastic.at(np.imag(s)[oscillates], self.place)
         return self._without_rounding(result)
+
+    def own_losses(
+        self, s: Complex[np.ndarray, " frequency"]
+    ) -> Complex[np.ndarray, "frequency coordinate"]:
+        """G_kk (m, n) at s (m,), rad/s, of oscillating motion."""
+        return s[:, None] * self.viscous.diagonal() + self.elastic.diagonal(np.imag(s), self.place)
+
+    def loss_rows(
+        self, s: Complex[np.ndarray, " frequency"], row: Int[np.ndarray, " frequency"]
+    ) -> tuple[
+        Complex[np.ndarray, "frequency coordinate"], Complex[np.ndarray, "frequency coordinate"]
+    ]:
+        """One `row` (m,) of G at each s (m,), (m, n), and `own_losses`; s as there."""
+        own = self.own_losses(s)
+        result = s[:, None] * self.viscous[row] + self.elastic.rows(np.imag(s), self.place, row)
+        size = np.sqrt(np.abs(own))
+        least = ROUNDING * size[np.arange(len(s)), row, None] * size
+        return np.where(np.abs(result) > least, result, 0.0), own
 
     def _without_rounding(
         self, losses: Complex[np.ndarray, "frequency coordinate coordinate"]
@@ -105,7 +118,6 @@ class Basis:
             self.viscous[np.ix_(some, some)],
             self.place[some],
             self.elastic,
-            self.is_constant,
         )
 
 

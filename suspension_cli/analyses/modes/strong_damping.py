@@ -49,7 +49,7 @@ def solve_strong(
     oscillates = np.flatnonzero(starts.imag > 0)
     if len(oscillates):
         lossy, moving = _solve_quadratic(
-            basis, basis.elastic(starts[oscillates].imag, basis.place).mean(0)
+            basis, basis.elastic.at(starts[oscillates].imag, basis.place).mean(0)
         )
         if len(light):
             other = np.ones(len(lossy), dtype=bool)

@@ -28,7 +28,7 @@ TOGETHER = 1e-6
 together."""
 NEGLIGIBLE = 1e-18
 """Relative contribution of another mode to the losses of a mode that is left out."""
-MEMORY = 2_000_000
+MEMORY = 4_000_000
 """Elements of G evaluated at once."""
 
 
@@ -40,11 +40,9 @@ def group_modes(
     n = len(basis.stiffness)
     start = np.where(basis.inertia > 0, 1j * np.sqrt(np.maximum(basis.stiffness, 0.0)), 0.0)
     # G_jk and G_kk at mode j
+    oscillates = np.flatnonzero(start != 0)
     rows, own = np.zeros((n, n), dtype=complex), np.zeros((n, n), dtype=complex)
-    for part in _chunks(basis, n):
-        losses = basis.losses(start[part])
-        rows[part] = losses[np.arange(len(losses)), np.arange(n)[part]]
-        own[part] = np.diagonal(losses, axis1=1, axis2=2)
+    rows[oscillates], own[oscillates] = basis.loss_rows(start[oscillates], oscillates)
     here = basis.stiffness + own - np.outer(basis.stiffness, basis.inertia)  # equation k at mode j
     coupling, size, apart = (
         np.abs(rows),
