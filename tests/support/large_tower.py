@@ -30,14 +30,16 @@ def large_tower(stages: int, pairs: int, links: int, *, symmetric: bool) -> str:
     """
     text = ['[design]\nname = "large-tower"\n']
     loads = [MASS * (stages - n + 4 * max(0, pairs - n)) * GRAVITY for n in range(stages)]
-    text += [_stage(f"stage{n + 1}", load, 0.5, 0.03) for n, load in enumerate(loads)]
+    beam = 0.0 if symmetric else 1.4
+    text += [_stage(f"stage{n + 1}", load, 0.5, 0.03, beam) for n, load in enumerate(loads)]
     sides = []
     for n in range(pairs):
-        for side, beside in (("left", -0.6), ("right", 0.6)):
+        reach = 0.6 + 0.6 * (n % 2)
+        for side, beside in (("left", -reach), ("right", reach)):
             above, place = f"stage{n + 1}", 0.0 if symmetric else beside
             for k, name in enumerate((f"{side}{n + 1}a", f"{side}{n + 1}b")):
                 load = MASS * (2 - k) * GRAVITY
-                text.append(_stage(name, load, 0.4, 0.05, above, 0.0 if k else place))
+                text.append(_stage(name, load, 0.4, 0.05, 0.0, above, 0.0 if k else place))
                 sides.append((name, f"stage{min(n + 2, stages)}"))
                 above = name
     text += [
@@ -47,18 +49,29 @@ def large_tower(stages: int, pairs: int, links: int, *, symmetric: bool) -> str:
 
 
 def _stage(
-    name: str, load: float, drop: float, half: float, above: str = "", beside: float = 0.0
+    name: str,
+    load: float,
+    drop: float,
+    half: float,
+    beam: float,
+    above: str = "",
+    beside: float = 0.0,
 ) -> str:
-    """Write a body on four wires at (+-half, +-half), `drop` below the body `above`."""
+    """Write a body on four wires at (+-half, +-half), `drop` below the body `above`.
+
+    A drum, or a beam that reaches to x = +-beam.
+    """
     radius = sqrt(load / 4 / STRESS / pi)
     lines = [f'[[stage]]\nname = "{name}"']
     lines += [f'hangs_from = "{above}"'] if above else []
     shape = 'shape = "cylinder", axis = "z", radius = 0.25, inner_radius = 0.2, length = 0.15'
+    if beam:
+        shape = f'shape = "box", size = [{2 * beam}, 0.1, 0.06]'
     lines += [f"position = [{beside}, 0.0, {-drop}]", f"body = {{ {shape}, mass = {MASS} }}"]
     for x, y in ((half, half), (half, -half), (-half, half), (-half, -half)):
         lines += [
             "[[stage.wire]]",
-            f"upper = [{beside + x}, {y}, -0.01]",
+            f"upper = [{beside + x:.6g}, {y}, -0.01]",
             f"lower = [{x}, {y}, 0.01]",
             'material = "c70steel"',
             f"radius = {radius:.6g}",

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses.modes import strong_damping, weak_damping
-from suspension_cli.analyses.modes.elastic_losses import ElasticLosses
+from suspension_cli.analyses.modes.elastic_losses import ElasticLosses, transform
 from suspension_cli.analyses.modes.modal_basis import Basis
 from suspension_cli.linear import eigenmodes as undamped
 from suspension_cli.linear import quality
@@ -141,14 +141,14 @@ def _build_basis(
         if model.lossy is None
         else 1j * (moves @ np.imag(model.lossy[square]) @ moves.T)
     )
-    omega = np.sqrt(squared[squared > 0])
+    parts = [(term, transform(term.all_matrices, moves, group)) for term in elastic]
     damping = moves @ damping_matrix(model)[square] @ moves.T
     return Basis(
         np.concatenate([squared, np.sign(own)]),
         np.repeat([1.0, 0.0], [len(shapes), len(light)]),
         damping,
         np.arange(len(moves)),
-        ElasticLosses(constant, elastic, moves, group, omega),
+        ElasticLosses(constant, np.sqrt(squared[squared > 0]), parts),
     ), moves
 
 

@@ -35,33 +35,24 @@ class ElasticLosses:
     ----------
     constant : (n, n) complex array
         X^T L_0 X.
-    terms : sequence of Term
-    moves : (n, c) array
-        X^T: the motions, in coordinates of a block.
-    group : (c,) int array
-        These coordinates among those of the terms.
     omega : (m,) array
         Frequencies of the modes, rad/s.
+    parts : sequence of (Term, (k, n, n) array)
+        Terms in frequency, and X^T A_n X of each of their functions, see `transform`.
     """
 
     def __init__(
         self,
         constant: Complex[np.ndarray, "coordinate coordinate"],
-        terms: Sequence[Term],
-        moves: Float[np.ndarray, "coordinate own"],
-        group: Int[np.ndarray, " own"],
         omega: Float[np.ndarray, " mode"],
+        parts: Sequence[tuple[Term, Float[np.ndarray, "function coordinate coordinate"]]] = (),
     ) -> None:
         self._constant = constant
-        found = [(term, _transform(term.all_matrices, moves, group)) for term in terms]
-        some = [matrices.any((1, 2)) for _, matrices in found]
-        self._terms = [
-            (term, np.flatnonzero(used))
-            for (term, _), used in zip(found, some, strict=True)
-            if used.any()
-        ]
-        parts = [matrices[used] for (_, matrices), used in zip(found, some, strict=True)]
-        self._matrices = np.concatenate([np.zeros((0, *constant.shape)), *parts])
+        used = [(term, matrices, matrices.any((1, 2))) for term, matrices in parts]
+        self._terms = [(term, np.flatnonzero(some)) for term, _, some in used if some.any()]
+        self._matrices = np.concatenate(
+            [np.zeros((0, *constant.shape)), *(matrices[some] for _, matrices, some in used)]
+        )
         self._modes = omega
         self._restricted: dict[tuple[bytes, bool], tuple[Array, Array]] = {}
 
@@ -151,7 +142,7 @@ class ElasticLosses:
         return scale, vectors, np.tensordot(vectors.T * scale, self._matrices, 1)
 
 
-def _transform(
+def transform(
     matrices: Float[np.ndarray, "function all all"],
     moves: Float[np.ndarray, "coordinate own"],
     group: Int[np.ndarray, " own"],
