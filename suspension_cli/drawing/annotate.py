@@ -307,8 +307,7 @@ def _write_short_names(
     for n, box in enumerate(boxes):
         (left, right), (bottom, top) = box.tolist()
         if right - left > 1.2 * width_of(names[n]) + 0.1 and top - bottom > LINE:
-            y = max(bottom + 0.02, (bottom + top) / 2 - 0.06 - LINE)
-            _short_name(canvas, ((left + right) / 2, y, "center"), names[n], colours[n])
+            _short_name(canvas, left + 0.05, (bottom + top - LINE) / 2, names[n], colours[n])
         else:
             beside.append(n)
     levels = [float(boxes[n][1].mean()) for n in beside]
@@ -316,14 +315,11 @@ def _write_short_names(
         edge = np.array([boxes[n][0, 1], boxes[n][1].mean()])
         canvas.line([edge, [plan.names - 0.16, y], [plan.names - 0.04, y]], colours[n], 0.5, 5)
         draw_dot(canvas, edge, colours[n])
-        _short_name(canvas, (plan.names, y - LINE / 2, "left"), names[n], colours[n])
+        _short_name(canvas, plan.names, y - LINE / 2, names[n], colours[n])
 
 
-def _short_name(
-    canvas: Canvas, where: tuple[float, float, str], name: str, colour: str
-) -> None:
-    x, y, side = where
-    canvas.text(x, y, name, fontsize=7, color=colour, fontweight="bold", va="bottom", ha=side)
+def _short_name(canvas: Canvas, x: float, y: float, name: str, colour: str) -> None:
+    canvas.text(x, y, name, fontsize=7.6, color=colour, fontweight="bold", va="bottom", ha="left")
 
 
 def _name(
