@@ -105,8 +105,8 @@ class Basis:
     ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
         """Set elements (m, n, n) that are rounding errors to 0, in place."""
         size = np.abs(np.diagonal(losses, axis1=1, axis2=2))
-        square = losses.real**2  # faster than the magnitude
-        square += losses.imag**2
+        square = np.real(losses) ** 2  # faster than the magnitude
+        square += np.imag(losses) ** 2
         losses[square <= ROUNDING**2 * size[:, :, None] * size[:, None, :]] = 0.0
         return losses
 
