@@ -12,7 +12,12 @@ from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tests.support.large_tower import large_tower
 
-LIMITS = {("string", False): 360, ("beam", False): 900, ("string", True): 100, ("beam", True): 700}
+LIMITS = {
+    ("string", False): 300,
+    ("beam", False): 1200,
+    ("string", True): 120,
+    ("beam", True): 1200,
+}
 """Limits by model and symmetry."""
 
 

@@ -69,8 +69,8 @@ class ElasticLosses:
         constant, matrices = self._within(place, combined=combined)
         result: Any = np.empty((len(omega), *constant.shape), dtype=complex)
         flat = matrices.reshape(len(matrices), constant.size)
-        result.real = (values.real.T @ flat).reshape(result.shape) + constant.real
-        result.imag = (values.imag.T @ flat).reshape(result.shape) + constant.imag
+        result.real = (np.real(values).T @ flat).reshape(result.shape) + np.real(constant)
+        result.imag = (np.imag(values).T @ flat).reshape(result.shape) + np.imag(constant)
         return result
 
     def diagonal(

@@ -110,7 +110,7 @@ def _solve_undamped(
         squares, vectors = np.linalg.eig(np.diag(squares) + loss)
     root = np.sqrt(-squares.astype(complex))
     values, motions = np.concatenate([root, -root]), np.concatenate([vectors.T, vectors.T])
-    kept = values.imag > 0 if loss.any() else values.imag >= 0
+    kept = np.imag(values) > 0 if loss.any() else np.imag(values) >= 0
     return values[kept], motions[kept].astype(complex)
 
 
