@@ -67,7 +67,7 @@ class Plant:
     def of(design: Design, level: str = registry.STRING.name) -> Plant:
         """Find the equilibrium of a design, its matrices and its modes."""
         system = registry.by_name(level).system(design)
-        modes = eigenmodes.solve(replace(system, terms=()))
+        modes = eigenmodes.solve(system.constant)
         return Plant(design, level, derivatives.prepared(design, level), system, modes)
 
     @cached_property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
@@ -57,7 +56,7 @@ class SensitivityAnalysis(Analysis):
         )
         requested = named_results.parse(
             list(setting["result"]) or [named_results.ALL],
-            eigenmodes.solve(dataclasses.replace(model, terms=())),
+            eigenmodes.solve(model.constant),
             signals.bodies_with_signals(model),
         )
         found = sensitivity.solve(source.text, requested, choice.level)

@@ -124,7 +124,7 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     """
     design, numbers = reader.parse(text), parameters.every(text, level)
     model = registry.by_name(level).system(design)
-    found = eigenmodes.solve(replace(model, terms=()))
+    found = eigenmodes.solve(model.constant)
     at = [item.frequency for item in results if isinstance(item, Ratio)]
     base, changes = differences.changes(
         design, numbers, level, [2 * np.pi * frequency for frequency in at]
