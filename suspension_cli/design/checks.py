@@ -20,7 +20,7 @@ from suspension_cli.design import (
     wire_checks,
 )
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
-from suspension_cli.design.derive import SetGeometry, gravity_vector, is_ring, set_geometry
+from suspension_cli.design.derive import SetGeometry, is_ring, set_geometry
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.filters import SUFFIX, check_filter
 from suspension_cli.design.inverted_pendulum import check_legs
@@ -80,15 +80,6 @@ def _check_gravity(design: Design) -> Iterator[Fault]:
             "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]",
             format_value(gravity),
         )
-    for stage in design.stage:
-        held = stage.inverted_pendulum is not None or stage.filter is not None
-        if held and (gravity_vector(design) is not None or gradient):
-            yield Fault(
-                "constants.gravity" + ("_gradient" if gradient else ""),
-                f"stage {stage.name} has legs or a filter, which take uniform gravity along -z",
-                "give gravity as a number, without gravity_gradient",
-            )
-            break
     if not isinstance(gradient, list):
         return
     if len(gradient) != 3:

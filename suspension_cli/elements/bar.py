@@ -1,4 +1,4 @@
-"""Weight and inertia of bars between points of two bodies: legs, blades.
+"""Weight (under gravity along -z) and inertia of bars between points of two bodies: legs, blades.
 
 A rigid bar has the velocity v_1 (1 - s) + v_2 s at the fraction s of its length, so its kinetic
 energy is (a v_1^2 + 2 c v_1 . v_2 + b v_2^2) / 2 with a, c, b the integrals of (1 - s)^2, s (1 - s)

@@ -64,7 +64,7 @@ def add_legs(
     upper, lower : (s,) int arrays
         Bodies of the springs.
     gravity : float
-        m/s^2.
+        m/s^2; 0 if `compiled_weight` adds the weight of the legs.
     rows : (s, 62) array
         Springs with their legs, see `FIRST`.
     shift, turn
