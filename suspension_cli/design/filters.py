@@ -9,10 +9,11 @@ and the mass M that it carries follow the filter with
     z_k / z_f = (k + m_c w^2) / (k - (M - m_c) w^2),
 
 w the angular frequency; the isolation saturates at m_c / (M - m_c), and the frequency of the blades
-is sqrt(k / (M - m_c)) (Stochino et al., Nucl. Instrum. Methods A 580, 1559 (2007), for the transfer
-function (w0^2 + beta w^2) / (w0^2 - w^2)). A magic wand makes m_c small or negative. The mass of
-the blades is part of those of filter and keystone, m_c of it counted on both, which a relative
-inertia of -m_c between the two corrects.
+is sqrt(k / (M - m_c)). Measured filters have this form, (w0^2 + beta w^2) / (w0^2 - w^2) (compare
+Stochino et al., Improvement of the seismic noise attenuation performance of the Monolithic
+Geometric Anti-Spring filters, Nucl. Instrum. Methods A (2007)). A magic wand makes m_c small or
+negative. The mass of the blades is part of those of filter and keystone, m_c of it counted on
+both, which a relative inertia of -m_c between the two corrects.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@ one that of m_uu + m_ul, on the lower one that of m_ul + m_ll; the kinetic energ
 2 m_ul v_u . v_l + m_ll v_l^2) / 2 (any text on finite elements). The tension of the wire is then
 that between both ends: the pull on the body above is larger, that on the body below smaller by
 these weights. A bar (the leg of an inverted pendulum, blades of a filter) follows the same formulas
-with moments of its own. What the sag of the wire adds is of second order in weight over tension W/T: a static
-string of tension T(s) has the transverse stiffness 1 / integral ds / T(s), that of a straight wire
-less the fraction (W/T)^2 / 12.
+with moments of its own. What the sag of the wire adds is of second order in weight over tension
+W/T: a static string of tension T(s) has the transverse stiffness 1 / integral ds / T(s), that of a
+straight wire less the fraction (W/T)^2 / 12.
 
 A body of the inertia tensor J has in a gradient the further energy -tr(G R S R^T) / 2, with its
 second moments of mass S = tr(J)/2 - J (Goldstein, Classical Mechanics, section 5.8).
@@ -151,9 +151,9 @@ def add_derivatives(
     outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
     on_tips: Inexact[np.ndarray, "*batch blade 3"],
 ) -> None:
-    """Add the derivatives of the energy of bodies, wires and bars, in place, as `equilibrium.energy`.
+    """Add the derivatives of the energy of bodies, wires and bars, in place.
 
-    Those of blade tips are added with their blades.
+    `equilibrium.energy` describes the arrays. Those of blade tips are added with their blades.
     """
     place, mass = scene.bodies.position + pose.shift, scene.bodies.mass
     slope = None

@@ -5,20 +5,24 @@ Stiffness, mass and damping are compared with second derivatives of energies wri
 
 from __future__ import annotations
 
+import tomllib
 from functools import cache
 
 import numpy as np
 import pytest
 
 from suspension_cli.design import reader
+from suspension_cli.design.paths import value_at
 from suspension_cli.elements import weight
 from suspension_cli.equilibrium import compiled
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import energy, gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.errors import InputError
 from suspension_cli.models import string
 from suspension_cli.scene import imperfections, stack
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
+from suspension_cli.studies import sampling
 from tests.support import jets
 from tests.support.derivatives import complex_gradient
 
@@ -90,96 +94,119 @@ damping = {list(DAMPER)}
 """
 
 
-@cache
-def assembly():
-    """Potential energy as a jet, mass matrix and damping matrix, from the geometry alone."""
-    q = jets.coordinates(6 * len(NAMES))
-    drop = np.array([0.0, 0.0, WIRE["l"] + WIRE["d"]])
-    start = {"support": np.zeros(3), "ip": np.array([0.0, 0.0, LEG["length"]])}
-    start["ip-keystone"] = start["ip"] - [0.0, 0.0, BLADES["depth"]]
-    start["f"] = start["ip-keystone"] - drop
-    start["m"] = start["f"] - drop
-    at = {n: start[n] + np.array(q[6 * i : 6 * i + 3]) for i, n in enumerate(NAMES)}
-    angle = {n: np.array(q[6 * i + 3 : 6 * i + 6]) for i, n in enumerate(NAMES)}
-    turn = {n: jets.rotation(angle[n]) for n in NAMES}
-    mass, damping = np.zeros((len(q), len(q))), np.zeros((len(q), len(q)))
+class Motion:
+    """Bodies in any pose as jets, and the mass matrix of what was added to them."""
 
-    def place(body, point):
-        return at[body] + turn[body] @ np.array(point)
+    def __init__(self):
+        q = jets.coordinates(6 * len(NAMES))
+        drop = np.array([0.0, 0.0, WIRE["l"] + WIRE["d"]])
+        start = {"support": np.zeros(3), "ip": np.array([0.0, 0.0, LEG["length"]])}
+        start["ip-keystone"] = start["ip"] - [0.0, 0.0, BLADES["depth"]]
+        start["f"] = start["ip-keystone"] - drop
+        start["m"] = start["f"] - drop
+        self.start, self.zero = start, 0.0 * q[0]
+        self.at = {n: start[n] + np.array(q[6 * i : 6 * i + 3]) for i, n in enumerate(NAMES)}
+        self.angle = {n: np.array(q[6 * i + 3 : 6 * i + 6]) for i, n in enumerate(NAMES)}
+        self.turn = {n: jets.rotation(self.angle[n]) for n in NAMES}
+        self.mass = np.zeros((len(q), len(q)))
 
-    def motions(point):
-        return np.array([axis.gradient for axis in point])
+    def place(self, body, point):
+        return self.at[body] + self.turn[body] @ np.array(point)
 
-    def add(kilograms, point):
+    def add(self, kilograms, point):
         """Energy of a point mass, whose inertia is added to the mass matrix."""
-        mass[:] += kilograms * motions(point).T @ motions(point)
+        motion = np.array([axis.gradient for axis in point])
+        self.mass += kilograms * motion.T @ motion
         return -kilograms * (GRAVITY @ point + point @ (GRADIENT @ point) * 0.5)
 
-    potential = 0.0 * q[0]
+    def strain(self, one, other, point):
+        """Displacement and rotation of one body against another at a point of space."""
+        apart = self.place(one, point - self.start[one])
+        apart = apart - self.place(other, point - self.start[other])
+        return [*apart, *(self.angle[one] - self.angle[other])]
+
+
+STRENGTH = np.linalg.norm(GRAVITY)
+WIRE_MASS = DENSITY * np.pi * WIRE["radius"] ** 2 * WIRE["l"]
+HUNG = MASS["f"] + MASS["m"] + 8 * WIRE_MASS
+
+
+def bodies(now):
+    """Six points each with the body's mass and moments of inertia."""
+    total = now.zero
     for name, kilograms in MASS.items():
-        # six points with the body's mass and moments of inertia
         moments = np.array(INERTIA[name])
         for axis, second in enumerate(moments.sum() / 2 - moments):
             for sign in (1, -1):
                 arm = sign * np.sqrt(3 * second / kilograms) * np.eye(3)[axis]
-                potential = potential + add(kilograms / 6, place(name, arm))
-    strength = np.linalg.norm(GRAVITY)
-    wire = DENSITY * np.pi * WIRE["radius"] ** 2 * WIRE["l"]
-    load = {"m": MASS["m"], "f": MASS["f"] + MASS["m"] + 4 * wire}
-    hung = load["f"] + 4 * wire
-    for upper, lower, depth in (("ip-keystone", "f", 0.0), ("f", "m", 0.0)):
-        pull = strength * (load[lower] / 4 + wire / 2)
-        for i in (1, -1):
-            for j in (1, -1):
-                x, y = i * WIRE["s"], j * WIRE["t"]
-                top, bottom = place(upper, (x, y, depth)), place(lower, (x, y, WIRE["d"]))
-                stretch = jets.length(top - bottom) - WIRE["l"] + pull / WIRE["k"]
-                potential = potential + 0.5 * WIRE["k"] * stretch * stretch
-                for s in (0.5 - 12**-0.5, 0.5 + 12**-0.5):  # Gauss points
-                    potential = potential + add(wire / 2, (1 - s) * top + s * bottom)
-    # blades: mass coupling m_c v_1 . v_2 in place of a part of both masses
-    carried = strength * (MASS["ip-keystone"] + hung)
-    ends = place("ip", (0.0, 0.0, -BLADES["depth"])), at["ip-keystone"]
-    strain = turn["ip"].T @ (ends[1] - ends[0])
-    potential = potential - carried * strain[2]
+                total = total + now.add(kilograms / 6, now.place(name, arm))
+    return total
+
+
+def wires(now):
+    total = now.zero
+    for upper, lower, load in (("ip-keystone", "f", HUNG - 4 * WIRE_MASS), ("f", "m", MASS["m"])):
+        pull = STRENGTH * (load / 4 + WIRE_MASS / 2)
+        for n in range(4):
+            x, y = (1 - 2 * (n // 2)) * WIRE["s"], (1 - 2 * (n % 2)) * WIRE["t"]
+            top, bottom = now.place(upper, (x, y, 0.0)), now.place(lower, (x, y, WIRE["d"]))
+            stretch = jets.length(top - bottom) - WIRE["l"] + pull / WIRE["k"]
+            total = total + 0.5 * WIRE["k"] * stretch * stretch
+            for s in (0.5 - 12**-0.5, 0.5 + 12**-0.5):  # Gauss points
+                total = total + now.add(WIRE_MASS / 2, (1 - s) * top + s * bottom)
+    return total
+
+
+def blades(now):
+    """Springs of the filter; mass coupling m_c v_1 . v_2 in place of a part of both masses."""
+    below = np.array([0.0, 0.0, -BLADES["depth"]])
+    apart = now.at["ip-keystone"] - now.place("ip", below)
+    strain = now.turn["ip"].T @ apart
+    total = -STRENGTH * (MASS["ip-keystone"] + HUNG) * strain[2]
     for k, s in zip((BLADES["lateral"], BLADES["lateral"], BLADES["k"]), strain, strict=True):
-        potential = potential + 0.5 * k * s * s
-    for t in angle["ip-keystone"] - angle["ip"]:
-        potential = potential + 0.5 * BLADES["tilt"] * t * t
-    apart = motions(ends[1] - ends[0])
-    mass -= BLADES["coupling"] * apart.T @ apart
-    tide = (ends[1] - ends[0]) @ (GRADIENT @ (ends[1] - ends[0]))
-    potential = potential + 0.5 * BLADES["coupling"] * tide
-    # legs: a rod as two points, a counterweight below the foot
-    share = LEG["com"] / LEG["length"]
+        total = total + 0.5 * k * s * s
+    for t in now.angle["ip-keystone"] - now.angle["ip"]:
+        total = total + 0.5 * BLADES["tilt"] * t * t
+    motion = np.array([axis.gradient for axis in apart])
+    now.mass -= BLADES["coupling"] * motion.T @ motion
+    return total + 0.5 * BLADES["coupling"] * (apart @ (GRADIENT @ apart))
+
+
+def legs(now):
+    """A rod as two points, a counterweight below the foot, a flexure at the foot."""
+    total, share = now.zero, LEG["com"] / LEG["length"]
     half = np.sqrt(LEG["inertia"] / LEG["mass"]) / LEG["length"]
     below = LEG["below"] / LEG["length"]
     on_top = share * LEG["mass"] - below * LEG["weight"]
-    thrust = strength * ((MASS["ip"] + MASS["ip-keystone"] + hung) / 3 + on_top)
+    thrust = STRENGTH * ((MASS["ip"] + MASS["ip-keystone"] + HUNG) / 3 + on_top)
     for n in range(3):
         x, y = (LEG["radius"] * f(2 * np.pi * n / 3) for f in (np.cos, np.sin))
-        foot, top = place("support", (x, y, 0.0)), place("ip", (x, y, 0.0))
+        foot, top = now.place("support", (x, y, 0.0)), now.place("ip", (x, y, 0.0))
         leg = top - foot
         size = jets.length(leg)
         short = size - LEG["length"] - thrust / LEG["axial"]
-        potential = potential + 0.5 * LEG["axial"] * short * short
-        lean = turn["support"].T @ (leg / size)
-        potential = potential + 0.5 * LEG["flexure"] * (lean[0] * lean[0] + lean[1] * lean[1])
-        yaw = angle["ip"][2] - angle["support"][2]
-        potential = potential + 0.5 * LEG["yaw"] * yaw * yaw
+        total = total + 0.5 * LEG["axial"] * short * short
+        lean = now.turn["support"].T @ (leg / size)
+        total = total + 0.5 * LEG["flexure"] * (lean[0] * lean[0] + lean[1] * lean[1])
+        yaw = now.angle["ip"][2] - now.angle["support"][2]
+        total = total + 0.5 * LEG["yaw"] * yaw * yaw
         for sign in (1, -1):
-            potential = potential + add(LEG["mass"] / 2, foot + (share + sign * half) * leg)
-        potential = potential + add(LEG["weight"], foot - below * leg)
-    # link to the ground (here moving with the support); damper between filter and platform
-    point = start["m"] + LINK_AT
-    strain = [*(place("m", LINK_AT) - place("support", point))]
-    for k, s in zip(LINK, [*strain, *(angle["m"] - angle["support"])], strict=True):
+            total = total + now.add(LEG["mass"] / 2, foot + (share + sign * half) * leg)
+        total = total + now.add(LEG["weight"], foot - below * leg)
+    return total
+
+
+@cache
+def assembly():
+    """Potential energy as a jet, mass matrix and damping matrix, from the geometry alone."""
+    now = Motion()
+    potential = bodies(now) + wires(now) + blades(now) + legs(now)
+    # the ground moves with the support here
+    for k, s in zip(LINK, now.strain("m", "support", now.start["m"] + LINK_AT), strict=True):
         potential = potential + 0.5 * k * s * s
-    point = start["f"] + DAMPER_AT
-    strain = [*(place("f", DAMPER_AT) - place("ip", point - start["ip"]))]
-    for c, s in zip(DAMPER, [*strain, *(angle["f"] - angle["ip"])], strict=True):
-        damping += c * np.outer(s.gradient, s.gradient)
-    return potential, mass, damping
+    strain = now.strain("f", "ip", now.start["f"] + DAMPER_AT)
+    damping = sum(c * np.outer(s.gradient, s.gradient) for c, s in zip(DAMPER, strain, strict=True))
+    return potential, now.mass, damping
 
 
 def assert_close(found, expected, tolerance=1e-11):
@@ -195,6 +222,7 @@ def test_matrices_are_the_second_derivatives_of_the_energies():
     np.testing.assert_allclose(gradient, potential.gradient, atol=1e-8)
     assert_close(stiffness, potential.hessian)
     assert_close(string.mass_matrix(scene, numbering, pose), mass)
+    assert_close(string.damping_matrix(scene, numbering, pose), damping)
     # the field acts: sideways on everything, and a gradient on stiffness
     assert abs(gradient[6] + GRAVITY[0] * mass[6, 6]) < 0.05 * abs(gradient[6])
 
@@ -228,3 +256,90 @@ def test_imperfect_builds_in_a_batch_are_those_solved_alone():
     for n, one in enumerate(built):
         alone = equilibrium.solve(one, numbering)
         np.testing.assert_allclose(batch.pose.shift[n], alone.pose.shift, atol=1e-11)
+
+
+# ---------------------------------------------------------------- imperfections
+
+CHANGES = {
+    "leg": ("stage.ip.inverted_pendulum", ("stiffness", "yaw_stiffness"), "ip.leg{}", (1, 2, 3)),
+    "blade": (
+        "stage.ip.filter",
+        ("stiffness", "lateral_stiffness", "tilt_stiffness"),
+        "ip",
+        (1,),
+    ),
+    "link": ("link.heat", tuple(f"stiffness.{n}" for n in range(1, 7)), "heat", (1,)),
+}
+
+
+@pytest.mark.parametrize("part", CHANGES)
+def test_stiffness_factor_is_that_of_the_design(part):
+    table, keys, name, numbers = CHANGES[part]
+    lines = [
+        f'[[perturbation]]\n{part} = "{name.format(n)}"\nstiffness_factor = 1.03\n' for n in numbers
+    ]
+    perturbed = expand(reader.parse(DESIGN + "".join(lines)))
+    raw = tomllib.loads(DESIGN)
+    changes = [f"{table}.{key}={1.03 * value_at(raw, f'{table}.{key}')!r}" for key in keys]
+    changed = expand(reader.parse_with_overrides(DESIGN, changes))
+    pose = nominal_pose(perturbed)
+    found, expected = (
+        gradient_and_stiffness(scene, layout(scene), pose)[1] for scene in (perturbed, changed)
+    )
+    plain = gradient_and_stiffness(expand(reader.parse(DESIGN)), layout(perturbed), pose)[1]
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(found - plain).max()
+
+
+def test_longer_legs_lift_the_platform():
+    level = DESIGN.replace(f"gravity = {GRAVITY.tolist()}", "gravity = 9.8")
+    lines = [f'[[perturbation]]\nleg = "ip.leg{n}"\nlength_change = 1e-4\n' for n in (1, 2, 3)]
+    before, after = (
+        equilibrium.solve(expand(reader.parse(text))) for text in (level, level + "".join(lines))
+    )
+    lifted = after.pose.shift[1, 2] - before.pose.shift[1, 2]
+    np.testing.assert_allclose(lifted, 1e-4, rtol=1e-6)
+
+
+def test_random_builds_scatter_them():
+    text = (
+        DESIGN
+        + """
+[[tolerance.leg]]
+stage = "ip"
+stiffness = { normal = 0.001 }
+length = { normal = 1e-5 }
+[[tolerance.blade]]
+stage = "ip"
+stiffness = { normal = 0.02 }
+[[tolerance.link]]
+link = "heat"
+stiffness = { uniform = 0.5 }
+"""
+    )
+    design = reader.parse(text)
+    scene = expand(design)
+    chosen = sampling.factors(design, scene)
+    assert [one.label for one in chosen] == [
+        "ip blades stiffness",
+        *(f"ip.leg{n} {key}" for n in (1, 2, 3) for key in ("stiffness", "length")),
+        "heat stiffness",
+    ]
+    built = sampling.imperfect(scene, chosen, np.array([[0.1, 0, 0, 0, 0, 0, 0, 1.0]] * 2))
+    ratio = built.springs.stiffness[:, :, 0, 0] / scene.springs.stiffness[:, 0, 0]
+    np.testing.assert_allclose(ratio[0][np.isfinite(ratio[0])], [1.0, 1.0, 1.0, 1.1, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ('perturbation]]\nleg = "ip.leg4"\nstiffness_factor = 2.0', "names no leg"),
+        ('perturbation]]\nlink = "heat"\nlength_change = 2.0', "is not for a link"),
+        ('perturbation]]\nlink = "heat"\nleg = "ip.leg1"', "must name one wire, body, blade, leg"),
+        ('tolerance.leg]]\nstage = "f"\nlength = { normal = 1e-5 }', "names no stage with legs"),
+        ('tolerance.blade]]\nstage = "f"\nstiffness = { normal = 1e-5 }', "stage with blades"),
+        ('tolerance.link]]\nlink = "het"\nstiffness = { normal = 1e-5 }', "did you mean 'heat'"),
+    ],
+)
+def test_wrong_names_are_reported(table, message):
+    with pytest.raises(InputError, match=message):
+        reader.parse(f"{DESIGN}[[{table}\n")
