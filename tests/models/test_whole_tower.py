@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.design import reader
 from suspension_cli.design.paths import value_at
 from suspension_cli.elements import weight
@@ -32,7 +33,7 @@ NAMES = ("support", "ip", "ip-keystone", "f", "m")
 MASS = {"ip": 310.0, "ip-keystone": 2.4, "f": 20.0, "m": 12.0}
 INERTIA = {"ip": (30.0, 28.0, 55.0), "ip-keystone": (4e-3, 5e-3, 6e-3)}
 INERTIA |= {"f": (0.4, 0.5, 0.6), "m": (0.1, 0.12, 0.13)}
-LEG = {"length": 0.45, "radius": 0.55, "flexure": 240.0, "axial": 3e7, "yaw": 55.0}
+LEG = {"length": 0.45, "radius": 0.55, "flexure": 700.0, "axial": 3e7, "yaw": 55.0}
 LEG |= {"mass": 2.2, "com": 0.25, "inertia": 0.05, "weight": 1.3, "below": 0.15}
 BLADES = {"k": 110.0, "lateral": 2e5, "tilt": 4e3, "coupling": 0.35, "depth": 0.08}
 WIRE = {"l": 1.1, "s": 0.03, "t": 0.04, "d": 0.02, "k": 4e4, "radius": 1e-3}
@@ -343,3 +344,46 @@ stiffness = { uniform = 0.5 }
 def test_wrong_names_are_reported(table, message):
     with pytest.raises(InputError, match=message):
         reader.parse(f"{DESIGN}[[{table}\n")
+
+
+# ---------------------------------------------------------------- losses of links
+
+
+STRANDS = """[link.strands]
+to = [0.3, 0.1, -1.9]
+material = "cold"
+diameter = 1e-3
+shape = "u"
+length = 1.5
+[materials.cold]
+youngs_modulus = 7e10
+density = 2700.0
+thermal_expansion = 2e-5
+specific_heat = 900.0
+thermal_conductivity = 100.0
+[materials.cold.loss]
+table = { frequency = [0.1, 10.0], angle = [1e-3, 1e-2] }
+surface_depth = 1e-4
+"""
+
+
+def test_links_of_wires_have_the_losses_of_their_material():
+    text = DESIGN.replace(f"stiffness = {list(LINK)}", STRANDS).replace('"ground"', '"support"')
+    design = sus.parse(text.replace(str(GRAVITY.tolist()), "9.8"))
+    omega, diameter = 2 * np.pi * 1.0, 1e-3
+    bulk = float(np.sqrt(1e-3 * 1e-2) * (1 + 1e-4 * 4 / (diameter / 2)))
+    capacity = 2700.0 * 900.0
+    tau = capacity * diameter**2 / (13.57 * 100.0)  # Zener's, of a round wire
+    heat = 7e10 * (2e-5) ** 2 * 290.0 / capacity * omega * tau / (1 + (omega * tau) ** 2)
+
+    def noise(**changes):
+        changed = design.replace({f"{key}": value for key, value in changes.items()})
+        found = sus.thermal(changed, outputs=["m.x"], frequency=[1.0], model="beam").data[0]
+        return found.density.sum(0)[0]
+
+    constant = noise(**{"link.heat.loss_angle": bulk})
+    plain = noise(**{"materials.cold.loss.thermoelastic": False})
+    # other parts dissipate in both
+    other = noise(**{"link.heat.loss_angle": 0.0})
+    np.testing.assert_allclose(plain, constant, rtol=1e-9)
+    np.testing.assert_allclose((noise() - plain) / (plain - other), heat / bulk, rtol=0.03)
