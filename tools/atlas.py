@@ -1,11 +1,11 @@
 """Stability atlas: where numerical methods fail, and the errors of the program there.
 
-Writes `results/stability.md` and `.png`. Run by `make stability`.
+Writes `results/stability.md`, an overview `stability.png` and pages of panels
+`stability_1.png`, ... Run by `make stability`.
 """
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 
@@ -13,7 +13,8 @@ from suspension_cli.drawing.style import house_style, save
 from suspension_cli.files.atomic import write_bytes
 from tests.support.paths import ROOT
 from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal, poses
-from tools.stability.draw import draw
+from tools.stability.draw import count_pages, draw_pages
+from tools.stability.overview import draw_overview, format_number
 from tools.stability.row import BROKEN, SHIPPED, Row
 
 ROWS: dict[str, Callable[[], Row]] = {
@@ -44,23 +45,14 @@ broken where it is wrong by more than {100 * BROKEN:g} %, from there on. ε is t
 people write it (`tools/stability/naive.py`, `tools/stability/energy.py`); the program itself is called through its public functions.
 `make stability` writes this page, `tests/linear/test_stability.py` pins every row.
 
-![Relative error of each method along the parameter that drives it](stability.png)
+![How far each trouble can be driven before a method breaks](stability.png)
+
+For each trouble the picture shows how far a common method gets before it breaks, and how far the
+program does; the panels behind it, with the same letters, follow the table.
 
 | | driven by | other methods break at | largest error of pendsus | its limit, and what it says there |
 |---|---|---|---|---|
 """
-
-
-def format_number(value: float) -> str:
-    """Format a number: plain from 1e-3 to 1e4, otherwise as mantissa and power of ten."""
-    if value == 0 or not math.isfinite(value):
-        return "0" if value == 0 else "∞"
-    if 1e-3 <= abs(value) < 1e4:
-        return f"{value:.3g}"
-    exponent = math.floor(math.log10(abs(value)))
-    mantissa = f"{value / 10.0**exponent:.1f}"
-    raised = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return ("" if mantissa == "1.0" else f"{mantissa.removesuffix('.0')} × ") + f"10{raised}"
 
 
 def table_row(row: Row) -> str:
@@ -109,7 +101,13 @@ def _describe_own(row: Row, name: str) -> str:
 def report(rows: list[Row]) -> str:
     """Format the whole page."""
     sentences = [f"**{row.title}** ({row.quantity}). {row.finding}" for row in rows]
-    return HEAD + "\n".join(table_row(row) for row in rows) + "\n\n" + "\n\n".join(sentences) + "\n"
+    panels = [
+        f"![Relative error of each method along the parameter that drives it, page {number}]"
+        f"(stability_{number}.png)"
+        for number in range(1, count_pages(rows) + 1)
+    ]
+    table = "\n".join(table_row(row) for row in rows)
+    return HEAD + "\n\n".join([table, *panels, *sentences]) + "\n"
 
 
 def main() -> None:
@@ -123,7 +121,9 @@ def main() -> None:
     (ROOT / "results").mkdir(exist_ok=True)
     write_bytes(ROOT / "results" / "stability.md", text.encode())
     with house_style():
-        save(draw(rows), ROOT / "results" / "stability.png")
+        save(draw_overview(rows), ROOT / "results" / "stability.png")
+        for number, page in enumerate(draw_pages(rows), 1):
+            save(page, ROOT / "results" / f"stability_{number}.png")
 
 
 if __name__ == "__main__":

@@ -42,7 +42,12 @@ at {checked} of {points} frequencies from 0.1 Hz to between 1 and 100 Hz, in siz
 the {builds} builds of a sweep, of the largest. Cost is the processor time of choosing and solving over that of the cheapest model within the tolerance, as if
 its error were known (medians of {turns}). An estimate counts as below the true error if it is by more than 1 %.
 
-![Error against tolerance, and cost](auto.png)
+![Errors of auto against the requested tolerances, the models that it took, and what they cost](auto.png)
+
+For each random suspension one result was requested, with a tolerance for its error, and `auto` chose
+the model. On the left every point is a suspension: below the line its error is within the tolerance.
+On the right is what `auto` took, from the simplest model (`force`) to the most complete (`violin`),
+and the time of choosing and solving over that of always taking `violin`.
 
 | quantity | scenes | beyond the tolerance | largest error (tolerances) | estimates below the error | largest error (estimates) | cost: median, 95th percentile | models taken |
 |---|---|---|---|---|---|---|---|

@@ -12,11 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from suspension_cli.analyses.sweep import file as files
 from suspension_cli.analyses.sweep.solve import ParameterSweep, evaluate_results
 from suspension_cli.design.reader import read
-from suspension_cli.drawing.style import INK, NOTE, PALE, PALETTE, house_style, new_figure, save
+from suspension_cli.drawing.curves import label_ends, room_for, rule, set_margins, write_heading
+from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import named_results
 from suspension_cli.models import closed_form
@@ -26,6 +29,7 @@ from suspension_cli.studies.axes import Axis
 from tools.tables import PAPER, ROOT
 
 POINTS = 301
+AXES = "force model; axes as printed in the paper; dashed: its limits, equations 10 to 14"
 CANTILEVERS = "stage.test.blades={{ count = 4, stiffness = {} }}"
 
 
@@ -105,15 +109,60 @@ def solved() -> list[Curve]:
     )
 
 
+def draw(found: list[Curve]) -> Figure:
+    """Draw both curves and their limits on the axes of the paper's figure."""
+    printed = PAPER["figure3"]
+    figure = new_figure(5.0, 3.9)
+    write_heading(figure, "Tilt frequency against the separation of the wires in x", AXES)
+    axes = figure.subplots()
+    names = ["wires", "wires + cantilevers"]
+    set_margins(figure, left=0.65, right=room_for(names), bottom=0.45)
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlim=printed["x_range"],
+        ylim=printed["y_range"],
+        xlabel="separation $2s$ (m)",
+        ylabel="tilt frequency (Hz)",
+    )
+    rule(axes)
+    for n, curve in enumerate(found):
+        x, limit = 2 * curve.value, linear(curve.wires, curve.value)
+        axes.plot(x, limit, color=NOTE, linestyle="--", linewidth=0.8)
+        axes.plot(x, curve.frequency, color=PALETTE[n], linewidth=1.4)
+    level = constant(found[0].wires)
+    axes.axhline(level, color=NOTE, linestyle="--", linewidth=0.8)
+    stiff, soft = found
+    right = PAPER["figure3"]["x_range"][1]
+    for text, place, shift, side in (
+        (f"set by $d$: {level:.3g} Hz", (right, level), (-2, -4), "right"),
+        ("$\\propto s$", (4.2e-4, linear(stiff.wires, 2.1e-4)), (3, 0), "left"),
+        ("$\\propto s$", (4.2e-3, linear(soft.wires, 2.1e-3)), (3, 0), "left"),
+    ):
+        look = {"va": "top", "ha": side, "color": NOTE, "fontsize": 8}
+        axes.annotate(text, place, shift, textcoords="offset points", **look)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+    label_ends(
+        axes,
+        [
+            (2 * curve.value, curve.frequency, curve.label, PALETTE[n])
+            for n, curve in enumerate(found)
+        ],
+    )
+    return figure
+
+
 def main() -> None:
     """Draw the figure and write its numbers."""
-    printed = PAPER["figure3"]
     lines = [
         "# Figure 3",
         "",
         (
             "Tilt of a mass on four vertical wires 1 mm above its centre, against the separation"
-            " 2s, from the sweep of `force`."
+            " 2s, from the sweep of `force`. As the paper says, it is constant for wires close"
+            " together and proportional to their separation for wires far apart."
         ),
         "",
     ]
@@ -124,59 +173,17 @@ def main() -> None:
         ),
         "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
+    found = solved()
+    for curve in found:
+        limit, level = linear(curve.wires, curve.value), constant(curve.wires)
+        sampled = np.interp(
+            np.log([1e-4, 1e-3, 1e-2, 1e-1]), np.log(2 * curve.value), curve.frequency
+        )
+        cells = " | ".join(f"{f:#.4g}" for f in (*sampled, limit[-1], level))
+        lines.append(f"| {curve.label} | {curve.wires.k:#.5g} | {cells} |")
     with house_style():
-        figure = new_figure(4.6, 3.7)
-        axes = figure.subplots()
-        axes.set(
-            xscale="log",
-            yscale="log",
-            xlim=printed["x_range"],
-            ylim=printed["y_range"],
-            xlabel="separation $2s$ (m)",
-            ylabel="tilt frequency (Hz)",
-        )
-        first, _ = both = solved()
-        for n, curve in enumerate(both):
-            x = 2 * curve.value
-            limit, level = linear(curve.wires, curve.value), constant(curve.wires)
-            axes.plot(x, limit, color=NOTE, linestyle="--", linewidth=0.8)
-            if n == 0:
-                axes.axhline(level, color=NOTE, linestyle="--", linewidth=0.8)
-            axes.plot(x, curve.frequency, color=PALETTE[n], linewidth=1.4)
-            at = POINTS * (62, 84)[n] // 100
-            axes.annotate(
-                curve.label.replace("+ ", "+\n"),
-                (x[at], curve.frequency[at]),
-                xytext=(-6, 2),
-                textcoords="offset points",
-                ha="right",
-                va="bottom",
-                color=PALETTE[n],
-            )
-            sampled = np.interp(np.log([1e-4, 1e-3, 1e-2, 1e-1]), np.log(x), curve.frequency)
-            cells = " | ".join(f"{f:#.4g}" for f in (*sampled, limit[-1], level))
-            lines.append(f"| {curve.label} | {curve.wires.k:#.5g} | {cells} |")
-        axes.annotate(
-            "set by $d$",
-            (1.3e-4, constant(first.wires)),
-            xytext=(0, -3),
-            textcoords="offset points",
-            va="top",
-            color=NOTE,
-        )
-        axes.annotate(
-            r"$\propto s$",
-            (4e-4, linear(first.wires, 2e-4)),
-            xytext=(4, 0),
-            textcoords="offset points",
-            va="top",
-            color=NOTE,
-        )
-        axes.grid(visible=True, color=PALE, linewidth=0.4)
-        axes.tick_params(colors=INK)
-        figure.tight_layout()
         (ROOT / "results").mkdir(exist_ok=True)
-        save(figure, ROOT / "results" / "figure3.png")
+        save(draw(found), ROOT / "results" / "figure3.png")
     text = "\n".join(
         [
             *lines,

@@ -7,17 +7,29 @@ paper's axes. Writes `results/figure5.png` and `.h5`. Run by `make fig5`.
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from suspension_cli.analyses.response import file as files
-from suspension_cli.analyses.response.picture import draw_magnitude
 from suspension_cli.design.reader import read
-from suspension_cli.drawing.style import NOTE, PALE, PALETTE, house_style, new_figure, save
+from suspension_cli.drawing.curves import (
+    HEAD,
+    label_peaks,
+    label_plainly,
+    rule,
+    set_margins,
+    write_heading,
+)
+from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save
 from suspension_cli.files.hdf5 import Provenance, write
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
 from tools.tables import PAPER, ROOT
 
 POINTS = 4000
+AXES = "from the top point to 1 mm above the COM of the test mass, no damping; axes of the paper"
+ROOM = 40.0
+"""Room for the labels of modes above the paper's axis, dB."""
 
 
 def solved() -> tuple[response.Response, eigenmodes.Modes, Provenance]:
@@ -48,6 +60,69 @@ def slope(answer: response.Response, above: float = 30.0) -> float:
     )
 
 
+def pair_modes(found: eigenmodes.Modes) -> list[tuple[float, float]]:
+    """Pair our longitudinal and tilt modes with those of Table II's theory, Hz."""
+    ours = sorted(f for dof in ("x", "pitch") for f in found.of(dof))
+    printed = sorted(PAPER["table2"]["theory"]["tilt_longitudinal"])
+    return list(zip(ours, printed, strict=True))
+
+
+def draw(answer: response.Response, found: eigenmodes.Modes) -> Figure:
+    """Draw the transfer function on the paper's axes, with its modes beside those printed."""
+    (low, high), (left, right) = PAPER["figure5"]["y_range"], PAPER["figure5"]["x_range"]
+    figure = new_figure(5.6, 4.4)
+    write_heading(figure, "Longitudinal transfer function of the prototype triple", AXES)
+    axes = figure.subplots()
+    set_margins(figure, left=0.7, right=0.2, top=HEAD + 0.26, bottom=0.45)
+    axes.set(xscale="log", xlim=(left, right), ylim=(low, high + ROOM))
+    axes.set(xlabel="frequency (Hz)", ylabel="transmissibility (dB)")
+    axes.set_yticks(np.arange(low, high + 1, 50.0))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−")))
+    rule(axes)
+    label_plainly(axes.xaxis)
+    level = 20 * np.log10(np.abs(answer.value[:, 0, 0]))
+    axes.plot(answer.frequency, np.minimum(level, high), color=PALETTE[0])
+    axes.axhline(high, color=NOTE, linewidth=0.6, linestyle=(0, (4, 3)))
+    axes.annotate(
+        "end of the paper's axis",
+        (right, high),
+        (0, -2),
+        textcoords="offset points",
+        ha="right",
+        va="top",
+        fontsize=7.5,
+        color=NOTE,
+    )
+    tops = [
+        (ours, min(float(np.interp(ours, answer.frequency, level)), high), f" ({printed:g})")
+        for ours, printed in pair_modes(found)
+    ]
+    label_peaks(axes, tops, size=6.8)
+    figure.text(
+        axes.get_position().x0,
+        1 - 0.62 / figure.get_size_inches()[1],
+        "modes in Hz, in brackets those of the paper's Table II:",
+        fontsize=7.5,
+        color=NOTE,
+    )
+    guide = np.array([20.0, right])
+    power = PAPER["figure5"]["asymptote"]
+    asymptote = level[-1] + 12 + 20 * power * np.log10(guide / right)
+    axes.plot(guide, asymptote, color=NOTE, linestyle="--", linewidth=0.8)
+    axes.annotate(
+        f"paper: $f^{{{power}}}$",
+        (guide[0], asymptote[0]),
+        (6, 2),
+        textcoords="offset points",
+        ha="left",
+        va="bottom",
+        fontsize=8,
+        color=NOTE,
+        annotation_clip=False,
+    )
+    return figure
+
+
 def main() -> None:
     """Draw the figure."""
     answer, found, origin = solved()
@@ -59,36 +134,7 @@ def main() -> None:
         lambda file: files.fill(file.create_group("response"), answer),
     )
     with house_style():
-        figure = new_figure(5.2, 4.0)
-        axes = figure.subplots()
-        draw_magnitude(axes, answer.frequency, answer.value[:, 0, 0], "db", PALETTE[0], "")
-        guide = answer.frequency > 20
-        reference = 20 * np.log10(np.abs(answer.value[-1, 0, 0])) - 120 * np.log10(
-            answer.frequency[guide] / answer.frequency[-1]
-        )
-        axes.plot(
-            answer.frequency[guide], reference + 12, color=NOTE, linestyle="--", linewidth=0.8
-        )
-        axes.annotate(
-            "$1/f^{6}$",
-            (45, reference[np.searchsorted(answer.frequency[guide], 45)] + 12),
-            xytext=(6, 2),
-            textcoords="offset points",
-            color=NOTE,
-        )
-        axes.set(
-            xscale="log",
-            xlim=PAPER["figure5"]["x_range"],
-            ylim=PAPER["figure5"]["y_range"],
-            xlabel="frequency (Hz)",
-            ylabel="transmissibility (dB)",
-        )
-        axes.set_title(
-            "Top point to 1 mm above the COM of the test mass, longitudinal", loc="left", fontsize=8
-        )
-        axes.grid(visible=True, color=PALE, linewidth=0.4)
-        figure.tight_layout()
-        save(figure, folder / "figure5.png")
+        save(draw(answer, found), folder / "figure5.png")
     print(
         f"results/figure5.png: falls as f^{slope(answer):.3f} above 30 Hz (the paper:"
         f" f^{PAPER['figure5']['asymptote']})"

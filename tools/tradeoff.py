@@ -1,7 +1,8 @@
 """Time and error of all models and methods, for the paper's designs and other examples.
 
-Writes `results/tradeoff.md`, `results/tradeoff.png` (the fused-silica triple) and charts of a
-single, a double and a quadruple pendulum. Run by `make tradeoff`.
+Writes `results/tradeoff.md`, `results/tradeoff.png` (the fused-silica triple: which model to use),
+`tradeoff_panels.png` (all its comparisons), and the same for a single, a double and a quadruple
+pendulum. Run by `make tradeoff`.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import time
 import numpy as np
 import scipy
 
-from suspension_cli.analyses.tradeoff import picture, summary
+from suspension_cli.analyses.tradeoff import headline, picture, summary
 from suspension_cli.analyses.tradeoff import solve as run
 from suspension_cli.analyses.tradeoff.result import (
     COUNTS,
@@ -37,12 +38,12 @@ DESIGNS = [
     *(ROOT / "configs" / f"{name}.toml" for name in ("double", "geo-silica-triple", "quadruple")),
 ]
 CHARTS = {
-    "husman2000-table1-case3": "tradeoff_single.png",
-    "double": "tradeoff_double.png",
-    "geo-silica-triple": "tradeoff.png",
-    "quadruple": "tradeoff_quadruple.png",
+    "husman2000-table1-case3": "tradeoff_single",
+    "double": "tradeoff_double",
+    "geo-silica-triple": "tradeoff",
+    "quadruple": "tradeoff_quadruple",
 }
-"""Designs that are shown in full, and their charts."""
+"""Designs that are shown in full, and the names of their pictures."""
 REPEAT = 7
 COMPARES = {"models": "models", "methods": "methods"}
 BUDGET = 0.2
@@ -58,10 +59,17 @@ def main() -> None:
         print(name, file=sys.stderr)
         found[name] = run.measure(design, repeat=REPEAT, budget=BUDGET)
         if name in CHARTS:
-            save(picture.draw(found[name], design.design.title or name), folder / CHARTS[name])
+            draw(found[name], name, design.design.title or name)
     text = document(found)
     write_bytes(folder / "tradeoff.md", text.encode())
     print(f"{len(found)} designs in {time.monotonic() - began:.0f} s: {folder / 'tradeoff.md'}")
+
+
+def draw(found: Tradeoff, name: str, title: str) -> None:
+    """Draw the advice and the panels of a design."""
+    folder = ROOT / "results"
+    save(headline.draw(found, title), folder / f"{CHARTS[name]}.png")
+    save(picture.draw(found, title), folder / f"{CHARTS[name]}_panels.png")
 
 
 def document(found: dict[str, Tradeoff]) -> str:
@@ -83,7 +91,12 @@ def document(found: dict[str, Tradeoff]) -> str:
             " and what to use when."
         ),
         "",
-        "![Error against time, fused-silica triple](tradeoff.png)",
+        "![Which model to use for a fused-silica triple](tradeoff.png)",
+        "",
+        (
+            "For each of four questions: every model with its time and error, and the one to use."
+            " The panels behind it, with all methods, and other designs follow below."
+        ),
         "",
         "## All designs",
         "",
@@ -108,7 +121,9 @@ def document(found: dict[str, Tradeoff]) -> str:
         lines += [
             f"## {name}",
             "",
-            f"![Error against time]({CHARTS[name]})",
+            f"![Which model to use]({CHARTS[name]}.png)",
+            "",
+            f"![Error against time of all models and methods]({CHARTS[name]}_panels.png)",
             "",
             "```text",
             summary.text(found[name]),

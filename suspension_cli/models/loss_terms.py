@@ -115,9 +115,9 @@ def _functions(spectrum: Spectrum | None, own: BladeLoss) -> list[tuple[Any, Any
 
     found = []
     for axis, real, imaginary in spectrum.axis:
-        own = np.zeros((6, 6))
-        own[axis, axis] = 1.0
-        found.append((own, curve(imaginary, 0.0), curve(real, 1.0)))
+        only = np.zeros((6, 6))
+        only[axis, axis] = 1.0
+        found.append((only, curve(imaginary, 0.0), curve(real, 1.0)))
     return found
 
 

@@ -26,11 +26,14 @@ COMPUTED = {"Figure 5: the longitudinal transfer function", "Thermal noise"}
 """Sections whose numbers are in no file: their tools print them."""
 
 
+PAGES = "".join(path.read_text() for path in (ROOT / "results").glob("*.md"))
+
+
 @pytest.mark.parametrize("name", sorted(set(KEPT) - {"README.md"}))
 def test_every_result_is_shown(name):
-    assert re.search(
-        rf"{'!' if name.endswith('.png') else ''}\[[^]]*\]\({re.escape(name)}\)", README
-    )
+    """Pages are linked from README.md, pictures shown there or on one of its pages."""
+    mark, where = ("!", PAGES) if name.endswith(".png") else ("", README)
+    assert re.search(rf"{mark}\[[^]]*\]\({re.escape(name)}\)", where)
 
 
 def test_tables_are_those_of_their_files():

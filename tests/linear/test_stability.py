@@ -252,13 +252,37 @@ def test_names_cover_no_line():
         mark={"here": 1e2},
     )
     with house_style():
-        figure = draw.draw([row])
+        (figure,) = draw.draw_pages([row])
         axes = figure.axes[0]
         box = axes.get_legend().get_window_extent(figure.canvas.get_renderer())
         for error in row.error.values():
             assert not box.padded(5).count_contains(
                 axes.transData.transform(np.column_stack(draw._drawn(row, error)))
             )
+
+
+def test_overview_shows_how_far_each_method_gets():
+    from suspension_cli.drawing.style import house_style
+    from tests.support.legible import assert_legible, said
+    from tools.stability.overview import draw_overview
+
+    value = np.array([1.0, 1e1, 1e2, 1e3, 1e4])
+    error = {"pendsus": 0 * value, "sum": 1e-4 * value, "other": 1e-6 * value}
+    rows = [Row("Roll-off", "frequency (Hz)", "q", value, error, "", "")]
+    rows += [Row("Slack", "tension left", "q", 1 / value, {**error, "pendsus": value}, "", "")]
+    with house_style():
+        figure = draw_overview(rows)
+    axes = figure.axes[0]
+    bars = {
+        (round(bar.get_x(), 9), round(bar.get_x() + bar.get_width(), 9)) for bar in axes.patches
+    }
+    assert bars == {(0.0, 0.5), (0.5, 1.0), (0.0, 1.0), (0.0, 0.0)}
+    words = said(figure)
+    assert {"frequency, 1 to 10⁴ Hz", "sum: 100 Hz", "no break", "sum: 0.01", "1"} <= {*words}
+    assert words[0] == (
+        "pendsus stays accurate to the end of 1 of 2 troubles; a common method breaks in 2"
+    )
+    assert_legible(figure)
 
 
 def test_a_method_right_only_at_the_end_is_not_called_right_throughout():

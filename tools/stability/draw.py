@@ -1,4 +1,4 @@
-"""Chart of the atlas: one panel per row, errors against the parameter that drives them."""
+"""Pages of the atlas: a panel per row, errors against the parameter that drives them."""
 
 from __future__ import annotations
 
@@ -31,23 +31,40 @@ FLOOR, CEILING = 1e-17, 1e2
 """Errors beyond these are drawn at the edge."""
 CLEAR, EDGE = 6.0, 2.5
 """Sufficient distance of a legend from lines, and least distance from the frame, points."""
-COLUMNS = 3
-WIDTH, HEIGHT = 3.5, 2.75
+COLUMNS, LINES = 2, 3
+"""Panels across and down a page."""
+WIDTH, HEIGHT = 3.6, 2.75
 """Size of a panel, inches."""
+KEYED = 6.8
+"""Font size of legends, points."""
 
 
-def draw(rows: list[Row]) -> Figure:
-    """Draw all rows as small multiples."""
-    lines = -(-(len(rows) + 1) // COLUMNS)
-    figure = new_figure(COLUMNS * WIDTH, lines * HEIGHT + 0.35)
-    axes = figure.subplots(lines, COLUMNS).ravel()
+def draw_pages(rows: list[Row]) -> list[Figure]:
+    """Draw a panel per row, `COLUMNS` by `LINES` on a page, and the key after the last."""
+    most = COLUMNS * LINES
+    return [
+        _draw_page(rows[n * most : (n + 1) * most], n * most, keyed=n + 1 == count_pages(rows))
+        for n in range(count_pages(rows))
+    ]
+
+
+def count_pages(rows: list[Row]) -> int:
+    """Count the pages of all panels and the key."""
+    return len(rows) // (COLUMNS * LINES) + 1
+
+
+def _draw_page(rows: list[Row], start: int, *, keyed: bool) -> Figure:
+    lines = -(-(len(rows) + keyed) // COLUMNS)
+    figure = new_figure(COLUMNS * WIDTH, lines * HEIGHT)
+    axes = figure.subplots(lines, COLUMNS, squeeze=False).ravel()
     for number, (panel, row) in enumerate(zip(axes, rows, strict=False)):
-        _panel(panel, row, f"{'abcdefghijklmnopqrstuvwxyz'[number]}  {row.title}")
+        _panel(panel, row, f"{'abcdefghijklmnopqrstuvwxyz'[start + number]}  {row.title}")
         if number % COLUMNS == 0:
             panel.set_ylabel("relative error")
     for panel in axes[len(rows) :]:
         panel.set_axis_off()
-    _key(axes[len(rows)])
+    if keyed:
+        _key(axes[len(rows)])
     figure.tight_layout(w_pad=1.6, h_pad=1.4)
     for panel, row in zip(axes, rows, strict=False):
         _place_key(panel, row)
@@ -69,14 +86,14 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
     axes.axhspan(FLOOR / 10, EPS, color=PALE, alpha=0.35, linewidth=0)
     axes.axhline(BROKEN, color=NOTE, linewidth=0.5, linestyle=(0, (1, 2)))
     for name, at in row.mark.items():
-        axes.axvline(at, color=NOTE, linewidth=0.5, linestyle=(0, (4, 2)))
+        axes.vlines(at, FLOOR, CEILING, color=NOTE, linewidth=0.5, linestyle=(0, (4, 2)))
         axes.annotate(
             name,
             (at, CEILING),
             (-1.5, -4),
             textcoords="offset points",
             rotation=90,
-            fontsize=5.6,
+            fontsize=6.5,
             color=NOTE,
             ha="right",
             va="top",
@@ -86,8 +103,8 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
     free = [colour for colour in THEIRS if colour not in [SAME.get(name) for name in row.others]]
     for name in row.others:
         _line(axes, row, name, color=SAME.get(name) or free.pop(0), linewidth=0.9, zorder=3)
-    axes.set_title(title, loc="left", fontweight="bold", fontsize=8)
-    axes.set_xlabel(row.driver, fontsize=7)
+    axes.set_title(title, loc="left", fontweight="bold", fontsize=8.5)
+    axes.set_xlabel(row.driver, fontsize=8)
     axes.set_yticks([1e-16, 1e-12, 1e-8, 1e-4, 1.0])
     axes.yaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_locator(LogLocator(numticks=9))
@@ -95,7 +112,7 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
     if span[1] < 100 * span[0]:
         axes.set_xticks(row.value[::3], [f"{value:g}" for value in row.value[::3]])
     key = axes.legend(
-        fontsize=5.6,
+        fontsize=KEYED,
         handlelength=1.4,
         handletextpad=0.5,
         labelspacing=0.2,
@@ -108,7 +125,21 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
 
 
 def _place_key(axes: Axes, row: Row) -> None:
-    """Place the legend where no line runs, clear of lines, and then close to a corner."""
+    """Place the legend where no line runs, clear of lines, and then close to a corner.
+
+    Where there is no such place the panel grows upwards.
+    """
+    if _find_place(axes, row):
+        return
+    key: Any = axes.get_legend()
+    high = key.get_window_extent().height / axes.get_window_extent().height + 0.06
+    decades = np.log10(CEILING / FLOOR) * high / (1 - high)
+    axes.set_ylim(top=1.5 * CEILING * 10**decades)
+    _find_place(axes, row)
+
+
+def _find_place(axes: Axes, row: Row) -> bool:
+    """Place the legend at the best place, and return whether it is clear of all lines."""
     key: Any = axes.get_legend()
     renderer = key.figure.canvas.get_renderer()
     frame, box, pixel = (
@@ -121,6 +152,7 @@ def _place_key(axes: Axes, row: Row) -> None:
         np.column_stack([np.full(200, at), np.geomspace(FLOOR, CEILING, 200)])
         for at in row.mark.values()
     ]
+    lines.append(np.column_stack([np.geomspace(*axes.get_xlim(), 200), np.full(200, BROKEN)]))
     x, y = axes.transData.transform(np.concatenate(lines)).T
     words = [text.get_window_extent(renderer) for text in axes.texts]
     x, y = (
@@ -129,7 +161,7 @@ def _place_key(axes: Axes, row: Row) -> None:
     )
     edge = EDGE * pixel
     free = np.array([frame.width - box.width, frame.height - box.height]) - 2 * edge
-    best = (-np.inf, -np.inf, -np.inf), (0.0, 0.0)
+    best: Any = (-np.inf, -np.inf, -np.inf), (0.0, 0.0)
     for across, up in product(np.linspace(0, 1, 61), repeat=2):
         left, low = frame.x0 + edge + across * free[0], frame.y0 + edge + up * free[1]
         apart = np.hypot(
@@ -145,6 +177,7 @@ def _place_key(axes: Axes, row: Row) -> None:
             ),
         )
     key.set_loc(tuple(axes.transAxes.inverted().transform(best[1])))
+    return best[0][0] == 0
 
 
 def _drawn(row: Row, error: Any) -> tuple[Any, Any]:
@@ -207,13 +240,13 @@ def _key(axes: Axes) -> None:
     for n, (across, look, text) in enumerate(items):
         y = 0.85 - 0.13 * n
         axes.plot(across, (y, y), **look)
-        axes.text(0.17, y, text, fontsize=7, va="center", color=INK)
+        axes.text(0.17, y, text, fontsize=8, va="center", color=INK)
     axes.text(
         0.0,
         0.85 - 0.13 * len(items) - 0.04,
         "Trouble grows to the right (in c to both sides);\nwhat is beyond the frame is drawn at its"
         " edge.",
-        fontsize=7,
+        fontsize=8,
         va="center",
         color=INK,
     )

@@ -167,7 +167,7 @@ def nearly_slack(left: Any = LEFT) -> Row:
             error.setdefault(name, []).append(float(relative(tension, exact)))
     return Row(
         title="Wires about to go slack",
-        driver="tension left, share of the nominal one",
+        driver="tension left, fraction of the nominal one",
         quantity="the smallest tension",
         value=np.asarray(left),
         error={name: np.array(values) for name, values in error.items()},
@@ -234,7 +234,7 @@ def nearly_horizontal(slope: Any = SLOPE) -> Row:
             error.setdefault(name, []).append(float(relative(omega2, exact).max()))
     return Row(
         title="Nearly horizontal wires",
-        driver="rise of the wires, share of their length",
+        driver="rise of the wires, fraction of their length",
         quantity="ω² of all modes",
         value=np.asarray(slope),
         error={name: np.array(values) for name, values in error.items()},

@@ -30,7 +30,7 @@ class TradeoffAnalysis(Analysis):
     Models are compared with the most complete one that is valid, methods with 50-digit arithmetic
     on the same model. Times are processor times on one thread, measured in turns. Prints one line
     per question: what is fastest and accurate enough; with -v all times and errors. Writes
-    DIR/NAME-tradeoff.h5 and .png.
+    DIR/NAME-tradeoff.h5, .png (which model to use) and -panels.png (all comparisons).
 
     Example: pendsus tradeoff my.toml --quantity modes
     """
@@ -111,10 +111,13 @@ class TradeoffAnalysis(Analysis):
         return summary.text(result.data)
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
-        """Draw errors against times."""
-        from suspension_cli.analyses.tradeoff import picture
+        """Draw advice on the models, and all errors against times."""
+        from suspension_cli.analyses.tradeoff import headline, picture
 
-        return {"": picture.draw(result.data, result.title)}
+        panels = picture.draw(result.data, result.title)
+        if not any(panel.compares == "models" and panel.entries for panel in result.data.panels):
+            return {"": panels}
+        return {"": headline.draw(result.data, result.title), "-panels": panels}
 
 
 def _demand_references(design: Design) -> None:

@@ -88,7 +88,25 @@ def answers(found: Tradeoff) -> list[Answer]:
     ]
 
 
+def choices(found: Tradeoff) -> list[tuple[Answer, list[Option]]]:
+    """Compare the models for each quantity: the answer for one result, and all options.
+
+    Responses are those of 200 frequencies up to 50 Hz.
+    """
+    return [
+        _questions(found, panel)[0]
+        for panel in found.panels
+        if panel.compares == "models" and panel.entries
+    ]
+
+
 def _answers(found: Tradeoff, panel: Panel) -> list[Answer]:
+    return [answer for answer, _ in _questions(found, panel)]
+
+
+def _questions(found: Tradeoff, panel: Panel) -> list[tuple[Answer, list[Option]]]:
+    """Answer the questions on a panel, with the options for each."""
+    asked = {}
     if panel.key == "response-models":
         times = {
             entry.model: entry.median("first", TIMED)
@@ -96,33 +114,25 @@ def _answers(found: Tradeoff, panel: Panel) -> list[Answer]:
             if each.compares == "models"
             for entry in each.entries
         }
-        return [
-            _choose(
-                panel.compares,
-                f"{NAMES.get(view.title, view.title)}, {TIMED} frequencies",
-                [
-                    Option(entry.model, times[entry.model], float(error))
-                    for entry, error in zip(panel.entries, panel.worst(view), strict=True)
-                ],
-                "",
-            )
-            for view in panel.views
-        ]
-    question = QUESTIONS[panel.quantity]
-    kinds = {"once": ""}
-    if panel.item != "frequency":
-        kinds = {"once": f", one {panel.item}", "batch": f", per {panel.item} of {panel.count}"}
-    return [
-        _choose(
-            panel.compares,
-            question + more,
-            [
+        shipped = ""
+        for view in panel.views:
+            asked[f"{NAMES.get(view.title, view.title)}, {TIMED} frequencies"] = [
+                Option(entry.model, times[entry.model], float(error))
+                for entry, error in zip(panel.entries, panel.worst(view), strict=True)
+            ]
+    else:
+        shipped = SHIPPED[panel.quantity]
+        kinds = {"once": ""}
+        if panel.item != "frequency":
+            kinds = {"once": f", one {panel.item}", "batch": f", per {panel.item} of {panel.count}"}
+        for kind, more in kinds.items():
+            asked[QUESTIONS[panel.quantity] + more] = [
                 Option(entry.name(panel.compares), entry.time(kind), float(entry.error.max()))
                 for entry in panel.entries
-            ],
-            SHIPPED[panel.quantity],
-        )
-        for kind, more in kinds.items()
+            ]
+    return [
+        (_choose(panel.compares, question, options, shipped), options)
+        for question, options in asked.items()
     ]
 
 

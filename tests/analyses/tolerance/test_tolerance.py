@@ -259,10 +259,7 @@ def one_of(scene, base, number):
 
     return dataclasses.replace(
         scene,
-        **{
-            name: part(getattr(scene, name), getattr(base, name))
-            for name in ("bodies", "wires", "blades", "springs")
-        },
+        **{name: part(getattr(scene, name), getattr(base, name)) for name in scene.parts},
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.tradeoff import file as files
-from suspension_cli.analyses.tradeoff import picture, summary, transfer_functions
+from suspension_cli.analyses.tradeoff import headline, picture, summary, transfer_functions
 from suspension_cli.analyses.tradeoff.command import NAMES, table
 from suspension_cli.analyses.tradeoff.result import (
     COMPARED,
@@ -32,6 +32,7 @@ from tests.support.commandline import (
     strict_json,
     written,
 )
+from tests.support.legible import assert_legible, said
 from tests.support.paths import ROOT
 from tests.support.quick_tradeoff import hurry
 
@@ -183,9 +184,8 @@ def test_redraws_from_the_file_alone(tmp_path):
         )
     result = run("plot", tmp_path / "one" / f"{STEM}.h5", "--out", tmp_path / "other")
     assert result.exit_code == 0, result.stderr
-    assert (tmp_path / "one" / f"{STEM}.png").read_bytes() == (
-        tmp_path / "other" / f"{STEM}.png"
-    ).read_bytes()
+    for name in (f"{STEM}.png", f"{STEM}-panels.png"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
 
 
 def test_a_result_that_is_loaded_is_the_one_that_was_written(answer, found, out):
@@ -367,6 +367,34 @@ def test_labels_do_not_overlap(seed):
                 and frame.y0 <= box.y0
                 and box.y1 <= frame.y1
             )
+
+
+def test_first_picture_gives_advice_with_the_points(found):
+    """One chart per question; labels keep apart; the advice is that of the summary."""
+    figure = headline.draw(found, "Made up")
+    words = said(figure)
+    assert_legible(figure)
+    assert len(figure.axes) == 4
+    for axes, (answer, options) in zip(figure.axes, summary.choices(found), strict=True):
+        assert {option.name for option in options} < {text.get_text() for text in axes.texts}
+        assert axes.get_xlabel() == "processor time (ms)"
+        best = [line for line in axes.lines if line.get_markersize() > 8 and len(line.get_xdata())]
+        assert [line.get_xdata()[0] for line in best] == [1e3 * answer.best.time]
+        assert headline.advise(answer, options) in words
+        assert answer in summary.answers(found)
+
+
+def test_first_picture_says_what_was_left_out(found):
+    """One chart and one reason, also where nothing else is compared."""
+    modes = found.panels[0]
+    reason = "nothing dissipates: give a loss angle, or a material that has one, to some wire"
+    left = (Omission("violin", "dissipation", reason),)
+    noise = Panel("thermal", "models", "Thermal noise", "", "frequency", 5, "", (), (), left, ())
+    for panels, count in (((modes, noise), 1), ((modes,), 1)):
+        figure = headline.draw(Tradeoff(panels, 2, 1), "Made up")
+        assert len(figure.axes) == count
+        assert_legible(figure)
+        assert any(w.startswith("left out: nothing") for w in said(figure)) == (len(panels) > 1)
 
 
 def test_front_is_drawn_where_it_is():

@@ -1,0 +1,229 @@
+"""First picture of `pendsus tradeoff`: time and error of the models, with advice per question."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
+
+from suspension_cli.analyses.tradeoff.result import ROUNDING, Tradeoff, front
+from suspension_cli.analyses.tradeoff.summary import MODEL_TOLERANCE, Answer, Option, choices
+from suspension_cli.drawing.curves import label_plainly, rule, write_heading
+from suspension_cli.drawing.labels import annotate
+from suspension_cli.drawing.style import (
+    INK,
+    NOTE,
+    PALE,
+    add_axes,
+    house_style,
+    new_figure,
+    single_line,
+    with_opacity,
+    write_text,
+)
+
+COLUMNS = 2
+LEFT, WIDTH, PITCH = 0.86, 2.55, 3.45
+"""Left edge and width of the first chart, and distance of charts, in."""
+HEAD, ABOVE, HIGH, ROW, FOOT = 0.76, 0.44, 1.5, 2.5, 0.02
+"""Heights of the heading, above a chart, of a chart, of a row and of the foot, in."""
+LINE = 0.15
+"""Height of a line of notes, in."""
+FONT = 8.0
+STRIP = 0.8
+"""Decades between the smallest error above rounding and the strip of exact models."""
+
+
+def draw(found: Tradeoff, title: str) -> Figure:
+    """Draw error against time of all models, a chart per quantity.
+
+    Parameters
+    ----------
+    found : Tradeoff
+    title : str
+        Title of the design.
+    """
+    asked = choices(found)
+    left_out = [
+        (panel.title, panel.left[0].reason if panel.left else "nothing to compare")
+        for panel in found.panels
+        if panel.compares == "models" and not panel.entries
+    ]
+    columns = min(COLUMNS, len(asked) + len(left_out))
+    rows = -(-(len(asked) + len(left_out)) // columns)
+    across = LEFT + (columns - 1) * PITCH + WIDTH + 0.15
+    key = textwrap.wrap(
+        f"Errors against {reference(found)}. Steps: no model is both faster and more accurate.",
+        int(across / 0.06),
+    )
+    head = HEAD + LINE * (len(key) - 1)
+
+    def place(n: int) -> tuple[float, float]:
+        return LEFT + n % columns * PITCH, head + n // columns * ROW
+
+    with house_style():
+        figure = new_figure(across, head + ROW * rows + FOOT)
+        write_heading(figure, "Which model to use: error against time", title)
+        for n, line in enumerate(key):
+            write_text(figure, 0.1, 0.43 + LINE * n, line, 7.5, NOTE)
+        for n, (answer, options) in enumerate(asked):
+            left, top = place(n)
+            _write_advice(figure, left, top, answer, options)
+            axes = add_axes(figure, left, top + ABOVE, WIDTH, HIGH)
+            _draw_chart(axes, options, answer)
+            if n % columns == 0:
+                axes.set_ylabel("relative error")
+        for n, (name, reason) in enumerate(left_out, len(asked)):
+            left, top = place(n)
+            write_text(figure, left - LEFT + 0.1, top, name, 9, bold=True)
+            for k, line in enumerate(textwrap.wrap(f"left out: {reason}", 54)):
+                down = top + 0.175 + LINE * k
+                write_text(figure, left - LEFT + 0.1, down, single_line(line), 7.5, NOTE)
+    return figure
+
+
+def reference(found: Tradeoff) -> str:
+    """Name the model that the others are compared with."""
+    return next(
+        f"the {panel.entries[-1].model} model"
+        for panel in found.panels
+        if panel.compares == "models" and panel.entries
+    )
+
+
+def advise(answer: Answer, options: list[Option]) -> str:
+    """Advise on a model in one sentence, from times and errors.
+
+    Examples
+    --------
+    >>> beam, string = Option("beam", 0.037, 9e-5), Option("string", 0.007, 0.15)
+    >>> advise(Answer("models", "", beam, string), [beam, string])
+    'Use beam: string is 5.3 times faster, but off by 15 %.'
+    >>> advise(Answer("models", "", beam, None), [beam])
+    'Use beam: no other model is faster.'
+    """
+    best, other = answer.best, answer.other
+    if other is not None:
+        ratio = best.time / other.time
+        return (
+            f"Use {best.name}: {other.name} is {ratio:.{2 if ratio < 100 else 3}g} times faster,"
+            f" but off by {percent(other.error)}."
+        )
+    if best.time <= min(option.time for option in options):
+        return f"Use {best.name}: no other model is faster."
+    return f"Use {best.name}: simpler models save hardly any time."
+
+
+def percent(error: float) -> str:
+    """Format an error with one or two digits: ``15 %``, ``0.009 %``."""
+    value = 100 * error
+    return f"{float(f'{value:.2g}' if value >= 10 else f'{value:.1g}'):g} %"
+
+
+def _write_advice(
+    figure: Figure, left: float, top: float, answer: Answer, options: list[Option]
+) -> None:
+    name = answer.question[0].upper() + answer.question[1:]
+    write_text(figure, left - LEFT + 0.1, top, name, 9, bold=True)
+    write_text(figure, left - LEFT + 0.1, top + 0.175, advise(answer, options), 7.8, INK)
+
+
+def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
+    """Draw models as points, their Pareto front and the tolerance."""
+    from suspension_cli.analyses.tradeoff.picture import COLOUR
+
+    time = 1e3 * np.array([option.time for option in options])
+    error = np.array([option.error for option in options])
+    seen = np.append(error[error >= ROUNDING], MODEL_TOLERANCE)
+    floor = float(10 ** (np.floor(np.log10(seen.min())) - STRIP))
+    shown = np.where(error < ROUNDING, floor, error)
+    axes.set(xscale="log", yscale="log", xlabel="processor time (ms)")
+    wide = max(float(time.max() / time.min()), 2.0)
+    axes.set_xlim(time.min() / wide**0.14, time.max() * wide**0.36)
+    high = max(float(seen.max()), 10 * MODEL_TOLERANCE)
+    axes.set_ylim(floor / 10**0.5, high * (high / floor) ** 0.22)
+    rule(axes)
+    label_plainly(axes.xaxis)
+    if wide < 8:
+        ticks = _choose_ticks(*axes.get_xlim())
+        axes.xaxis.set_major_locator(FixedLocator(ticks))
+    decades = np.arange(np.ceil(np.log10(floor) + 0.3), np.floor(np.log10(axes.get_ylim()[1])) + 1)
+    decades = decades[:: -max(1, -(-len(decades) // 5))][::-1]
+    axes.set_yticks(
+        [floor, *10.0**decades], ["reference", *(percent(10.0**power) for power in decades)]
+    )
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.minorticks_off()
+    axes.axhspan(
+        axes.get_ylim()[0], MODEL_TOLERANCE, color=with_opacity(PALE, 0.28), linewidth=0, zorder=0
+    )
+    on = front(time, error)
+    steps = np.repeat(np.stack([time[on], shown[on]], axis=1), 2, axis=0)
+    steps[1:-1:2, 0] = steps[2::2, 0]
+    steps[-1, 0] = axes.get_xlim()[1]
+    path = np.vstack([[steps[0, 0], axes.get_ylim()[1]], steps])
+    axes.plot(*path.T, color=NOTE, linewidth=0.9, zorder=1.5, solid_joinstyle="miter")
+    note = _name_band(axes, path)
+    for option, x, y in zip(options, time, shown, strict=True):
+        chosen = option.name == answer.best.name
+        axes.plot(
+            x,
+            y,
+            "o",
+            color=COLOUR[option.name],
+            markersize=8.5 if chosen else 5,
+            zorder=4,
+            clip_on=False,
+        )
+    figure: Any = axes.get_figure()
+    box = note.get_window_extent(figure.canvas.get_renderer())
+    corners = axes.transData.transform(path)
+    annotate(
+        axes,
+        list(zip(time.tolist(), shown.tolist(), strict=True)),
+        [option.name for option in options],
+        [COLOUR[option.name] for option in options],
+        FONT,
+        [(box.x0, box.y0, box.x1, box.y1)],
+        [
+            (*ends.min(0).tolist(), *ends.max(0).tolist())
+            for ends in (corners[n : n + 2] for n in range(len(corners) - 1))
+        ],
+    )
+
+
+def _choose_ticks(low: float, high: float) -> list[float]:
+    """Choose round values on a short logarithmic axis, at least a tenth of it apart."""
+    every = [n * 10.0**p for p in range(-7, 8) for n in (1, 1.5, 2, 3, 4, 5, 7)]
+    if sum(low <= tick <= high for tick in every) < 3:
+        every = list(MaxNLocator(4).tick_values(low, high))
+    ticks: list[float] = []
+    for tick in every:
+        far = not ticks or np.log(tick / ticks[-1]) > 0.1 * np.log(high / low)
+        if low <= tick <= high and far:
+            ticks.append(tick)
+    return ticks
+
+
+def _name_band(axes: Axes, path: Any) -> Any:
+    """Name the band of accurate models at its upper edge, where the front does not cross it."""
+    falls = path[:-1, 0][(path[:-1, 1] >= MODEL_TOLERANCE) & (path[1:, 1] < MODEL_TOLERANCE)]
+    crossing = axes.transAxes.inverted().transform(
+        axes.transData.transform([[float(falls[0]), MODEL_TOLERANCE]] if len(falls) else [[1, 1]])
+    )[0, 0]
+    left = bool(len(falls)) and crossing > 0.5
+    return axes.annotate(
+        f"accurate enough: {percent(MODEL_TOLERANCE)}",
+        (0.0 if left else 1.0, MODEL_TOLERANCE),
+        (3 if left else -3, -2),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        ha="left" if left else "right",
+        va="top",
+        fontsize=7,
+        color=NOTE,
+    )

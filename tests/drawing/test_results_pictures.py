@@ -1,0 +1,76 @@
+"""Pictures of results/: what they say, and that it can be read."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from suspension_cli.drawing.style import house_style
+from tests.support.legible import assert_legible, said
+from tools import figure3, figure4, figure5, figure6
+from tools.choices import draw as choices
+from tools.choices.trial import Trial
+
+
+def test_figure_3_has_the_printed_axes_and_both_limits():
+    with house_style():
+        figure = figure3.draw(figure3.solved())
+    (axes,) = figure.axes
+    assert (axes.get_xlim(), axes.get_ylim()) == ((1e-4, 0.1), (0.1, 100))
+    assert axes.get_xlabel() == "separation $2s$ (m)"
+    assert {"wires", "wires + cantilevers", "set by $d$: 0.295 Hz"} <= {*said(figure)}
+    assert_legible(figure)
+
+
+def test_figure_4_says_where_the_curve_leaves_the_printed_axis():
+    with house_style():
+        figure = figure4.draw(figure4.solved())
+    (axes,) = figure.axes
+    assert (axes.get_xlim(), axes.get_ylim()) == ((0, 0.12), (0, 9))
+    assert "half the upper separation" in axes.get_xlabel()
+    assert "↑ to 13.1 Hz at $t_1 = 0$" in said(figure)
+    assert_legible(figure)
+
+
+def test_figure_5_pairs_its_modes_with_those_of_table_2():
+    answer, modes, _ = figure5.solved()
+    for ours, printed in figure5.pair_modes(modes):
+        assert ours == pytest.approx(printed, rel=0.01)
+    with house_style():
+        figure = figure5.draw(answer, modes)
+    assert {"0.496 (0.5)", "3.62 (3.6)", "end of the paper's axis"} <= {*said(figure)}
+    assert_legible(figure)
+
+
+def test_figure_6_orders_its_colours_and_names_its_largest_ratios():
+    with house_style():
+        figure = figure6.draw([(hold, *figure6.ratios(hold)) for hold in figure6.HOLDS])
+    assert {"loaded length held: up to 5.9 × 10⁻⁴", "−2 mm", "+2 mm"} <= {*said(figure)}
+    for axes in figure.axes:
+        assert axes.get_ylim() == pytest.approx((0, 6))
+        drawn = [line for line in axes.lines if len(line.get_ydata()) > 100]
+        assert len({line.get_color() for line in drawn}) == 5
+        assert all(line.get_ydata().min() < 0.02 for line in drawn)
+    assert_legible(figure)
+
+
+def test_auto_counts_what_is_within_the_tolerance():
+    rng = np.random.default_rng(1)
+    found = [
+        Trial("common", n, "d", 2, quantity, 1e-2, level, error, error, cost, cost / 2, 0.1)
+        for n, quantity in enumerate(list(choices.QUANTITIES) * 5)
+        for level, error in (("beam", 3e-3), ("violin", 0.0), ("string", 2e-2 if n == 1 else 1e-3))
+        for cost in [float(10 ** rng.uniform(-1, 0.5))]
+    ]
+    with house_style():
+        figure = choices.draw(found)
+    words = said(figure)
+    assert "auto kept the requested tolerance in 59 of 60 random suspensions" in words
+    errors, models, _ = figure.axes
+    assert (errors.get_xlabel(), errors.get_ylabel()) == (
+        "requested tolerance",
+        "error of the result",
+    )
+    assert len(models.patches) == len(choices.QUANTITIES) * len(choices.COLOUR)
+    assert words.count("33") == 3 * len(choices.QUANTITIES)
+    assert_legible(figure)

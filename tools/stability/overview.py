@@ -1,0 +1,167 @@
+"""Overview of the atlas: how far each trouble can be driven before a method breaks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from suspension_cli.drawing.style import (
+    INK,
+    NOTE,
+    PALE,
+    PALETTE,
+    add_axes,
+    new_figure,
+    with_opacity,
+    write_text,
+)
+from tools.stability.row import BROKEN, SHIPPED, Row
+
+OURS, COMMON = PALETTE[0], PALETTE[1]
+WIDTH, NAMES, BARS = 7.2, 2.65, 2.25
+"""Widths of the figure, of the column of names and of that of the bars, in."""
+CHARACTERS = 48
+"""Longest line that describes a parameter."""
+TOP, PITCH = 0.92, 0.44
+"""Heights above the first row and of a row, in."""
+THICK = 0.3
+"""Thickness of a bar, in rows."""
+
+
+def format_number(value: float) -> str:
+    """Format a number: plain from 1e-3 to 1e4, otherwise as mantissa and power of ten."""
+    if value == 0 or not np.isfinite(value):
+        return "0" if value == 0 else "∞"
+    if 1e-3 <= abs(value) < 1e4:
+        return f"{float(f'{value:.3g}'):g}"
+    exponent = int(np.floor(np.log10(abs(value))))
+    mantissa = f"{value / 10.0**exponent:.1f}"
+    raised = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return ("" if mantissa == "1.0" else f"{mantissa.removesuffix('.0')} × ") + f"10{raised}"
+
+
+def split_unit(driver: str) -> tuple[str, str]:
+    """Split the name of a parameter from its unit.
+
+    >>> split_unit("frequency (Hz)")
+    ('frequency', ' Hz')
+    """
+    found = re.fullmatch(r"(.*) \((m|Hz|kg)\)", driver)
+    return (found[1], f" {found[2]}") if found else (driver, "")
+
+
+def progress(row: Row, value: float | None) -> float:
+    """Position of a value between the first and the last of a row, on a logarithmic scale."""
+    if value is None:
+        return 1.0
+    first, last = np.log(row.value[[0, -1]])
+    return float((np.log(value) - first) / (last - first))
+
+
+def describe_range(row: Row) -> str:
+    """Name the parameter of a row with its first and last value: ``frequency, 0.1 to 10⁵ Hz``."""
+    name, unit = split_unit(row.driver)
+    first, last = (format_number(float(value)) for value in row.value[[0, -1]])
+    values = f"{first} to {last}{unit}"
+    return f"{name},{chr(10) if len(name + values) > CHARACTERS else ' '}{values}"
+
+
+def first_break(row: Row, names: Iterable[str]) -> tuple[float, str]:
+    """Find which of some methods breaks first: how far it gets (0 to 1), and a label.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> value, error = np.array([1.0, 10.0, 100.0]), np.array([0.0, 1.0, 1.0])
+    >>> row = Row("", "load (kg)", "", value, {"sum": error}, "", "")
+    >>> first_break(row, ["sum"])
+    (0.5, 'sum: 10 kg')
+    """
+    at, name = min((progress(row, row.broken_at(name)), name) for name in names)
+    value = row.broken_at(name)
+    if value is not None:
+        short = re.sub(rf"^{SHIPPED}[:,]? ?", "", name)
+        text = f"{format_number(value)}{split_unit(row.driver)[1]}"
+        return at, f"{short}: {text}" if short else text
+    worst = max(row.worst(name) for name in names)
+    return 1.0, "" if worst <= BROKEN else f"off by {100 * worst:.2g} % before the end"
+
+
+def draw_overview(rows: list[Row]) -> Figure:
+    """Draw two bars per row: the common method that breaks first, and pendsus."""
+    high = TOP + PITCH * len(rows) + 0.42
+    figure = new_figure(WIDTH, high)
+    count = sum(first_break(row, row.shipped)[0] == 1.0 for row in rows)
+    broken = sum(first_break(row, row.others)[0] < 1.0 for row in rows)
+    write_text(
+        figure,
+        0.1,
+        0.08,
+        f"pendsus stays accurate to the end of {count} of {len(rows)} troubles;"
+        f" a common method breaks in {broken}",
+        9.5,
+        bold=True,
+    )
+    write_text(
+        figure,
+        0.1,
+        0.31,
+        "A method breaks where its relative error exceeds 0.1 % and stays there.",
+        8,
+        NOTE,
+    )
+    axes = add_axes(figure, NAMES, TOP, BARS, PITCH * len(rows))
+    axes.set(xlim=(0, 1), ylim=(len(rows) - 0.5, -0.5), yticks=[])
+    axes.set_xticks([0, 0.5, 1], ["harmless", "half of the decades", "extreme"])
+    axes.tick_params(labelsize=8, length=0, pad=4)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    axes.grid(visible=True, axis="x", color=PALE, linewidth=0.5)
+    axes.set_axisbelow(True)
+    for n, row in enumerate(rows):
+        _draw_row(axes, n, row)
+    _draw_key(figure)
+    return figure
+
+
+def _draw_row(axes: Axes, n: int, row: Row) -> None:
+    """Draw the names and the bars of a row, and where they end."""
+    letter = "abcdefghijklmnopqrstuvwxyz"[n]
+    start = 72 * (0.1 - NAMES)
+    place: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+    axes.annotate(
+        f"{letter}  {row.title}", (0, n), (start, 7), va="center", weight="bold", size=8, **place
+    )
+    axes.annotate(describe_range(row), (0, n), (start, 1), va="top", size=6.8, color=NOTE, **place)
+    for names, colour, at in ((row.others, COMMON, n - 0.18), (row.shipped, OURS, n + 0.18)):
+        end, label = first_break(row, names)
+        longest = max(progress(row, row.broken_at(name)) for name in names)
+        if longest > end:
+            axes.barh(at, longest - end, THICK, end, color=with_opacity(colour, 0.25))
+        axes.barh(at, end, THICK, color=colour)
+        if end < 1:
+            axes.plot(end, at, "x", color=INK, markersize=4.5, markeredgewidth=1.3, clip_on=False)
+        look = {"va": "center", "size": 7, "color": INK if end < 1 else NOTE}
+        axes.annotate(label or "no break", (1, at), (8, 0), **place, **look)
+
+
+def _draw_key(figure: Figure) -> None:
+    """Explain bars and crosses above the chart."""
+    axes = add_axes(figure, 0.1, 0.5, WIDTH - 0.2, 0.3)
+    axes.set(xlim=(0, WIDTH - 0.2), ylim=(0, 1))
+    axes.set_axis_off()
+    items = (
+        (0.0, COMMON, 1.0, "common method that breaks first"),
+        (2.3, COMMON, 0.22, "and the best other one"),
+        (4.0, OURS, 1.0, "pendsus"),
+    )
+    for x, colour, strength, text in items:
+        axes.barh(0.5, 0.25, 0.45, x, color=with_opacity(colour, strength))
+        axes.text(x + 0.31, 0.5, text, va="center", size=7.5)
+    axes.plot(5.05, 0.5, "x", color=INK, markersize=4.5, markeredgewidth=1.3)
+    axes.text(5.15, 0.5, "breaks: method and value, right", va="center", size=7.5)
