@@ -108,6 +108,7 @@ def refine(found: Poles, plant: Plant) -> Poles:
             # a larger change: two poles at one frequency, whose shapes mix
             alone = np.abs(decay - roots[slow].real) <= NEAR * np.abs(roots[slow])
             values[here[slow[alone]]] = decay[alone] + 1j * roots[slow[alone]].imag
+    values = _drop_rounded_growth(values, found.rounding)
     order = np.argsort(np.abs(values), kind="stable")
     order = order[~spurious[order]]
     return Poles(values[order], tuple(found.state[n] for n in order))
@@ -125,6 +126,11 @@ def _first_of_each(starts: Any, roots: Any, converged: Any) -> Any:
 def _drop_rounding(values: Any, rounding: float) -> Any:
     """Set real parts of poles (p,) that may be rounding errors to 0."""
     return np.where(np.abs(values.real) <= rounding * np.abs(values), 1j * values.imag, values)
+
+
+def _drop_rounded_growth(values: Any, rounding: float) -> Any:
+    """Set growth rates of poles (p,) that may be rounding errors to 0; decays are more accurate."""
+    return np.where(np.real(values) > 0, _drop_rounding(values, rounding), values)
 
 
 def _find_block(state: str, known: dict[str, int], groups: Any) -> int:
