@@ -346,6 +346,17 @@ def test_wrong_names_are_reported(table, message):
         reader.parse(f"{DESIGN}[[{table}\n")
 
 
+def test_motion_of_the_ground_moves_the_payload_through_the_link():
+    """Below all modes; also beside a given model, whose error is then estimated."""
+    text = DESIGN.replace(str(GRAVITY.tolist()), "9.8").replace(f"{SLOPE}", "0.0", 1)
+    design = sus.parse(text)
+    signals = {"outputs": ["m.x"], "frequency": [1e-5]}
+    ground = sus.response(design, inputs=["ground.x"], model="string", **signals).value
+    support = sus.response(design, inputs=["support.x"], model="string", **signals).value
+    np.testing.assert_allclose(ground + support, 1.0, rtol=1e-6)
+    assert 1e-4 < abs(ground.item()) < 0.1
+
+
 # ---------------------------------------------------------------- losses of links
 
 
