@@ -73,11 +73,12 @@ def shell(*command: str) -> Work:
 
 def main() -> None:
     """Run every benchmark."""
-    from bench import responses, startup, stiffness, sweeps, thermal
+    from bench import large, responses, startup, stiffness, sweeps, thermal
 
     stiffness.run(ratio, absolute)
     responses.run(ratio, absolute)
     thermal.run(ratio, absolute)
+    large.run(ratio)
     startup.run(ratio, shell)
     sweeps.run(ratio, absolute, judge)
     if over:

@@ -277,7 +277,7 @@ def named_results(
     from suspension_cli.models.quantity_of_interest import Several
 
     def request(system: LinearSystem) -> Several:
-        found = eigenmodes.solve(dataclasses.replace(system, terms=()))
+        found = eigenmodes.solve(system.constant)
         names = list(texts) or [named_results.ALL]
         return Several(
             named_results.parse(names, found, signals.bodies_with_signals(system)), found
@@ -322,7 +322,7 @@ def stable_system(
     name = source.design.design.name
     system = choice.model.system(source.design) if system is None else system
     log.detail(f"{name}: {choice.line}; balanced to {system.residual:.0e} of the weight")
-    found = eigenmodes.solve(dataclasses.replace(system, terms=()))
+    found = eigenmodes.solve(system.constant)
     if not found.stable:
         worst = f"{found.label[0]} grows at {found.growth_rate[0]:.4g} 1/s"
         if not allow_unstable:

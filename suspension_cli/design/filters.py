@@ -1,19 +1,19 @@
 """Filters: bodies with blades (geometric anti-springs) that carry a keystone.
 
-`[stage.filter]` adds to a stage a second body, its keystone, of the name STAGE-keystone: it stands
-right after the stage in the list of bodies, so that the next stage hangs from it. The blades are a
-spring between both, stiff in all directions but the vertical. Their inertia couples the motion of
-the two ends: with kinetic energy m_c v_f v_k of the velocities of filter and keystone, the keystone
-and the mass M that it carries follow the filter with
+`[stage.filter]` adds to a stage a second body, its keystone, of the name STAGE-keystone. It stands
+right after the stage in the list of bodies, so the next stage hangs from it. The blades are a
+spring between both, stiff in all directions but the vertical. Their inertia adds the kinetic energy
+m_c v_f v_k of the velocities of filter and keystone, so the keystone, with the mass M on the
+blades, follows the filter by
 
-    z_k / z_f = (k + m_c w^2) / (k - (M - m_c) w^2),
+    z_k / z_f = (k + m_c w^2) / (k - (M - m_c) w^2)
 
-w the angular frequency; the isolation saturates at m_c / (M - m_c), and the frequency of the blades
-is sqrt(k / (M - m_c)). Measured filters have this form, (w0^2 + beta w^2) / (w0^2 - w^2) (compare
-Stochino et al., Improvement of the seismic noise attenuation performance of the Monolithic
-Geometric Anti-Spring filters, Nucl. Instrum. Methods A (2007)). A magic wand makes m_c small or
-negative. The mass of the blades is part of those of filter and keystone, m_c of it counted on
-both, which a relative inertia of -m_c between the two corrects.
+at the angular frequency w. The isolation saturates at m_c / (M - m_c), and the frequency of the
+blades is sqrt(k / (M - m_c)). Measured filters have this form, (w0^2 + beta w^2) / (w0^2 - w^2)
+(compare Stochino et al., Improvement of the seismic noise attenuation performance of the Monolithic
+Geometric Anti-Spring filters, Nucl. Instrum. Methods A (2007)). A magic wand, a counterweight on the
+blades, makes m_c small or negative. The masses of filter and keystone include that of the blades;
+as both include m_c, a relative inertia of -m_c between the two corrects the sum.
 """
 
 from __future__ import annotations
@@ -99,8 +99,8 @@ class Filter(Table, frozen=True):
             Tension,
             Meta(
                 description=(
-                    "weight under which the keystone is at its point, its own included, N; default"
-                    " what it carries"
+                    "weight under which the keystone is at its nominal point, its own included, N;"
+                    " default the weight that hangs on it in the design"
                 )
             ),
         ]
@@ -166,10 +166,10 @@ class FilterStatics:
     Attributes
     ----------
     carried, load : float
-        Weight that the keystone carries, its own included, and that under which it is at its
-        nominal point, N.
+        Weight on the blades, that of the keystone included, and the weight under which the keystone
+        is at its nominal point, N.
     stiffness : float
-        Vertical, N/m.
+        Vertical stiffness of the blades, N/m.
     coupling : float
         m_c, kg.
     mass : float
@@ -202,9 +202,10 @@ def filter_statics(table: Filter, carried: Any, gravity: Any) -> FilterStatics:
 
 
 def keystone_inertia(keystone: Keystone) -> list[Any]:
-    """Moments of inertia of a keystone, kg m^2: m r^2 / 2 about z, 7 m r^2 / 12 across.
+    """Moments of inertia of a keystone about x, y, z, kg m^2.
 
-    Of a cylinder of the height 2 r, if not given (any text on mechanics).
+    If they are not given, those of a steel cylinder of the height 2 r: m r^2 / 2 about z and
+    7 m r^2 / 12 across (any text on mechanics).
     """
     if keystone.inertia is not None:
         return keystone.inertia
@@ -234,8 +235,7 @@ def check_filter(table: Filter, path: str) -> Iterator[Fault]:
     if table.mass_coupling is not None and table.mass_coupling >= table.keystone.mass:
         yield Fault(
             f"{path}.mass_coupling",
-            f"is not below the mass of the keystone, {table.keystone.mass:g} kg, of which it is"
-            " part",
-            "give the keystone the mass of the blades that moves with it",
+            f"is not below the mass of the keystone, {table.keystone.mass:g} kg, which includes it",
+            "add the part of the blades that moves with the keystone to its mass",
             format_value(table.mass_coupling),
         )

@@ -1,4 +1,4 @@
-"""Inverted pendulum: a stage that stands on legs, with its flexures, load and loss.
+"""Inverted pendulum: a stage on legs; stiffness, inertia, tipping load and loss.
 
 A leg is a rigid bar of length L from a foot on the body (or support) below to a joint on the stage.
 Leaning by an angle phi it bends the flexure at its foot (stiffness k) and the joint at its top
@@ -13,13 +13,14 @@ and the load at which they tip over are
     W_tip = n (k + k_t - m g h) / L,
 
 I being the moment of inertia of a leg about its COM; both follow from the energies of legs that
-lean (`tests/models/test_towers.py` writes them down). Ground motion at high frequency passes by the
-inertia of the legs alone: the stage moves by the fraction -n m_c / (M_s + n m_t) of the ground,
+lean (`tests/models/test_towers.py` writes them down). At high frequency ground motion is
+transmitted by the inertia of the legs alone: the stage moves by the fraction
+-n m_c / (M_s + n m_t) of it,
 
     m_c = m (h/L) (1 - h/L) - I / L^2,      m_t = m (h/L)^2 + I / L^2,
 
-M_s being the mass that moves with the tops; 0 if the centre of percussion of the legs is at their
-tops' joint, which a counterweight below the feet brings about.
+M_s being the mass that moves with the tops. The fraction is 0 if the centre of percussion of the
+legs is at the joint at their tops; a counterweight below the feet can move it there.
 """
 
 from __future__ import annotations
@@ -52,8 +53,7 @@ AXIAL_STIFFNESS = 1e8
 """Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
 long."""
 TURN = 5040
-"""Parts of a turn, to which angles are rounded if they are as near as 1e-13 rad: a multiple of most
-numbers of legs."""
+"""Steps per turn, a multiple of most numbers of legs; angles near a step are rounded to it."""
 ROUND_ROD = 1.3
 """Bending over torsional stiffness of a round rod, E I / (G J) = 1 + nu at Poisson's ratio 0.3."""
 
@@ -188,7 +188,10 @@ def leg_count(legs: InvertedPendulum) -> int:
 
 
 def _direction(angle: Any) -> tuple[Any, Any]:
-    """Cosine and sine; of fractions of a turn those of mirror images are equal but for the sign."""
+    """Cosine and sine, for mirror images equal to the last bit (but for signs) at most angles.
+
+    These are the angles on the `TURN` steps of a turn.
+    """
     if isinstance(angle, complex):  # a derivative by a complex step
         x, y = _direction(angle.real)
         return complex(x, -y * angle.imag), complex(y, x * angle.imag)
@@ -203,9 +206,7 @@ def _direction(angle: Any) -> tuple[Any, Any]:
 
 
 def offset(legs: InvertedPendulum) -> tuple[float, float, float]:
-    """Compute the COM of the stage from that below, m, if the feet are at the height of the
-    latter.
-    """
+    """Compute the COM of the stage from the COM below, m, for feet at the height of the latter."""
     return (0.0, 0.0, legs.length - min(tops(legs), key=lambda top: top[2].real)[2])
 
 
@@ -216,8 +217,8 @@ class LegInertia:
     Attributes
     ----------
     foot, coupling, top : float
-        Kinetic energy foot v_f^2 / 2 + coupling v_f v_t + top v_t^2 / 2 of the velocities of both
-        ends, kg.
+        Coefficients of the kinetic energy foot v_f^2 / 2 + coupling v_f v_t + top v_t^2 / 2, with
+        v_f and v_t the velocities of both ends, kg.
     """
 
     foot: Any
@@ -269,7 +270,7 @@ class LegStatics:
     critical : float
         Load at which it tips over, N.
     stiffness, elastic : float
-        Lateral, of all legs: with the load, and of the flexures alone, N/m.
+        Lateral stiffness of all legs with the load, and of their flexures alone, N/m.
     mass : float
         Inertia against lateral motion, kg.
     loss : float
@@ -358,7 +359,7 @@ def check_legs(legs: InvertedPendulum, path: str) -> Iterator[Fault]:
     if legs.leg_inertia is not None and legs.leg_inertia > legs.leg_mass * legs.length**2:
         yield Fault(
             f"{path}.leg_inertia",
-            f"is more than that of {legs.leg_mass:g} kg at both ends of two legs' length",
+            f"is more than m L^2 of the leg, {legs.leg_mass * legs.length**2:g} kg m^2",
             "give it about the leg's COM in kg m^2; a thin rod has m L^2 / 12",
             format_value(legs.leg_inertia),
         )
@@ -379,6 +380,6 @@ def _check_base(points: list[tuple[float, float, float]], path: str) -> Iterator
     if area <= 1e-6 * size**2:
         yield Fault(
             path,
-            "all legs stand on one line, so that the stage would fall over",
-            "place a leg beside it",
+            "has all legs on one line, so that the stage would fall over",
+            "place a leg off this line",
         )

@@ -1,4 +1,4 @@
-"""Keystones of filters as stages of their own, placed in and removed from the list of a design."""
+"""Insertion and removal of the keystones of filters as stages of a design."""
 
 from __future__ import annotations
 
@@ -9,16 +9,19 @@ from suspension_cli.design.schema import Body, Design, Stage
 
 
 class Keystone(Stage, frozen=True, kw_only=True):
-    """The keystone of a filter: a stage that the file does not list, held by its blades.
+    """The keystone of a filter: a stage that the file does not list, held by the filter's blades.
 
-    `blades_of` is the name of the stage with the filter.
+    Attributes
+    ----------
+    blades_of : str
+        Name of the stage with the filter.
     """
 
     blades_of: str
 
 
 def add_keystones(design: Design) -> Design:
-    """A design with the keystone of each filter as a stage right after the filter's."""
+    """Insert the keystone of each filter as a stage right after that of the filter."""
     if all(stage.filter is None for stage in design.stage):
         return design
     stages: list[Stage] = []
@@ -38,7 +41,7 @@ def add_keystones(design: Design) -> Design:
 
 
 def drop_keystones(design: Design) -> Design:
-    """A design as the file gives it, without the stages of `add_keystones`."""
+    """Remove the stages that `add_keystones` inserted."""
     stages = [stage for stage in design.stage if not isinstance(stage, Keystone)]
     if len(stages) == len(design.stage):
         return design
@@ -46,5 +49,5 @@ def drop_keystones(design: Design) -> Design:
 
 
 def filter_of(design: Design, keystone: Keystone) -> Stage:
-    """The stage with the filter of a keystone."""
+    """Find the stage with the filter of a keystone."""
     return next(stage for stage in design.stage if stage.name == keystone.blades_of)

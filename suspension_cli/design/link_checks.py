@@ -17,7 +17,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, format_value
 
 BESIDE = (SUPPORT, GROUND)
-"""Second bodies that are no stages."""
+"""Second bodies of a link or damper that are not stages."""
 
 
 def check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
@@ -39,7 +39,7 @@ def check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
     if GROUND in stages and any(GROUND in item.between for item in (*design.link, *design.damper)):
         yield Fault(
             f"stage.{GROUND}.name",
-            "is the name of the ground, to which a link or damper leads",
+            "is the name of the ground, on which a link or damper ends",
             "give the stage another name",
             format_value(GROUND),
         )
@@ -53,17 +53,17 @@ def _check_between(between: list[str], stages: list[str], path: str) -> Iterator
     first, second = between
     value = format_value(between)
     if first in BESIDE and second in stages:
-        yield Fault(path, "begins with no stage", f'swap them: ["{second}", "{first}"]', value)
+        yield Fault(path, "must begin with a stage", f'swap them: ["{second}", "{first}"]', value)
         return
     if first not in stages:
         remedy = suggest(first, stages)
-        yield Fault(path, f"names no stage first ({first})", remedy, value)
+        yield Fault(path, f"begins with {first}, which is not a stage", remedy, value)
     if second == FRAME and second not in stages:
         remedy = f'write "{SUPPORT}" for the structure, or "{GROUND}" for the ground beside it'
-        yield Fault(path, "names no body second (frame)", remedy, value)
+        yield Fault(path, f"ends with {FRAME}, which is not a body of the file", remedy, value)
     elif second not in (*stages, *BESIDE):
         remedy = suggest(second, [*stages, *BESIDE])
-        yield Fault(path, f"names no body second ({second})", remedy, value)
+        yield Fault(path, f"ends with {second}, which is not a body", remedy, value)
     if first == second:
         yield Fault(path, "joins a body to itself", "name two bodies", value)
 
@@ -131,8 +131,8 @@ def _check_table(table: StiffnessTable, path: str) -> Iterator[Fault]:
         elif any(len(column) != len(table.frequency) for column in columns):
             yield Fault(
                 f"{path}.{key}",
-                f"has other than {len(table.frequency)} values along an axis",
-                "give one value for each frequency",
+                f"has an axis without exactly {len(table.frequency)} values",
+                "give one value per frequency",
             )
         else:
             continue
@@ -153,7 +153,7 @@ def _check_table(table: StiffnessTable, path: str) -> Iterator[Fault]:
             axis = table.axis or DOFS[n]
             yield Fault(
                 f"{path}.static",
-                f"the static stiffness along {axis} is 0, but not that at other frequencies",
+                f"the static stiffness along {axis} is 0, but at other frequencies it is not",
                 "give static, or use damping for a viscous force",
                 format_value(value),
             )
@@ -164,7 +164,7 @@ def _check_strands(
 ) -> Iterator[Fault]:
     if given.material not in materials.known(design):
         remedy = suggest(given.material, materials.known(design))
-        yield Fault(f"{path}.material", "is no material", remedy, format_value(given.material))
+        yield Fault(f"{path}.material", "unknown material", remedy, format_value(given.material))
     yield from _check_shape(given, path)
     if not placed or any(name not in _known(design) for name in link.between):
         return
@@ -205,7 +205,7 @@ def _check_shape(given: Strands, path: str) -> Iterator[Fault]:
         if given.length is not None:
             yield Fault(f"{path}.length", "follows from the points", "remove it")
     elif given.points:
-        yield Fault(f"{path}.points", f"do not go with shape {given.shape}", "remove them")
+        yield Fault(f"{path}.points", f"conflict with shape {given.shape}", "remove them")
     elif given.length is None:
         yield Fault(f"{path}.length", "missing", "give the length of one wire, m")
 
@@ -227,11 +227,11 @@ def _check_magnet(magnet: EddyCurrent, path: str) -> Iterator[Fault]:
     given = {"moment": magnet.moment, "remanence": magnet.remanence}
     yield from check_exactly_one(path, given, "moment, or remanence with volume")
     if (magnet.remanence is None) != (magnet.volume is None):
-        yield Fault(f"{path}.volume", "goes with remanence", "give both, or moment alone")
+        yield Fault(f"{path}.volume", "belongs to remanence", "give both, or moment alone")
     if not 1e4 <= magnet.conductivity <= 1e12:
         yield Fault(
             f"{path}.conductivity",
-            "is that of no metal",
+            "is not that of a metal",
             "give it in S/m: copper has 5.8e7 at room temperature",
             format_value(magnet.conductivity),
         )

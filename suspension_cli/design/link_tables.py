@@ -1,7 +1,7 @@
 """Reading of the CSV files of links: complex stiffness against frequency.
 
 When a design is read from a file, the columns of each table replace the name of its file, so that
-the text of the design, which results embed, is whole.
+the text of the design, which results files contain, is complete.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ def insert_tables(raw: dict[str, Any], folder: Path) -> None:
     ----------
     raw : dict
     folder : Path
-        Of the design file.
+        Folder of the design file.
 
     Raises
     ------
     InputError
-        If a file cannot be read, or is no such table.
+        If a file cannot be read or has another form.
     """
     links = raw.get("link")
     for number, link in enumerate(links if isinstance(links, list) else [], 1):
@@ -56,7 +56,7 @@ def _columns(path: Path, name: str, key: str, form: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it is not text"
         raise fault(
-            f"cannot be read ({reason})", "give a path from the folder of the design file"
+            f"cannot be read ({reason})", "give its path from the folder of the design file"
         ) from None
     rows: list[list[float]] = []
     for number, line in enumerate(lines, 1):
@@ -74,14 +74,14 @@ def _columns(path: Path, name: str, key: str, form: str) -> dict[str, Any]:
         if not all(map(math.isfinite, row)) or (rows and len(row) != len(rows[0])):
             raise fault(
                 f"has {len(row)} numbers in line {number}, or one that is not finite",
-                "give every line the same columns",
+                "give every line finite numbers in the same columns",
             )
         rows.append(row)
     if not rows or (len(rows[0]) - 1) / 2 not in AXES:
         count = len(rows[0]) if rows else 0
         raise fault(
             f"has {count} columns",
-            "give frequency and two columns for one axis (3), or for each of six (13)",
+            "give frequency and two columns per axis: 3 columns for one axis, 13 for six",
         )
     columns = list(map(list, zip(*rows, strict=True)))
     first, second = columns[1::2], columns[2::2]

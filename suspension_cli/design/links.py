@@ -1,4 +1,4 @@
-"""Tables `[[link]]` and `[[damper]]`: springs and dampers between any two bodies."""
+"""Tables `[[link]]` and `[[damper]]` of a design: springs and dampers between any two bodies."""
 
 from __future__ import annotations
 
@@ -45,9 +45,8 @@ class StiffnessTable(Table, frozen=True):
             str,
             Meta(
                 description=(
-                    "CSV file, relative to the design: frequency in Hz, then two columns per axis"
-                    " (one axis, or x, y, z, roll, pitch, yaw); replaced by its columns when the"
-                    " design is read"
+                    "CSV file, from this file's folder: frequency in Hz, then two columns per axis"
+                    " (one axis, or x, y, z, roll, pitch, yaw); read once"
                 )
             ),
         ]
@@ -65,7 +64,7 @@ class StiffnessTable(Table, frozen=True):
     axis: (
         Annotated[
             Literal["x", "y", "z", "roll", "pitch", "yaw"],
-            Meta(description="the axis of a table of one axis; the others have no stiffness"),
+            Meta(description="axis of a table of one axis; the others have no stiffness"),
         ]
         | None
     ) = None
@@ -105,7 +104,7 @@ class Strands(Table, frozen=True):
         Meta(
             description=(
                 "far end, from the COM of the second body (support or ground: from the suspension"
-                " point), m; the near end is at"
+                " point), m; the near end is the link's at"
             )
         ),
     ]
@@ -123,9 +122,9 @@ class Strands(Table, frozen=True):
     count: Annotated[
         int, Meta(ge=1, le=1_000_000, description="number of wires, which bend independently")
     ] = 1
-    length: (
-        Annotated[Length, Meta(description="length of a wire, m; of points it follows")] | None
-    ) = None
+    length: Annotated[Length, Meta(description="length of one wire, m; not with points")] | None = (
+        None
+    )
     points: Annotated[
         list[Vector],
         Meta(description="points between the ends, from the COM of the first body, m"),
@@ -154,8 +153,8 @@ class Link(Table, frozen=True):
             LossAngle,
             Meta(
                 description=(
-                    "loss angle of the stiffness in rad; of strands, default the one that the"
-                    " design gives their material"
+                    "loss angle of the stiffness in rad; default for strands: that of their"
+                    " material in the design"
                 )
             ),
         ]
@@ -176,21 +175,26 @@ class Link(Table, frozen=True):
 
 
 class EddyCurrent(Table, frozen=True):
-    """A magnet, taken as a dipole along an axis, before a plate or inside a tube."""
+    """A magnet, taken as a dipole along an axis, in front of a plate or inside a tube."""
 
     shape: Annotated[
         Literal["plate", "tube"],
         Meta(
             description=(
-                '"plate": large, across the axis, damps along and (half as much) across it; "tube":'
-                " long, round the axis, damps along it"
+                '"plate": large, across the axis; damps along and (half as much) across it. "tube":'
+                " long, around the axis; damps along it"
             )
         ),
     ]
     axis: Annotated[Literal["x", "y", "z"], Meta(description="direction of the dipole")]
     conductivity: Annotated[
         float,
-        of_unit("S/m", gt=0, le=1e13, description="conductivity of the conductor at work, S/m"),
+        of_unit(
+            "S/m",
+            gt=0,
+            le=1e13,
+            description="conductivity of the conductor, at its temperature in use, S/m",
+        ),
     ]
     thickness: Annotated[Length, Meta(description="thickness of the plate or tube wall, m")]
     gap: Annotated[
@@ -210,18 +214,23 @@ class EddyCurrent(Table, frozen=True):
     remanence: (
         Annotated[
             float,
-            of_unit("T", gt=0, le=5, description="remanence of the magnet in T: B_r V / mu_0"),
+            of_unit(
+                "T",
+                gt=0,
+                le=5,
+                description="remanence B_r of the magnet, T: the moment is B_r volume / mu_0",
+            ),
         ]
         | None
     ) = None
     volume: (
         Annotated[float, of_unit("m^3", gt=0, le=1, description="volume of the magnet, m^3")] | None
     ) = None
-    count: Annotated[int, Meta(ge=1, le=1000, description="number of magnets, far apart")] = 1
+    count: Annotated[int, Meta(ge=1, le=1000, description="number of equal magnets, far apart")] = 1
 
 
 class Damper(Table, frozen=True):
-    """A viscous damper between any two bodies at a common point: no rigid rotation is damped."""
+    """A viscous damper between any two bodies at a common point; no common motion is damped."""
 
     name: Name
     between: Between

@@ -1,4 +1,4 @@
-"""Points added to curves for drawing alone, so that narrow peaks and zeros reach their tips."""
+"""Points added to curves that are drawn, so that narrow peaks and zeros reach their tips."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from suspension_cli.scene.arrays import Array
 STEP = 0.5
 """Largest change of log |H| or of its angle between neighbours."""
 NARROWEST = 1e-12
-"""Relative distance of neighbours at which the refinement ends: a pole or zero without loss."""
+"""Relative distance of neighbours at which refinement ends, as at a pole or zero without loss."""
 QUARTERS = np.array([0.25, 0.5, 0.75])
 """Where an interval is divided, on a logarithmic scale."""
 MOST = 18
 """Largest number of passes."""
 UNSEEN = 2
-"""Passes in which intervals beside local maxima are divided whatever the change."""
+"""First passes, in which intervals beside local maxima are always divided."""
 
 
 def add_points(
@@ -43,11 +43,11 @@ def add_points(
     value : (f, o, i) complex array
         Values there.
     modes : (m,) array
-        Hz, where resonances are to be looked for.
+        Frequencies of modes, Hz, where resonances may be.
     few : bool
-        Whether to refine; otherwise the modes and points beside them are added.
+        Whether to refine; otherwise only the modes and points beside them are added.
     sums : bool
-        Whether the last axis are amplitudes of parts, whose root sum of squares counts.
+        Whether the last axis lists amplitudes of parts; then their root sum of squares is refined.
     step : float
         Largest change of log |H| or of its angle between neighbours.
 
@@ -91,7 +91,7 @@ def add_points(
 def _insert(
     solve: Callable[[Array], Any], frequency: Array, value: Any, more: Array
 ) -> tuple[Array, Any]:
-    """Insert the values at more frequencies inside a grid; those without a finite value are not."""
+    """Insert the values at more frequencies inside a grid, except where they are not finite."""
     more = np.setdiff1d(more[(more > frequency[0]) & (more < frequency[-1])], frequency)
     if not len(more):
         return frequency, value

@@ -30,6 +30,9 @@ MOST_CLEARANCE = 0.5
 """Largest distance of a wire from its length's dimension line, in."""
 LINE = 0.14
 """Height of a line of small text, in."""
+MANY = 12
+"""Number of bodies above which names are written into the bodies, without masses and numbers of
+wires, which the tables list."""
 
 
 @dataclass(frozen=True)
@@ -270,8 +273,13 @@ def draw_axes_of_symmetry(canvas: Canvas, plan: Plan) -> None:
 def write_names(canvas: Canvas, plan: Plan, colours: tuple[str, ...]) -> None:
     """Write each body's name and mass: between the views with a line to the body in the side view,
     or inside the body if another one obstructs that line.
+
+    Of many bodies, names alone, inside each body where there is room.
     """
     boxes = _boxes(plan)
+    if len(boxes) > MANY:
+        _write_short_names(canvas, plan, boxes, colours)
+        return
     inside = [
         n
         for n in range(len(boxes))
@@ -288,6 +296,30 @@ def write_names(canvas: Canvas, plan: Plan, colours: tuple[str, ...]) -> None:
     for n in inside:
         x, y = boxes[n].mean(1).tolist()
         _name(canvas, plan, n, (x, y - 0.24), colours[n], "center")
+
+
+def _write_short_names(
+    canvas: Canvas, plan: Plan, boxes: list[Array], colours: tuple[str, ...]
+) -> None:
+    """Write names on one line: inside bodies in which they fit, others between the views."""
+    names = [single_line(name, 18) for name in plan.sketch.scene.bodies.name]
+    beside = []
+    for n, box in enumerate(boxes):
+        (left, right), (bottom, top) = box.tolist()
+        if right - left > 1.2 * width_of(names[n]) + 0.1 and top - bottom > LINE:
+            _short_name(canvas, left + 0.05, (bottom + top - LINE) / 2, names[n], colours[n])
+        else:
+            beside.append(n)
+    levels = [float(boxes[n][1].mean()) for n in beside]
+    for n, y in zip(beside, spread(levels, 1.1 * LINE), strict=True):
+        edge = np.array([boxes[n][0, 1], boxes[n][1].mean()])
+        canvas.line([edge, [plan.names - 0.16, y], [plan.names - 0.04, y]], colours[n], 0.5, 5)
+        draw_dot(canvas, edge, colours[n])
+        _short_name(canvas, plan.names, y - LINE / 2, names[n], colours[n])
+
+
+def _short_name(canvas: Canvas, x: float, y: float, name: str, colour: str) -> None:
+    canvas.text(x, y, name, fontsize=7.6, color=colour, fontweight="bold", va="bottom", ha="left")
 
 
 def _name(
@@ -342,8 +374,10 @@ def _fits(box: Array, name: str) -> bool:
 def write_numbers(canvas: Canvas, plan: Plan) -> None:
     """Write the numbers of wires of stages without a symmetric set, at the middle of each.
 
-    Wires that hide each other have one label.
+    Wires that hide each other have one label. Of many bodies none is written.
     """
+    if len(plan.sketch.design.stage) > MANY:
+        return
     for view in (plan.side, plan.face):
         taken: list[tuple[Array, float]] = []
         for where, text in _numbered(plan.sketch, view):

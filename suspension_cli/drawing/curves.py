@@ -1,4 +1,4 @@
-"""Helpers of figures with curves: headings, plain ticks, labels at line ends and peaks, phases."""
+"""Parts of figures with curves: headings, plain ticks, labels of lines and peaks, phases."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullForma
 from suspension_cli.drawing.dimensions import spread
 from suspension_cli.drawing.style import INK, NOTE, PALE, shorten, single_line, write_text
 
+COLUMN = 4.55
+"""Width of a figure whose text is legible in a column of 8.5 cm, in."""
 HEAD = 0.5
 """Room for the heading at the top of a figure, in."""
 FOOT = 0.16
@@ -24,7 +26,7 @@ SMALL = 7.5
 WIDE = 3.0
 """Decades from which a logarithmic axis has powers of ten as labels."""
 PROMINENT = 2.0
-"""Factor by which a peak must stand out of the curve on both sides to be labelled."""
+"""Factor by which a peak must exceed the valleys on both sides to be labelled."""
 STRAIGHT = 0.12
 """Largest deviation of the exponent of a power law that is labelled."""
 LONG = 0.25
@@ -34,7 +36,7 @@ LONG = 0.25
 def write_heading(figure: Figure, quantity: str, design: str) -> None:
     """Write the quantity at the top of a figure and, below and smaller, design and model."""
     across, _ = figure.get_size_inches()
-    write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.078)), 9.5, bold=True)
+    write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.084)), 9.5, bold=True)
     write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
 
 
@@ -58,7 +60,7 @@ def set_margins(
 
 
 def rule(axes: Axes) -> None:
-    """Draw the faint grid, and numbers that stay legible in a column of 8.5 cm."""
+    """Draw a faint grid, and tick labels that are legible in a column of 8.5 cm."""
     axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=7.5)
@@ -102,7 +104,7 @@ def write_plainly(value: float) -> str:
 
 
 def label_phases(axes: Axes) -> None:
-    """Label a vertical axis of phases at multiples of 90 degrees, or of more where many."""
+    """Label a vertical axis of phases at multiples of 90 degrees, of more if it is long."""
     low, high = axes.get_ylim()
     low, high = min(low, -8.0), max(high, 8.0)
     steps = np.array([45.0, 90.0, 180.0, 360.0, 720.0, 1440.0, 3600.0])
@@ -116,8 +118,9 @@ def label_phases(axes: Axes) -> None:
 def unwrap_phase(value: Any) -> Any:
     """Unwrap the phase of a response along its frequencies, in degrees.
 
-    A step of half a turn between two points, too narrow for them, is downwards at a pole and
-    upwards at a zero, as for a little loss: |value| rises or falls towards it on both sides.
+    Where the phase jumps by half a turn between two points, at a pole or zero too narrow for the
+    grid, the step is downwards at a pole (|value| rises towards it on both sides) and upwards at a
+    zero (it falls), as with a little loss.
 
     Examples
     --------
@@ -146,7 +149,7 @@ def unwrap_phase(value: Any) -> Any:
 def to_branch(phase: Any, near: Any) -> Any:
     """Shift phases (degrees) by full turns to between 200 below and 160 above others.
 
-    So phases of the opposite sign, scattered about half a turn away, stay together.
+    So phases scattered about half a turn from `near` stay together.
 
     >>> to_branch(np.array([179.0, -179.0]), 0.0).tolist()
     [-181.0, -179.0]
@@ -160,9 +163,9 @@ def label_ends(
     size: float = SMALL,
     most: int = 26,
 ) -> None:
-    """Write labels right of the axes where lines end, moved apart, with leaders where moved.
+    """Write labels at the ends of lines, right of the axes, moved apart, with leaders.
 
-    An end outside the panel gets an arrow up or down. Labels follow changed limits.
+    A line that ends outside the panel gets an arrow up or down. Labels follow changed limits.
 
     Parameters
     ----------
@@ -266,7 +269,7 @@ def find_peaks(size: Any, prominent: float = PROMINENT) -> Any:
 
 
 def label_peaks(
-    axes: Axes, peaks: Sequence[tuple[float, float, str]], size: float = 7.0, most: int = 12
+    axes: Axes, peaks: Sequence[tuple[float, float, str]], size: float = SMALL, most: int = 12
 ) -> None:
     """Write the frequencies of peaks in a row above them, moved apart, with leaders.
 
@@ -323,7 +326,7 @@ def label_peaks(
 
 
 def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
-    """Find the longest part along each power law: exponent, and its ends in Hz.
+    """Find the longest part of a curve along each power law: exponent, and its ends in Hz.
 
     Examples
     --------

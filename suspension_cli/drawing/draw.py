@@ -39,7 +39,9 @@ SUPPORT = 0.13
 TICK = 0.42
 """Least distance between ticks, in."""
 WIDEST = 6.0
-"""Largest width of both views together, in."""
+"""Largest width of both views together, in; more if there are many bodies."""
+TALLEST = 16.0
+"""Largest height of the views, in."""
 
 
 @dataclass(frozen=True)
@@ -80,11 +82,11 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         dimensions are those without.
     """
     with style.house_style():
-        tallest = 3.9 + 0.6 * min(len(design.stage), 8)
+        tallest, widest = _largest(len(design.stage))
         bare = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), 0.0)
         flawed = imperfect.exaggerate(bare)
         bounds = _bounds(bare, flawed)
-        scale = min(tallest / max(bounds.height, 1e-9), WIDEST / max(bounds.width, 1e-9))
+        scale = min(tallest / max(bounds.height, 1e-9), widest / max(bounds.width, 1e-9))
         sketch = replace(bare, thick=SUPPORT / scale)
         bounds = _bounds(sketch, flawed)
         wide = SCALE + LEADERS + _names(scene) + LENGTHS + RIGHT + scale * bounds.width
@@ -111,6 +113,13 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
             top -= 0.15
         canvas.flush()
         return figure
+
+
+def _largest(bodies: int) -> tuple[float, float]:
+    """Height and width that the views may take, in."""
+    tall = 3.9 + 0.6 * min(bodies, 8)
+    more = max(0, bodies - annotate.MANY)
+    return min(tall + 0.3 * more, TALLEST), WIDEST * min(1 + 0.04 * more, 2.0)
 
 
 def exaggeration(design: Design, scene: Scene) -> float | None:

@@ -141,19 +141,20 @@ def _lengths(stage: Stage) -> dict[str, float | None]:
     return lengths
 
 
-def leaves(design: Design, scene: Scene, pose: Pose, outlines: list[Outline]) -> list[Array]:
-    """Line (13, 3) of each blade from its root to its tip, m, bent by a load at the tip.
+def leaves(design: Design, scene: Scene, pose: Pose, outlines: list[Outline]) -> Array:
+    """Line (b, 13, 3) of each blade from its root to its tip, m, bent by a load at the tip.
 
     A design gives the tips, not the roots: a blade is drawn pointing away from the middle of its
     body, with its true length where the design gives it.
     """
     blades, lengths = scene.blades, blade_lengths(design)
     along = np.linspace(0, 1, 13)[:, None]
-    result = []
+    size = 0.2 * suspension_size(scene)
+    lines = np.zeros((len(blades.label), 13, 3))
     for number, label in enumerate(blades.label):
         body, tip = int(blades.body[number]), blades.tip[number]
         out = np.hypot(tip[0], tip[1])
-        reach = float(outlines[body - 1].half[:2].max()) if body else 0.2 * suspension_size(scene)
+        reach = float(outlines[body - 1].half[:2].max()) if body else size
         direction = (
             np.array([tip[0] / out, tip[1] / out, 0.0])
             if out > 1e-6 * reach
@@ -162,9 +163,10 @@ def leaves(design: Design, scene: Scene, pose: Pose, outlines: list[Outline]) ->
         root = tip - direction * (
             lengths.get(label) or (0.8 * out if out > 0.05 * reach else 0.5 * reach)
         )
-        line = root + (tip - root) * along + pose.deflection[number] * (3 * along**2 - along**3) / 2
-        result.append(position_of(scene, pose, body, line))
-    return result
+        bend = pose.deflection[number] * (3 * along**2 - along**3) / 2
+        lines[number] = root + (tip - root) * along + bend
+    body = np.repeat(blades.body, lines.shape[1])
+    return position_of(scene, pose, body, lines.reshape(-1, 3)).reshape(lines.shape)
 
 
 def legs(scene: Scene, pose: Pose) -> Array:

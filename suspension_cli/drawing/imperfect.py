@@ -1,4 +1,4 @@
-"""Imperfections of a design as a drawing shows them: exaggerated, with the pose that they cause."""
+"""Imperfections of a design in a drawing: exaggerated, with the pose that they cause."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LABEL = 0.75
 FACTORS = tuple(m * 10.0**n for n in range(-2, 9) for m in (1, 2, 5))
 """Factors of exaggeration; below 1 where imperfections are larger than a drawing can show."""
 NOTHING = 1e-12
-"""Displacement over the suspension's size, or rotation in rad, that is not worth drawing."""
+"""Displacement over the suspension's size, or rotation in rad, below which nothing is drawn."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class Exaggerated:
 
 
 def exaggerate(sketch: Sketch) -> Exaggerated | None:
-    """Displace a suspension by its imperfections, as many times as shows them well.
+    """Displace a suspension by its imperfections, times the factor that shows them well.
 
-    Every point is where n + f (p - n) lies, for its nominal place n, its place p in the equilibrium
-    of the imperfect design and one factor f; rotation vectors are multiplied by f.
+    A point with the nominal place n, and the place p in the equilibrium of the imperfect design, is
+    drawn at n + f (p - n), with one factor f for all; rotation vectors are multiplied by f.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def exaggerate(sketch: Sketch) -> Exaggerated | None:
 
 
 def draw_marks(canvas: Canvas, view: View, flawed: Exaggerated, order: float) -> None:
-    """Draw wires with imperfections thick, each with its number."""
+    """Draw the wires that have imperfections as thick lines, each with its number."""
     sketch = flawed.sketch
     labels, ends = sketch.scene.wires.label, geometry.wire_ends(sketch.scene, sketch.pose)
     for name in dict.fromkeys(item.wire for item in sketch.design.perturbation if item.wire):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -75,15 +76,21 @@ class Sketch:
     pose: Pose
     thick: float
 
-    def leaves(self) -> list[Array]:
+    @cached_property
+    def leaves(self) -> Array:
         """Line of each blade, see `geometry.leaves`."""
         return geometry.leaves(self.design, self.scene, self.pose, self.outlines)
+
+    @cached_property
+    def support_points(self) -> Array:
+        """Points (k, 3) of the support where wires, roots of blades and springs are attached, m."""
+        return _support_points(self)
 
     def points(self, view: View) -> Array:
         """Points (k, 2) in a view of everything that is drawn, except the support."""
         lines = [
             *geometry.sections(self.scene, self.pose, self.outlines, view),
-            *self.leaves(),
+            self.leaves.reshape(-1, 3),
             geometry.wire_ends(self.scene, self.pose).reshape(-1, 3),
             geometry.spring_points(self.scene, self.pose).reshape(-1, 3),
             *geometry.link_curves(self.design, self.scene, self.pose).values(),
@@ -111,8 +118,7 @@ def draw_suspension(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> N
         canvas.line(view.see(line), look.edge[n], 2.2 * look.width, look.order + 0.1)
     for line in geometry.wire_ends(scene, pose):
         canvas.line(view.see(line), look.line, look.width, look.order + 0.2)
-    for leaf in sketch.leaves():
-        _leaf(canvas, view.see(leaf), look)
+    _leaves(canvas, view.see(sketch.leaves), look)
     for leg in geometry.legs(scene, pose):
         _leg(canvas, view.see(leg), look)
     _springs(canvas, view, sketch, look)
@@ -126,20 +132,16 @@ def _leg(canvas: Canvas, line: Array, look: Look) -> None:
     canvas.line(ends, look.line, 4.5 * look.width, look.order + 0.25)
 
 
-def _leaf(canvas: Canvas, line: Array, look: Look) -> None:
-    """Draw a blade, tapered from root to tip, along a line (p, 2)."""
-    canvas.line(line, look.line, 1.2 * look.width, look.order + 0.3)
-    along = np.gradient(line, axis=0)
-    norm = np.linalg.norm(along, axis=1, keepdims=True)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(norm, 1e-12)
-    half = np.linspace(2.0, 0.8, len(line))[:, None] * look.width / 72
-    canvas.polygon(
-        np.vstack([line + half * across, (line - half * across)[::-1]]),
-        look.line,
-        "none",
-        0.0,
-        look.order + 0.3,
-    )
+def _leaves(canvas: Canvas, lines: Array, look: Look) -> None:
+    """Draw blades, tapered from root to tip, along lines (b, p, 2)."""
+    along = np.gradient(lines, axis=1)
+    norm = np.linalg.norm(along, axis=2, keepdims=True)
+    across = np.stack([-along[..., 1], along[..., 0]], axis=2) / np.maximum(norm, 1e-12)
+    half = np.linspace(2.0, 0.8, lines.shape[1])[:, None] * look.width / 72
+    left, right = lines + half * across, (lines - half * across)[:, ::-1]
+    for line, shape in zip(lines, np.concatenate([left, right], axis=1), strict=True):
+        canvas.line(line, look.line, 1.2 * look.width, look.order + 0.3)
+        canvas.polygon(shape, look.line, "none", 0.0, look.order + 0.3)
 
 
 def _springs(canvas: Canvas, view: View, sketch: Sketch, look: Look) -> None:
@@ -189,13 +191,12 @@ def _foot(canvas: Canvas, point: Array, unit: float, look: Look) -> None:
         canvas.line(np.stack([start, start - 0.6 * unit]), NOTE, 0.6, look.order + 0.4)
 
 
-def support_points(sketch: Sketch) -> Array:
-    """Points (k, 3) of the support at which wires, roots of blades and springs are attached, m."""
+def _support_points(sketch: Sketch) -> Array:
     scene, wires = sketch.scene, sketch.scene.wires
     direct = (wires.upper == 0) & (wires.blade < 0)
     points = [wires.upper_point[direct], np.zeros((0, 3))]
     points += [
-        line[:1] for line, body in zip(sketch.leaves(), scene.blades.body, strict=True) if body == 0
+        line[:1] for line, body in zip(sketch.leaves, scene.blades.body, strict=True) if body == 0
     ]
     free = geometry.free_springs(scene)
     held = free[(scene.springs.upper[free] == 0) & ~scene.springs.grounded[free]]
@@ -211,7 +212,7 @@ def support_box(sketch: Sketch) -> tuple[Array, Array]:
     It lies above everything attached to it, or below if that stands on it; the z of the first
     corner is the side of the attachments.
     """
-    points = support_points(sketch)
+    points = sketch.support_points
     low, high = points.min(0) - 2 * sketch.thick, points.max(0) + 2 * sketch.thick
     scene = sketch.scene
     stands = bool((scene.struts.upper == 0).any())
@@ -235,7 +236,7 @@ def draw_support(canvas: Canvas, view: View, sketch: Sketch) -> None:
             0.5,
         )
         return
-    for point in support_points(sketch):
+    for point in sketch.support_points:
         if abs(point[2] - low[2]) > 1e-9:
             canvas.line(view.see(np.stack([point, [*point[:2], low[2]]])), NOTE, 1.4, 0.6)
     (left, foot), (right, top) = view.see(low), view.see(high)

@@ -11,11 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.files.atomic import replace_file
@@ -27,6 +30,8 @@ DPI = 180
 """Resolution of pictures, dots per inch."""
 MAX_PIXELS = 30_000
 """Longest side of a picture, pixels; larger figures get a lower resolution."""
+PNG_LEVEL = 3
+"""Level of compression of PNG: higher ones save a tenth of the size and double the time."""
 
 INK = "#222222"
 """Colour of text and outlines."""
@@ -57,8 +62,8 @@ RC: dict[str, Any] = {
     "axes.labelsize": 8.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "xtick.labelsize": 7.0,
-    "ytick.labelsize": 7.0,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
     "xtick.major.size": 3.0,
@@ -153,11 +158,11 @@ def _write_below(figure: Figure, text: str) -> Figure:
         figure.text(
             1 - 0.05 / across,
             0.03 / up,
-            single_line(text, int(across / 0.045)),
+            single_line(text, int(across / 0.057)),
             ha="right",
             va="bottom",
             color=NOTE,
-            fontsize=6,
+            fontsize=7.5,
         )
     return figure
 
@@ -187,15 +192,27 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     """Encode a figure as PNG, PDF or SVG."""
     stream = io.BytesIO()
     settings: Any = {"svg.hashsalt": "pendsus", "pdf.fonttype": 42}
+    dpi = min(DPI, MAX_PIXELS / max(figure.get_size_inches()))
     with house_style(), matplotlib.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
-        figure.savefig(
-            stream,
-            format=form,
-            dpi=min(DPI, MAX_PIXELS / max(figure.get_size_inches())),
-            metadata=METADATA[form],
-        )
+        if form == "png":
+            origin = PngInfo()
+            origin.add_text(*next(iter(METADATA["png"].items())))
+            Image.fromarray(_render(figure, dpi)).save(
+                stream, "png", compress_level=PNG_LEVEL, dpi=(dpi, dpi), pnginfo=origin
+            )
+            return stream.getvalue()
+        figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form])
     return stream.getvalue()
+
+
+def _render(figure: Figure, dpi: float) -> Any:
+    """Render a figure to pixels, uint8 (rows, columns, 3); its background is opaque."""
+    before, canvas = figure.dpi, FigureCanvasAgg(figure)
+    figure.dpi = dpi
+    canvas.draw()
+    figure.dpi = before
+    return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
 
 
 def with_opacity(colour: str, strength: float) -> tuple[float, float, float, float]:

@@ -1,9 +1,9 @@
-"""Weight (under gravity along -z) and inertia of bars between points of two bodies: legs, blades.
+"""Weight along -z and inertia of rigid bars between points of two bodies: legs, blades of filters.
 
-A rigid bar has the velocity v_1 (1 - s) + v_2 s at the fraction s of its length, so its kinetic
-energy is (a v_1^2 + 2 c v_1 . v_2 + b v_2^2) / 2 with a, c, b the integrals of (1 - s)^2, s (1 - s)
-and s^2 over its mass (axial spin left out), and its weight rests on the ends as the masses a + c
-and c + b: the height of its COM is linear in those of the ends.
+At the fraction s of its length a rigid bar has the velocity v_1 (1 - s) + v_2 s. So its kinetic
+energy is (a v_1^2 + 2 c v_1 . v_2 + b v_2^2) / 2, with a, c, b the integrals over its mass of
+(1 - s)^2, s (1 - s) and s^2; spin about its axis is neglected. The height of its COM is linear in
+the heights of its ends, so its weight rests on the ends as the masses a + c and c + b.
 """
 
 from __future__ import annotations
@@ -37,7 +37,10 @@ def add_weight(
     gradient: Inexact[np.ndarray, "*batch coordinate"],
     outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
 ) -> None:
-    """Add the gradient of the weight of all bars, and its F w^T on each body, in place."""
+    """Add the gradient of the energy of all bars, and F w^T of their weights, in place.
+
+    `outer` collects the outer product of force and arm on each body, for `rotation_hessian`.
+    """
     bars = scene.bars
     for end in (0, 1):
         body = bars.body[:, end]

@@ -1,7 +1,7 @@
-"""Forces and stiffness of the legs of inverted pendulums of one build, as a compiled loop.
+"""Forces and stiffness of the legs of inverted pendulums in one build, as a compiled loop.
 
-The formulas are those of `string` (with a negative tension) and `bar`. Each leg has the bodies of
-the spring of its flexures, so its numbers stand behind those of that spring in one row.
+The formulas are those of `string`, with a negative tension, and of `bar`. A leg joins the same
+bodies as the spring of its flexures; its numbers follow those of that spring in one row.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from suspension_cli.scene.scene import Scene
 
 FIRST = 48
-"""Numbers of a spring, before those of its leg: foot, top, span, length, tension, stiffness and the
-masses whose weight rests on foot and top."""
+"""First column of a leg in the row of its spring."""
 WIDTH = 14
+"""Columns of a leg: foot (3), top (3), span (3), length, tension, stiffness, and the masses whose
+weight rests on foot and top."""
 
 
 def pack_legs(scene: Scene) -> Float[np.ndarray, "build spring 14"]:

@@ -1,8 +1,8 @@
 """Weight of bodies, blade tips and wires of one build, as loops that `numba` compiles.
 
-The formulas are those of `weight`; `tests/elements/test_weight.py` compares both. They serve
-builds whose wires have weight or whose gravity is not a uniform pull along -z. A body is a row of
-13 numbers: mass, nominal position and second moments of mass.
+The formulas are those of `weight`; `tests/models/test_gravity.py` compares both. They are used
+where wires have weight, or gravity is a vector or has a gradient. A body is a row of 13 numbers:
+mass, nominal position and second moments of mass.
 """
 
 from __future__ import annotations

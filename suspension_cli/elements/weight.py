@@ -3,22 +3,24 @@ r"""Weight of bodies, blade tips, wires and bars, in a uniform field or one with
 At a place r from the suspension point the acceleration is g + G r with a symmetric G, so a point
 mass m has the energy -m (g . r + r . G r / 2).
 
-A wire with weight is a straight line between its ends: at the fraction s of its length from the
-upper end lies (1 - s) r_u + s r_l. Its mass enters by its moments
+A wire with weight is taken as straight: at the fraction s of its length from the upper end it is at
+(1 - s) r_u + s r_l. Its mass enters by the moments
 
-    m_uu = integral of (1 - s)^2 dm,    m_ul = integral of s (1 - s) dm,    m_ll = that of s^2 dm
+    m_uu = integral of (1 - s)^2 dm,  m_ul = integral of s (1 - s) dm,  m_ll = integral of s^2 dm,
 
-(m/3, m/6 and m/3 of a uniform wire). The weight acts on the ends by the lever rule, on the upper
-one that of m_uu + m_ul, on the lower one that of m_ul + m_ll; the kinetic energy is (m_uu v_u^2 +
-2 m_ul v_u . v_l + m_ll v_l^2) / 2 (any text on finite elements). The tension of the wire is then
-that between both ends: the pull on the body above is larger, that on the body below smaller by
-these weights. A bar (the leg of an inverted pendulum, blades of a filter) follows the same formulas
-with moments of its own. What the sag of the wire adds is of second order in weight over tension
-W/T: a static string of tension T(s) has the transverse stiffness 1 / integral ds / T(s), that of a
-straight wire less the fraction (W/T)^2 / 12.
+m/3, m/6 and m/3 for a uniform wire. By the lever rule the masses m_uu + m_ul and m_ul + m_ll weigh
+on the upper and the lower end. The kinetic energy is half of m_uu v_u^2 + 2 m_ul v_u . v_l + m_ll
+v_l^2 (any text on finite elements). The tension of the wire is a mean along it: the pull on the
+body above is larger, that on the body below smaller, by these weights. Sag is neglected; its effect
+is of second order in weight over tension W/T: a static string of tension T(s) has the transverse
+stiffness 1 / integral ds / T(s), below that of a straight wire by the fraction (W/T)^2 / 12.
 
-A body of the inertia tensor J has in a gradient the further energy -tr(G R S R^T) / 2, with its
-second moments of mass S = tr(J)/2 - J (Goldstein, Classical Mechanics, section 5.8).
+A bar (a leg of an inverted pendulum, the blades of a filter) follows the formulas of a wire, with
+moments of its own.
+
+In a gradient a body with the inertia tensor J has the additional energy -tr(G R S R^T) / 2, with
+its second moments of mass S = tr(J)/2 - J and its rotation R (Goldstein, Classical Mechanics,
+section 5.8).
 """
 
 from __future__ import annotations
@@ -41,14 +43,14 @@ _TURNS = np.stack([cross_matrix(axis) for axis in np.eye(3)])
 
 
 def acts(scene: Scene) -> bool:
-    """Whether wires have weight or gravity is not a uniform pull along -z."""
+    """Whether wires have weight, or gravity is a vector or has a gradient."""
     return scene.field is not None or bool(scene.wires.mass.any())
 
 
 def lift(
     scene: Scene, place: Inexact[np.ndarray, "*batch point 3"]
 ) -> Inexact[np.ndarray, "*batch point 3"]:
-    """Gradient of the energy per mass, -(g + G r), at places r from the suspension point, m/s^2."""
+    """Gradient -(g + G r) of the energy per mass at places r from the suspension point, m/s^2."""
     if scene.field is None:
         return np.broadcast_to(np.array([0.0, 0.0, scene.gravity]), place.shape)
     return -(scene.field.vector + place @ scene.field.gradient)
@@ -172,9 +174,9 @@ def add_derivatives(
 
 
 def _add_tides(scene: Scene, pose: Pose, slope: Any, gradient: Any, hessian: Any) -> None:
-    """Add the torques of a gradient on extended bodies: -tr(G P) / 2 of P = R S R^T.
+    """Add the derivatives of the energy -tr(G P) / 2 of extended bodies, P = R S R^T.
 
-    A rotation by t turns P to exp([t]) P exp(-[t]).
+    A rotation by the vector t changes P to exp([t]) P exp(-[t]).
     """
     moments = second_moments(scene, pose)
     for n in range(1, moments.shape[-3] + 1):
@@ -205,7 +207,7 @@ def _add_line(
     on_tips: Any,
 ) -> None:
     places, (own, mixed, other) = line.places(scene, pose), np.moveaxis(line.mass, -1, 0)
-    shares, arms = ((own, mixed), (mixed, other)), line.arms(scene, pose)
+    moments, arms = ((own, mixed), (mixed, other)), line.arms(scene, pose)
     on_blade = scene.wires.blade if line.point is None else None
     jacobians = (
         point_jacobian(numbering, pose, line.body[0], arms[0], on_blade),
@@ -213,17 +215,17 @@ def _add_line(
     )
     for end, (body, arm) in enumerate(zip(line.body, arms, strict=True)):
         force: Any = sum(
-            share[..., None] * lift(scene, at)
-            for share, at in zip(shares[end], places, strict=True)
+            moment[..., None] * lift(scene, at)
+            for moment, at in zip(moments[end], places, strict=True)
         )
         gradient += (jacobians[end] * force[..., None, :, :]).sum((-2, -1))
         add_arms(outer, body, force, arm)
         if end == 0 and on_blade is not None:
             on_tips += sum_by(on_blade, force, on_tips.shape[-2])
     if slope is not None:
-        for end, row in enumerate(shares):
-            for against, share in enumerate(row):
-                turned = jacobians[against] @ slope * share[..., None, :, None]
+        for end, row in enumerate(moments):
+            for against, moment in enumerate(row):
+                turned = jacobians[against] @ slope * moment[..., None, :, None]
                 hessian[..., :-1, :-1] -= np.einsum("...awi,...bwi->...ab", jacobians[end], turned)
 
 
@@ -245,8 +247,8 @@ def wire_inertia(
     upper, lower = end_jacobians(scene, numbering, pose, string.state(scene, pose))
     own, mixed, other = np.moveaxis(scene.wires.mass, -1, 0)
 
-    def product(left: Any, share: Any, right: Any) -> Any:
-        return np.einsum("...awi,...w,...bwi->...ab", left, share, right)
+    def product(left: Any, moment: Any, right: Any) -> Any:
+        return np.einsum("...awi,...w,...bwi->...ab", left, moment, right)
 
     cross = product(upper, mixed, lower)
     return (

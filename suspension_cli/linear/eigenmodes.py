@@ -234,7 +234,14 @@ def solve(model: LinearSystem) -> Modes:
     Returns
     -------
     Modes
+        The same object for the same system.
     """
+    if "modes" not in model.prepared:
+        model.prepared["modes"] = _solve(model)
+    return model.prepared["modes"]
+
+
+def _solve(model: LinearSystem) -> Modes:
     tension = graded_eigenvalues.TURNING * graded_eigenvalues.softest_translation(model)
     solutions = [_solve_block(model, block, tension) for block in model.blocks]
     values = np.concatenate([values for values, _ in solutions])

@@ -196,7 +196,11 @@ def rounding_with_low_parts(
     stretched = model.stretched
     assert stretched is not None and model.low is not None
     low = np.real(model.low)
-    soft = stretched.added(DoubleDouble(model.stiffness, low), -stretched.stiffness).value
+    if "unstretched" not in model.prepared:
+        model.prepared["unstretched"] = stretched.added(
+            DoubleDouble(model.stiffness, low), -stretched.stiffness
+        ).value
+    soft = model.prepared["unstretched"]
     pull = np.abs(shapes @ stretched.form.T) * stretched.stiffness
     return rounding(soft, shapes) + 2 * EPS * (
         pull * (np.abs(shapes) @ np.abs(stretched.form).T)

@@ -71,15 +71,24 @@ def dissipation(
             )
     for term in model.terms:
         if isinstance(term, LossTerm):
-            value = np.einsum("mi,ij,mj->m", shapes, term.matrix, shapes)
+            value = quadratic_form(term.matrix, shapes)
             dissipation += term.angle(omega) * value
             elastic += value if term.elastic else 0.0
-    dissipation += omega * np.einsum("mi,ij,mj->m", shapes, model.damping, shapes)
+    if model.damping.any():
+        dissipation += omega * quadratic_form(model.damping, shapes)
     if model.lossy is not None:
         low = np.zeros_like(model.stiffness) if model.low is None else np.imag(model.low)
         motion = DoubleDouble.of(shapes.T)
         dissipation += (motion * (DoubleDouble(np.imag(model.lossy), low) @ motion)).summed().value
     return dissipation, elastic
+
+
+def quadratic_form(
+    matrix: Float[np.ndarray, "coordinate coordinate"],
+    shapes: Float[np.ndarray, "mode coordinate"],
+) -> Float[np.ndarray, " mode"]:
+    """x^T A x (m,) of real shapes x (m, N), for a symmetric A (N, N)."""
+    return ((shapes @ matrix) * shapes).sum(1)
 
 
 def end_motions(

@@ -53,16 +53,39 @@ class Stretching:
     allowed: Bool[np.ndarray, "coordinate coordinate"]
 
     def added(self, matrix: DoubleDouble, stiffness: Float[np.ndarray, " wire"]) -> DoubleDouble:
-        """Add the sum of k a a^T, for stiffnesses k (w,), to a matrix (N, N), exactly symmetric."""
-        form = DoubleDouble(self.form, self.low)
-        square = form[:, :, None] * form[:, None, :]
-        total = (
-            square
-            * DoubleDouble.of(np.broadcast_to(np.reshape(stiffness, (-1, 1, 1)), square.high.shape))
-        ).summed()
-        upper = np.triu(self.allowed)
-        high, low = (np.where(upper, part, 0.0) for part in (total.high, total.low))
-        return matrix + DoubleDouble(*(part + np.triu(part, 1).T for part in (high, low)))
+        """Add the sum of k a a^T, for stiffnesses k (w,), to a matrix (N, N), exactly symmetric.
+
+        A wire acts on few coordinates: only products of non-zero elements are formed. Those of the
+        upper triangle are summed layer by layer, each with one product per element of the matrix.
+        """
+        size = self.form.shape[1]
+        some = (self.form != 0) | (self.low != 0)
+        width = int(some.sum(1).max(initial=0))
+        place = np.argsort(~some, axis=1, kind="stable")[:, :width]
+        form = DoubleDouble(
+            np.take_along_axis(self.form, place, 1), np.take_along_axis(self.low, place, 1)
+        )
+        first, second = np.triu_indices(width)
+        row, column = place[:, first], place[:, second]
+        used = np.take_along_axis(some, column, 1) & self.allowed[row, column]
+        wire = np.nonzero(used)[0]
+        element = (row * size + column)[used]
+        product = form[:, first][used] * form[:, second][used]
+        product = product * DoubleDouble.of(np.asarray(stiffness)[wire])
+        order = np.argsort(element, kind="stable")
+        starts = np.flatnonzero(np.diff(element[order], prepend=-1))
+        layer = np.empty(len(order), dtype=np.intp)
+        layer[order] = np.arange(len(order)) - np.repeat(
+            starts, np.diff(np.append(starts, len(order)))
+        )
+        high, low = np.zeros(size * size), np.zeros(size * size)
+        for number in range(int(layer.max(initial=-1)) + 1):
+            here = layer == number
+            where = element[here]
+            total = DoubleDouble(high[where], low[where]) + product[here]
+            high[where], low[where] = total.high, total.low
+        upper = (part.reshape(size, size) for part in (high, low))
+        return matrix + DoubleDouble(*(part + np.triu(part, 1).T for part in upper))
 
     def spread(self, from_new: Float[np.ndarray, "coordinate new"]) -> Stretching:
         """Change to new coordinates: old = `from_new` (N, N') @ new."""

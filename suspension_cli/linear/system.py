@@ -120,6 +120,13 @@ class LinearSystem:
         return self.prepared["ground"]
 
     @property
+    def constant(self) -> LinearSystem:
+        """The system without its terms in frequency."""
+        if self.terms and "constant" not in self.prepared:
+            self.prepared["constant"] = replace(self, terms=())
+        return self.prepared["constant"] if self.terms else self
+
+    @property
     def size(self) -> int:
         """Number N of coordinates."""
         return len(self.coordinate)

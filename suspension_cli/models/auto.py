@@ -267,7 +267,7 @@ def _expected(
     design: Design, system: LinearSystem, make: Callable[[LinearSystem], QuantityOfInterest]
 ) -> tuple[QuantityOfInterest, dict[str, Array], tuple[str, ...], Modes]:
     """The quantity of interest, its estimated changes by stage, these stages, and the modes."""
-    quantity, found = make(system), eigenmodes.solve(replace(system, terms=()))
+    quantity, found = make(system), eigenmodes.solve(system.constant)
     of = estimates(design, found)
     expected = quantity.estimate(found, of)
     if system.orientation is not None:
@@ -367,7 +367,7 @@ def _words(item: Refinement, found: Modes, build: _Builder) -> str:
         item.name == BENDING
         and item.taken
         and not found.stable
-        and eigenmodes.solve(replace(build(registry.cheapest_with(BENDING)), terms=())).stable
+        and eigenmodes.solve(build(registry.cheapest_with(BENDING)).constant).stable
     ):
         return unrestrained_mode(found, unstable=True)
     if not np.isinf(item.estimate):

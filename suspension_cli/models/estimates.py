@@ -274,7 +274,8 @@ class _EndMotion:
             move + sign * np.cross(turn, self.reach)
             for move, turn, sign in zip(self.move, self.turn, (1, -1), strict=True)
         )
-        result = np.zeros((len(a), len(a)))
+        # rows and columns of all ends (m, 3): one matrix product per stage
+        left, right = [np.zeros((len(a), 0))], [np.zeros((len(a), 0))]
         for w in np.flatnonzero(here).tolist():
             first, mixed, last = moments(made[w])
             mass = first + 2 * mixed + last
@@ -283,13 +284,16 @@ class _EndMotion:
             reach = hinge_distance(made[w], float(self.wires.tension[w]))
             stretched = [np.outer(end[:, w] @ along, along) for end in (a, b)]
             across = [end[:, w] - own for end, own in zip((a, b), stretched, strict=True)]
-            for ends, stiffness, shorter in (
+            for (u, v), stiffness, shorter in (
                 (stretched, float(self.wires.stiffness[w]), 0.0),
                 (across, float(self.wires.tension[w]) / length, 2 * reach / length),
             ):
-                one, both = _waves(self.omega, uneven * mass, stiffness, shorter)
-                u, v = ends
-                result += one[:, None] * (u @ u.T + v @ v.T) + both[:, None] * (u @ v.T + v @ u.T)
+                one, both = (
+                    part[:, None] for part in _waves(self.omega, uneven * mass, stiffness, shorter)
+                )
+                left += [one * u + both * v, one * v + both * u]
+                right += [u, v]
+        result = np.concatenate(left, axis=1) @ np.concatenate(right, axis=1).T
         return np.where(np.isnan(result), np.inf, np.abs(result))
 
 

@@ -84,11 +84,11 @@ class Frequencies:
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
         """Compute that of the mode that changes most; modes are paired by their shapes."""
-        new = eigenmodes.solve(replace(refined, terms=()))
+        new = eigenmodes.solve(refined.constant)
         changes = (
             _loaded(new, refined)
             if _massive(refined)
-            else _shifted(eigenmodes.solve(replace(without, terms=())), new, refined)
+            else _shifted(eigenmodes.solve(without.constant), new, refined)
         )
         most = int(np.argmax(changes))
         return float(changes[most]), new.label[most]
@@ -206,11 +206,11 @@ class Several:
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
         """Compute that of the scalar that changes most; modes are paired by their shapes."""
-        new = eigenmodes.solve(replace(refined, terms=()))
+        new = eigenmodes.solve(refined.constant)
         changes = (
             _loaded(new, refined)
             if _massive(refined)
-            else _shifted(eigenmodes.solve(replace(without, terms=())), new, refined)
+            else _shifted(eigenmodes.solve(without.constant), new, refined)
         )
         here = _pairs(self.modes, new, refined)
         each = [

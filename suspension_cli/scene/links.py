@@ -1,4 +1,4 @@
-"""Springs of a scene: `[[stage.spring]]`, `[[link]]` and `[[damper]]`, one row each."""
+"""Springs of a scene: `[[stage.spring]]`, flexures, `[[link]]` and `[[damper]]`, one row each."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class SpringPart:
 
 
 def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
-    """All springs of a design, those of stages first.
+    """Collect all springs of a design, those of stages first.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def _of_stage(design: Design, n: int, part: Any, spring: Spring, number: int) ->
 
 
 def matrix(given: Any) -> Any:
-    """Six diagonal elements, a 6x6 or None as a matrix (6, 6)."""
+    """Return six diagonal elements, a 6x6 matrix or None (zeros) as a matrix (6, 6)."""
     if given is None:
         return np.zeros((6, 6))
     found = np.array(given)
@@ -104,7 +104,7 @@ def matrix(given: Any) -> Any:
 
 
 def numbers(design: Design, between: Sequence[str]) -> tuple[int, int]:
-    """Numbers of the first and the second body; 0 for the support and for the ground."""
+    """Return the numbers of the first and the second body; 0 for the support and the ground."""
     known = {SUPPORT: 0, GROUND: 0} | {stage.name: n for n, stage in enumerate(design.stage, 1)}
     return known[between[0]], known[between[1]]
 
@@ -130,9 +130,9 @@ def _links(design: Design, position: Array) -> list[SpringPart]:
 
 
 def _ordered(first: int, second: int, at: Any, position: Array) -> tuple[int, int, Any]:
-    """Number of the upper and the lower body, and the point in the frame of the lower.
+    """Order two bodies; also return the point in the frame of the lower one.
 
-    The upper has the lower number, on which compiled loops rely.
+    The upper one is that with the smaller number, which compiled loops assume.
     """
     if first > second:
         return second, first, at
@@ -204,7 +204,7 @@ def link_loss(design: Design, link: Link) -> float:
 
 
 def link_curve(link: Link, first: Array, second: Array) -> strands.Curve:
-    """Unloaded shape of a wire of a link from its point on the first body."""
+    """Unloaded shape of a wire of a link, from its end on the first body."""
     given = link.strands
     assert given is not None
     near = np.array(link.at)
@@ -236,7 +236,7 @@ def _static(link: Link) -> list[Any]:
 
 
 def spectrum_of(design: Design, link: Link) -> Spectrum:
-    """Stiffness of a link against frequency, relative to its static stiffness."""
+    """Complex stiffness of a link against frequency, as a factor on its static stiffness."""
     table = link.table
     assert table is not None
     axes = range(6) if table.axis is None else [DOFS.index(table.axis)]

@@ -1,7 +1,7 @@
 """Stiffness and sag of curved wires that join two bodies: heat links and cables.
 
-A wire with ends A and B, B clamped, is loaded at A by a force F and a moment M. At a point r of the
-wire with unit tangent t the cross-section carries the force F and the moment
+A wire is clamped at its end B and loaded at its end A by a force F and a moment M. At a point r
+with the unit tangent t its cross-section carries the force F and the moment
 
     m = M + (r_A - r) x F.
 
@@ -9,9 +9,8 @@ With the strain energy per length (F . t)^2 / 2 EA + (m . t)^2 / 2 GJ + |m - (m 
 Castigliano's theorem gives the displacement and rotation of A, and so its compliance C, as
 integrals along the wire (Timoshenko, Strength of Materials, part II, chapter on curved bars: thin
 bars, whose curvature does not change their bending stiffness; shear neglected). The stiffness at
-A is C^-1; as the unloaded wire is in balance, B takes the opposite force and moment at the same
-point of space.
-Small deflections: the stiffness is that of the unloaded shape, without tension.
+A is C^-1. B takes the opposite force, and the opposite moment about A. Deflections are small: the
+stiffness is that of the unloaded shape, without tension.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ import numpy as np
 from suspension_cli.rotations import cross, cross_matrix
 
 NODES = 24
-"""Gauss nodes on each smooth piece: bends of half a turn to rounding."""
+"""Gauss nodes on each smooth piece: integrals over half a turn are exact to rounding."""
 PIECES = 8
 """Pieces of a catenary."""
 NEWTON = 60
-"""Most steps for the parameter of a catenary."""
+"""Largest number of Newton steps for the parameter of a catenary."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +38,9 @@ class Curve:
     Attributes
     ----------
     point, tangent : (n, 3) arrays
-        m, unit vectors.
+        Places from A, m, and unit vectors.
     weight : (n,) array
-        Lengths that the nodes stand for, m.
+        Gauss weight of each node times the length of its piece, m.
     end : (3,) array
         B from A, m.
     """
@@ -75,7 +74,7 @@ class RoundWire:
 
 
 def u_shape(end: Any, length: Any) -> Curve:
-    """Vertical legs from A down and up to B, joined by a half circle as wide as they are apart."""
+    """Curve of two vertical legs, down from A and up to B, joined by a half circle."""
     width = np.sqrt(end[0] ** 2 + end[1] ** 2)
     across, down = np.array([end[0], end[1], 0.0 * width]) / width, np.array([0.0, 0.0, -1.0])
     radius = width / 2
@@ -101,10 +100,10 @@ def u_shape(end: Any, length: Any) -> Curve:
 
 
 def catenary(end: Any, length: Any) -> Curve:
-    """Curve of a chain of given length (m) between A and B.
+    """Curve of a hanging chain of given length L (m) between A and B.
 
-    z = a cosh((x - b) / a) + c with sinh(u) / u = sqrt(L^2 - h^2) / w, u = w / 2a, for the width w
-    and height h of B from A.
+    z = a cosh((x - b) / a) + c with u = w / 2a from sinh(u) / u = sqrt(L^2 - h^2) / w, w and h
+    being the width and the height of B from A (any text on the calculus of variations).
     """
     width = np.sqrt(end[0] ** 2 + end[1] ** 2)
     across = np.array([end[0], end[1], 0.0 * width]) / width
@@ -193,11 +192,17 @@ def _compliance_of(curve: Curve, wire: RoundWire, force: Any, moment: Any) -> An
 
 
 def sag(curve: Curve, wire: RoundWire) -> tuple[float, Any]:
-    """Largest descent (m) of a wire, both ends clamped, when its weight bends its unloaded shape.
+    """Largest descent (m) of a wire, clamped at both ends, under its weight.
 
-    Also returns the force and moment (6,) with which the wire then pulls on A, N and N m. A wire
-    that would descend by more than a fraction of its length hangs freely: then its shape is not
-    that of its unloaded state, and these numbers say no more than that.
+    Deflections are taken as small; a descent that is not small compared with the length only says
+    that the unloaded shape is not the one in which the wire hangs.
+
+    Returns
+    -------
+    descent : float
+        m.
+    wrench : (6,) array
+        Force (N) and moment (N m) of the wire on A.
     """
     order, count = np.argsort(_stations(curve), kind="stable"), len(curve.weight)
     point, weight = np.real(curve.point), np.real(curve.weight)

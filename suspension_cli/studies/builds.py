@@ -7,7 +7,7 @@ others are computed with it, to the last bit.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,11 +21,13 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.batch_terms import BatchTerm
 from suspension_cli.models.surroundings import framed, surrounded
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.statics import static_displacements
 from suspension_cli.studies.systems import respond
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Int
 
 GOOD, SLACK, UNBALANCED, UNSTABLE, IMPOSSIBLE = 0, 1, 2, 3, 4
 STATUS = (
@@ -88,16 +90,16 @@ class Builds:
     """
 
     model: LinearSystem
-    status: Any
-    wire: Any
-    residual: Any
-    mirrors: Any
+    status: Int[np.ndarray, " build"]
+    wire: Int[np.ndarray, " build"]
+    residual: Float[np.ndarray, " build"]
+    mirrors: Bool[np.ndarray, "build 2"]
     terms: tuple[BatchTerm, ...] = ()
     scene: Scene | None = None
     pose: Pose | None = None
 
     @property
-    def static(self) -> Any:
+    def static(self) -> Float[np.ndarray, "build body 6"]:
         """Static displacement (m) and rotation (rad) of the bodies, (p, n, 6), see `statics`."""
         assert self.scene is not None and self.pose is not None
         return static_displacements(self.scene, self.pose)
@@ -160,7 +162,9 @@ def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:
     )
 
 
-def _unstable(model: LinearSystem, found: Equilibrium, design: Design) -> Any:
+def _unstable(
+    model: LinearSystem, found: Equilibrium, design: Design
+) -> Bool[np.ndarray, " build"]:
     """Find builds (p,) with an unstable mode.
 
     The pivots of the last step to an equilibrium tell most that are stable, unless the support
@@ -177,7 +181,7 @@ def _unstable(model: LinearSystem, found: Equilibrium, design: Design) -> Any:
     return unclear
 
 
-def grows(model: LinearSystem) -> Any:
+def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:
     """Find models (p,) with an unstable mode: K + c M is not positive definite.
 
     The small c covers the rounding error of a rigid mode.
@@ -190,7 +194,12 @@ def grows(model: LinearSystem) -> Any:
     return ~(least > 0)
 
 
-def transfer(builds: Builds, frequency: Array, inputs: list[Signal], outputs: list[Signal]) -> Any:
+def transfer(
+    builds: Builds,
+    frequency: Float[np.ndarray, " frequency"],
+    inputs: list[Signal],
+    outputs: list[Signal],
+) -> Complex[np.ndarray, "build frequency output input"]:
     """Responses (p, f, o, i) of all builds: NaN where one failed, exactly 0 where symmetry demands.
 
     Parameters
@@ -246,7 +255,9 @@ def driven_by_ground(builds: Builds) -> Builds:
     return replace(builds, model=builds.model.driven_by_ground, terms=(*ground.terms, *rest))
 
 
-def forbidden(mirrors: Any, out: Signal, into: Signal) -> Any:
+def forbidden(
+    mirrors: Bool[np.ndarray, "*batch 2"], out: Signal, into: Signal
+) -> Bool[np.ndarray, "*batch"]:
     """Builds (p,) in which two signals have opposite parity under a mirror, so no response."""
     result = np.zeros(mirrors.shape[:-1], dtype=bool)
     for axis, parity in enumerate((PARITY_X, PARITY_Y)):

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -44,6 +44,9 @@ from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.parameters import STEP, stepped
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Inexact
 
 SETTLED = 1e-11
 """Relative change of the derivative of a pose at which it is final, where wires bend."""
@@ -71,17 +74,18 @@ class Linear:
         Columns of stiffness, damping and loss for the motion of the ground beside the support.
     """
 
-    mass: Array
-    stiffness: Array
-    damping: Array
-    loss: Array
-    orientation: Array
+    mass: Inexact[np.ndarray, "coordinate coordinate"]
+    stiffness: Inexact[np.ndarray, "coordinate coordinate"]
+    damping: Inexact[np.ndarray, "coordinate coordinate"]
+    loss: Inexact[np.ndarray, "coordinate coordinate"]
+    orientation: Inexact[np.ndarray, "1+body 3 3"]
     scene: Scene
-    beside: Any = field(default=None, kw_only=True)
+    beside: Float[np.ndarray, "3 coordinate 6"] | None = field(default=None, kw_only=True)
 
     @property
     def driven_by_ground(self) -> Linear:
         """With the motion of the ground in the support's columns, without its rows."""
+        assert self.beside is not None
         parts = {}
         for name, columns in zip(("stiffness", "damping", "loss"), self.beside, strict=True):
             matrix = getattr(self, name).copy()
@@ -92,7 +96,7 @@ class Linear:
         return replace(self, mass=mass, **parts)
 
     @cached_property
-    def mirrors(self) -> Any:
+    def mirrors(self) -> Bool[np.ndarray, " axis"]:
         """Symmetry (2,) under mirroring x and y; of a derivative, whether the change keeps it."""
         return is_mirror_symmetric(_enlarged(self.scene))
 

@@ -7,7 +7,7 @@ one response cost one more solution.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.studies import parameters
 from suspension_cli.studies.builds import forbidden
 from suspension_cli.studies.derivatives import Differentiable, Linear
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Inexact
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,10 @@ class Slope:
     """
 
     size: float
-    outputs: list[tuple[complex, Any, Any]]
-    state: Any
+    outputs: list[
+        tuple[complex, Float[np.ndarray, " coordinate"], Complex[np.ndarray, " coordinate-6"]]
+    ]
+    state: Complex[np.ndarray, " coordinate"]
     omega: float
     base: Differentiable
     signals: list[Signal]
@@ -95,26 +100,30 @@ class Slope:
         return float(abs(slope) if value == 0 else (np.conj(value) * slope).real / abs(value))
 
 
-def _dynamic(linear: Linear, omega: float) -> Any:
+def _dynamic(linear: Linear, omega: float) -> Complex[np.ndarray, "coordinate coordinate"]:
     """K + i K'' + i omega C - omega^2 M."""
     return (
         linear.stiffness + 1j * linear.loss + 1j * omega * linear.damping - omega**2 * linear.mass
     )
 
 
-def _solved(matrix: Any, right: Any) -> Any:
+def _solved(
+    matrix: Complex[np.ndarray, "coordinate coordinate"], right: Inexact[np.ndarray, " coordinate"]
+) -> Complex[np.ndarray, " coordinate"]:
     """Solve in scaled coordinates."""
     root = np.sqrt(np.abs(np.diag(matrix)))
     root[root == 0] = 1.0
     return np.linalg.solve(matrix / np.outer(root, root), right / root) / root
 
 
-def _row(base: Differentiable, linear: Linear, signal: Signal) -> Any:
+def _row(base: Differentiable, linear: Linear, signal: Signal) -> Float[np.ndarray, " coordinate"]:
     """The linear form (N,) of a signal."""
     return signals.linear_form(signal, replace(base.model, orientation=linear.orientation))
 
 
-def _turned(base: Differentiable, change: Linear, signal: Signal) -> Any:
+def _turned(
+    base: Differentiable, change: Linear, signal: Signal
+) -> Float[np.ndarray, " coordinate"]:
     """The derivative of that form: points move with their bodies."""
     if not change.orientation.any():
         return np.zeros(base.model.size)

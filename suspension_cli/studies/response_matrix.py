@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,9 +29,11 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.studies import derivatives, parameters
 from suspension_cli.studies.derivatives import Differentiable, Linear
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
 
 LOSSES = ("loss_angle", "loss")
 """Keys whose numbers change only the frequency-dependent terms of models in which wires bend."""
@@ -65,11 +67,11 @@ class Plant:
     def of(design: Design, level: str = registry.STRING.name) -> Plant:
         """Find the equilibrium of a design, its matrices and its modes."""
         system = registry.by_name(level).system(design)
-        modes = eigenmodes.solve(replace(system, terms=()))
+        modes = eigenmodes.solve(system.constant)
         return Plant(design, level, derivatives.prepared(design, level), system, modes)
 
     @cached_property
-    def modal_forces(self) -> Array:
+    def modal_forces(self) -> Float[np.ndarray, "mode coordinate"]:
         """Rows M v_k of the modes, (m, N - 6)."""
         return self.modes.shape @ self.base.linear.mass[6:, 6:]
 
@@ -83,12 +85,12 @@ class Plant:
     def _changes(self) -> dict[str, Linear | None]:
         return {}
 
-    def row(self, signal: Signal) -> Array:
+    def row(self, signal: Signal) -> Float[np.ndarray, " coordinate"]:
         """Compute the linear form (N,) of a signal in the named coordinates."""
         model = replace(self.base.model, orientation=self.base.linear.orientation)
         return signals.linear_form(signal, model)
 
-    def row_change(self, change: Linear, signal: Signal) -> Array:
+    def row_change(self, change: Linear, signal: Signal) -> Float[np.ndarray, " coordinate"]:
         """Differentiate that form: points of signals move with their bodies."""
         if not change.orientation.any():
             return np.zeros(self.base.model.size)
@@ -96,7 +98,9 @@ class Plant:
         form = signals.linear_form(signal, replace(self.base.model, orientation=turned))
         return np.imag(form) / parameters.STEP
 
-    def dispersive(self, omega: Array) -> Any:
+    def dispersive(
+        self, omega: Float[np.ndarray, " frequency"]
+    ) -> Complex[np.ndarray, "frequency coordinate coordinate"] | None:
         """Frequency-dependent part of the stiffness (f, N, N) in the named coordinates, or None."""
         if not self.system.terms:
             return None
@@ -111,7 +115,13 @@ class Plant:
         return result
 
     @cached_property
-    def _dispersive_elements(self) -> tuple[Index, Index, Array]:
+    def _dispersive_elements(
+        self,
+    ) -> tuple[
+        Int[np.ndarray, " element"],
+        Int[np.ndarray, " element"],
+        Float[np.ndarray, "element function"],
+    ]:
         """Rows and columns (e,) of elements that depend on frequency, weights (e, n) in them."""
         to_named = np.linalg.inv(self.system.basis)
         matrices = np.concatenate(
@@ -122,11 +132,11 @@ class Plant:
 
     def respond(
         self,
-        frequency: Array,
+        frequency: Float[np.ndarray, " frequency"],
         inputs: Sequence[Signal],
         outputs: Sequence[Signal],
-        damping: Array | None = None,
-        stiffening: Array | None = None,
+        damping: Float[np.ndarray, " mode"] | None = None,
+        stiffening: Float[np.ndarray, " mode"] | None = None,
     ) -> Responses:
         """Solve for all responses, with the adjoint solutions that derivatives need.
 
@@ -164,7 +174,12 @@ class Plant:
             adjoint[span] = np.linalg.solve(own.transpose(0, 2, 1), watch) / root[..., None]
         return Responses(self, omega, tuple(inputs), tuple(outputs), rows, state, adjoint)
 
-    def _dynamic(self, omega: Array, damping: Array | None, stiffening: Array | None) -> Any:
+    def _dynamic(
+        self,
+        omega: Float[np.ndarray, " frequency"],
+        damping: Float[np.ndarray, " mode"] | None,
+        stiffening: Float[np.ndarray, " mode"] | None,
+    ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
         linear, w = self.base.linear, omega[:, None, None]
         matrix = linear.stiffness + 1j * (linear.loss + w * linear.damping) - w**2 * linear.mass
         added = self.dispersive(omega)
@@ -202,19 +217,19 @@ class Responses:
     """
 
     plant: Plant
-    omega: Array
+    omega: Float[np.ndarray, " frequency"]
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
-    rows: Array
-    state: Any
-    adjoint: Any
+    rows: Float[np.ndarray, "output coordinate"]
+    state: Complex[np.ndarray, "frequency coordinate input"]
+    adjoint: Complex[np.ndarray, "frequency coordinate-6 output"]
 
     @cached_property
-    def value(self) -> Any:
+    def value(self) -> Complex[np.ndarray, "frequency output input"]:
         """Responses (f, o, i), SI."""
         return self.rows @ self.state
 
-    def derivative(self, change: Linear) -> Any:
+    def derivative(self, change: Linear) -> Complex[np.ndarray, "frequency output input"]:
         """Differentiate all responses, (f, o, i), with respect to the number of a change."""
         w = self.omega[:, None, None]
         result = np.zeros((len(self.omega), len(self.outputs), len(self.inputs)), dtype=complex)
@@ -238,7 +253,7 @@ class Responses:
             result += self.adjoint.transpose(0, 2, 1) @ pushed.T
         return result
 
-    def damping_derivative(self, mode: int) -> Any:
+    def damping_derivative(self, mode: int) -> Complex[np.ndarray, "frequency output input"]:
         """Differentiate all responses, (f, o, i), by the added damping of a mode."""
         omega = float(np.sqrt(max(self.plant.modes.omega_squared[mode], 0.0)))
         force = self.plant.modal_forces[mode]
@@ -246,7 +261,7 @@ class Responses:
         moved = np.einsum("n,fni->fi", force, self.state[:, 6:])
         return -1j * omega * self.omega[:, None, None] * seen[:, :, None] * moved[:, None, :]
 
-    def stiffening_derivative(self, mode: int) -> Any:
+    def stiffening_derivative(self, mode: int) -> Complex[np.ndarray, "frequency output input"]:
         """Differentiate all responses, (f, o, i), by the relative change of omega^2 of a mode."""
         squared = float(self.plant.modes.omega_squared[mode])
         force = self.plant.modal_forces[mode]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Array
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 
 @dataclass(frozen=True)
@@ -24,13 +25,15 @@ class SobolIndices:
         Standard errors. NaN where a result does not vary.
     """
 
-    first: Array
-    total: Array
-    first_error: Array
-    total_error: Array
+    first: Float[np.ndarray, "group result"]
+    total: Float[np.ndarray, "group result"]
+    first_error: Float[np.ndarray, "group result"]
+    total_error: Float[np.ndarray, "group result"]
 
 
-def sobol_indices(values: Array, replicate: Any) -> SobolIndices:
+def sobol_indices(
+    values: Float[np.ndarray, "group+2 sample result"], replicate: Int[np.ndarray, " sample"]
+) -> SobolIndices:
     """Estimate Sobol indices from the results of A, B and A with columns from B.
 
     V_i = <f(B) (f(A_B^i) - f(A))> (Saltelli et al., Comput. Phys. Commun. 181, 259 (2010), table 2
@@ -61,7 +64,9 @@ def sobol_indices(values: Array, replicate: Any) -> SobolIndices:
     return SobolIndices(first, total, first_error, total_error)
 
 
-def _estimate(values: Array) -> tuple[Array, Array]:
+def _estimate(
+    values: Float[np.ndarray, "group+2 sample result"],
+) -> tuple[Float[np.ndarray, "group result"], Float[np.ndarray, "group result"]]:
     """First-order and total indices (k, q) of results (k + 2, N, q)."""
     plain = values[:2].reshape(-1, values.shape[-1])
     known = np.isfinite(plain)
@@ -79,7 +84,7 @@ def _estimate(values: Array) -> tuple[Array, Array]:
         )
 
 
-def _mean(products: Array) -> Array:
+def _mean(products: Float[np.ndarray, "group sample result"]) -> Float[np.ndarray, "group result"]:
     """Mean over the rows (k, N, q) in which nothing failed."""
     known = np.isfinite(products)
     return np.where(known, products, 0.0).sum(1) / known.sum(1)

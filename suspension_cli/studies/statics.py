@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,8 +10,11 @@ from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
-def static_displacements(scene: Scene, pose: Pose) -> Any:
+
+def static_displacements(scene: Scene, pose: Pose) -> Float[np.ndarray, "build body 6"]:
     """Static displacements and rotations (p, n, 6) of n bodies in the equilibria of p builds.
 
     The displacement (x, y, z, m) is that of the point of a body where its COM is as drawn: where

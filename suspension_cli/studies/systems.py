@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from suspension_cli.linear.small_matrices import solve_each
 from suspension_cli.linear.static_condensation import condense
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.batch_terms import BatchTerm
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -33,16 +35,20 @@ class Systems:
         K_bb^-1 of the eliminated coordinates b, and K_bb^-1 times their stiffness against the rest.
     """
 
-    keep: Any
-    drop: Any
-    stiffness: Any
-    mass: Any
-    damping: Any
-    yielding: Any
-    follow: Any
+    keep: Int[np.ndarray, " kept"]
+    drop: Int[np.ndarray, " dropped"]
+    stiffness: Inexact[np.ndarray, "system kept 6+kept"]
+    mass: Float[np.ndarray, "system kept 6+kept"]
+    damping: Float[np.ndarray, "system kept 6+kept"]
+    yielding: Inexact[np.ndarray, "system dropped dropped"]
+    follow: Inexact[np.ndarray, "system dropped 6+kept"]
 
     @staticmethod
-    def of(model: LinearSystem, which: Any, dispersive: Any = None) -> Systems:
+    def of(
+        model: LinearSystem,
+        which: Int[np.ndarray, " system"],
+        dispersive: Complex[np.ndarray, "system coordinate coordinate"] | None = None,
+    ) -> Systems:
         """The systems of some builds, with an added stiffness (p, N, N) if wires are dispersive."""
         owner, known = (
             [name.split(".", 1)[0] for name in model.coordinate],
@@ -72,7 +78,12 @@ class Systems:
             keep - 6, drop - 6, found.matrix, mass, damping, found.compliance, found.follow
         )
 
-    def solve(self, omega: Array, moves: Any, forces: Any) -> Any:
+    def solve(
+        self,
+        omega: Float[np.ndarray, "*frequency"],
+        moves: Float[np.ndarray, "system 6 input"],
+        forces: Float[np.ndarray, "system coordinate input"],
+    ) -> Inexact[np.ndarray, "system frequency coordinate input"]:
         """Coordinates (p, f, n, i), in the model's order, for motions (p, 6, i) of the support and
         forces (p, n, i).
 
@@ -105,11 +116,11 @@ class Systems:
 def respond(
     model: LinearSystem,
     terms: tuple[BatchTerm, ...],
-    which: Any,
-    omega: Array,
-    moves: Any,
-    forces: Any,
-) -> Any:
+    which: Int[np.ndarray, " build"],
+    omega: Float[np.ndarray, " frequency"],
+    moves: Float[np.ndarray, "every 6 input"],
+    forces: Float[np.ndarray, "every coordinate input"],
+) -> Inexact[np.ndarray, "build frequency coordinate input"]:
     """Coordinates (q, f, n, i) of some builds (q,) for motions of the support and forces on bodies.
 
     Parameters
@@ -143,8 +154,13 @@ def respond(
 
 
 def _terms(
-    model: LinearSystem, terms: tuple[BatchTerm, ...], which: Any, omega: Array
-) -> tuple[Any, Any]:
+    model: LinearSystem,
+    terms: tuple[BatchTerm, ...],
+    which: Int[np.ndarray, " system"],
+    omega: Float[np.ndarray, " system"],
+) -> tuple[
+    Complex[np.ndarray, "system coordinate coordinate"] | None, Inexact[np.ndarray, "system wire"]
+]:
     """Further stiffness (q, N, N) of builds at a frequency each, or None; compliance of wires."""
     compliance: Any = np.zeros((len(which), 0))
     if model.separated is not None:
@@ -160,8 +176,11 @@ def _terms(
 
 
 def further_stiffness(
-    model: LinearSystem, terms: tuple[BatchTerm, ...], which: Any, omega: Array
-) -> Any:
+    model: LinearSystem,
+    terms: tuple[BatchTerm, ...],
+    which: Int[np.ndarray, " system"],
+    omega: Float[np.ndarray, " system"],
+) -> Complex[np.ndarray, "system coordinate coordinate"]:
     """Frequency-dependent parts (q, N, N) of builds at a frequency each, the stretching included.
 
     Parameters
@@ -187,13 +206,13 @@ def further_stiffness(
 
 def _respond_compiled(
     model: LinearSystem,
-    which: Any,
-    omega: Array,
-    added: Any,
-    compliance: Any,
-    moves: Any,
-    forces: Any,
-) -> tuple[Any, Any]:
+    which: Int[np.ndarray, " system"],
+    omega: Float[np.ndarray, " system"],
+    added: Complex[np.ndarray, "system 6+coordinate 6+coordinate"] | None,
+    compliance: Inexact[np.ndarray, "system wire"],
+    moves: Float[np.ndarray, "every 6 input"],
+    forces: Float[np.ndarray, "every coordinate input"],
+) -> tuple[Inexact[np.ndarray, "system coordinate input"], Bool[np.ndarray, " system"]]:
     """Coordinates (q, n, i) of systems by compiled loops, and whether these could solve each."""
     from suspension_cli.linear import compiled  # takes half a second
 

@@ -58,13 +58,13 @@ def _faults(text: str) -> str:
         (LINK + SIX + STRANDS, "link.a: stiffness and strands are both given"),
         (
             LINK.replace("ground", "grund") + SIX,
-            "names no body second (grund); did you mean 'ground'",
+            "ends with grund, which is not a body; did you mean 'ground'",
         ),
         (LINK.replace("ground", "frame") + SIX, 'write "support" for the structure'),
         (LINK.replace("ground", "test") + SIX, "joins a body to itself"),
         (
             LINK.replace('["test", "ground"]', '["support", "test"]') + SIX,
-            'begins with no stage; swap them: ["test", "support"]',
+            'must begin with a stage; swap them: ["test", "support"]',
         ),
         (LINK.replace('["test", "ground"]', '["test"]') + SIX, "link.a.between"),
         (LINK.replace('"a"', '"test"') + SIX, "name of another link, damper or stage"),
@@ -77,7 +77,7 @@ def _faults(text: str) -> str:
         (LINK + STRANDS.replace("[0.1,", "[0.0,"), "lies above or below the point at"),
         (
             LINK + STRANDS.replace("aluminium", "alumnium"),
-            "is no material; did you mean 'aluminium'",
+            "unknown material; did you mean 'aluminium'",
         ),
         (LINK + STRANDS.replace('"u"', '"points"'), "follows from the points; remove it"),
         (LINK + "loss_angle = 0.1\n" + TABLE, "conflicts with the imaginary part of the table"),
@@ -86,13 +86,16 @@ def _faults(text: str) -> str:
             LINK + TABLE.replace('axis = "x"\n', ""),
             "has 1 axes instead of 6; give one list per axis",
         ),
-        (LINK + TABLE.replace("[[1.0, 2.0]]", "[[1.0, 2.0, 3.0]]"), "has other than 2 values"),
+        (
+            LINK + TABLE.replace("[[1.0, 2.0]]", "[[1.0, 2.0, 3.0]]"),
+            "has an axis without exactly 2 values",
+        ),
         (LINK + TABLE.replace("[[1.0, 2.0]]", "[[0.0, 2.0]]"), "static stiffness along x is 0"),
         (LINK + '[link.table]\nfile = "a.csv"\n', "is read only with a design file"),
         (DAMPER, "damper.d: none of damping, eddy_current; give exactly one"),
         (DAMPER + MAGNET.replace("moment = 1.0\n", ""), "none of moment, remanence"),
-        (DAMPER + MAGNET.replace("moment", "remanence"), "goes with remanence; give both"),
-        (DAMPER + MAGNET.replace("5.8e7", "58"), "is that of no metal; give it in S/m"),
+        (DAMPER + MAGNET.replace("moment", "remanence"), "belongs to remanence; give both"),
+        (DAMPER + MAGNET.replace("5.8e7", "58"), "is not that of a metal; give it in S/m"),
     ],
 )
 def test_faults_have_remedies(text: str, expected: str) -> None:
@@ -113,7 +116,7 @@ def test_table_from_a_file(tmp_path: Path) -> None:
     assert found.imaginary[0][1] == pytest.approx(3 * 0.19866933079506122)
     assert reader.parse(source.text).link == source.design.link  # results embed the columns
     for text, expected in (
-        (None, "cannot be read (No such file or directory); give a path from the folder"),
+        (None, "cannot be read (No such file or directory); give its path from the folder"),
         ("1, 2\n3, 4\n", "has 2 columns"),
         ("1, 2, 3\n3, x, 4\n", "has no numbers in line 2"),
         ("1, 2, 3\n3, 4\n", "has 2 numbers in line 2"),

@@ -60,7 +60,7 @@ def test_a_fault_is_one_line_with_a_remedy(setting, says):
 
 def test_legs_on_one_line_are_refused():
     on_line = GOOD.replace("count = 3\nradius = 0.6", "points = [[0,0,0],[1,0,0],[2,0,0]]")
-    with pytest.raises(InputError, match="all legs stand on one line"):
+    with pytest.raises(InputError, match="all legs on one line"):
         reader.parse(on_line)
 
 

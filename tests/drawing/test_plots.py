@@ -1,5 +1,6 @@
 """Pictures: every mode and dimension is there and legible, files whole or absent."""
 
+import io
 import os
 import re
 import subprocess
@@ -8,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from PIL import Image
 
 from suspension_cli.analyses.modes import picture as modes
 from suspension_cli.drawing import dimensions, draw, style, tables
@@ -168,16 +170,28 @@ def test_save_writes_a_png(tmp_path):
     assert path.read_bytes().startswith(b"\x89PNG") and os.listdir(tmp_path) == ["a.png"]
 
 
+def test_a_png_has_the_pixels_of_the_canvas():
+    figure = style.new_figure(4.6, 1.3)  # 4.6 x 180 is 827.99...
+    style.write_text(figure, 0.1, 0.1, "text", colour="#0072b2")
+    stream = io.BytesIO(style.encode(figure))
+    image = Image.open(stream)
+    reference = io.BytesIO()
+    figure.savefig(reference, format="png", dpi=style.DPI)
+    assert (np.asarray(image) == np.asarray(Image.open(reference).convert("RGB"))).all()
+    assert image.info["Software"] == "pendsus" and image.info["dpi"][0] == pytest.approx(
+        style.DPI, 1e-3
+    )
+
+
 def test_save_leaves_nothing_behind_when_it_fails(tmp_path, monkeypatch):
     path = tmp_path / "a.png"
     path.write_text("old")
     figure = style.new_figure(1, 1)
 
-    def broken(stream, **_):
-        stream.write(b"half a picture")
+    def broken(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(figure, "savefig", broken)
+    monkeypatch.setattr(figure, "draw", broken)
     with pytest.raises(OSError, match="No space left"):
         style.save(figure, path)
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["a.png"]

@@ -21,7 +21,7 @@ from suspension_cli.drawing.style import (
     single_line,
 )
 
-WIDTH, HEIGHT, BETWEEN = 4.7, 2.4, 0.95
+HEIGHT, BETWEEN = 2.4, 0.95
 """Width of the figure without labels, height of a panel and distance to the next, in."""
 LIMIT = "#cc0000"
 """Colour of requirements."""
@@ -31,7 +31,7 @@ ROOM = (10.0, 3.0)
 """Factors of room below the lowest sum and above the highest."""
 DECADES = 22
 """Largest number of decades in a panel."""
-SMALL = 6.5
+SMALL = 7.5
 """Font size of labels, points."""
 MOST = 99.0
 """Part of the mean square, per cent, from which one cause is named alone."""
@@ -43,7 +43,7 @@ def draw(budgets: list[Budget], title: str) -> Figure:
         right = curves.room_for([name for one in budgets for name in ["all", *_drawn(one)]], 22)
         head = curves.HEAD + 0.36
         height = head + (HEIGHT + BETWEEN) * len(budgets) - 0.1
-        figure = new_figure(WIDTH + right, height)
+        figure = new_figure(curves.COLUMN, height)
         panels = figure.subplots(len(budgets), 1, squeeze=False)[:, 0]
         curves.set_margins(
             figure, right=right, top=head, bottom=BETWEEN - 0.1, hspace=BETWEEN / HEIGHT

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from suspension_cli.analyses.budget.noise import Noises
 from suspension_cli.analyses.budget.table import Table
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float
 
 ACCURACY = 3e-5
 """Estimated error of an interval, relative to the integral from its lower end up, that is left."""
@@ -63,8 +66,8 @@ class Requirement:
     """
 
     name: str
-    frequency: Array
-    density: Array
+    frequency: Float[np.ndarray, " point"]
+    density: Float[np.ndarray, " point"]
     margin: float
     at: float
     exceeded: tuple[tuple[float, float], ...]
@@ -104,39 +107,44 @@ class Budget:
     requirement : Requirement or None
     """
 
-    frequency: Array
+    frequency: Float[np.ndarray, " frequency"]
     output: str
     unit: str
     cause: tuple[str, ...]
     source: tuple[str, ...]
-    density: Array
-    square: Array
-    square_velocity: Array
+    density: Float[np.ndarray, "cause frequency"]
+    square: Float[np.ndarray, "cause frequency"]
+    square_velocity: Float[np.ndarray, "cause frequency"]
     requirement: Requirement | None = None
 
     @property
-    def amplitude(self) -> Array:
+    def amplitude(self) -> Float[np.ndarray, " frequency"]:
         """Amplitude spectral density (f,) of the sum, unit/sqrt(Hz)."""
         return np.sqrt(self.density.sum(0))
 
     @property
-    def parts(self) -> dict[str, Array]:
+    def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:
         """Amplitude spectral density (f,) by cause, unit/sqrt(Hz)."""
         return {name: np.sqrt(row) for name, row in zip(self.cause, self.density, strict=True)}
 
     @property
-    def rms(self) -> Array:
+    def rms(self) -> Float[np.ndarray, " frequency"]:
         """RMS (f,) of the motion from each frequency up."""
         return np.sqrt(self.square.sum(0))
 
     @property
-    def rms_velocity(self) -> Array:
+    def rms_velocity(self) -> Float[np.ndarray, " frequency"]:
         """RMS (f,) of the velocity from each frequency up, unit/s."""
         return np.sqrt(self.square_velocity.sum(0))
 
 
 def solve(
-    noises: Noises, grid: Array, resonance: Array, requirements: dict[int, Table], *, added: bool
+    noises: Noises,
+    grid: Float[np.ndarray, " frequency"],
+    resonance: Complex[np.ndarray, " pole"],
+    requirements: dict[int, Table],
+    *,
+    added: bool,
 ) -> list[Budget]:
     """Compute the budget of every output.
 
@@ -187,7 +195,9 @@ def solve(
     return budgets
 
 
-def _join(grid: Array, more: Array) -> Array:
+def _join(
+    grid: Float[np.ndarray, " frequency"], more: Float[np.ndarray, " point"]
+) -> Float[np.ndarray, " joined"]:
     """Join a grid and further points within it, but for those next to others."""
     points = np.unique(more[(more > grid[0]) & (more < grid[-1])])
     points = points[np.diff(points, prepend=-np.inf) > DISTINCT * points]
@@ -196,14 +206,18 @@ def _join(grid: Array, more: Array) -> Array:
     return np.union1d(grid, points[nearest > DISTINCT * points])
 
 
-def _is_singular(frequency: Array, density: Array, at: float) -> Any:
+def _is_singular(
+    frequency: Float[np.ndarray, " frequency"],
+    density: Float[np.ndarray, "output cause frequency"],
+    at: float,
+) -> Bool[np.ndarray, "output cause"]:
     """Whether densities (o, c, f) rise towards a frequency as at a pole without loss: (o, c)."""
     beside = np.searchsorted(frequency, at * (1 - 1e-6))
     near = density[..., np.searchsorted(frequency, at)]
     return near > STEEP * density[..., max(beside - 1, 0)]
 
 
-def points_around(resonance: Array) -> Array:
+def points_around(resonance: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " point"]:
     """Place frequencies (n,) in Hz around poles (p,) in rad/s, denser towards them."""
     found: list[Array] = [np.zeros(0)]
     for pole in resonance:
@@ -217,7 +231,13 @@ def points_around(resonance: Array) -> Array:
     return np.concatenate(found)
 
 
-def refine(density: Callable[[Array], Array], grid: Array) -> tuple[Array, Array, Array | None]:
+def refine(
+    density: Callable[[Array], Array], grid: Float[np.ndarray, " given"]
+) -> tuple[
+    Float[np.ndarray, " frequency"],
+    Float[np.ndarray, "output cause frequency"],
+    Float[np.ndarray, " unresolved"] | None,
+]:
     """Add points to a grid until the integrals over spectra are accurate.
 
     Parameters
@@ -260,7 +280,11 @@ def refine(density: Callable[[Array], Array], grid: Array) -> tuple[Array, Array
     return grid, value, grid[:-1][narrow] if narrow.any() else None
 
 
-def _bisect(density: Callable[[Array], Array], low: Array, high: Array) -> tuple[Array, Array]:
+def _bisect(
+    density: Callable[[Array], Array],
+    low: Float[np.ndarray, " interval"],
+    high: Float[np.ndarray, " interval"],
+) -> tuple[Float[np.ndarray, " interval"], Float[np.ndarray, "output cause interval"]]:
     """Points within intervals, with the densities there; beside poles without loss."""
     for fraction in FRACTIONS:
         middle = low + (high - low) * fraction
@@ -280,7 +304,9 @@ def _bisect(density: Callable[[Array], Array], low: Array, high: Array) -> tuple
     )
 
 
-def integrate_down(frequency: Array, value: Array) -> Array:
+def integrate_down(
+    frequency: Float[np.ndarray, " frequency"], value: Float[np.ndarray, "*batch frequency"]
+) -> Float[np.ndarray, "*batch frequency"]:
     """Integrate (..., f) from the highest frequency down to each one; power laws are exact."""
     area = _areas(frequency[:-1], frequency[1:], value[..., :-1], value[..., 1:])
     result = np.zeros_like(value)
@@ -288,7 +314,12 @@ def integrate_down(frequency: Array, value: Array) -> Array:
     return result
 
 
-def _areas(low: Array, high: Array, first: Array, last: Array) -> Array:
+def _areas(
+    low: Float[np.ndarray, " interval"],
+    high: Float[np.ndarray, " interval"],
+    first: Float[np.ndarray, "*batch interval"],
+    last: Float[np.ndarray, "*batch interval"],
+) -> Float[np.ndarray, "*batch interval"]:
     """Integrals (..., n) over intervals, given the values at their ends.
 
     Between the ends S is a power law: the integral of f S over ln f is the width in ln f times the
@@ -301,7 +332,11 @@ def _areas(low: Array, high: Array, first: Array, last: Array) -> Array:
     return np.where((first > 0) & (last > 0), power, (first + last) / 2 * (high - low))
 
 
-def compare(frequency: Array, total: Array, required: Table) -> Requirement | None:
+def compare(
+    frequency: Float[np.ndarray, " frequency"],
+    total: Float[np.ndarray, " frequency"],
+    required: Table,
+) -> Requirement | None:
     """Compare an amplitude spectral density (f,) with a table; None if they do not overlap."""
     [limit] = required.column.values()
     both = (frequency >= required.frequency[0]) & (frequency <= required.frequency[-1])
@@ -327,6 +362,6 @@ def compare(frequency: Array, total: Array, required: Table) -> Requirement | No
     )
 
 
-def overlaps(grid: Array, required: Table) -> bool:
+def overlaps(grid: Float[np.ndarray, " frequency"], required: Table) -> bool:
     """Whether a table has frequencies in common with the range of a grid."""
     return bool(required.frequency[0] <= grid[-1] and required.frequency[-1] >= grid[0])

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
     from suspension_cli.models.registry import Choice
 
+MANY_WIRES = 40
+"""Number of wires above which equal wires of a stage share a row of the table."""
+MANY_BODIES = 12
+"""Number of bodies above which only the lowest points of three are printed."""
+
 
 @dataclass(frozen=True, repr=False)
 class Check(Report):
@@ -132,7 +137,9 @@ class Check(Report):
             f"{escape_unprintable(self.source.file) or self.name}: {verdict}; {self.choice.line}"
         ]
         if found.wires:
-            rows = ((w.label, w.tension, 1e3 * w.stretch, *_strength(w)) for w in found.wires)
+            rows = [(w.label, w.tension, 1e3 * w.stretch, *_strength(w)) for w in found.wires]
+            if len(rows) > MANY_WIRES:
+                rows = _merge_equal(rows)
             lines.append(_table("wire", "tension", "stretch", rows))
         if found.blades:
             rows = ((b.label, b.load, 1e3 * b.sag, *_strength(b)) for b in found.blades)
@@ -144,9 +151,8 @@ class Check(Report):
         lines += [f"  {one.line}" for one in self.profiles]
         lines += towers.lines(found.legs, found.filters)
         for body in found.bodies:
-            if any(body.shift) or any(body.rotation):
-                shift = ", ".join(f"{1e3 * value:.4f}" for value in body.shift)
-                turn = ", ".join(f"{1e3 * value:.4f}" for value in body.rotation)
+            shift, turn = map(_milli, (body.shift, body.rotation))
+            if {shift, turn} != {_milli((0.0, 0.0, 0.0))}:
                 lines.append(
                     f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose"
                 )
@@ -156,9 +162,12 @@ class Check(Report):
             for link in found.links
             if link.table is not None
         ]
+        lowest = found.lowest
+        if len(lowest) > MANY_BODIES:
+            lowest = sorted(lowest, key=lambda low: low.z)[:3]
         lines.append(
             f"  height {found.height:.4g} m; lowest points:"
-            f" {', '.join(f'{low.name} {low.z:.4g} m ({low.point})' for low in found.lowest)}"
+            f" {', '.join(f'{low.name} {low.z:.4g} m ({low.point})' for low in lowest)}"
         )
         if self.stable is not None:
             word = "stable" if self.stable else "UNSTABLE"
@@ -260,6 +269,28 @@ def _link_table(links: tuple[LinkLoad, ...]) -> str:
         between = ((v.label, " - ".join(v.between), *v.damping) for v in viscous)
         found.append(tables.render(damped, between))
     return "\n".join(found)
+
+
+def _milli(vector: tuple[float, ...]) -> str:
+    """Write components in thousandths, without the sign of what is rounded to 0."""
+    return ", ".join(f"{round(1e3 * value, 4) + 0.0:.4f}" for value in vector)
+
+
+def _merge_equal(
+    rows: list[tuple[str, float, float, float | None, float | None]],
+) -> list[tuple[str, float, float, float | None, float | None]]:
+    """Merge rows of wires of one stage that are equal as printed: ``test.1 to 4``."""
+    result, last = [], None
+    for label, *values in rows:
+        stage, _, number = label.rpartition(".")
+        key = (stage, *(None if value is None else f"{value:.3f}" for value in values))
+        if key == last and number.isdecimal():
+            first = result[-1][0].split(" ")[0]
+            result[-1] = (f"{first} to {number}", *result[-1][1:])
+        else:
+            result.append((label, *values))
+        last = key
+    return result
 
 
 def _table(part: str, load: str, change: str, rows: Any) -> str:

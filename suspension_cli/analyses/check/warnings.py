@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.base import Model
 
+MOST_PARTS = 10
+"""Most parts that a warning lists."""
+
 
 def warn_implausible(design: Design, log: Log) -> None:
     """Warn of implausible numbers that make results meaningless; `pendsus check` lists all."""
@@ -120,7 +123,12 @@ def _remedy(found: list[Lossless]) -> str:
 
 
 def _parts(found: list[Lossless]) -> str:
-    """List parts with their materials: ``upper.blades, test.wires (steel302)``."""
-    return ", ".join(
-        one.part + (f" ({', '.join(one.material)})" if one.material else "") for one in found
+    """List parts with their materials: ``upper.blades, test.wires (steel302)``.
+
+    At most `MOST_PARTS`, and the number of the others.
+    """
+    shown = found if len(found) <= MOST_PARTS else found[: MOST_PARTS - 1]
+    listed = ", ".join(
+        one.part + (f" ({', '.join(one.material)})" if one.material else "") for one in shown
     )
+    return listed + (f" and {len(found) - len(shown)} more" if len(shown) < len(found) else "")

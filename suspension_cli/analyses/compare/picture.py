@@ -36,7 +36,7 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
     with house_style():
         left = 0.3 + 0.058 * max(len(label) + 9 for label in [*labels, ""])
         tall = 0.17 * max(len(shown), 4)
-        figure = new_figure(left + 3.0, curves.HEAD + 0.3 + tall + 0.55)
+        figure = new_figure(curves.COLUMN, curves.HEAD + 0.3 + tall + 0.55)
         axes = figure.subplots()
         curves.set_margins(figure, left=left, top=curves.HEAD + 0.3, bottom=0.55)
         change: Any = 100 * (modes.frequency[shown] / first[:, None] - 1)
@@ -62,10 +62,10 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         )
         axes.set_ylim(len(shown) - 0.5, -0.5)
         axes.grid(visible=True, axis="y", color=PALE, linewidth=0.3)
-        axes.set_xlabel(f"frequency relative to {single_line(found.name[0], 40)} (%)")
-        axes.tick_params(labelsize=7)
+        axes.set_xlabel(f"frequency relative to {single_line(found.name[0], 16)} (%)")
+        axes.tick_params(labelsize=7.5)
         if len(found.name) > 2:
-            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7, ncols=4)
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7.5, ncols=4)
         models = _model_line(found)
         items = [single_line(name) for name in found.name]
         against = f"{', '.join(items[1:])} against {items[0]}"
@@ -83,9 +83,7 @@ def _modes_title(found: Comparison, change: Any, labels: list[str]) -> str:
     row, column = np.unravel_index(np.nanargmax(np.abs(change)), change.shape)
     if change[row, column] == 0:
         return "none differs"
-    return single_line(
-        f"{labels[row]} differs most: {change[row, column]:+.3g} % in {found.name[column]}", 90
-    )
+    return single_line(f"{labels[row]} {change[row, column]:+.3g} % in {found.name[column]}", 40)
 
 
 def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
@@ -96,7 +94,7 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
         heights = [2.3, *[1.2] * (response + compared)]
         names = [single_line(found.name[curve.item], 40) for curve in overlay.curves]
         right = curves.room_for(names)
-        figure = new_figure(4.5 + right, curves.HEAD + sum(heights) + 0.15 * len(heights) + 0.6)
+        figure = new_figure(curves.COLUMN, curves.HEAD + sum(heights) + 0.15 * len(heights) + 0.6)
         panels = figure.subplots(
             len(heights), 1, sharex=True, height_ratios=heights, squeeze=False
         )[:, 0]

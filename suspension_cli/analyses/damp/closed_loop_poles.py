@@ -27,7 +27,7 @@ of x.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -38,6 +38,9 @@ from suspension_cli.design import loop_filters
 from suspension_cli.design.schema import Loop
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.quality import NOTHING
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Int
 
 SLOW = 1e-3
 """Decay rate over frequency below which it is computed from the dissipation."""
@@ -92,7 +95,7 @@ def refine(found: Poles, plant: Plant) -> Poles:
         here = np.flatnonzero(member == number)
         block = _Block.of(plant, groups[number])
         starts = values[here]
-        pairs = zip(starts, block.dispersive(starts.imag), strict=True)
+        pairs = zip(starts, block.dispersive(np.imag(starts)), strict=True)
         solved = [_find_root(complex(start), block, lossy) for start, lossy in pairs]
         roots: Any = np.array([root for root, *_ in solved])
         if block.delays.any():
@@ -114,7 +117,11 @@ def refine(found: Poles, plant: Plant) -> Poles:
     return Poles(values[order], tuple(found.state[n] for n in order))
 
 
-def _first_of_each(starts: Any, roots: Any, converged: Any) -> Any:
+def _first_of_each(
+    starts: Complex[np.ndarray, " pole"],
+    roots: Complex[np.ndarray, " pole"],
+    converged: Bool[np.ndarray, " pole"],
+) -> Bool[np.ndarray, " pole"]:
     """Mark (p,) one start, the nearest, of those that have converged to each root."""
     own = np.zeros(len(starts), dtype=bool)
     for n in np.argsort(np.abs(roots - starts) / np.abs(starts).clip(1e-300)):
@@ -123,9 +130,13 @@ def _first_of_each(starts: Any, roots: Any, converged: Any) -> Any:
     return own
 
 
-def _drop_rounding(values: Any, rounding: float) -> Any:
+def _drop_rounding(
+    values: Complex[np.ndarray, " pole"], rounding: float
+) -> Complex[np.ndarray, " pole"]:
     """Set real parts of poles (p,) that may be rounding errors to 0."""
-    return np.where(np.abs(values.real) <= rounding * np.abs(values), 1j * values.imag, values)
+    return np.where(
+        np.abs(np.real(values)) <= rounding * np.abs(values), 1j * np.imag(values), values
+    )
 
 
 def _drop_rounded_growth(values: Any, rounding: float) -> Any:
@@ -162,18 +173,18 @@ class _Block:
     """
 
     plant: Plant
-    mass: Any
-    stiffness: Any
-    damping: Any
-    lossy: Any
+    mass: Float[np.ndarray, "coordinate coordinate"]
+    stiffness: Float[np.ndarray, "coordinate coordinate"]
+    damping: Float[np.ndarray, "coordinate coordinate"]
+    lossy: Float[np.ndarray, "coordinate coordinate"]
     terms: tuple[Any, ...]
     filters: tuple[Any, ...]
-    resisting: Any
-    delays: Any
-    delayed_dampers: Any
+    resisting: Float[np.ndarray, "coordinate coordinate"]
+    delays: Float[np.ndarray, " loop"]
+    delayed_dampers: Float[np.ndarray, " loop"]
 
     @staticmethod
-    def of(plant: Plant, group: Any) -> _Block:
+    def of(plant: Plant, group: Int[np.ndarray, " coordinate"]) -> _Block:
         """Cut a block of coordinates (c,) out of a plant."""
         model, rows = plant.model, np.ix_(group, group)
         keep = [
@@ -203,7 +214,9 @@ class _Block:
             np.array([_delayed_damper(loop) for loop in acting.loops]),
         )
 
-    def dispersive(self, omega: Any) -> Any:
+    def dispersive(
+        self, omega: Float[np.ndarray, " pole"]
+    ) -> Complex[np.ndarray, "pole coordinate coordinate"]:
         """i K'' (p, c, c) of all losses at frequencies (p,), rad/s; 0 at 0, without oscillation."""
         result = np.zeros((len(omega), *self.mass.shape), dtype=complex)
         moving = omega > 0
@@ -214,7 +227,9 @@ class _Block:
             )
         return result
 
-    def dissipated(self, x: Any, omega: Any) -> Any:
+    def dissipated(
+        self, x: Complex[np.ndarray, "coordinate pole"], omega: Float[np.ndarray, " pole"]
+    ) -> Float[np.ndarray, " pole"]:
         """x^H K'' x + omega x^H C x (p,) of motions x (c, p) at frequencies omega (p,), rad/s."""
         lost = (
             np.einsum("ip,ij,jp->p", x.conj(), self.lossy, x).real
@@ -231,7 +246,9 @@ def _delayed_damper(loop: Loop) -> float:
     return made.gain / (2 * np.pi) if loop.delay and len(made.zeros) > len(made.poles) else 0.0
 
 
-def _find_root(start: complex, block: _Block, lossy: Any) -> tuple[complex, Any, bool]:
+def _find_root(
+    start: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
+) -> tuple[complex, Complex[np.ndarray, "coordinate coordinate"], bool]:
     """Find a root of T(s) near a start, with the losses (c, c) there, from those at the start.
 
     The start itself, and False, where Newton's method does not converge.
@@ -249,7 +266,9 @@ def _find_root(start: complex, block: _Block, lossy: Any) -> tuple[complex, Any,
     return start, lossy, False
 
 
-def _iterate_newton(s: complex, block: _Block, lossy: Any) -> complex:
+def _iterate_newton(
+    s: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
+) -> complex:
     """Find a root of T(s) with given losses (c, c) by Newton's method; NaN without convergence."""
     a, b, c, d = block.filters
     size, count = len(block.mass), len(block.mass) + len(a)
@@ -310,7 +329,9 @@ def _largest(size: Any, axis: int) -> Any:
     return np.where(largest > 0, largest, 1.0)
 
 
-def _solve_shape(s: complex, block: _Block, lossy: Any) -> Any:
+def _solve_shape(
+    s: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
+) -> Complex[np.ndarray, " coordinate"]:
     """Solve for the shape (c,) of a pole s by inverse iteration."""
     pushed, sensed = block.plant.pushed, block.plant.sensed
     root = np.sqrt(np.abs(np.diag(block.stiffness)) + abs(s) ** 2 * np.diag(block.mass))
@@ -337,7 +358,9 @@ def _filter_responses(s: Any, block: _Block) -> Any:
     ).reshape(-1, len(s))
 
 
-def _compute_decays(s: Any, block: _Block, x: Any) -> Any:
+def _compute_decays(
+    s: Complex[np.ndarray, " pole"], block: _Block, x: Complex[np.ndarray, "coordinate pole"]
+) -> Float[np.ndarray, " pole"]:
     """Compute the real parts (p,) of poles (p,) from their shapes (c, p)."""
     weight = np.einsum("ip,ij,jp->p", x.conj(), block.mass, x).real
     gain = (
@@ -345,7 +368,9 @@ def _compute_decays(s: Any, block: _Block, x: Any) -> Any:
         .sum(0)
         .imag
     )
-    acting = block.dissipated(x, s.imag) + gain
+    acting = block.dissipated(x, np.imag(s)) + gain
     return np.where(
-        np.abs(acting) > NOTHING * s.imag**2 * weight, -acting / (2 * s.imag * weight), 0.0
+        np.abs(acting) > NOTHING * np.imag(s) ** 2 * weight,
+        -acting / (2 * np.imag(s) * weight),
+        0.0,
     )

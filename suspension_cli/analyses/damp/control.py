@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Inexact
 
 BESIDE = (0.0, 1e-15, -1e-15, 3e-15, -3e-15, 1e-14, -1e-14)
 """Relative steps, tried in turn, away from a frequency at which the response is infinite."""
@@ -49,8 +52,8 @@ class Plant:
     loops: tuple[Loop, ...]
     sensor: list[Signal]
     actuator: list[Signal]
-    sensed: Array
-    pushed: Array
+    sensed: Float[np.ndarray, "loop coordinate"]
+    pushed: Float[np.ndarray, "loop coordinate"]
 
     def with_loops(self, keep: list[int]) -> Plant:
         """Select some of the loops, by number."""
@@ -133,7 +136,7 @@ def parse_actuator(loop: Loop, known: tuple[str, ...]) -> Signal:
 
 def _relative_form(
     signal: Signal, model: LinearSystem, positions: dict[str, Any], reference: str
-) -> Array:
+) -> Float[np.ndarray, " coordinate"]:
     """Linear form (N,) of a signal, relative to the support structure if that is the reference.
 
     A frame moves with the structure.
@@ -154,7 +157,9 @@ def _relative_form(
     return row
 
 
-def evaluate_filter(loop: Loop, frequency: Array) -> Any:
+def evaluate_filter(
+    loop: Loop, frequency: Inexact[np.ndarray, " frequency"]
+) -> Complex[np.ndarray, " frequency"]:
     """Evaluate a loop's factor (f,) from motion to -force at frequencies (f,) in Hz.
 
     Filter, sensor response and delay; N/m or N m/rad.
@@ -171,7 +176,9 @@ def evaluate_filter(loop: Loop, frequency: Array) -> Any:
     return result * np.exp(-2 * np.pi * loop.delay * f) if loop.delay else result
 
 
-def evaluate_noise(loop: Loop, frequency: Array) -> Array:
+def evaluate_noise(
+    loop: Loop, frequency: Float[np.ndarray, " frequency"]
+) -> Float[np.ndarray, " frequency"]:
     """Evaluate the sensor noise (f,) of a loop, as motion, at frequencies (f,) in Hz.
 
     Flat; flat with a corner below which the power rises as 1/f; or interpolated on logarithmic
@@ -215,7 +222,10 @@ class ClosedLoopResponse:
 
 
 def solve_responses(
-    plant: Plant, frequency: Array, inputs: list[Signal], outputs: list[Signal]
+    plant: Plant,
+    frequency: Float[np.ndarray, " frequency"],
+    inputs: list[Signal],
+    outputs: list[Signal],
 ) -> ClosedLoopResponse:
     """Solve for closed-loop responses, noise of sensors and actuators at the outputs, loop gains.
 
@@ -251,7 +261,7 @@ def solve_responses(
     return ClosedLoopResponse(frequency, value, noise, actuator_noise, _loop_gains(h, g[:, o:, i:]))
 
 
-def compute_loop_gains(plant: Plant, frequency: Array) -> Any:
+def compute_loop_gains(plant: Plant, frequency: Float[np.ndarray, " frequency"]) -> Any:
     """Compute the gain (f, l) of each loop with the others closed, at frequencies (f,) in Hz.
 
     Each loop is broken at its actuator. At a resonance without loss the gain is taken beside it.
@@ -259,7 +269,7 @@ def compute_loop_gains(plant: Plant, frequency: Array) -> Any:
     return _from_open_loop(plant, frequency, _loop_gains, (len(plant.loops),))
 
 
-def compute_sensitivity(plant: Plant, frequency: Array) -> Any:
+def compute_sensitivity(plant: Plant, frequency: Float[np.ndarray, " frequency"]) -> Any:
     """Compute the sensitivity S = (1 + H G)^-1 (f, l, l) at the actuators, all loops broken there.
 
     From disturbances at the actuators to their total forces, SI.
@@ -274,7 +284,10 @@ def compute_sensitivity(plant: Plant, frequency: Array) -> Any:
 
 
 def _from_open_loop(
-    plant: Plant, frequency: Array, compute: Callable[[Any, Any], Any], shape: tuple[int, ...]
+    plant: Plant,
+    frequency: Float[np.ndarray, " frequency"],
+    compute: Callable[[Any, Any], Any],
+    shape: tuple[int, ...],
 ) -> Any:
     """Compute values (f, *shape) from H (f, l) and G (f, l, l), beside resonances without loss."""
     result = np.full((len(frequency), *shape), np.nan, dtype=complex)
@@ -298,7 +311,7 @@ def _from_open_loop(
     return result
 
 
-def evaluate_filters(plant: Plant, frequency: Array) -> Any:
+def evaluate_filters(plant: Plant, frequency: Float[np.ndarray, " frequency"]) -> Any:
     """Evaluate H (f, l) of all loops at frequencies in Hz."""
     return (
         np.array([evaluate_filter(loop, frequency) for loop in plant.loops])

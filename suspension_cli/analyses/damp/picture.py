@@ -25,8 +25,8 @@ from suspension_cli.drawing.style import (
 )
 from suspension_cli.linear.poles import Poles
 
-LEFT, ACROSS, WIDE, TALL, APART = 0.68, 3.62, 2.3, 1.75, 2.42
-"""Place of the first panel, distance of the columns, size of panels, distance of the rows, in."""
+LEFT, WIDE, TALL, APART = 0.72, 3.1, 1.45, 2.08
+"""Left margin, size of panels, and distance of one from the next, in."""
 RED = "#cc0000"
 """Colour of unstable poles."""
 OPEN = "#9aa1a8"
@@ -56,11 +56,9 @@ def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None)
     frequency, gain = gains or (damped.frequency, damped.gain)
     looks = _looks(damped.loop)
     with house_style():
-        figure = new_figure(7.3, 0.62 + 3 * APART)
+        figure = new_figure(curves.COLUMN, 0.62 + 6 * APART)
         poles, impulse, size, noise, phase, nichols = (
-            add_axes(figure, LEFT + column * ACROSS, 0.75 + row * APART, WIDE, TALL)
-            for row in range(3)
-            for column in range(2)
+            add_axes(figure, LEFT, 0.8 + row * APART, WIDE, TALL) for row in (0, 1, 3, 2, 4, 5)
         )
         for axes in (poles, impulse, size, noise, phase, nichols):
             curves.rule(axes)
@@ -135,7 +133,7 @@ def _draw_poles(axes: Axes, damped: LocalControl) -> None:
                     (3 * side, 2),
                     textcoords="offset points",
                     ha="left" if side > 0 else "right",
-                    fontsize=6,
+                    fontsize=7.5,
                     color=own,
                 )
     decades = np.log10(high / least)
@@ -150,7 +148,7 @@ def _draw_poles(axes: Axes, damped: LocalControl) -> None:
     axes.set_ylabel("|pole|/2π (Hz)")
     _name(axes, "poles")
     axes.legend(
-        loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=2, fontsize=7, handletextpad=0.1,
+        loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=2, fontsize=7.5, handletextpad=0.1,
         columnspacing=0.8, borderaxespad=0.0,
     )  # fmt: skip
 
@@ -197,7 +195,7 @@ def _draw_q(axes: Axes, least: float, high: float) -> None:
                 (rate[1], at[1]),
                 (2, -2),
                 textcoords="offset points",
-                fontsize=6,
+                fontsize=7.5,
                 color=NOTE,
                 va="top",
                 ha="left",
@@ -236,7 +234,7 @@ def _draw_gains(
         ends.append((frequency, size, name, colour))
     axes.axhline(1.0, color=INK, linewidth=0.6, linestyle="--")
     axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel("|loop gain|")
+    axes.set_ylabel("|loop gain| (ratio)")
     _name(axes, "loop gain, the other loops closed")
     axes.margins(x=0)
     curves.label_plainly(axes.yaxis)
@@ -318,7 +316,7 @@ def _draw_nichols(
     axes.set_ylabel("loop gain (dB)")
     _name(axes, f"±{NEAR:g} dB around −1 (+); dots: margins")
     axes.annotate(
-        "$|1+L|=\\frac{1}{2}$", (-180, 6.5), ha="center", va="bottom", fontsize=7, color=NOTE
+        "$|1+L|=\\frac{1}{2}$", (-180, 6.5), ha="center", va="bottom", fontsize=7.5, color=NOTE
     )
 
 

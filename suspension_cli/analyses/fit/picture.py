@@ -147,13 +147,13 @@ def _draw_residuals(
     curves.rule(axes)
     axes.grid(visible=False, axis="y")
     axes.set_yticks(rows, names)
-    axes.tick_params(axis="y", labelsize=7, length=0)
+    axes.tick_params(axis="y", labelsize=7.5, length=0)
     for edge in edges:
         axes.axhline(edge + 0.5, color=NOTE, linewidth=0.4, linestyle=(0, (4, 3)))
     axes.set_ylim(max(len(rows), 1) - 0.4, -0.6)
     axes.set_xlabel("(model − measured) / uncertainty" if sigmas else "model less measured (%)")
     axes.legend(
-        loc="lower right", bbox_to_anchor=(1.02, 1), ncols=2, borderaxespad=0.1, fontsize=7,
+        loc="lower right", bbox_to_anchor=(1.02, 1), ncols=2, borderaxespad=0.1, fontsize=7.5,
         handletextpad=0.1, columnspacing=0.8,
     )  # fmt: skip
     axes.set_title(
@@ -175,14 +175,13 @@ def _draw_numbers(figure: Figure, found: Fit, places: list[tuple[float, float]])
             if found.shared[n].all()
             else single_line(", ".join(np.array(found.experiment)[found.shared[n]]), 30)
         )
-        write_text(figure, left, top, single_line(name, 44), 7)
+        write_text(figure, left, top, single_line(name, 44), 7.5)
         text = f"{format_with_sigma(value, half)} {unit}".strip()
-        across, up = figure.get_size_inches()
-        figure.text(
-            (left + WIDE) / across, 1 - (top + 0.125) / up, text + (f" ({who})" if who else ""),
-            va="top", ha="right", fontsize=7, color=AFTER,
-        )  # fmt: skip
         axes = add_axes(figure, left, top + 0.28, WIDE, 0.08)
+        axes.text(
+            1, 2.94, text + (f" ({who})" if who else ""), transform=axes.transAxes,
+            va="top", ha="right", fontsize=7.5, color=AFTER,
+        )  # fmt: skip
         axes.spines["left"].set_visible(False)
         axes.set_yticks([])
         axes.axvline(start, color=BEFORE, linewidth=0.6, ymin=-0.2, ymax=1.4, clip_on=False)
@@ -199,7 +198,7 @@ def _draw_numbers(figure: Figure, found: Fit, places: list[tuple[float, float]])
         axes.set_xlim(ends.min() - 0.1 * span, ends.max() + 0.1 * span)
         axes.set_ylim(-0.5, 0.5)
         axes.xaxis.set_major_locator(MaxNLocator(4))
-        axes.tick_params(labelsize=6.5, length=2, pad=1.5)
+        axes.tick_params(labelsize=7.5, length=2, pad=1.5)
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.6g}".replace("-", "−")))
 
 

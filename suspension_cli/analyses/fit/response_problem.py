@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -29,6 +29,9 @@ from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import response_matrix
 from suspension_cli.studies.response_matrix import Plant, Responses
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
 
 DAMPING = 1e-3
 """Prior median of the added damping 1/Q of a mode."""
@@ -61,9 +64,9 @@ class Prediction:
     """
 
     plant: Plant
-    order: Any
+    order: Int[np.ndarray, " mode"]
     response: tuple[Responses, ...]
-    reading: list[Any]
+    reading: list[Complex[np.ndarray, ...]]
 
 
 @dataclass
@@ -86,9 +89,9 @@ class ResponseProblem:
 
     base: Problem
     channels: Channels
-    damped: Any
+    damped: Int[np.ndarray, " damped"]
     level: str
-    stiff: Any = field(default_factory=lambda: np.zeros(0, dtype=int))
+    stiff: Int[np.ndarray, " stiff"] = field(default_factory=lambda: np.zeros(0, dtype=int))
     _cache: dict[bytes, Prediction] = field(default_factory=dict)
     _plants: dict[bytes, Plant] = field(default_factory=dict)
 
@@ -108,7 +111,7 @@ class ResponseProblem:
         return len(self.base.start)
 
     @cached_property
-    def start(self) -> Array:
+    def start(self) -> Float[np.ndarray, " unknown"]:
         """Values where the search starts."""
         return np.concatenate(
             [
@@ -120,21 +123,21 @@ class ResponseProblem:
         )
 
     @cached_property
-    def low(self) -> Array:
+    def low(self) -> Float[np.ndarray, " unknown"]:
         """Lower bounds."""
         gains = [-0.95 if item.kind == "gain" else -np.inf for item in self.nuisances]
         least = np.full(len(self.damped), np.log(1e-9))
         return np.concatenate([self.base.low, gains, least, np.full(len(self.stiff), -0.9)])
 
     @cached_property
-    def high(self) -> Array:
+    def high(self) -> Float[np.ndarray, " unknown"]:
         """Upper bounds."""
         rest = np.full(len(self.nuisances), np.inf)
         most = np.concatenate([np.zeros(len(self.damped)), np.ones(len(self.stiff))])
         return np.concatenate([self.base.high, rest, most])
 
     @cached_property
-    def prior(self) -> tuple[Array, Array]:
+    def prior(self) -> tuple[Float[np.ndarray, " unknown"], Float[np.ndarray, " unknown"]]:
         """Prior values and their standard deviations, infinite where there is none."""
         q, r = len(self.nuisances), len(self.damped)
         s = len(self.stiff)
@@ -145,13 +148,13 @@ class ResponseProblem:
         return center, np.concatenate([self.base.prior_sigma, sigma, modes])
 
     @cached_property
-    def scale(self) -> Array:
+    def scale(self) -> Float[np.ndarray, " unknown"]:
         """Typical size of a change of each unknown, to scale steps of the search."""
         sigma = self.prior[1]
         size = np.abs(self.start) * 0.1
         return np.where(np.isfinite(sigma), sigma, np.where(size > 0, size, 1e-3))
 
-    def _plant(self, x: Array) -> Plant:
+    def _plant(self, x: Float[np.ndarray, " number"]) -> Plant:
         key = x.tobytes()
         if key not in self._plants:
             while len(self._plants) > 1:
@@ -179,17 +182,19 @@ class ResponseProblem:
             store[key] = Plant.of(design, self.level)
         return store[key]
 
-    def added(self, z: Array) -> tuple[Array, Array]:
+    def added(
+        self, z: Float[np.ndarray, " unknown"]
+    ) -> tuple[Float[np.ndarray, " damped"], Float[np.ndarray, " stiff"]]:
         """Added dampings (r,) and changes of omega^2 (s,) of modes."""
         own = z[self.numbers + len(self.nuisances) :]
         return np.exp(own[: len(self.damped)]), own[len(self.damped) :]
 
-    def nuisance_values(self, z: Array) -> dict[Nuisance, float]:
+    def nuisance_values(self, z: Float[np.ndarray, " unknown"]) -> dict[Nuisance, float]:
         """Values of the nuisance parameters."""
         own = z[self.numbers : self.numbers + len(self.nuisances)]
         return dict(zip(self.nuisances, own.tolist(), strict=True))
 
-    def predict(self, z: Array) -> Prediction:
+    def predict(self, z: Float[np.ndarray, " unknown"]) -> Prediction:
         """Predict the readings of all measured functions; the last two are cached."""
         key = z.tobytes()
         if key not in self._cache:
@@ -198,7 +203,7 @@ class ResponseProblem:
             self._cache[key] = self._predict(z)
         return self._cache[key]
 
-    def _predict(self, z: Array) -> Prediction:
+    def _predict(self, z: Float[np.ndarray, " unknown"]) -> Prediction:
         plant = self._plant(z[: self.numbers])
         order = self._order(plant)
         damping, stiffening = np.zeros((2, len(order)))
@@ -215,7 +220,7 @@ class ResponseProblem:
             found.append(response)
         return Prediction(plant, order, tuple(found), reading)
 
-    def differentiate(self, z: Array) -> list[Any]:
+    def differentiate(self, z: Float[np.ndarray, " unknown"]) -> list[Any]:
         """Differentiate the reading of each measured function, (f, P) each."""
         now, values = self.predict(z), self.nuisance_values(z)
         item = self.base.experiment[0]
@@ -263,7 +268,7 @@ class ResponseProblem:
             n for n, name in enumerate(free) if set(name.split(".")) & {*response_matrix.LOSSES}
         ]
 
-    def _add_losses(self, z: Array, result: list[Any]) -> None:
+    def _add_losses(self, z: Float[np.ndarray, " unknown"], result: list[Any]) -> None:
         for n in self._loses():
             step = STEP * (abs(z[n]) or self.scale[n])
             move = np.zeros(len(z))
@@ -276,7 +281,9 @@ class ResponseProblem:
         """Standard deviations of the measured functions, (f,) each."""
         return [np.asarray(item.uncertainty, dtype=float) for item in self.channels.function]
 
-    def response_residual(self, z: Array, sigma: Sequence[Array]) -> Array:
+    def response_residual(
+        self, z: Float[np.ndarray, " unknown"], sigma: Sequence[Array]
+    ) -> Float[np.ndarray, " residual"]:
         """Residuals of all measured functions, real parts then imaginary parts of each."""
         return np.concatenate(
             [
@@ -287,7 +294,9 @@ class ResponseProblem:
             ]
         )
 
-    def residual(self, z: Array, sigma: Sequence[Array] | None = None) -> Array:
+    def residual(
+        self, z: Float[np.ndarray, " unknown"], sigma: Sequence[Array] | None = None
+    ) -> Float[np.ndarray, " residual"]:
         """All residuals: functions, modes and priors of numbers, priors of the other unknowns."""
         rows = [self.response_residual(z, self.uncertainties() if sigma is None else sigma)]
         if self.base.experiment[0].mode:
@@ -299,7 +308,9 @@ class ResponseProblem:
         rows.append(((z - center) / width)[known])
         return np.concatenate(rows)
 
-    def jacobian(self, z: Array, sigma: Sequence[Array] | None = None) -> Array:
+    def jacobian(
+        self, z: Float[np.ndarray, " unknown"], sigma: Sequence[Array] | None = None
+    ) -> Float[np.ndarray, "residual unknown"]:
         """Differentiate `residual`, (r, P)."""
         sigma = self.uncertainties() if sigma is None else sigma
         rows = [
@@ -314,7 +325,7 @@ class ResponseProblem:
         rows.append(np.diag(1 / width)[np.isfinite(width)])
         return np.concatenate(rows)
 
-    def frequencies(self, z: Array) -> Array:
+    def frequencies(self, z: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " mode"]:
         """Frequencies (m,) of the modes in the order of the start, Hz.
 
         Without changes of omega^2 that the design does not explain.
@@ -322,7 +333,9 @@ class ResponseProblem:
         plant = self._plant(z[: self.numbers])
         return plant.modes.frequency[self._order(plant)]
 
-    def frequency_slopes(self, z: Array) -> Array:
+    def frequency_slopes(
+        self, z: Float[np.ndarray, " unknown"]
+    ) -> Float[np.ndarray, "mode number"]:
         """Derivatives of `frequencies` by the numbers of the design, (m, p)."""
         plant = self._plant(z[: self.numbers])
         order = self._order(plant)
@@ -333,7 +346,7 @@ class ResponseProblem:
                 slope[:, n] = differentiate_frequencies(plant.modes, change)[order]
         return np.nan_to_num(slope)
 
-    def _order(self, plant: Plant) -> Any:
+    def _order(self, plant: Plant) -> Int[np.ndarray, " mode"]:
         """Mode of a design for each mode of the design at the start."""
         return pair_by_overlap((self.nominal.modes.shape @ plant.modal_forces.T) ** 2)
 

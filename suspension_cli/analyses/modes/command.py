@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.linear.eigenmodes import Modes
+    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
 
 HIGHEST = 1000.0
@@ -77,11 +78,14 @@ class ModesAnalysis(Analysis):
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.check.lossless import find_lossless
 
-        choice, undamped, modes = _solve(run)
+        choice, model, undamped, modes = _solve(run)
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
         lossless = find_lossless(run.design, choice.level)
         _warn_of_series(run, choice, modes)
-        warnings.warn_of_modes(run.design, choice.model, undamped, run.log)
+        if choice.model.has_wire_mass:
+            warnings.warn_of_modes(run.design, choice.model, undamped, run.log)
+        else:
+            warnings.warn(run.design, model, undamped, run.log)
         if np.isfinite(modes.q).any():
             for line in warnings.describe_lossless(lossless, choice.level):
                 run.log.warn(f"{run.name}: {line}")
@@ -217,8 +221,8 @@ def _warn_of_series(run: Run, choice: Choice, modes: Modes) -> None:
         )
 
 
-def _solve(run: Run) -> tuple[Choice, Modes, Modes]:
-    """Return the choice of model, the modes without damping, and those with all losses.
+def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
+    """Return the choice of model, its system, the modes without damping, and with all losses.
 
     With wire mass both are the modes with all losses.
     """
@@ -246,13 +250,13 @@ def _solve(run: Run) -> tuple[Choice, Modes, Modes]:
         found = eigenmodes.solve(model)
         listed = damped.solve(model, found)
         if highest is None:
-            return choice, found, listed
+            return choice, model, found, listed
         listed = listed.up_to(highest)
         if not len(listed.q):
             from suspension_cli.analyses.modes import wire_modes
 
             raise wire_modes.no_mode_error(highest)
-        return choice, found, listed
+        return choice, model, found, listed
     from suspension_cli.analyses.modes import wire_modes
 
     if level == registry.AUTO and highest is None:
@@ -273,7 +277,7 @@ def _solve(run: Run) -> tuple[Choice, Modes, Modes]:
     _admit(run, wire_modes.count_modes(model, top), top, cause)
     with run.log.progress() as bar:
         found = wire_modes.solve(model, top, damping=True, progress=bar)
-    return choice, found, found
+    return choice, model, found, found
 
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses.modes import strong_damping, weak_damping
+from suspension_cli.analyses.modes.elastic_losses import ElasticLosses, transform
 from suspension_cli.analyses.modes.modal_basis import Basis
 from suspension_cli.linear import eigenmodes as undamped
 from suspension_cli.linear import quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -136,30 +136,19 @@ def _build_basis(
     square = np.ix_(group, group)
     moves = np.concatenate([_decouple(squared, shapes, model.stiffness[square]), added])
     elastic = [term for term in model.terms if not isinstance(term, LossTerm) or term.elastic]
-    matrices = [moves @ term.all_matrices[:, group[:, None], group] @ moves.T for term in elastic]
     constant = (
-        np.zeros((len(moves),) * 2)
+        np.zeros((len(moves),) * 2, dtype=complex)
         if model.lossy is None
         else 1j * (moves @ np.imag(model.lossy[square]) @ moves.T)
     )
-
-    def losses(omega: Array, place: Index) -> Any:
-        own = constant[np.ix_(place, place)]
-        result = np.broadcast_to(own, (len(omega), *own.shape)).astype(complex)
-        for term, each in zip(elastic, matrices, strict=True):
-            some = each[:, place[:, None], place]
-            which = np.flatnonzero(some.any((1, 2)))
-            if len(which):
-                result += np.tensordot(term.at(omega).all_functions()[which].T, some[which], 1)
-        return result
-
+    parts = [(term, transform(term.all_matrices, moves, group)) for term in elastic]
     damping = moves @ damping_matrix(model)[square] @ moves.T
     return Basis(
         np.concatenate([squared, np.sign(own)]),
         np.repeat([1.0, 0.0], [len(shapes), len(light)]),
         damping,
         np.arange(len(moves)),
-        losses,
+        ElasticLosses(constant, np.sqrt(squared[squared > 0]), parts),
     ), moves
 
 
@@ -199,9 +188,7 @@ def _mark_lossy(basis: Basis) -> Bool[np.ndarray, " coordinate"]:
     On rigid modes only dampers act; massless coordinates always count.
     """
     size = np.sqrt(np.abs(basis.stiffness))
-    losses = np.abs(
-        np.diagonal(basis.losses(1j * np.where(size > 0, size, 1.0)), axis1=1, axis2=2).diagonal()
-    )
+    losses = np.abs(basis.own_losses(1j * np.where(size > 0, size, 1.0)).diagonal())
     resisted = np.abs(basis.viscous.diagonal())
     return (basis.inertia == 0) | np.where(
         size > 0,
@@ -243,10 +230,8 @@ def _quadratic_form(
     motion: Complex[np.ndarray, "pole coordinate"],
 ) -> Float[np.ndarray, " pole"]:
     """x^H A x (p,) of shapes x (p, N), for a real symmetric A (N, N)."""
-    real, imag = np.real(motion), np.imag(motion)
-    return np.einsum("mi,ij,mj->m", real, matrix, real) + np.einsum(
-        "mi,ij,mj->m", imag, matrix, imag
-    )
+    parts = np.real(motion), np.imag(motion)
+    return quality.quadratic_form(matrix, parts[0]) + quality.quadratic_form(matrix, parts[1])
 
 
 def _dissipated(
@@ -316,7 +301,7 @@ def mean_energies(
         ],
     )
     for part in (np.real(motion), np.imag(motion)):
-        weight = np.einsum("mi,ij,mj->m", part, model.mass, part)
+        weight = quality.quadratic_form(model.mass, part)
         moves = weight > 0
         total += np.where(moves, weight, 0.0)
         for fraction, own in zip(

@@ -21,13 +21,12 @@ and a Q of 1e12 keeps all its digits.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Array, Index
+from suspension_cli.analyses.modes.elastic_losses import ElasticLosses
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
@@ -37,6 +36,10 @@ ROUNDING = 1e-10
 modes of one frequency."""
 STEPS = 30
 """Most steps of any iteration."""
+FEW = 30
+"""Number of equations up to which elimination is as fast as iteration."""
+EXACT = np.finfo(float).eps / 8
+"""Relative change at which the solution of linear equations by iteration is exact in doubles."""
 CONVERGED = 4 * np.finfo(float).eps
 """Relative change at which an iteration ends."""
 
@@ -53,32 +56,59 @@ class Basis:
         X^T C X, 1/s.
     place : (n,) int array
         Numbers of these coordinates among those of `elastic`.
-    elastic : callable
-        X^T L(omega) X (m, n, n), complex, as a function of omega (m,) above 0, rad/s, and of places
-        (n,).
+    elastic : ElasticLosses
+        X^T L(omega) X.
     """
 
     stiffness: Float[np.ndarray, " coordinate"]
     inertia: Float[np.ndarray, " coordinate"]
     viscous: Float[np.ndarray, "coordinate coordinate"]
     place: Int[np.ndarray, " coordinate"]
-    elastic: Callable[[Array, Index], Any]
+    elastic: ElasticLosses
 
     def losses(
         self, s: Inexact[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
         """G (m, n, n) at s (m,), rad/s; without loss angles where s is real."""
         s = np.asarray(s, dtype=complex)
-        result = s[:, None, None] * self.viscous
         oscillates = np.imag(s) > 0
-        if oscillates.any():
-            result[oscillates] = result[oscillates] + self.elastic(
-                np.imag(s)[oscillates], self.place
-            )
-        size = np.sqrt(np.abs(np.diagonal(result, axis1=1, axis2=2)))
-        return np.where(
-            np.abs(result) > ROUNDING * size[:, :, None] * size[:, None, :], result, 0.0
-        )
+        if self.elastic.is_constant and oscillates.all() and len(s) and not self.viscous.any():
+            one = self._without_rounding(self.elastic.at(np.imag(s)[:1], self.place))
+            return np.broadcast_to(one, (len(s), *one.shape[1:]))
+        result = s[:, None, None] * self.viscous
+        if oscillates.all():
+            result += self.elastic.at(np.imag(s), self.place)
+        elif oscillates.any():
+            result[oscillates] += self.elastic.at(np.imag(s)[oscillates], self.place)
+        return self._without_rounding(result)
+
+    def own_losses(
+        self, s: Complex[np.ndarray, " frequency"]
+    ) -> Complex[np.ndarray, "frequency coordinate"]:
+        """G_kk (m, n) at s (m,), rad/s, of oscillating motion."""
+        return s[:, None] * self.viscous.diagonal() + self.elastic.diagonal(np.imag(s), self.place)
+
+    def loss_rows(
+        self, s: Complex[np.ndarray, " frequency"], row: Int[np.ndarray, " frequency"]
+    ) -> tuple[
+        Complex[np.ndarray, "frequency coordinate"], Complex[np.ndarray, "frequency coordinate"]
+    ]:
+        """One `row` (m,) of G at each s (m,), (m, n), and `own_losses`; s as there."""
+        own = self.own_losses(s)
+        result = s[:, None] * self.viscous[row] + self.elastic.rows(np.imag(s), self.place, row)
+        size = np.sqrt(np.abs(own))
+        least = ROUNDING * size[np.arange(len(s)), row, None] * size
+        return np.where(np.abs(result) > least, result, 0.0), own
+
+    def _without_rounding(
+        self, losses: Complex[np.ndarray, "frequency coordinate coordinate"]
+    ) -> Complex[np.ndarray, "frequency coordinate coordinate"]:
+        """Set elements (m, n, n) that are rounding errors to 0, in place."""
+        size = np.abs(np.diagonal(losses, axis1=1, axis2=2))
+        square = np.real(losses) ** 2  # faster than the magnitude
+        square += np.imag(losses) ** 2
+        losses[square <= ROUNDING**2 * size[:, :, None] * size[:, None, :]] = 0.0
+        return losses
 
     def within(self, some: Int[np.ndarray, " some"]) -> Basis:
         """Restrict to coordinates that losses do not couple to the others."""
@@ -126,7 +156,33 @@ def condense(
     part = (np.abs(column) ** 2).max(1) > least * np.abs(diagonal) * np.abs(own).max()
     part[group] = False
     others = np.flatnonzero(part)
-    rest = losses[np.ix_(others, others)].copy()
-    np.fill_diagonal(rest, diagonal[others])
-    follow = -np.linalg.solve(rest, column[others])
+    rest = losses[others[:, None], others]
+    follow = -_solve_far(diagonal[others], rest, column[others])
     return own + losses[np.ix_(group, others)] @ follow, follow, others
+
+
+def _solve_far(
+    diagonal: Complex[np.ndarray, " other"],
+    losses: Complex[np.ndarray, "other other"],
+    right: Complex[np.ndarray, "other group"],
+) -> Complex[np.ndarray, "other group"]:
+    """Solve for (r, g) the equations of modes far from resonance, which losses couple little.
+
+    The given `diagonal` (r,) replaces that of the losses (r, r), which are changed. Jacobi's
+    iteration, which takes far fewer operations than elimination; that if it does not converge.
+    """
+    np.fill_diagonal(losses, 0.0)
+    if len(diagonal) > FEW:
+        scaled = right / diagonal[:, None]
+        result, last = scaled, np.inf
+        for _ in range(STEPS):
+            new = scaled - (losses @ result) / diagonal[:, None]
+            moved = np.abs(new - result).max()
+            result = new
+            if moved <= EXACT * np.abs(new).max():
+                return result
+            if not moved < last / 4:
+                break
+            last = moved
+    np.fill_diagonal(losses, diagonal)
+    return np.linalg.solve(losses, right)

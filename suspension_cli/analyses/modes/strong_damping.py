@@ -49,7 +49,7 @@ def solve_strong(
     oscillates = np.flatnonzero(starts.imag > 0)
     if len(oscillates):
         lossy, moving = _solve_quadratic(
-            basis, basis.elastic(starts[oscillates].imag, basis.place).mean(0)
+            basis, basis.elastic.at(starts[oscillates].imag, basis.place).mean(0)
         )
         if len(light):
             other = np.ones(len(lossy), dtype=bool)
@@ -77,6 +77,8 @@ def _solve_quadratic(
 
     massive = np.flatnonzero(basis.inertia > 0)
     n, m = len(basis.stiffness), len(massive)
+    if n == m and not basis.viscous.any():
+        return _solve_undamped(basis, loss)
     rate = float(np.sqrt(np.abs(basis.stiffness[massive]).max()) or 1.0)
     select = np.eye(n)[massive]
     left = np.block(
@@ -96,6 +98,19 @@ def _solve_quadratic(
     # real poles of the real problem are exactly real, except close pairs
     values = np.where(np.abs(values.imag) <= REAL * np.abs(values), values.real, values)
     kept = values.imag > 0 if loss.any() else values.imag >= 0
+    return values[kept], motions[kept].astype(complex)
+
+
+def _solve_undamped(
+    basis: Basis, loss: Inexact[np.ndarray, "coordinate coordinate"]
+) -> tuple[Inexact[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
+    """`_solve_quadratic` without dampers: s^2 is minus an eigenvalue of K + L."""
+    squares, vectors = basis.stiffness, np.eye(len(basis.stiffness))
+    if loss.any():
+        squares, vectors = np.linalg.eig(np.diag(squares) + loss)
+    root = np.sqrt(-squares.astype(complex))
+    values, motions = np.concatenate([root, -root]), np.concatenate([vectors.T, vectors.T])
+    kept = np.imag(values) > 0 if loss.any() else np.imag(values) >= 0
     return values[kept], motions[kept].astype(complex)
 
 

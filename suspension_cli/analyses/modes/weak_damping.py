@@ -28,7 +28,7 @@ TOGETHER = 1e-6
 together."""
 NEGLIGIBLE = 1e-18
 """Relative contribution of another mode to the losses of a mode that is left out."""
-MEMORY = 2_000_000
+MEMORY = 4_000_000
 """Elements of G evaluated at once."""
 
 
@@ -40,11 +40,9 @@ def group_modes(
     n = len(basis.stiffness)
     start = np.where(basis.inertia > 0, 1j * np.sqrt(np.maximum(basis.stiffness, 0.0)), 0.0)
     # G_jk and G_kk at mode j
+    oscillates = np.flatnonzero(start != 0)
     rows, own = np.zeros((n, n), dtype=complex), np.zeros((n, n), dtype=complex)
-    for part in _chunks(basis, n):
-        losses = basis.losses(start[part])
-        rows[part] = losses[np.arange(len(losses)), np.arange(n)[part]]
-        own[part] = np.diagonal(losses, axis1=1, axis2=2)
+    rows[oscillates], own[oscillates] = basis.loss_rows(start[oscillates], oscillates)
     here = basis.stiffness + own - np.outer(basis.stiffness, basis.inertia)  # equation k at mode j
     coupling, size, apart = (
         np.abs(rows),
@@ -103,7 +101,9 @@ def follow_poles(
                 shift[n], change[n] = every[which], moved
                 motions[n] = 0.0
                 motions[n, own], motions[n, others] = vectors[:, which], follow @ vectors[:, which]
-                if step == 0 or CONVERGED * abs(shift[n]) < moved < last:
+                limit = CONVERGED * abs(shift[n])
+                # changes shrink at a steady rate: the next one would be moved^2 / last
+                if step == 0 or (limit < moved < last and moved**2 > 0.1 * limit * last):
                     going.append(n)
         running = np.array(going, dtype=np.intp)
         if not len(running):

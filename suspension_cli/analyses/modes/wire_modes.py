@@ -14,6 +14,7 @@ import numpy as np
 
 from suspension_cli.analyses.modes import cut_wires, damped, strong_damping
 from suspension_cli.analyses.modes.cut_wires import CutWires
+from suspension_cli.analyses.modes.elastic_losses import ElasticLosses
 from suspension_cli.analyses.modes.modal_basis import Basis
 from suspension_cli.elements.dynamic_wire import PARTS, TautWire
 from suspension_cli.errors import Fault, InputError
@@ -73,7 +74,7 @@ def solve(
     InputError
         If no mode lies below `highest`.
     """
-    static = eigenmodes.solve(replace(model, terms=()))
+    static = eigenmodes.solve(model.constant)
     omega = mode_count.frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
     if not len(omega):
         raise no_mode_error(highest)
@@ -119,7 +120,7 @@ def solve(
 
 def count_modes(model: LinearSystem, highest: float) -> int:
     """Count the modes that oscillate below a frequency (Hz), without solving for them."""
-    lowest = _lowest_frequency(eigenmodes.solve(replace(model, terms=())))
+    lowest = _lowest_frequency(eigenmodes.solve(model.constant))
     low, high = mode_count.modes_below(model, np.array([lowest, max(2 * np.pi * highest, lowest)]))
     return int(high - low)
 
@@ -165,7 +166,7 @@ def _kinetic_energies(
         Of each part of the motion of each kind of wire.
     """
     own = shapes[:, : model.size]
-    total = np.einsum("mi,ij,mj->m", own, model.mass, own)
+    total = quality.quadratic_form(model.mass, own)
     body, tips = eigenmodes.energy_fractions(model, own)
     body = np.concatenate([body, tips], axis=1) * total[:, None]
     kinds: list[tuple[CutWires, str, Array]] = []
@@ -286,17 +287,20 @@ def _build_basis(
         ]
         at = np.sqrt(omega[first] * omega[second])
         motion = own[first] + own[second]
-        whole = quality.dissipation(model, at, motion, both)[0] - at * np.einsum(
-            "mi,ij,mj->m", motion, damped.damping_matrix(model), motion
+        whole = quality.dissipation(model, at, motion, both)[0] - at * quality.quadratic_form(
+            damped.damping_matrix(model), motion
         )
         loss[first, second] = loss[second, first] = (
             whole - loss[first, first] - loss[second, second]
         ) / 2
 
-    def losses(at: Array, place: Any) -> Any:
-        return np.broadcast_to(1j * loss[np.ix_(place, place)], (len(at), len(place), len(place)))
-
-    return Basis(omega**2, np.ones(len(omega)), viscous, np.arange(len(omega)), losses)
+    return Basis(
+        omega**2,
+        np.ones(len(omega)),
+        viscous,
+        np.arange(len(omega)),
+        ElasticLosses(1j * loss, omega),
+    )
 
 
 def _split_modes(omega: Float[np.ndarray, " mode"]) -> list[slice]:

@@ -167,8 +167,8 @@ class OptimiseAnalysis(Analysis):
         from suspension_cli.analyses.optimise import picture
         from suspension_cli.drawing import style
 
-        drawn = picture.draw(result.data, result.title)
-        return {"": style.name_model(drawn, result.choice)}
+        drawn = picture.draw(result.data, result.subtitle)
+        return {"": style.name_neglected(drawn, result.choice)}
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write the design found as NAME-optimised.toml."""

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from suspension_cli.analyses.optimise.quantities import Limit, Requirements
 from suspension_cli.design.goals import Goals
 from suspension_cli.errors import InputError
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
 
 MAX_ITERATIONS = 100
 """Iterations of each of the two searches at most."""
@@ -57,8 +60,8 @@ class Point:
         Largest excess of a dependent number over its bounds, relative to the bound.
     """
 
-    fraction: Array
-    log: Array
+    fraction: Float[np.ndarray, " number"]
+    log: Float[np.ndarray, " quantity"]
     violation: float
     objective: float
     outside: float
@@ -99,11 +102,11 @@ class ActiveSet:
         Norm of the objective's gradient that the multipliers do not balance, relative to its norm.
     """
 
-    active: Any
-    multiplier: Array
-    bound: Any
-    bound_multiplier: Array
-    tied_multiplier: Array
+    active: Bool[np.ndarray, " limit"]
+    multiplier: Float[np.ndarray, " limit"]
+    bound: Int[np.ndarray, " number"]
+    bound_multiplier: Float[np.ndarray, " number"]
+    tied_multiplier: Float[np.ndarray, " tied"]
     stationarity: float
 
 
@@ -127,7 +130,7 @@ class Search:
 
     values: Evaluator
     goals: Goals
-    offset: Array
+    offset: Float[np.ndarray, " quantity"]
     seen: dict[bytes, Evaluation | None] = field(default_factory=dict)
     best: Point | None = None
     pairs: tuple[Limit, ...] = ()
@@ -143,7 +146,7 @@ class Search:
         return self.values.requirements
 
     @property
-    def begin(self) -> Array:
+    def begin(self) -> Float[np.ndarray, " number"]:
         """Fractions (p,) of the starting design."""
         return self.freed.fractions(self.freed.start)
 
@@ -152,7 +155,7 @@ class Search:
         """Limits of the goals, then those between neighbouring modes that have to lie apart."""
         return (*self.requirements.limits, *self.pairs)
 
-    def order(self, log: Array) -> tuple[Limit, ...]:
+    def order(self, log: Float[np.ndarray, " quantity"]) -> tuple[Limit, ...]:
         """Limits between modes that have to lie apart, neighbours at the logarithms (q,)."""
         found = []
         for goal, places, value, hertz in self.requirements.separations:
@@ -162,7 +165,7 @@ class Search:
             ]
         return tuple(found)
 
-    def value(self, fraction: Array) -> Evaluation | None:
+    def value(self, fraction: Float[np.ndarray, " number"]) -> Evaluation | None:
         """Evaluate logarithms and derivatives by fractions (p,); None without a valid design."""
         key = fraction.tobytes()
         if key not in self.seen:
@@ -205,7 +208,9 @@ class Search:
         number = self.freed.numbers(fraction)
         return rows @ number + sides, rows * self.freed.rate(number)
 
-    def objective(self, now: Evaluation, fraction: Array) -> tuple[float, Array]:
+    def objective(
+        self, now: Evaluation, fraction: Float[np.ndarray, " number"]
+    ) -> tuple[float, Array]:
         """Objective to be minimised and its gradient (p,)."""
         if self.requirements.terms:
             weight = np.array([term.weight for term in self.requirements.terms])
@@ -219,7 +224,7 @@ class Search:
         """Whether the smallest margin is the objective."""
         return self.goals.prefer == "margin" and not self.requirements.terms
 
-    def point(self, fraction: Array) -> Point | None:
+    def point(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
         """Evaluate a point and update `best`; None without a valid design."""
         now = self.value(fraction)
         if now is None:
@@ -238,7 +243,7 @@ class Search:
             self.best = found
         return found
 
-    def run(self, fraction: Array) -> Point | None:
+    def run(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
         """Search from fractions (p,); return the best point, None for an invalid start."""
         self.best, now = None, self.value(fraction)
         if now is None:
@@ -252,7 +257,7 @@ class Search:
             self._solve(self.best.fraction, self.best.objective, phase=2)
         return self.best
 
-    def _solve(self, fraction: Array, worst: float, *, phase: int) -> None:
+    def _solve(self, fraction: Float[np.ndarray, " number"], worst: float, *, phase: int) -> None:
         """Minimise the violation (phase 1), or the objective subject to the limits (phase 2)."""
         from scipy.optimize import minimize
 
@@ -405,7 +410,9 @@ class Search:
         )
 
 
-def margin(limit: Limit, log: Array, slope: Array | None = None) -> tuple[float, Any]:
+def margin(
+    limit: Limit, log: Float[np.ndarray, " quantity"], slope: Array | None = None
+) -> tuple[float, Any]:
     """Margin of a limit and its slope (p,), for logarithms (q,) of quantities and slopes (q, p).
 
     For an equality, the logarithm of value over limit.
@@ -421,7 +428,7 @@ def margin(limit: Limit, log: Array, slope: Array | None = None) -> tuple[float,
     return (-away, -dy) if limit.sense == "at_most" else (away, dy)
 
 
-def signed_margin(limit: Limit, log: Array) -> float:
+def signed_margin(limit: Limit, log: Float[np.ndarray, " quantity"]) -> float:
     """Margin of a limit for logarithms (q,); minus the deviation for an equality."""
     value, _ = margin(limit, log)
     return -abs(value) if limit.sense == "equals" else value

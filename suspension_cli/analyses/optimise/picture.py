@@ -6,10 +6,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import NullFormatter
 
 from suspension_cli.analyses.optimise.optimum import Optimum
+from suspension_cli.design.path_units import DISPLAYED, LOW_PRESSURE, unit_of
+from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
@@ -19,12 +22,19 @@ from suspension_cli.drawing.style import (
     house_style,
     new_figure,
     single_line,
+    write_text,
 )
 
 BEFORE, AFTER, MISSED = PALETTE[4], PALETTE[0], PALETTE[1]
 BAND = "#dcefe8"
-ROW = 0.2
+ROW = 0.17
 """Height of a row, inches."""
+BETWEEN = 0.68
+"""Height between panels, for labels, in."""
+WIDTH = 4.5
+"""Width of the figure, in."""
+ASIDE = 0.17
+"""Shift of markers up before and down after, so that equal values are both seen, rows."""
 MAX_ROOM = 100.0
 """Distance from a limit in % at which bars are cut off."""
 MIN_FRACTION = 1e-4
@@ -38,46 +48,58 @@ def draw(found: Optimum, title: str) -> Figure:
     ----------
     found : Optimum
     title : str
+        Names of the design and the model.
     """
     with house_style():
-        numbers, others = len(found.numbers.name), _other_limits(found)
-        left = ROW * len(found.modes.name)
-        right = ROW * (numbers + len(others)) + (0.95 if others else 0.0)
-        tall = max(left, right)
-        figure = new_figure(10.4, tall + 1.35)
-        modes = add_axes(figure, 1.55, 0.62, 2.5, tall)
-        fractions = add_axes(figure, 4.2, 0.62, 1.05, tall)
-        _draw_modes(modes, found)
-        _draw_fractions(fractions, found)
-        room = tall - (0.95 if others else 0.0)
-        part = numbers / (numbers + len(others))
-        _draw_numbers(add_axes(figure, 8.0, 0.62, 2.1, room * part), found)
+        others = _other_limits(found)
+        modes, numbers, margins = (
+            ROW * max(len(rows), 1) for rows in (found.modes.name, found.numbers.name, others)
+        )
+        head = curves.HEAD + 0.22
+        height = head + modes + BETWEEN + numbers + (BETWEEN + margins if others else 0.0) + 0.6
+        figure = new_figure(WIDTH, height)
+        frequencies = add_axes(figure, 1.3, head, 1.95, modes)
+        _draw_modes(frequencies, found)
+        _draw_fractions(add_axes(figure, 3.4, head, 0.92, modes), found)
+        _draw_key(figure, frequencies)
+        top = head + modes + BETWEEN
+        _draw_numbers(add_axes(figure, 2.42, top, 1.4, numbers), found)
+        _write_above(figure, top, "Numbers of the design between their bounds")
         if others:
-            _draw_margins(
-                add_axes(figure, 8.0, 0.62 + room * part + 0.95, 2.1, room * (1 - part)),
-                found,
-                others,
-            )
-        met, count, unknown = (
-            int(found.limits.met.sum()),
-            len(found.limits.name),
-            len(found.unknown),
-        )
-        text = (
-            f"{single_line(title, 80)}: {met} of {count} limits"
-            f" met{f', {unknown} unknown' if unknown else ''}, checked with the"
-            f" {found.fidelity} model"
-        )
-        figure.suptitle(text, x=0.01, y=1 - 0.1 / (tall + 1.35), ha="left", fontsize=9)
+            top += numbers + BETWEEN
+            _draw_margins(add_axes(figure, 2.42, top, 1.95, margins), found, others)
+            _write_above(figure, top, "Other limits: margin before and after")
+        met, count = int(found.limits.met.sum()), len(found.limits.name)
+        unknown = f", {len(found.unknown)} unknown" if found.unknown else ""
+        curves.write_heading(figure, f"Optimised: {met} of {count} limits met{unknown}", title)
         return figure
 
 
-def _rows(axes: Axes, names: list[str], size: float = 6.5) -> Any:
+def _draw_key(figure: Figure, axes: Axes) -> None:
+    """Draw the key of all panels below the heading."""
+    figure.legend(
+        handles=axes.get_legend_handles_labels()[0],
+        loc="upper left",
+        bbox_to_anchor=(0.02, 1 - 0.43 / figure.get_size_inches()[1]),
+        ncols=4,
+        borderpad=0.1,
+        handletextpad=0.3,
+        columnspacing=1.0,
+        fontsize=7.5,
+    )
+
+
+def _write_above(figure: Figure, top: float, text: str) -> None:
+    write_text(figure, 0.1, top - 0.18, text, 7.5)
+
+
+def _rows(axes: Axes, names: list[str], size: float = 7.5) -> Any:
     """Label rows from the top down; return their positions."""
     rows = np.arange(len(names))
     axes.set_yticks(rows, names, fontsize=size)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.tick_params(axis="y", length=0)
+    axes.tick_params(labelsize=size)
     axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
     axes.set_axisbelow(True)
     return rows
@@ -133,10 +155,10 @@ def _draw_modes(axes: Axes, found: Optimum) -> None:
             zorder=0,
             label=None if n else "allowed",
         )
-    axes.hlines(rows, modes.before, modes.after, color=NOTE, linewidth=0.6, zorder=2)
+    _join(axes, modes.before, modes.after, rows)
     axes.plot(
         modes.before,
-        rows,
+        rows - ASIDE,
         "o",
         markersize=4,
         markerfacecolor="white",
@@ -146,12 +168,18 @@ def _draw_modes(axes: Axes, found: Optimum) -> None:
     )
     kept = np.array([row not in missed for row in rows])
     axes.plot(
-        modes.after[kept], rows[kept], "D", markersize=3.4, color=AFTER, linestyle="", label="after"
+        modes.after[kept],
+        rows[kept] + ASIDE,
+        "D",
+        markersize=3.4,
+        color=AFTER,
+        linestyle="",
+        label="after",
     )
     if missed:
         axes.plot(
             modes.after[~kept],
-            rows[~kept],
+            rows[~kept] + ASIDE,
             "D",
             markersize=3.4,
             color=MISSED,
@@ -160,17 +188,15 @@ def _draw_modes(axes: Axes, found: Optimum) -> None:
         )
     axes.set_xscale("log")
     axes.set_xlim(low, high)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("frequency (Hz)")
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=4,
-        borderaxespad=0.1,
-        handletextpad=0.2,
-        columnspacing=0.9,
-        fontsize=7,
+    curves.label_plainly(axes.xaxis)
+    axes.set_xlabel("frequency (Hz)", fontsize=7.5)
+
+
+def _join(axes: Axes, before: Any, after: Any, rows: Any) -> None:
+    """Draw a line from each value before to that after, below it."""
+    ends = np.stack([np.stack([before, rows - ASIDE], 1), np.stack([after, rows + ASIDE], 1)], 1)
+    axes.add_collection(
+        LineCollection([*ends], colors=NOTE, linewidths=0.6, zorder=2, clip_on=False)
     )
 
 
@@ -182,8 +208,15 @@ def _draw_fractions(axes: Axes, found: Optimum) -> None:
     )
     # markers on the edge of the axes are not clipped
     edge: dict[str, Any] = {"linestyle": "", "clip_on": False, "zorder": 3}
+    _join(axes, before, after, rows)
     axes.plot(
-        before, rows, "o", markersize=4, markerfacecolor="white", markeredgecolor=BEFORE, **edge
+        before,
+        rows - ASIDE,
+        "o",
+        markersize=4,
+        markerfacecolor="white",
+        markeredgecolor=BEFORE,
+        **edge,
     )
     good = np.ones(len(rows), dtype=bool)
     for row in rows:
@@ -193,21 +226,23 @@ def _draw_fractions(axes: Axes, found: Optimum) -> None:
             )
             good[row] &= limits.met[n]
     for which, colour in ((good, AFTER), (~good, MISSED)):
-        axes.plot(after[which], rows[which], "D", markersize=3.4, color=colour, **edge)
+        axes.plot(after[which], rows[which] + ASIDE, "D", markersize=3.4, color=colour, **edge)
     axes.set_xscale("log")
     axes.set_xlim(MIN_FRACTION, 1.0)
-    axes.set_xticks([1e-4, 1e-2, 1.0], ["≤ 0.01 %", "1 %", "100 %"], fontsize=6.5)
+    axes.set_xticks([1e-4, 1e-2, 1.0], ["≤0.01", "1", "100"])
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("energy in top mass")
+    axes.set_xlabel("energy in top\nmass (%)", fontsize=7.5)
 
 
 def _draw_numbers(axes: Axes, found: Optimum) -> None:
     numbers = found.numbers
-    after = [
-        f"{single_line(name.removeprefix('stage.'), 40)}  {value:.4g}"
-        for name, value in zip(numbers.name, numbers.after, strict=True)
-    ]
-    rows = _rows(axes, after)
+    rows = _rows(
+        axes,
+        [
+            _describe_change(name, before, after)
+            for name, before, after in zip(numbers.name, numbers.before, numbers.after, strict=True)
+        ],
+    )
     nearer, farther = (
         np.minimum(numbers.before, numbers.after),
         np.maximum(numbers.before, numbers.after),
@@ -219,24 +254,62 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
         np.where(both, numbers.lower, nearer - room),
         np.where(both, numbers.upper - numbers.lower, 2 * room + farther - nearer),
     )
-    axes.hlines(rows[both], 0.0, 1.0, color=PALE, linewidth=3)
-    axes.hlines(
-        rows, (numbers.before - low) / span, (numbers.after - low) / span, color=NOTE, linewidth=0.6
-    )
+    before, after = (numbers.before - low) / span, (numbers.after - low) / span
+    axes.hlines(rows[both], 0.0, 1.0, color=PALE, linewidth=5)
+    _join(axes, before, after, rows)
+    edge: dict[str, Any] = {"linestyle": "", "clip_on": False, "zorder": 3}
     axes.plot(
-        (numbers.before - low) / span,
-        rows,
+        before,
+        rows - ASIDE,
         "o",
         markersize=4,
         markerfacecolor="white",
         markeredgecolor=BEFORE,
-        linestyle="",
+        **edge,
     )
-    axes.plot((numbers.after - low) / span, rows, "D", markersize=3.4, color=AFTER, linestyle="")
-    axes.set_xlim(-0.06, 1.06)
-    axes.set_xticks([0.0, 1.0], ["lower bound", "upper bound"])
+    axes.plot(after, rows + ASIDE, "D", markersize=3.4, color=AFTER, **edge)
+    for row, (name, lower, upper) in enumerate(
+        zip(numbers.name, numbers.lower, numbers.upper, strict=True)
+    ):
+        unit, factor = _shown_unit(name, numbers.after[row])
+        for x, bound, side in ((0.0, lower, "right"), (1.0, upper, "left")):
+            if np.isfinite(bound):
+                text = curves.write_plainly(float(f"{factor * bound:.3g}"))
+                text += f" {unit}" if side == "left" and unit else ""
+                shift = -5 if side == "right" else 5
+                axes.annotate(
+                    text,
+                    (x, row),
+                    (shift, 0),
+                    textcoords="offset points",
+                    ha=side,
+                    va="center",
+                    fontsize=7.5,
+                    color=NOTE,
+                    annotation_clip=False,
+                )
+    axes.set_xlim(0.0, 1.0)
+    axes.set_xticks([0.0, 1.0], ["lower bound", "upper"])
+    axes.spines[["left", "bottom"]].set_visible(False)
+    axes.tick_params(axis="y", pad=30)
+    axes.tick_params(axis="x", length=0)
     axes.grid(visible=False)
-    axes.set_title("numbers (SI) between their bounds", loc="left", fontsize=7.5, color=INK)
+
+
+def _shown_unit(path: str, value: float) -> tuple[str, float]:
+    """Unit in which a number is shown, and the factor to it."""
+    unit = unit_of(path)
+    low = unit == "Pa" and abs(value) < LOW_PRESSURE
+    name, factor = DISPLAYED.get("" if low else unit, (unit, 1.0))
+    return ("" if name == "1" else name.replace("^2", "²")), factor
+
+
+def _describe_change(path: str, before: float, after: float) -> str:
+    """Name of a number, shortened, and its values before and after."""
+    _, factor = _shown_unit(path, after)
+    values = f"{factor * before:.3g} → {factor * after:.3g}".replace("-", "−")
+    name = path.removeprefix("stage.").replace(".geometry.", ".")
+    return f"{single_line(name, max(31 - len(values), 8))}  {values}"
 
 
 def _other_limits(found: Optimum) -> list[int]:
@@ -252,23 +325,53 @@ def _draw_margins(axes: Axes, found: Optimum, which: list[int]) -> None:
     limits = found.limits
     rows = _rows(
         axes,
-        [single_line(_typeset(limits.name[n].removesuffix(" of breaking")), 52) for n in which],
+        [single_line(_typeset(limits.name[n].removesuffix(" of breaking")), 38) for n in which],
     )
     values = np.nan_to_num(100 * limits.room[which], nan=-MAX_ROOM)
     shown = np.clip(values, -MAX_ROOM, MAX_ROOM)
-    axes.barh(rows, shown, height=0.55, color=[AFTER if limits.met[n] else MISSED for n in which])
-    axes.axvline(0.0, color=INK, linewidth=0.6)
-    widest = max(float(np.abs(shown).max()), 1.0)
-    axes.set_xlim(
-        min(-0.04 * widest, 1.15 * shown.min()), max(1.3 * float(shown.max()), 0.3 * widest)
+    colours = [AFTER if limits.met[n] else MISSED for n in which]
+    axes.barh(rows, shown, height=0.55, color=colours)
+    before = np.array([_margin_before(found, n) for n in which])
+    axes.plot(
+        np.clip(before, -MAX_ROOM, MAX_ROOM),
+        rows,
+        "o",
+        markersize=4,
+        markerfacecolor="white",
+        markeredgecolor=BEFORE,
+        linestyle="",
+        clip_on=False,
+        zorder=3,
     )
-    for row, value, end in zip(rows, values, np.maximum(shown, 0.0), strict=True):
+    axes.axvline(0.0, color=INK, linewidth=0.6)
+    ends = np.nan_to_num(np.clip(before, -MAX_ROOM, MAX_ROOM), nan=0.0)
+    widest = max(float(np.abs(shown).max()), float(np.abs(ends).max()), 1.0)
+    low, high = min(shown.min(), ends.min()), max(shown.max(), ends.max())
+    axes.set_xlim(min(-0.04 * widest, 1.1 * low), high + 0.42 * max(widest, high - low))
+    ends = np.maximum(np.maximum(shown, 0.0), np.maximum(ends, 0.0))
+    for row, value, end in zip(rows, values, ends, strict=True):
         text = f"{value:+.{0 if abs(value) >= 10 else 1}f} %" + (" →" if value > MAX_ROOM else "")
         axes.annotate(
-            text, (end, row), (3, 0), textcoords="offset points", va="center", fontsize=6.5
+            text.replace("-", "−"),
+            (end, row),
+            (5, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=7.5,
         )
-    axes.set_xlabel("margin (% of the limit)")
-    axes.set_title("other limits", loc="left", fontsize=7.5, color=INK)
+    axes.grid(visible=False)
+    axes.set_xlabel("margin (% of the limit)", fontsize=7.5)
+
+
+def _margin_before(found: Optimum, number: int) -> float:
+    """Margin of the original design from a limit, in % of it; NaN for a separation of modes."""
+    limits = found.limits
+    if limits.other[number] >= 0:
+        return np.nan
+    value = found.quantities.before[limits.quantity[number]]
+    margin = 100 * (value / limits.asked[number] - 1)
+    sense = limits.sense[number]
+    return -abs(margin) if sense == "equals" else -margin if sense == "at_most" else margin
 
 
 def _typeset(text: str) -> str:

@@ -1,4 +1,4 @@
-"""A report in the making: what was requested, and the analyses that its sections run."""
+"""State of a report while it is composed: the request, and the analyses that its sections run."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from suspension_cli.scene.scene import Scene
 
 BUILDS = 1000
-"""Imperfect builds of which a report gives statistics."""
+"""Default number of imperfect builds for the statistics of a report."""
 
 
 class Omitted(Exception):
-    """A section does not apply to a design; the text says why."""
+    """Raised by a section that does not apply to a design; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Request:
     tolerance : float
         Relative error that ``auto`` may leave.
     overrides : tuple of str
-        Changes of the file that the source includes already, for the commands that are listed.
+        Overrides that the source contains already, for the commands that are listed.
     folder : Path or None
-        Where results files of earlier runs may be.
+        Folder in which results files of earlier runs are looked for.
     """
 
     sections: tuple[str, ...] = ()
@@ -92,16 +92,16 @@ class Warnings(Log):
 
 @dataclass(frozen=True)
 class Part:
-    """One analysis of a report, for the table of its provenance.
+    """One analysis of a report, for the table "Provenance".
 
     Attributes
     ----------
     title : str
-        Of its section.
+        Title of its section.
     command : str
         Command line that computes it again.
     choice : Choice or None
-        Its model.
+        Its model; None if it has none.
     """
 
     title: str
@@ -111,21 +111,21 @@ class Part:
 
 @dataclass
 class Composition:
-    """A report in the making.
+    """State of a report while it is composed.
 
     Attributes
     ----------
     source : Source
     scene : Scene
-        Of the design, without imperfections.
+        The design without imperfections.
     request : Request
     log : Warnings
     folder : Path
-        For the files of analyses that write while they compute.
+        Folder for the files of analyses that write while they compute.
     parts : list of Part
         Analyses so far.
     title : str
-        Of the current section.
+        Title of the current section.
     """
 
     source: Source
@@ -137,11 +137,11 @@ class Composition:
     title: str = ""
 
     def list(self, name: str) -> None:
-        """List a command that analyses nothing among the parts."""
+        """List a command without a model (`draw`, `check`) among the parts."""
         self.parts.append(Part(self.title, self.command(name)))
 
     def note(self, command: str, choice: Choice) -> None:
-        """List a part that was computed before."""
+        """List an analysis whose result was read from a file among the parts."""
         self.parts.append(Part(self.title, command, choice))
 
     def command(self, name: str, *options: str) -> str:
@@ -164,9 +164,9 @@ class Composition:
         ----------
         name : str
         *options : str
-            The same on the command line, as the report lists it.
+            The settings as words of a command line, which the report lists.
         **given
-            Settings, by the names of the parameters of the analysis.
+            The settings, by the names of the parameters of the analysis.
         """
         analysis, request = registry.get(name), self.request
         names = {param.name for param in analysis.parameters}

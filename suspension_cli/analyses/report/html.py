@@ -26,12 +26,12 @@ INCH = 96
 NUMBER = re.compile(r"([-+]?)([\d,]+)(\.\d*)?(?:e([-+]\d+))?")
 """A formatted number: sign, digits before the point, from the point on, exponent."""
 LONGEST = 9
-"""Digits of a number that is written without exponent beside others that have none."""
+"""Exponent below which a number is written without it in a column where others have none."""
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def text(value: object) -> str:
-    """Escape text for HTML, with signs that terminals may lack."""
+    """Escape text for HTML, with the signs √ and ± in place of their ASCII forms."""
     plain = escape_unprintable(str(value))
     return escape(plain.replace("sqrt(Hz)", "√Hz").replace("+-", "±"))
 
@@ -106,10 +106,10 @@ def _glued(cell: str) -> str:
 
 
 def _aligned(cells: Sequence[str]) -> list[str]:
-    """Return numbers as HTML whose points are at one place: what follows has one width in all.
+    """Return numbers as HTML, aligned on the point: what follows it has one width in all.
 
-    Where only some have exponents, all are written without if they have few digits, else they are
-    aligned on the right.
+    Where only some have exponents, all are written without them if that needs few digits; otherwise
+    all are aligned on the right.
     """
     parts = [NUMBER.fullmatch(cell) for cell in cells]
     powers = [int(part[4]) for part in parts if part and part[4]]
@@ -154,7 +154,7 @@ def _exponent(power: str | None) -> str:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Write a number as people do: ``0.59``, ``1.2×10⁻¹¹``."""
+    """Write a number for readers: ``0.59``, ``1.2×10⁻¹¹``."""
     return _plain(f"{value:.{digits}g}")
 
 

@@ -1,4 +1,4 @@
-"""Sections of a report: each runs an analysis, and captions its pictures with numbers of it."""
+"""Sections of a report: each runs an analysis and writes captions with its main numbers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Section:
 
 
 def header(report: Composition) -> str:
-    """Return the title of a design and where it is from."""
+    """Return the title of a design, its file and its reference."""
     source = report.source
     about = source.design.design
     rows = [("File", html.text(report.file))]
@@ -61,7 +61,7 @@ def drawing(report: Composition) -> Iterator[str]:
     depth = -float(scene.bodies.position[1:, 2].min())
     what = f"{_count(stages, 'stage')} and {_count(len(scene.wires.label), 'wire')}"
     caption = (
-        f"{what} to scale, side on and face on: {html.number(mass, 4)} kg hang on them, and the"
+        f"{what} to scale, from the side and from the front: {html.number(mass, 4)} kg in all; the"
         f" lowest centre of mass lies {html.number(depth, 4)} m below the suspension point."
     )
     if design.perturbation:
@@ -169,7 +169,7 @@ def modes(report: Composition) -> Iterator[str]:
 
 
 def response(report: Composition) -> Iterator[str]:
-    """Responses of the last stage to the support, loops closed if there are any."""
+    """Responses of the last stage to the support, with all loops closed."""
     request, last = report.request, report.source.design.stage[-1].name
     closed = report.source.design.control is not None
     chosen: Sequence[tuple[tuple[str, ...], tuple[str, ...]]]
@@ -274,7 +274,7 @@ def budget(report: Composition) -> Iterator[str]:
 
 
 def tolerance(report: Composition) -> Iterator[str]:
-    """Statistics of imperfect builds: of a results file of this design, or computed."""
+    """Statistics of imperfect builds, from a results file of this design or computed."""
     if report.source.design.tolerance is None:
         raise Omitted("Left out, as the design has no [tolerance] table.")
     result = _stored(report, "tolerance")
@@ -350,7 +350,7 @@ def _largest_q(poles: Any, among: Any) -> float:
 
 
 def provenance(report: Composition) -> list[str]:
-    """Return the last sections: how each part is computed again, and the design file."""
+    """Return the last sections: the command and model of each part, and the design file."""
     rows = []
     for part in report.parts:
         choice = part.choice
@@ -396,7 +396,7 @@ def provenance(report: Composition) -> list[str]:
 
 
 def _requested(report: Composition) -> bool:
-    """Whether sections were chosen, so that no default decides."""
+    """Whether the request names sections."""
     return bool(report.request.sections)
 
 

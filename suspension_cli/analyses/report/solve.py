@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 UNSTABLE = ", or give --allow-unstable"
-"""End of a message about a command whose option a report lacks."""
+"""End of messages that recommend an option which `report` does not have."""
 
 
 def compose(source: Source, request: Request, log: Log) -> str:
@@ -33,8 +33,8 @@ def compose(source: Source, request: Request, log: Log) -> str:
     Raises
     ------
     InputError
-        If a section or signal does not exist, or the design does not balance. What goes wrong in
-        one section otherwise is said in its place.
+        If a section or signal does not exist, or the design does not balance. Other errors in one
+        section are written in its place.
     """
     from suspension_cli.equilibrium.nominal import expand, expand_nominal
 

@@ -54,5 +54,5 @@ def _solver(result: Result, model: LinearSystem) -> tuple[Callable[[Array], Any]
 
         plant = control.build_plant(result.design, model)
         return (lambda at: control.solve_responses(plant, at, inputs, outputs).value), np.empty(0)
-    modes = eigenmodes.solve(replace(model, terms=())).frequency
+    modes = eigenmodes.solve(model.constant).frequency
     return (lambda at: response.solve(model, at, inputs, outputs).value), modes

@@ -35,7 +35,7 @@ def draw(measured: Sequence[Comparison], title: str, scale: str = "db") -> Figur
         names = [one.data.name for one in measured]
         many = len(measured) > 1
         right = curves.room_for(names) if many else 0.2
-        figure = new_figure(4.7 + right - 0.2, sum(heights) + 0.15 * len(heights) + 0.95)
+        figure = new_figure(curves.COLUMN, sum(heights) + 0.15 * len(heights) + 0.95)
         panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
         curves.set_margins(figure, right=right, top=curves.HEAD, bottom=0.45, hspace=0.1)
         phases, ratios = panels[-2:]

@@ -8,7 +8,7 @@ infinite.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -74,7 +74,7 @@ def find_peaks(
     if solve is None:
         solve = lambda at: response.solve(model, at, inputs, outputs).value  # noqa: E731
     if resonances is None:
-        resonances = eigenmodes.solve(replace(model, terms=())).frequency
+        resonances = eigenmodes.solve(model.constant).frequency
     size = np.abs(answer.value)
     top = size.argmax(0)
     best, where = np.take_along_axis(size, top[None], 0)[0], answer.frequency[top]

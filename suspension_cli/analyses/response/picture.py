@@ -13,7 +13,7 @@ from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import house_style, new_figure, stage_colours
 from suspension_cli.linear.response import Response
 
-WIDTH, PANEL, PHASE = 4.7, 2.3, 1.3
+PANEL, PHASE = 2.3, 1.3
 """Width of the figure, and heights of a panel of magnitudes and of that of phases, in."""
 ENDLESS = 3e6
 """Ratio of the highest point of a peak to the response around it, from which it is infinite."""
@@ -48,7 +48,7 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
         heights = [PANEL] * len(units) + [PHASE]
         height = sum(heights) + 0.18 * len(units) + curves.HEAD + 0.55
         right = curves.room_for([_name(response, *pair) for pair in pairs]) if many else 0.2
-        figure = new_figure(WIDTH + right - 0.2, height)
+        figure = new_figure(curves.COLUMN, height)
         panels = figure.subplots(
             len(heights), 1, sharex=True, height_ratios=heights, squeeze=False
         )[:, 0]
@@ -144,7 +144,7 @@ def _draw_magnitudes(
     if len(pairs) <= MOST:
         curves.label_ends(axes, ends)
     else:
-        axes.legend(fontsize=6, ncols=1 + len(pairs) // 16, loc="lower left")
+        axes.legend(fontsize=7.5, ncols=1 + len(pairs) // 16, loc="lower left")
 
 
 def _lowest_and_highest(drawn: Any) -> tuple[float, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
@@ -57,7 +56,7 @@ class SensitivityAnalysis(Analysis):
         )
         requested = named_results.parse(
             list(setting["result"]) or [named_results.ALL],
-            eigenmodes.solve(dataclasses.replace(model, terms=())),
+            eigenmodes.solve(model.constant),
             signals.bodies_with_signals(model),
         )
         found = sensitivity.solve(source.text, requested, choice.level)
@@ -146,8 +145,8 @@ class SensitivityAnalysis(Analysis):
         from suspension_cli.analyses.sensitivity import picture
         from suspension_cli.drawing import style
 
-        drawn = picture.draw(result.data, result.title)
-        return {"": style.name_model(drawn, result.choice)}
+        drawn = picture.draw(result.data, result.subtitle)
+        return {"": style.name_neglected(drawn, result.choice)}
 
 
 def _unit(found: Sensitivity, number: int) -> str:

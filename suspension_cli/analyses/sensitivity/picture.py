@@ -1,23 +1,46 @@
-"""Figure of sensitivities: a coloured table of the changes per step of every number."""
+"""Figure of sensitivities: a coloured table of the numbers of a design that matter most."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.sensitivity.solve import Sensitivity
-from suspension_cli.design.path_units import format_with_unit
-from suspension_cli.drawing.style import INK, NOTE, house_style, new_figure, single_line
+from suspension_cli.drawing import curves
+from suspension_cli.drawing.style import (
+    INK,
+    NOTE,
+    PALE,
+    add_axes,
+    house_style,
+    new_figure,
+    shorten,
+    single_line,
+)
+from suspension_cli.scene.arrays import Array
 
 LEAST = 0.005
 """Change in % below which a cell stays empty; rows with only such cells are left out."""
 LARGEST = 100.0
 """Change in % at which the colour scale ends."""
-DARK = 0.3
-"""Distance from the middle of the colour scale beyond which text is white."""
-CELL = 0.235, 0.17
-"""Width and height of a cell, inches."""
+MAX_ROWS, MAX_COLUMNS = 24, 18
+"""Largest number of numbers and of results shown."""
+CELL = 0.11, 0.15
+"""Width of a cell if there are many, and its height, in."""
+MAX_WIDTH = 1.98
+"""Width of the table, in."""
+NAMES, CHANGES = 1.62, 0.86
+"""Width of the names of numbers left of the table, and of the largest changes right of it, in."""
+MAX_NAME = 25
+"""Characters of the name of a number."""
+RESULTS = 1.55
+"""Height of the names of results above the table, in."""
+FOOT = 0.85
+"""Height of the colour scale below the table, in."""
 
 
 def draw(found: Sensitivity, title: str) -> Figure:
@@ -27,69 +50,122 @@ def draw(found: Sensitivity, title: str) -> Figure:
     ----------
     found : Sensitivity
     title : str
+        Names of the design and the model.
     """
     with house_style():
-        change = np.nan_to_num(found.per_step)
-        relative = found.nominal != 0
-        rows = np.flatnonzero(
-            (np.abs(change[:, relative]) >= LEAST).any(1) | (change[:, ~relative] != 0).any(1)
+        change, relative = np.nan_to_num(found.per_step), found.nominal != 0
+        size = np.where(relative, np.abs(change), 0.0)
+        largest = size.max(1, initial=0.0)
+        matters = (largest >= LEAST) | (change[:, ~relative] != 0).any(1)
+        order = [int(n) for n in np.argsort(-largest, kind="stable") if matters[n]]
+        rows = order[:MAX_ROWS]
+        kept = np.argsort(-np.abs(change).max(0, initial=0.0), kind="stable")[:MAX_COLUMNS]
+        columns = np.sort(kept)
+        wide = max(CELL[0] * len(columns), min(MAX_WIDTH, 0.4 * len(columns)))
+        tall = CELL[1] * max(len(rows), 4)
+        notes = _notes(found, len(rows), largest[order[MAX_ROWS:]], len(columns))
+        top = curves.HEAD + RESULTS
+        figure = new_figure(
+            max(NAMES + wide + CHANGES + 0.1, 4.5), top + tall + FOOT + 0.13 * len(notes)
         )
-        shown = np.where(relative & (np.abs(change[rows]) >= LEAST), change[rows], np.nan)
-        width = 1.9 * CELL[0] if len(found.result) < 12 else 1.35 * CELL[0]
-        figure = new_figure(3.4 + width * len(found.result), 1.7 + CELL[1] * max(len(rows), 4))
-        axes = figure.subplots()
-        top = min(max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0), LARGEST)
-        # an empty table still needs a height
-        extent = (-0.5, len(found.result) - 0.5, max(len(rows), 1) - 0.5, -0.5)
-        drawn = axes.imshow(
-            shown,
-            norm=SymLogNorm(0.05, vmin=-top, vmax=top),
-            cmap="RdBu_r",
-            aspect="auto",
-            extent=extent,
-        )
-        strength = np.abs(np.asarray(drawn.norm(change[rows])) - 0.5)
-        for (row, column), value in np.ndenumerate(change[rows]):
-            if not relative[column] and value:
-                axes.text(
-                    column, row, f"{value:.0e}", ha="center", va="center", fontsize=4.5, color=INK
-                )
-            elif abs(value) >= LEAST:
-                colour = "white" if strength[row, column] > DARK else INK
-                text = (f"{value:+.2f}" if abs(value) < 100 else f"{value:+.3g}").replace("-", "−")
-                axes.text(column, row, text, ha="center", va="center", fontsize=4.8, color=colour)
-        steps = found.step_unit
-        axes.set_yticks(
-            range(len(rows)),
-            [
-                f"{single_line(name, 48)}  {format_with_unit(name, found.value[n])}  per {steps[n]}"
-                for n, name in ((n, found.parameter[n]) for n in rows)
-            ],
-            fontsize=6,
-        )
-        labels = [
-            f"{single_line(name, 40)}  {value:.4g}" + ("" if unit == "1" else f" {unit}")
-            for name, value, unit in zip(found.result, found.nominal, found.unit, strict=True)
-        ]
-        axes.set_xticks(range(len(labels)), labels, fontsize=6, rotation=90)
-        axes.xaxis.tick_top()
-        axes.tick_params(length=0)
-        for spine in axes.spines.values():
-            spine.set_visible(False)
-        ticks = [tick for tick in (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100) if abs(tick) <= top]
-        bar = figure.colorbar(drawn, ax=axes, pad=0.02, aspect=40, ticks=ticks)
-        bar.ax.set_yticklabels([f"{tick:g}".replace("-", "−") for tick in ticks])
-        bar.set_label("change of the result (%)\nper mm, mrad or %", fontsize=6.5)
-        bar.ax.tick_params(labelsize=6)
-        bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
-        figure.suptitle(single_line(title, 90), x=0.01, ha="left", fontsize=9)
-        figure.text(
-            0.01,
-            0.008,
-            f"empty: less than {LEAST:g} %",
-            fontsize=6,
-            color=NOTE,
-        )
-        for _ in range(2):  # the layout changes the bar, whose label then needs another pass
-            figure.tight_layout(rect=(0, 0.015, 1, 0.99))
+        curves.write_heading(figure, "Change of results per mm, mrad or % of a number", title)
+        axes = add_axes(figure, NAMES, top, wide, tall)
+        drawn = _draw_table(axes, found, change, rows, columns)
+        bar = figure.colorbar(
+            drawn, cax=add_axes(figure, NAMES, top + tall + 0.12, wide, 0.09),
+            orientation="horizontal",
+        )  # fmt: skip
+        _label_scale(bar, float(drawn.norm.vmax or 1.0))
+        height = figure.get_size_inches()[1]
+        for n, note in enumerate(notes):
+            at = (FOOT - 0.32 + 0.13 * (len(notes) - n)) - 0.25
+            figure.text(0.02, at / height, note, fontsize=7.5, color=NOTE, va="top")
         return figure
+
+
+def _draw_table(
+    axes: Axes, found: Sensitivity, change: Array, rows: list[int], columns: Any
+) -> Any:
+    """Draw the coloured cells and label rows and columns; return the image."""
+    relative = found.nominal[columns] != 0
+    cells = change[np.ix_(rows, columns)]
+    shown = np.where(relative & (np.abs(cells) >= LEAST), cells, np.nan)
+    top = min(max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0), LARGEST)
+    count = max(len(rows), 1)  # an empty table still needs a height
+    drawn = axes.imshow(
+        shown,
+        norm=SymLogNorm(0.05, vmin=-top, vmax=top),
+        cmap="RdBu_r",
+        aspect="auto",
+        extent=(-0.5, len(columns) - 0.5, count - 0.5, -0.5),
+    )
+    # a result of 0 has no change in %
+    low, across = np.nonzero(~relative & (cells != 0))
+    axes.plot(across, low, "o", markersize=2.5, color=INK, linestyle="")
+    axes.set_yticks(
+        range(len(rows)),
+        [shorten(found.parameter[n].removeprefix("stage."), MAX_NAME) for n in rows],
+        fontsize=7.5,
+    )
+    labels = [
+        f"{single_line(found.result[n], 20)} {found.nominal[n]:.3g}"
+        + ("" if found.unit[n] == "1" else f" {found.unit[n]}")
+        for n in columns
+    ]
+    axes.set_xticks(range(len(labels)), labels, fontsize=7.5, rotation=90)
+    axes.xaxis.tick_top()
+    axes.tick_params(length=0, pad=2)
+    axes.set_xticks(np.arange(len(labels) + 1) - 0.5, minor=True)
+    axes.set_yticks(np.arange(count + 1) - 0.5, minor=True)
+    axes.grid(visible=True, which="minor", color=PALE, linewidth=0.3)
+    axes.tick_params(which="minor", length=0)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    for row, n in enumerate(rows):
+        values = np.where(found.nominal != 0, change[n], 0.0)
+        most = float(values[np.argmax(np.abs(values))])
+        text = f"{most:+.3g} per {found.step_unit[n]}" if most else "from 0"
+        axes.annotate(
+            text.replace("-", "−"),
+            (1, row),
+            (4, 0),
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            va="center",
+            fontsize=7.5,
+            annotation_clip=False,
+        )
+    axes.annotate(
+        "largest (%)",
+        (1, -0.5),
+        (4, 3),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        va="bottom",
+        fontsize=7.5,
+        color=NOTE,
+        annotation_clip=False,
+    )
+    return drawn
+
+
+def _label_scale(bar: Any, top: float) -> None:
+    """Label the colour scale at powers of ten."""
+    ticks = [tick for tick in (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100) if abs(tick) <= top]
+    bar.set_ticks(ticks, labels=[f"{tick:g}".replace("-", "−") for tick in ticks])
+    bar.minorticks_off()
+    bar.ax.tick_params(labelsize=7.5, length=2, pad=1)
+    bar.set_label("change of the result (%)", fontsize=7.5, labelpad=1)
+    bar.outline.set_visible(False)
+
+
+def _notes(found: Sensitivity, rows: int, rest: Array, columns: int) -> list[str]:
+    """Sum up in words what the table leaves out."""
+    notes = [f"empty: less than {LEAST:g} %"]
+    if len(rest):
+        notes.append(f"{len(rest)} more numbers change no result by more than {rest[0]:.2g} %")
+    if len(found.result) > columns:
+        notes.append(f"{len(found.result) - columns} results that change less are left out")
+    if (found.nominal == 0).any():
+        notes.append("dot: a result of 0, which changes")
+    return notes

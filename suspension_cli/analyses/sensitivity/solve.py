@@ -12,7 +12,7 @@ Numer. Math. 6, 377 (1964)).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from suspension_cli.studies.derivatives import Linear
 from suspension_cli.studies.natural_steps import natural_step
 from suspension_cli.studies.parameters import Parameter
 from suspension_cli.studies.response_derivatives import Slope
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
 
 
 @dataclass(frozen=True)
@@ -53,15 +56,15 @@ class Sensitivity:
     """
 
     parameter: tuple[str, ...]
-    value: Array
-    free: Any
+    value: Float[np.ndarray, " parameter"]
+    free: Bool[np.ndarray, " parameter"]
     result: tuple[str, ...]
     unit: tuple[str, ...]
-    nominal: Array
-    derivative: Array
+    nominal: Float[np.ndarray, " result"]
+    derivative: Float[np.ndarray, "parameter result"]
 
     @property
-    def one_percent(self) -> Array:
+    def one_percent(self) -> Float[np.ndarray, "parameter result"]:
         """Change of each result for 1 % of each number, (p, r).
 
         In % of the result, or in the unit of the result where that is 0.
@@ -74,12 +77,12 @@ class Sensitivity:
         return tuple(unit for _, unit in self._steps)
 
     @property
-    def step(self) -> Array:
+    def step(self) -> Float[np.ndarray, " parameter"]:
         """Size of the step of each number, (p,), SI."""
         return np.array([size for size, _ in self._steps])
 
     @property
-    def per_step(self) -> Array:
+    def per_step(self) -> Float[np.ndarray, "parameter result"]:
         """Change of each result for a step of each number, (p, r), as `one_percent`."""
         return self._change(self.step)
 
@@ -90,7 +93,9 @@ class Sensitivity:
             for name, value in zip(self.parameter, self.value, strict=True)
         ]
 
-    def _change(self, step: Array) -> Array:
+    def _change(
+        self, step: Float[np.ndarray, " parameter"]
+    ) -> Float[np.ndarray, "parameter result"]:
         """Change of each result, in % or, where it is 0, in its unit, for steps (p,)."""
         with np.errstate(invalid="ignore", divide="ignore"):
             change = self.derivative * step[:, None]
@@ -119,7 +124,7 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     """
     design, numbers = reader.parse(text), parameters.every(text, level)
     model = registry.by_name(level).system(design)
-    found = eigenmodes.solve(replace(model, terms=()))
+    found = eigenmodes.solve(model.constant)
     at = [item.frequency for item in results if isinstance(item, Ratio)]
     base, changes = differences.changes(
         design, numbers, level, [2 * np.pi * frequency for frequency in at]
@@ -161,7 +166,7 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     )
 
 
-def differentiate_omega_squared(found: Modes, change: Linear) -> Array:
+def differentiate_omega_squared(found: Modes, change: Linear) -> Float[np.ndarray, " mode"]:
     """Differentiate omega^2 of every mode, (m,), (rad/s)^2 per unit of the parameter.
 
     Parameters
@@ -181,14 +186,14 @@ def differentiate_omega_squared(found: Modes, change: Linear) -> Array:
     return result
 
 
-def _degenerate(squared: Array) -> list[Any]:
+def _degenerate(squared: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " group"]]:
     """Indices of the modes of each group with a common omega^2."""
     close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
     parts = np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1)
     return [part for part in parts if len(part) > 1]
 
 
-def differentiate_frequencies(found: Modes, change: Linear) -> Array:
+def differentiate_frequencies(found: Modes, change: Linear) -> Float[np.ndarray, " mode"]:
     """Differentiate the frequency of every mode, (m,), Hz per unit of the parameter.
 
     See `differentiate_omega_squared`; NaN for rigid and unstable modes.

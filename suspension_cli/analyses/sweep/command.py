@@ -67,7 +67,7 @@ class SweepAnalysis(Analysis):
 
         def on(level: str, names: list[str]) -> ParameterSweep:
             system = registry.by_name(level).system(source.design)
-            found = eigenmodes.solve(dataclasses.replace(system, terms=()))
+            found = eigenmodes.solve(system.constant)
             known = signals.bodies_with_signals(system)
             results = named_results.parse(names, found, known)
             return dataclasses.replace(job, level=level, results=results)

@@ -150,7 +150,7 @@ def _mass_effects(
 
 def _renumbered(modes: tuple[Mode, ...], base: Modes, system: LinearSystem) -> Several:
     """Modes of one design, given by their numbers in another."""
-    found = eigenmodes.solve(replace(system, terms=()))
+    found = eigenmodes.solve(system.constant)
     count = 6 * len(system.body)
     mass = system.mass[6 : 6 + count, 6 : 6 + count]
     number = pair_by_overlap(body_overlap(base.shape, found.shape, mass))

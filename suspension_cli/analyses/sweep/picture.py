@@ -121,8 +121,8 @@ def _draw_lines(
     marked = [one for one in crossings if {*one.modes} & {*named}][:MOST_CROSSINGS]
     notes = [f"{'abcdefgh'[n]}: {one}" for n, one in enumerate(marked)]
     height = 3.0
-    foot = 0.45 + 0.14 * len(notes) + 0.14
-    figure = new_figure(4.4 + right, curves.HEAD + 0.2 + (height + 0.12) * len(units) + foot)
+    foot = 0.45 + 0.14 * len(notes) + 0.3
+    figure = new_figure(curves.COLUMN, curves.HEAD + 0.2 + (height + 0.12) * len(units) + foot)
     panels: list[Axes] = [*figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]]
     curves.set_margins(figure, right=right, top=curves.HEAD + 0.2, bottom=foot, hspace=0.1)
     x = np.array(first.values) * _unit(first)[1]
@@ -137,9 +137,9 @@ def _draw_lines(
     panels[-1].set_xlabel(_parameter_label(first, 60))
     across, up = figure.get_size_inches()
     for n, text in enumerate([*notes, *remarks[:1]]):
-        at = (foot - 0.45 - 0.14 * n) / up
-        figure.text(0.1 / across, at, single_line(text, 110), va="top", fontsize=6.5, color=NOTE)
-    heading = f"{_quantity(swept)} against {first.name}"
+        at = (foot - 0.43 - 0.14 * n) / up
+        figure.text(0.1 / across, at, single_line(text, 74), va="top", fontsize=7.5, color=NOTE)
+    heading = f"{_quantity(swept)} against {first.name.removeprefix('stage.')}"
     curves.write_heading(figure, heading, title)
     return figure
 
@@ -236,7 +236,7 @@ def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
                 xycoords=("data", "axes fraction"),
                 ha="center",
                 va="bottom",
-                fontsize=7,
+                fontsize=7.5,
                 color=NOTE,
             )
         start = n
@@ -259,7 +259,7 @@ def _mark_nominal(panels: Sequence[Axes], swept: SweepResult) -> None:
         va="bottom",
         ha="center",
         color=INK,
-        fontsize=7,
+        fontsize=7.5,
         annotation_clip=False,
     )
 
@@ -277,7 +277,7 @@ def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> N
             textcoords="offset points",
             ha="center",
             va="top",
-            fontsize=7,
+            fontsize=7.5,
             color="white" if one.is_avoided else INK,
             bbox={"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5},
         )
@@ -292,16 +292,14 @@ def _draw_maps(swept: SweepResult, value: Any, title: str) -> Figure:
     shown = (
         sorted(order.tolist()) if len(swept.result) > MAX_MAPS else list(range(len(swept.result)))
     )
-    columns = min(3, len(shown))
+    columns = min(2, len(shown))
     rows = -(-len(shown) // columns)
     figure = new_figure(0.4 + 3.1 * columns, 0.55 + 2.6 * rows)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels[len(shown) :]:
         axes.set_visible(False)
-    for n, (axes, result) in enumerate(zip(panels, shown, strict=False)):
+    for axes, result in zip(panels, shown, strict=False):
         _draw_map(axes, swept, value[:, :, result], result)
-        if n % columns:
-            axes.set_ylabel("")
     curves.write_heading(figure, f"{_quantity(swept)} over two parameters", title)
     figure.tight_layout(rect=(0, 0, 1, 1 - 0.45 / figure.get_figheight()))
     return figure
@@ -322,8 +320,8 @@ def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
     else:
         axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
     bar = axes.figure.colorbar(ScalarMappable(norm, "viridis"), ax=axes, pad=0.02)
-    bar.set_label(_axis_label(swept.unit[n]), fontsize=7)
-    bar.ax.tick_params(labelsize=6.5)
+    bar.set_label(_axis_label(swept.unit[n]), fontsize=7.5)
+    bar.ax.tick_params(labelsize=7.5)
     if wide:
         curves.label_plainly(bar.ax.yaxis)
     for axis, own in ((axes.xaxis, first), (axes.yaxis, second)):
@@ -338,8 +336,8 @@ def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
         axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
         axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0, label="as designed")
     axes.set_title(textwrap.fill(single_line(swept.result[n], 70), 40), loc="left", fontsize=7.5)
-    axes.set_xlabel(_parameter_label(first, 34), fontsize=7)
-    axes.set_ylabel(_parameter_label(second, 34), fontsize=7)
+    axes.set_xlabel(_parameter_label(first, 34), fontsize=7.5)
+    axes.set_ylabel(_parameter_label(second, 34), fontsize=7.5)
 
 
 def _draw_surface(axes: Axes, x: Any, y: Any, finite: Any, norm: Normalize) -> None:
@@ -354,7 +352,7 @@ def _draw_surface(axes: Axes, x: Any, y: Any, finite: Any, norm: Normalize) -> N
     lines = axes.contour(
         x, y, finite, levels=_round_levels(low, high, norm), colors="white", linewidths=0.6
     )
-    axes.clabel(lines, fontsize=6.5, fmt=curves.write_plainly)
+    axes.clabel(lines, fontsize=7.5, fmt=curves.write_plainly)
 
 
 def _round_levels(low: float, high: float, norm: Normalize) -> Any:

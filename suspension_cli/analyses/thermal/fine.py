@@ -41,7 +41,7 @@ def refine(result: Result) -> list[Thermal]:
             return np.stack([_columns(noise, names) for noise in found], axis=1)
 
         known = np.stack([_columns(noise, names) for noise in noises], axis=1)
-        modes = eigenmodes.solve(replace(model, terms=())).frequency
+        modes = eigenmodes.solve(model.constant).frequency
         frequency, value = add_points(solve, grid, known, modes, step=STEP, sums=True)
     except InputError:
         return noises

@@ -22,8 +22,8 @@ from suspension_cli.drawing.style import (
     stage_colours,
 )
 
-WIDTH, HEIGHT = 4.5, 2.3
-"""Width of the figure without labels, and height of a panel, in."""
+HEIGHT = 2.3
+"""Height of a panel, in."""
 LINES = 7
 """Largest number of lines in a panel: the sum, the largest parts, and the others together."""
 ROOM = (30.0, 3.0)
@@ -70,7 +70,7 @@ def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figur
         notes = [_remark(noise) for noise in noises]
         foot = 0.45 + 0.13 * sum(map(bool, notes))
         height = curves.HEAD + 0.1 + 2 * len(noises) * (HEIGHT + 0.3) + foot
-        figure = new_figure(WIDTH + right, height)
+        figure = new_figure(curves.COLUMN, height)
         panels = figure.subplots(2 * len(noises), 1, sharex=True, squeeze=False)[:, 0]
         curves.set_margins(figure, right=right, top=curves.HEAD + 0.18, bottom=foot, hspace=0.16)
         colours = stage_colours([*stages, *(name for one, _ in parts for name in one)])
@@ -88,7 +88,7 @@ def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figur
         curves.write_heading(figure, f"Thermal noise of {outputs}", title)
         for n, note in enumerate(filter(None, notes)):
             at = (foot - 0.42 - 0.13 * n) / height
-            figure.text(0.02, at, textwrap.shorten(note, 120), va="top", fontsize=6.5, color=NOTE)
+            figure.text(0.02, at, textwrap.shorten(note, 78), va="top", fontsize=7.5, color=NOTE)
         return figure
 
 

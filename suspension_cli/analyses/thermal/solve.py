@@ -14,7 +14,7 @@ r . Z^-1 r, in contrast, loses the digits of a high Q.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from suspension_cli.linear.frequency_dependent import EvaluatedBlock
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
 
 EARTH = 6.371e6
 """Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""
@@ -55,26 +58,30 @@ class Thermal:
         Angle (rad) by which the observed direction rises above x.
     """
 
-    frequency: Array
+    frequency: Float[np.ndarray, " frequency"]
     output: str
     unit: str
     source: tuple[str, ...]
-    density: Array
+    density: Float[np.ndarray, "source frequency"]
     tilt: float = 0.0
 
     @property
-    def amplitude(self) -> Array:
+    def amplitude(self) -> Float[np.ndarray, " frequency"]:
         """Amplitude spectral density (f,) of the sum, unit/sqrt(Hz)."""
         return np.sqrt(self.density.sum(0))
 
     @property
-    def parts(self) -> dict[str, Array]:
+    def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:
         """Amplitude spectral density (f,) by source, unit/sqrt(Hz)."""
         return {name: np.sqrt(row) for name, row in zip(self.source, self.density, strict=True)}
 
 
 def solve(
-    model: LinearSystem, frequency: Array, row: Array, signal: Signal, temperature: float
+    model: LinearSystem,
+    frequency: Float[np.ndarray, " frequency"],
+    row: Float[np.ndarray, " coordinate"],
+    signal: Signal,
+    temperature: float,
 ) -> Thermal:
     """Compute the thermal noise of a linear form of the coordinates.
 
@@ -116,8 +123,8 @@ def solve(
 
 def solve_all(
     model: LinearSystem,
-    frequency: Array,
-    motions: list[tuple[Signal, Array]],
+    frequency: Float[np.ndarray, " frequency"],
+    motions: list[tuple[Signal, Float[np.ndarray, " coordinate"]]],
     temperature: float,
 ) -> list[Thermal]:
     """Compute the thermal noise of several motions, which share the evaluation of wires.
@@ -155,7 +162,12 @@ def solve_all(
     ]
 
 
-def _gather(frequency: Array, signal: Signal, powers: dict[str, Array], omega: Array) -> Thermal:
+def _gather(
+    frequency: Float[np.ndarray, " frequency"],
+    signal: Signal,
+    powers: dict[str, Float[np.ndarray, " frequency"]],
+    omega: Float[np.ndarray, " frequency"],
+) -> Thermal:
     powers = {name: power for name, power in powers.items() if power.any()}
     _check_powers(powers, omega)
     order = sort_sources(powers)
@@ -163,12 +175,14 @@ def _gather(frequency: Array, signal: Signal, powers: dict[str, Array], omega: A
     return Thermal(np.asarray(frequency), signal.text, signal.unit, tuple(order), density)
 
 
-def sort_sources(densities: dict[str, Array]) -> list[str]:
+def sort_sources(densities: dict[str, Float[np.ndarray, " frequency"]]) -> list[str]:
     """Sort sources by the mean logarithm of their densities (f,), the strongest first."""
     return sorted(densities, key=lambda name: -float(np.log(densities[name].clip(1e-300)).mean()))
 
 
-def _check_powers(powers: dict[str, Array], omega: Array) -> None:
+def _check_powers(
+    powers: dict[str, Float[np.ndarray, " frequency"]], omega: Float[np.ndarray, " frequency"]
+) -> None:
     """Raise `InputError` where a density is infinite or negative."""
     total = sum(powers.values(), np.zeros(len(omega)))
     if not np.isfinite(total).all():
@@ -199,8 +213,8 @@ def _check_powers(powers: dict[str, Array], omega: Array) -> None:
 
 
 def compute_dissipation(
-    there: EvaluatedBlock, motion: Any, temperature: float
-) -> dict[tuple[str, float], Array]:
+    there: EvaluatedBlock, motion: Inexact[np.ndarray, "coordinate frequency"], temperature: float
+) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
     """Compute x^H Im(Z) x (f,) of motions x (c, f) of a block by source, the support at rest.
 
     Parameters
@@ -233,8 +247,11 @@ def compute_dissipation(
 
 
 def compute_from_susceptibility(
-    model: LinearSystem, frequency: Array, row: Array, temperature: float
-) -> Array:
+    model: LinearSystem,
+    frequency: Float[np.ndarray, " frequency"],
+    row: Float[np.ndarray, " coordinate"],
+    temperature: float,
+) -> Float[np.ndarray, " frequency"]:
     """Thermal noise from the susceptibility, -(4 k T / omega) Im(r . Z^-1 r): (f,), unit^2/Hz.
 
     For checks of `solve`: loses the digits of a high Q, and has one temperature (K) for all parts.
@@ -244,13 +261,14 @@ def compute_from_susceptibility(
     for block in frequency_dependent.build_blocks(model):
         force = row[block.keep][:, None]
         if force.any():
-            total += (force.T @ np.moveaxis(block.at(omega).solve(np.zeros((6, 1)), force), -1, 0))[
-                :, 0, 0
-            ].imag
+            found = np.moveaxis(block.at(omega).solve(np.zeros((6, 1)), force), -1, 0)
+            total += np.imag((force.T @ found)[:, 0, 0])
     return -4 * BOLTZMANN * temperature / omega * total
 
 
-def parse_motion(model: LinearSystem, text: str, tilt: float = 0.0) -> tuple[Signal, Array]:
+def parse_motion(
+    model: LinearSystem, text: str, tilt: float = 0.0
+) -> tuple[Signal, Float[np.ndarray, " coordinate"]]:
     """Parse a motion; with its linear form (N,).
 
     A motion along x is taken along a beam that rises by `tilt` (rad) instead.

@@ -170,12 +170,12 @@ class ToleranceAnalysis(Analysis):
         return stored.summarise_group(group, job, float(group.attrs["limit"]))
 
     def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
-        """Draw distributions and correlations."""
+        """Draw required quantities with limits and yields, causes, and what else varies."""
         from suspension_cli.analyses.tolerance import picture
-        from suspension_cli.drawing.style import name_model
+        from suspension_cli.drawing.style import name_neglected
 
-        figure = picture.draw(result.data, result.title, result.data.ratio)
-        return {"": name_model(figure, result.choice)}
+        figure = picture.draw(result.data, result.subtitle)
+        return {"": name_neglected(figure, result.choice)}
 
 
 def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:

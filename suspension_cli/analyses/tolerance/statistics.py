@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.sobol_indices import SobolIndices
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 """Quantiles that are reported."""
@@ -66,13 +68,13 @@ class Spread:
 
     name: tuple[str, ...]
     unit: tuple[str, ...]
-    mean: Array
-    error: Array
-    deviation: Array
-    quantiles: Array
-    rank: Array
-    slope: Array
-    sample: Array
+    mean: Float[np.ndarray, " result"]
+    error: Float[np.ndarray, " result"]
+    deviation: Float[np.ndarray, " result"]
+    quantiles: Float[np.ndarray, "result quantile"]
+    rank: Float[np.ndarray, "result factor"]
+    slope: Float[np.ndarray, "result factor"]
+    sample: Float[np.ndarray, "build result"]
 
 
 @dataclass(frozen=True)
@@ -148,26 +150,26 @@ class Summary:
     independent: int
     failures: dict[str, int]
     label: tuple[str, ...]
-    nominal: Array
-    mean: Array
-    mean_error: Array
-    spread: Array
-    quantiles: Array
+    nominal: Float[np.ndarray, " mode"]
+    mean: Float[np.ndarray, " mode"]
+    mean_error: Float[np.ndarray, " mode"]
+    spread: Float[np.ndarray, " mode"]
+    quantiles: Float[np.ndarray, "mode quantile"]
     frequency: float
     limit: float
     under: float
     under_interval: tuple[float, float]
-    ratio_quantiles: Array
-    ratio_sorted: Array
+    ratio_quantiles: Float[np.ndarray, " quantile"]
+    ratio_sorted: Float[np.ndarray, " sorted"]
     factor: tuple[str, ...]
     factor_unit: tuple[str, ...]
-    ratio_rank: Array
-    signed_rank: Array
-    signed_slope: Array
-    mode_rank: Array
-    mode_slope: Array
+    ratio_rank: Float[np.ndarray, " factors"]
+    signed_rank: Float[np.ndarray, " factors"]
+    signed_slope: Float[np.ndarray, " factors"]
+    mode_rank: Float[np.ndarray, "mode factors"]
+    mode_slope: Float[np.ndarray, "mode factors"]
     ranked: int
-    sample: Array
+    sample: Float[np.ndarray, "build mode"]
     static: Spread
     required: Spread
     limits: tuple[tuple[float, float, bool], ...]
@@ -187,7 +189,9 @@ class Summary:
         return SIGNIFICANT / np.sqrt(self.ranked) if self.ranked else np.inf
 
 
-def rank_correlation(a: Array, b: Array) -> Array:
+def rank_correlation(
+    a: Float[np.ndarray, "build first"], b: Float[np.ndarray, "build second"]
+) -> Float[np.ndarray, "first second"]:
     """Spearman's rank correlations (n, m) of the columns of a (p, n) and of b (p, m).
 
     Those of a constant column are 0.
@@ -208,7 +212,7 @@ def rank_correlation(a: Array, b: Array) -> Array:
     return result[: a.shape[1], a.shape[1] :]
 
 
-def signed(ratio: Any) -> Array:
+def signed(ratio: Complex[np.ndarray, " build"]) -> Float[np.ndarray, " build"]:
     """Real numbers (p,) that stand for complex ones: parts along the phase in which most vary.
 
     Small imperfections add up with their signs, which magnitudes hide. A real ratio is kept.
@@ -222,7 +226,9 @@ def signed(ratio: Any) -> Array:
     return (ratio * np.exp(-1j * phase)).real
 
 
-def slopes(a: Array, b: Array) -> Array:
+def slopes(
+    a: Float[np.ndarray, "build first"], b: Float[np.ndarray, "build second"]
+) -> Float[np.ndarray, "first second"]:
     """Slopes (n, m) of the least-squares lines of the columns of a (p, n) over those of b (p, m).
 
     >>> slopes(np.array([[1.0], [3.0], [5.0]]), np.array([[0.0], [1.0], [2.0]]))
@@ -235,12 +241,16 @@ def slopes(a: Array, b: Array) -> Array:
     return (a - a.mean(0)).T @ apart / np.where(square > 0, square, 1.0)
 
 
-def leading(correlation: Array, names: tuple[str, ...], count: int = 5) -> list[tuple[str, float]]:
+def leading(
+    correlation: Float[np.ndarray, " factors"], names: tuple[str, ...], count: int = 5
+) -> list[tuple[str, float]]:
     """List names and values of the `count` strongest correlations, strongest first."""
     return [(names[n], float(correlation[n])) for n in strongest(correlation, count)]
 
 
-def strongest(correlation: Array, count: int, least: float = 0.0) -> list[int]:
+def strongest(
+    correlation: Float[np.ndarray, " factors"], count: int, least: float = 0.0
+) -> list[int]:
     """Numbers of the `count` strongest correlations above a least size, strongest first."""
     order = np.argsort(-np.abs(correlation), kind="stable")[:count]
     return [int(n) for n in order if abs(correlation[n]) > least]

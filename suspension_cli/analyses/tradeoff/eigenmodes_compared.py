@@ -130,7 +130,7 @@ def solve_blocks(subject: Subject, level: str) -> Modes:
 def solve_with_wire_mass(subject: Subject) -> Modes:
     """Modes with wire mass: counted, bisected, then solved for their shapes."""
     model = registry.VIOLIN.system(subject.design)
-    highest = eigenmodes.solve(replace(model, terms=())).frequency[-1]
+    highest = eigenmodes.solve(model.constant).frequency[-1]
     found = wire_modes.solve(model, HIGHEST * float(highest))
     subject.modes[registry.VIOLIN.name] = found
     return found

@@ -17,7 +17,7 @@ from suspension_cli.drawing.style import INK, NOTE, PALETTE, house_style, new_fi
 from suspension_cli.studies.axes import Axis
 
 LABELS = {
-    "k": "$k/k_0$",
+    "k": "$k/k_0$ (ratio)",
     "offset": "offset of the wire's upper end along x (mm)",
     "offset_y": "offset of the wire's upper end along y (mm)",
     "offset_z": "offset of the wire's upper end along z (mm)",
@@ -25,8 +25,8 @@ LABELS = {
     "lower_offset_y": "offset of the wire's lower end along y (mm)",
     "lower_offset_z": "offset of the wire's lower end along z (mm)",
     "length": "change of the wire's length (mm)",
-    "mass": "$m/m_0$",
-    "inertia": "$I/I_0$",
+    "mass": "$m/m_0$ (ratio)",
+    "inertia": "$I/I_0$ (ratio)",
     "com": "offset of the COM along x (mm)",
     "com_y": "offset of the COM along y (mm)",
     "com_z": "offset of the COM along z (mm)",
@@ -60,7 +60,7 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
     with house_style():
         names = _curve_names(coupling)
         right = curves.room_for(names) if names else 0.2
-        figure = new_figure(4.3 + right, 3.85)
+        figure = new_figure(curves.COLUMN, 3.85)
         axes = figure.subplots()
         curves.set_margins(figure, left=0.85, right=right, top=curves.HEAD + 0.5, bottom=0.6)
         curves.rule(axes)
@@ -70,10 +70,18 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         else:
             _draw_over_axes(axes, coupling, limit)
             at = f" at {coupling.frequency[0]:g} Hz"
-        axes.set_ylabel(single_line(f"|{coupling.over} / {coupling.under}|", 46))
+        ratio = single_line(f"|{coupling.over} / {coupling.under}|", 46)
+        axes.set_ylabel(f"{ratio} ({_unit(coupling)})")
+        axes.yaxis.get_offset_text().set_fontsize(curves.SMALL)
         _write_conditions(axes, coupling)
         curves.write_heading(figure, f"Cross-coupling{at}", title)
         return figure
+
+
+def _unit(coupling: Coupling) -> str:
+    """Unit of the ratio of two motions."""
+    names = [point.split("@")[0].rpartition(".")[2] for point in (coupling.over, coupling.under)]
+    return "/".join("rad" if name in ("roll", "pitch", "yaw") else "m" for name in names)
 
 
 def _write_conditions(axes: Axes, coupling: Coupling) -> None:
@@ -83,10 +91,10 @@ def _write_conditions(axes: Axes, coupling: Coupling) -> None:
         parts.append(f"wire {coupling.wire}, {coupling.hold.replace('-', ' ')} held")
     if coupling.failures:
         parts.append("gaps: " + "; ".join(coupling.failures))
-    lines = [single_line("; ".join(parts), 84)]
+    lines = [single_line("; ".join(parts), 62)]
     if len(coupling.frequency) == 1 and len(coupling.axes) > 1:
         lines.append(f"lines: {_label(coupling.axes[1].name)}")
-    axes.set_title("\n".join(lines), loc="left", fontsize=7, color=NOTE, pad=13)
+    axes.set_title("\n".join(lines), loc="left", fontsize=7.5, color=NOTE, pad=13)
 
 
 def _curve_names(coupling: Coupling) -> list[str]:
@@ -165,7 +173,7 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
                 (0.01, 0.985),
                 xycoords="axes fraction",
                 va="top",
-                fontsize=7,
+                fontsize=7.5,
                 color=LIMIT,
             )
     if len(x) > 1:
@@ -184,7 +192,7 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
             textcoords="offset points",
             va="bottom",
             ha="center",
-            fontsize=7,
+            fontsize=7.5,
         )
     if ends:
         curves.label_ends(axes, ends)
@@ -199,7 +207,7 @@ def _draw_limit(axes: Axes, limit: float) -> None:
         xycoords=("axes fraction", "data"),
         textcoords="offset points",
         va="top",
-        fontsize=7,
+        fontsize=7.5,
         color=LIMIT,
     )
 
