@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from typing import Any
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, SUPPORT
 from suspension_cli.design import (
@@ -20,10 +21,10 @@ from suspension_cli.design import (
     wire_checks,
 )
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
-from suspension_cli.design.derive import SetGeometry, gravity_vector, is_ring, set_geometry
+from suspension_cli.design.derive import SetGeometry, is_ring, set_geometry
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.filters import SUFFIX, check_filter
-from suspension_cli.design.inverted_pendulum import check_legs
+from suspension_cli.design.inverted_pendulum import check_legs, leg_count
 from suspension_cli.design.schema import (
     Design,
     Loop,
@@ -80,15 +81,6 @@ def _check_gravity(design: Design) -> Iterator[Fault]:
             "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]",
             format_value(gravity),
         )
-    for stage in design.stage:
-        held = stage.inverted_pendulum is not None or stage.filter is not None
-        if held and (gravity_vector(design) is not None or gradient):
-            yield Fault(
-                "constants.gravity" + ("_gradient" if gradient else ""),
-                f"stage {stage.name} has legs or a filter, which take uniform gravity along -z",
-                "give gravity as a number, without gravity_gradient",
-            )
-            break
     if not isinstance(gradient, list):
         return
     if len(gradient) != 3:
@@ -394,14 +386,47 @@ def _check_spring(spring: Spring, path: str) -> Iterator[Fault]:
             )
 
 
+def _parts_of(design: Design) -> dict[str, list[str]]:
+    """List the names of all parts that have imperfections."""
+    blades = [
+        f"{stage.name}.{name}"
+        for stage in design.stage
+        for name in (
+            [f"blade{n}" for n in range(1, stage.blades.count + 1)]
+            if stage.blades is not None
+            else [blade.name for blade in stage.blade]
+        )
+    ]
+    return {
+        "wire": _wires_of(design),
+        "body": _names_of_bodies(design),
+        "blade": [*blades, *(stage.name for stage in design.stage if stage.filter is not None)],
+        "leg": [
+            f"{stage.name}.leg{n}"
+            for stage in design.stage
+            if stage.inverted_pendulum is not None
+            for n in range(1, leg_count(stage.inverted_pendulum) + 1)
+        ],
+        "link": [link.name for link in design.link],
+    }
+
+
 def _check_perturbation(design: Design, item: Perturbation, path: str) -> Iterator[Fault]:
-    if (item.wire is None) == (item.body is None):
-        yield Fault(path, "must name one wire or one body", 'give wire = "test.1" or body = "test"')
+    parts = [part for part in imperfections.PARTS if getattr(item, part) is not None]
+    if len(parts) != 1:
+        yield Fault(
+            path,
+            "must name one wire, body, blade, leg or link",
+            'give wire = "test.1" or body = "test"',
+        )
         return
-    part, other = ("wire", "body") if item.wire is not None else ("body", "wire")
+    part = parts[0]
     known = [row.name for row in imperfections.perturbed(part)]
-    for key in (row.name for row in imperfections.perturbed(other)):
-        if getattr(item, key) is not None:
+    every = dict.fromkeys(
+        row.name for one in imperfections.PARTS for row in imperfections.perturbed(one)
+    )
+    for key in every:
+        if key not in known and getattr(item, key) is not None:
             yield Fault(
                 f"{path}.{key}",
                 f"is not for a {part}",
@@ -410,17 +435,42 @@ def _check_perturbation(design: Design, item: Perturbation, path: str) -> Iterat
             )
     if all(getattr(item, key) is None for key in known):
         yield Fault(path, "changes nothing", f"give {' or '.join(known)}")
-    names = _names_of_bodies(design)
-    if item.body is not None and item.body not in names:
+    if part == "link":
+        yield from _check_no_table(design, item.link, f"{path}.link")
+    names, given = _parts_of(design)[part], getattr(item, part)
+    if given not in names:
+        called = "stage" if part == "body" else part
         yield Fault(
-            f"{path}.body", "names no stage", suggest(item.body, names), format_value(item.body)
+            f"{path}.{part}", f"names no {called}", suggest(given, names), format_value(given)
         )
-    if item.wire is not None:
-        wires = _wires_of(design)
-        if item.wire not in wires:
-            yield Fault(
-                f"{path}.wire", "names no wire", suggest(item.wire, wires), format_value(item.wire)
-            )
+
+
+def _check_no_table(design: Design, name: str, path: str) -> Iterator[Fault]:
+    if any(link.name == name and link.table is not None for link in design.link):
+        yield Fault(
+            path,
+            "names a link given by a table, whose stiffness cannot differ from build to build",
+            f"vary link.{name}.table.factor with --set or sweep",
+            format_value(name),
+        )
+
+
+def _check_scattered_stage(design: Design, kind: str, item: Any, path: str) -> Iterator[Fault]:
+    """Check the stage or link of a table of `[tolerance]`."""
+    known = _parts_of(design)[kind]
+    key, called, names = "stage", "stage", known
+    if kind == "link":
+        key = called = "link"
+    elif kind != "body":
+        names = list(dict.fromkeys(name.split(".", 1)[0] for name in known))
+        called = f"stage with {kind}s"
+    given = getattr(item, key)
+    if kind == "link":
+        yield from _check_no_table(design, given, f"{path}.link")
+    if given is not None and given not in names:
+        yield Fault(
+            f"{path}.{key}", f"names no {called}", suggest(given, names), format_value(given)
+        )
 
 
 def _check_frame(support: Support) -> Iterator[Fault]:
@@ -586,17 +636,16 @@ def _check_requirement(item: Requirement, path: str) -> Iterator[Fault]:
 def _check_tolerance(design: Design) -> Iterator[Fault]:
     if design.tolerance is None:
         return
-    names = _names_of_bodies(design)
     tables = [
         (kind, n, item)
-        for kind in ("wire", "body", "blade")
+        for kind in imperfections.PARTS
         for n, item in enumerate(getattr(design.tolerance, kind), 1)
     ]
     if not tables:
         yield Fault(
             "tolerance",
             "has no distribution",
-            "add [[tolerance.wire]], [[tolerance.body]] or [[tolerance.blade]]",
+            f"add {' or '.join(f'[[tolerance.{part}]]' for part in imperfections.PARTS)}",
         )
     for n, item in enumerate(design.tolerance.require, 1):
         yield from _check_requirement(item, f"tolerance.require.{n}")
@@ -606,13 +655,7 @@ def _check_tolerance(design: Design) -> Iterator[Fault]:
             yield Fault(
                 path, "must name a stage or one wire", 'give stage = "test" or wire = "test.1"'
             )
-        if item.stage is not None and item.stage not in names:
-            yield Fault(
-                f"{path}.stage",
-                "names no stage",
-                suggest(item.stage, names),
-                format_value(item.stage),
-            )
+        yield from _check_scattered_stage(design, kind, item, path)
         if kind == "wire" and item.wire is not None and item.wire not in _wires_of(design):
             yield Fault(
                 f"{path}.wire",

@@ -9,10 +9,11 @@ blades, follows the filter by
     z_k / z_f = (k + m_c w^2) / (k - (M - m_c) w^2)
 
 at the angular frequency w. The isolation saturates at m_c / (M - m_c), and the frequency of the
-blades is sqrt(k / (M - m_c)) (Stochino et al., Nucl. Instrum. Methods A 580, 1559 (2007), for the
-transfer function (w0^2 + beta w^2) / (w0^2 - w^2)). A magic wand, a counterweight on the blades,
-makes m_c small or negative. The masses of filter and keystone include that of the blades; as both
-include m_c, a relative inertia of -m_c between the two corrects the sum.
+blades is sqrt(k / (M - m_c)). Measured filters have this form, (w0^2 + beta w^2) / (w0^2 - w^2)
+(compare Stochino et al., Improvement of the seismic noise attenuation performance of the Monolithic
+Geometric Anti-Spring filters, Nucl. Instrum. Methods A (2007)). A magic wand, a counterweight on
+the blades, makes m_c small or negative. The masses of filter and keystone include that of the
+blades; as both include m_c, a relative inertia of -m_c between the two corrects the sum.
 """
 
 from __future__ import annotations

@@ -15,17 +15,20 @@ from msgspec import Meta, defstruct
 from suspension_cli.design.units import Angle, Factor, Position, unit
 
 AXES = ("x", "y", "z")
+PARTS = ("wire", "body", "blade", "leg", "link")
+"""Parts of a build that have imperfections; the blades are those of wires and of filters."""
 
 
 @dataclass(frozen=True)
 class Imperfection:
-    """A quantity in which one wire, body or blade of a build differs from the design.
+    """A quantity in which one part of a build differs from the design.
 
     Attributes
     ----------
     name : str
         The key of `[[perturbation]]`; the name under which `scene.imperfections` applies it.
-    part : {"wire", "body", "blade"}
+    part : str
+        One of `PARTS`.
     kind : type
         Type of one number, with its unit and bounds: `Factor` for a relative error.
     quantity : str
@@ -41,7 +44,7 @@ class Imperfection:
     """
 
     name: str
-    part: Literal["wire", "body", "blade"]
+    part: Literal["wire", "body", "blade", "leg", "link"]
     kind: Any
     quantity: str
     vector: bool = False
@@ -51,7 +54,7 @@ class Imperfection:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by name: types with bounds cannot be pickled."""
-        return named, (self.name,)
+        return named, (self.part, self.name)
 
     @property
     def unit(self) -> str:
@@ -150,13 +153,51 @@ IMPERFECTIONS = (
         vector=True,
         perturbation=True,
     ),
-    Imperfection("stiffness_factor", "blade", Factor, "the blade's stiffness", spread="stiffness"),
+    Imperfection(
+        "stiffness_factor",
+        "blade",
+        Factor,
+        "the blade's stiffness",
+        perturbation=True,
+        spread="stiffness",
+    ),
+    Imperfection(
+        "stiffness_factor",
+        "leg",
+        Factor,
+        "the stiffness of the leg's flexures",
+        perturbation=True,
+        spread="stiffness",
+    ),
+    Imperfection(
+        "length_change",
+        "leg",
+        Position,
+        "change of the leg's unloaded length",
+        perturbation=True,
+        spread="length",
+    ),
+    Imperfection(
+        "stiffness_factor",
+        "link",
+        Factor,
+        "the link's stiffness",
+        perturbation=True,
+        spread="stiffness",
+    ),
 )
 
 
-def named(name: str) -> Imperfection:
-    """Find an imperfection by its name."""
-    return next(item for item in IMPERFECTIONS if item.name == name)
+SHARED = {
+    "length_change": "change of the unstretched length of the wire (after trimming) or leg, m",
+    "stiffness_factor": "factor on the stiffness of blades, of the flexures of a leg, or of a link",
+}
+"""Descriptions of the keys of `[[perturbation]]` that several parts have."""
+
+
+def named(part: str, name: str) -> Imperfection:
+    """Find an imperfection by its part and name."""
+    return next(item for item in IMPERFECTIONS if (item.part, item.name) == (part, name))
 
 
 def swept() -> dict[str, tuple[Imperfection, int | None]]:
@@ -179,22 +220,30 @@ def swept() -> dict[str, tuple[Imperfection, int | None]]:
 
 
 def perturbed(part: str) -> tuple[Imperfection, ...]:
-    """List the imperfections that `[[perturbation]]` takes for a wire or a body."""
+    """List the imperfections that `[[perturbation]]` takes for a part."""
     return tuple(item for item in IMPERFECTIONS if item.perturbation and item.part == part)
 
 
+def perturbed_part(item: Any) -> tuple[str, str]:
+    """Part of a `[[perturbation]]`: its kind and its name."""
+    return next((part, getattr(item, part)) for part in PARTS if getattr(item, part) is not None)
+
+
 def scattered(part: str) -> tuple[Imperfection, ...]:
-    """List the imperfections that `[tolerance]` takes for a wire, a body or a blade."""
+    """List the imperfections that `[tolerance]` takes for a part."""
     return tuple(item for item in IMPERFECTIONS if item.spread and item.part == part)
 
 
 def with_perturbations(base: type[Any]) -> Any:
-    """Derive a table of the file from `base`, with a key per imperfection of a wire or body."""
-    keys = []
-    for item in (*perturbed("wire"), *perturbed("body")):
+    """Derive a table of the file from `base`, with a key per imperfection of any part."""
+    keys: dict[str, tuple[str, Any, str]] = {}
+    for item in (item for part in PARTS for item in perturbed(part)):
         kind = tuple[item.kind, item.kind, item.kind] if item.vector else item.kind
-        keys.append((item.name, kind, item.help("x, y, z")))
-    return _with_keys(base, keys)
+        text = item.help("x, y, z")
+        if item.name in keys:
+            text = SHARED[item.name]
+        keys[item.name] = (item.name, kind, text)
+    return _with_keys(base, list(keys.values()))
 
 
 def with_spreads(base: type[Any], part: str, distribution: type[Any]) -> Any:

@@ -12,9 +12,10 @@ and the load at which they tip over are
     K = (n (k + k_t) - W L - n m g h) / L^2,      M = W / g + n (I + m h^2) / L^2,
     W_tip = n (k + k_t - m g h) / L,
 
-I being the moment of inertia of a leg about its COM (the anti-spring of Losurdo et al., Rev. Sci.
-Instrum. 70, 2507 (1999), with the mass of the legs). At high frequency ground motion is transmitted
-by the inertia of the legs alone: the stage moves by the fraction -n m_c / (M_s + n m_t) of it,
+I being the moment of inertia of a leg about its COM; both follow from the energies of legs that
+lean (`tests/models/test_towers.py` writes them down). At high frequency ground motion is
+transmitted by the inertia of the legs alone: the stage moves by the fraction
+-n m_c / (M_s + n m_t) of it,
 
     m_c = m (h/L) (1 - h/L) - I / L^2,      m_t = m (h/L)^2 + I / L^2,
 
@@ -179,6 +180,11 @@ def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
         x, y = _direction(legs.phase + 2 * math.pi * n / legs.count)
         found.append((legs.radius * x, legs.radius * y, legs.top))
     return found
+
+
+def leg_count(legs: InvertedPendulum) -> int:
+    """Count the legs; 0 if the table does not say."""
+    return legs.count or 0 if legs.points is None else len(legs.points)
 
 
 def _direction(angle: Any) -> tuple[Any, Any]:

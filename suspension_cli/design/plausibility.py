@@ -29,6 +29,7 @@ from suspension_cli.design.derive import (
     set_geometry,
     volume,
 )
+from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.imperfections import Imperfection
 from suspension_cli.design.schema import Body, Design, Material, NoiseSpectrum, Perturbation, Stage
 from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet, cross_sections
@@ -618,9 +619,12 @@ def _length_of_wires(stage: Stage) -> float:
 def _check_perturbation(
     design: Design, item: Perturbation, path: str
 ) -> Iterator[ImplausibleNumber]:
-    name = item.body or (item.wire or "").rsplit(".", 1)[0]
+    part, name = imperfections.perturbed_part(item)
+    if part == "link":
+        return
+    name = name.split(".", 1)[0].removesuffix(SUFFIX)
     stage = next(stage for stage in design.stage if stage.name == name)
-    for row in imperfections.perturbed("wire" if item.body is None else "body"):
+    for row in imperfections.perturbed(part):
         value = getattr(item, row.name)
         if value is not None and not row.relative:
             size = max(map(abs, value)) if row.vector else abs(value)
@@ -653,7 +657,7 @@ def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
     stages = {stage.name: stage for stage in design.stage}
     rows = [
         (row, item, f"tolerance.{part}.{n}.{row.spread}")
-        for part in ("wire", "body", "blade")
+        for part in imperfections.PARTS
         for n, item in enumerate(getattr(design.tolerance, part, ()), 1)
         for row in imperfections.scattered(part)
     ]
@@ -661,9 +665,10 @@ def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
         spread = getattr(item, row.spread)
         if spread is None:
             continue
-        stage = stages[item.stage or item.wire.rsplit(".", 1)[0]]
         size = spread.normal or spread.uniform or 0.0
         if not row.relative:
+            name = item.stage or item.wire.rsplit(".", 1)[0]
+            stage = stages[name.removesuffix(SUFFIX)]
             yield from _check_imperfection(row, size, stage, key, size)
         elif size > LARGE_FRACTION:
             hint = (

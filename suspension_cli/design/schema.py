@@ -329,10 +329,27 @@ class _Imperfect(Table, frozen=True):
     body: (
         Annotated[Name, Meta(description=f"a stage's name, instead of a wire: {NAMES}")] | None
     ) = None
+    blade: (
+        Annotated[
+            str,
+            Meta(
+                max_length=80,
+                description="a blade: test.blade1, or that of a filter's stage: filter",
+            ),
+        ]
+        | None
+    ) = None
+    leg: (
+        Annotated[
+            str, Meta(max_length=80, description="a leg of an inverted pendulum: platform.leg1")
+        ]
+        | None
+    ) = None
+    link: Annotated[str, Meta(max_length=80, description="the name of a link")] | None = None
 
 
 class Perturbation(imperfections.with_perturbations(_Imperfect)):
-    """Imperfections of one wire or one body in this build."""
+    """Imperfections of one wire, body, blade, leg or link in this build."""
 
     hold: Hold = "loaded-length"
 
@@ -528,7 +545,19 @@ class BodyTolerance(imperfections.with_spreads(_PartScatter, "body", Distributio
 
 
 class BladeTolerance(imperfections.with_spreads(_PartScatter, "blade", Distribution)):
-    """Scatter of every blade of a stage, independently."""
+    """Scatter of every blade of a stage, independently; those of a filter as one spring."""
+
+
+class LegTolerance(imperfections.with_spreads(_PartScatter, "leg", Distribution)):
+    """Scatter of every leg of an inverted pendulum, independently."""
+
+
+class _LinkScatter(Table, frozen=True):
+    link: Annotated[str, Meta(max_length=80, description="the name of a link")]
+
+
+class LinkTolerance(imperfections.with_spreads(_LinkScatter, "link", Distribution)):
+    """Scatter of one link."""
 
 
 Limit = Annotated[float, Meta(gt=0, le=1e20, description="limit above zero, SI")]
@@ -559,11 +588,13 @@ class Requirement(Table, frozen=True):
 
 
 class Tolerance(Table, frozen=True):
-    """Scatter of wires, bodies and blades from build to build, and requirements on builds."""
+    """Scatter of parts from build to build, and requirements on builds."""
 
     wire: list[WireTolerance] = field(default_factory=list)
     body: list[BodyTolerance] = field(default_factory=list)
     blade: list[BladeTolerance] = field(default_factory=list)
+    leg: list[LegTolerance] = field(default_factory=list)
+    link: list[LinkTolerance] = field(default_factory=list)
     require: list[Requirement] = field(default_factory=list)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from suspension_cli.design.imperfections import IMPERFECTIONS, Imperfection
+from suspension_cli.design.imperfections import Imperfection, perturbed, perturbed_part
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.drawing import geometry
 from suspension_cli.drawing.bodies import suspension_size
@@ -99,10 +99,11 @@ def describe(design: Design) -> list[tuple[str, str, str]]:
     """List the imperfections of a design: part, quantity, value with its unit."""
     rows = []
     for item in design.perturbation:
-        for kind in IMPERFECTIONS:
-            value = getattr(item, kind.name, None)
+        part, name = perturbed_part(item)
+        for kind in perturbed(part):
+            value = getattr(item, kind.name)
             if value is not None:
-                rows.append((str(item.wire or item.body), _quantity(kind), _value(kind, value)))
+                rows.append((name, _quantity(kind), _value(kind, value)))
         if item.wire is not None and item.hold == "natural-length":
             rows.append((item.wire, "unstretched length", "as designed, not trimmed"))
     return rows

@@ -1,4 +1,4 @@
-"""Weight and inertia of rigid bars between points of two bodies: legs, blades of filters.
+"""Weight along -z and inertia of rigid bars between points of two bodies: legs, blades of filters.
 
 At the fraction s of its length a rigid bar has the velocity v_1 (1 - s) + v_2 s. So its kinetic
 energy is (a v_1^2 + 2 c v_1 . v_2 + b v_2^2) / 2, with a, c, b the integrals over its mass of

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.compiled import compiled
+from suspension_cli.scene.scene import spring_of_leg
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -29,12 +30,8 @@ def pack_legs(scene: Scene) -> Float[np.ndarray, "build spring 14"]:
     """Pack struts and bars of a batch of scenes, one row per spring; 0 for a spring without leg."""
     struts, springs, bars = scene.struts, scene.springs, scene.bars
     result = np.zeros((*scene.batch, len(springs.label), WIDTH))
-    nominal = scene.drawn or scene
-    spring_tops = nominal.springs.lower_point.reshape(-1, *springs.lower_point.shape[-2:])[0]
-    strut_tops = nominal.struts.lower_point.reshape(-1, *struts.lower_point.shape[-2:])[0]
     for n, label in enumerate(struts.label):
-        same = (springs.upper == struts.upper[n]) & (springs.lower == struts.lower[n])
-        row = int(np.flatnonzero(same & (spring_tops == strut_tops[n]).all(-1))[0])
+        row = spring_of_leg(scene, n)
         result[..., row, 0:3] = struts.upper_point[..., n, :]
         result[..., row, 3:6] = struts.lower_point[..., n, :]
         result[..., row, 6:9] = struts.span[..., n, :]
@@ -65,7 +62,7 @@ def add_legs(
     upper, lower : (s,) int arrays
         Bodies of the springs.
     gravity : float
-        m/s^2.
+        m/s^2; 0 if `compiled_weight` adds the weight of the legs.
     rows : (s, 62) array
         Springs with their legs, see `FIRST`.
     shift, turn

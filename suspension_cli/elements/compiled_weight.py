@@ -177,16 +177,15 @@ def add_weights(
         Shift, turn and deflection.
     """
     w_upper, w_lower, w_blade, _, b_body, b_tips = topology[:6]
-    bodies, wires, blades, _, _ = numbers
+    bodies, wires, blades, bars = numbers[0], numbers[1], numbers[2], numbers[5]
     shift, turn, deflection = pose
     for n in range(len(bodies)):
         own, first = bodies[n], 6 * n + 6
         _add_body(gravity, own, shift[n + 1], turn[n + 1], first, gradient, hessian, curved)
     point, arms, places = np.empty(3), np.empty((2, 3)), np.empty((2, 3))
     rows, jacobian = np.empty((2, 9), dtype=np.int64), np.empty((2, 9, 3))
-    forces, none = np.empty((1, 3)), np.empty(3, dtype=np.int64)
+    forces = np.empty((1, 3))
     force = forces[0]
-    none[:] = len(gradient)
     uniform = True
     for i in range(9):
         uniform = uniform and gravity[4 + i] == 0.0
@@ -209,34 +208,68 @@ def add_weights(
             add_lower(hessian, 6 * body + 3, turning(vector(forces, 0, 0), vector(arms, 0, 0)))
         if curved and not uniform:
             _add_slope(gravity, mass, rows[0], jacobian[0], rows[0], jacobian[0], hessian)
-    for n in range(len(wires)):
-        mass = wires[n, MOMENTS : MOMENTS + 3]
-        if mass[0] == 0.0:
+    lines = (topology, bodies, gravity, pose, gradient, hessian, on_tips, curved, uniform)
+    _add_lines(w_upper, w_lower, w_blade, wires, MOMENTS, *lines)
+    if len(bars):
+        none = np.full(len(bars), -1, dtype=np.int64)
+        _add_lines(topology[10], topology[11], none, bars, 6, *lines)
+
+
+@compiled
+def _add_lines(
+    uppers: Any,
+    lowers: Any,
+    on_blades: Any,
+    lines: Any,
+    moments: int,
+    topology: Any,
+    bodies: Any,
+    gravity: Any,
+    pose: Any,
+    gradient: Any,
+    hessian: Any,
+    on_tips: Any,
+    curved: bool,
+    uniform: bool,
+) -> None:
+    """Add the weights of straight lines between points of bodies or blade tips: wires, bars.
+
+    Rows of `lines` begin with both ends; from the column `moments` on they have m_uu, m_ul, m_ll.
+    """
+    b_tips, (shift, turn, deflection) = topology[5], pose
+    point, arms, places = np.empty(3), np.empty((2, 3)), np.empty((2, 3))
+    rows, jacobian = np.empty((2, 9), dtype=np.int64), np.empty((2, 9, 3))
+    forces, none = np.empty((1, 3)), np.empty(3, dtype=np.int64)
+    force = forces[0]
+    none[:] = len(gradient)
+    for n in range(len(lines)):
+        mass = lines[n, moments : moments + 3]
+        if mass[0] == 0.0 and mass[1] == 0.0 and mass[2] == 0.0:
             continue
         for end in range(2):
-            body = w_upper[n] if end == 0 else w_lower[n]
-            on_blade = end == 0 and w_blade[n] >= 0
+            body = uppers[n] if end == 0 else lowers[n]
+            on_blade = end == 0 and on_blades[n] >= 0
             for i in range(3):
-                point[i] = wires[n, 3 * end + i]
+                point[i] = lines[n, 3 * end + i]
                 if on_blade:
-                    point[i] += deflection[w_blade[n], i]
+                    point[i] += deflection[on_blades[n], i]
             _rotated(turn[body], point, arms[end])
             for i in range(3):
                 start = bodies[body - 1, 1 + i] if body else 0.0
                 places[end, i] = shift[body, i] + arms[end, i] + start
-            tips = b_tips[w_blade[n]] if on_blade else none
+            tips = b_tips[on_blades[n]] if on_blade else none
             _fill_motion(body, arms[end], turn[body], tips, rows[end], jacobian[end])
             if not on_blade:
                 jacobian[end, 6:] = 0.0
         for end in range(2):
-            body = w_upper[n] if end == 0 else w_lower[n]
+            body = uppers[n] if end == 0 else lowers[n]
             force[:] = 0.0
             _add_lift(gravity, places[0], mass[end], force)
             _add_lift(gravity, places[1], mass[end + 1], force)
             _add_point(rows[end], jacobian[end], force, gradient)
             for i in range(3):
-                if end == 0 and w_blade[n] >= 0:
-                    on_tips[w_blade[n], i] += force[i]
+                if end == 0 and on_blades[n] >= 0:
+                    on_tips[on_blades[n], i] += force[i]
             if curved:
                 turned = turning(vector(forces, 0, 0), vector(arms, end, 0))
                 add_lower(hessian, 6 * body + 3, turned)

@@ -110,13 +110,13 @@ def twisting_angle(
 def blade_angle(
     blade: BladeLoss, omega: Inexact[np.ndarray, "*frequency"] | complex
 ) -> Inexact[np.ndarray, "*frequency"]:
-    """Loss angle of the bending of a blade, rad, of the shape of omega (rad/s).
+    """Loss angle of the bending of a blade or of the wires of a link, rad, of the shape of omega.
 
     The static stress averages to zero across the thickness, so the tension does not enter.
     """
     if blade.losses is None:
         return blade.angle + 0.0 * np.asarray(omega)
-    shape, result = Plate(blade.thickness), 0.0 * np.asarray(omega)
+    shape, result = blade.shape or Plate(blade.thickness), 0.0 * np.asarray(omega)
     for own in blade.losses:
         angle, coefficient = own.bending(shape, 0, omega, blade.temperature), own.coefficient(1.0)
         result = result + (angle if coefficient is None else angle * coefficient[0] ** 2)

@@ -1,4 +1,4 @@
-r"""Weight of bodies, blade tips and wires, in a uniform field or one with a gradient.
+r"""Weight of bodies, blade tips, wires and bars, in a uniform field or one with a gradient.
 
 At a place r from the suspension point the acceleration is g + G r with a symmetric G, so a point
 mass m has the energy -m (g . r + r . G r / 2).
@@ -15,6 +15,9 @@ body above is larger, that on the body below smaller, by these weights. Sag is n
 is of second order in weight over tension W/T: a static string of tension T(s) has the transverse
 stiffness 1 / integral ds / T(s), below that of a straight wire by the fraction (W/T)^2 / 12.
 
+A bar (a leg of an inverted pendulum, the blades of a filter) follows the formulas of a wire, with
+moments of its own.
+
 In a gradient a body with the inertia tensor J has the additional energy -tr(G R S R^T) / 2, with
 its second moments of mass S = tr(J)/2 - J and its rotation R (Goldstein, Classical Mechanics,
 section 5.8).
@@ -22,6 +25,7 @@ section 5.8).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,8 +69,9 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     if scene.field is not None and not scene.field.is_uniform:
         nominal, now = second_moments(scene), second_moments(scene, pose)
         result = result - np.einsum("ij,...nij->...", scene.field.gradient, now - nominal) / 2
-    if scene.wires.mass.any():
-        result = result + _wire_potential(scene, pose) - _wire_potential(scene, nominal_pose(scene))
+    for line in _lines(scene):
+        result = result + _line_potential(scene, line, pose)
+        result = result - _line_potential(scene, line, nominal_pose(scene))
     return result
 
 
@@ -75,19 +80,57 @@ def _potential(scene: Scene, mass: Any, place: Any) -> Any:
     return (mass * ((lift(scene, 0 * place) + lift(scene, place)) / 2 * place).sum(-1)).sum(-1)
 
 
-def _wire_potential(scene: Scene, pose: Pose) -> Any:
-    """Energy (...) of the weight of wires, J."""
-    upper, lower = _ends(scene, pose, string.state(scene, pose))
-    own, mixed, other = np.moveaxis(scene.wires.mass, -1, 0)
+@dataclass(frozen=True)
+class _Lines:
+    """Massive straight lines between points of two bodies: wires or bars.
+
+    Attributes
+    ----------
+    body
+        Bodies (2, k) of both ends.
+    point
+        Ends (..., k, 3) of bars in the frames of these bodies; None for wires, whose upper ends may
+        be on blades.
+    mass
+        m_uu, m_ul and m_ll, (..., k, 3).
+    """
+
+    body: Any
+    point: tuple[Any, Any] | None
+    mass: Any
+
+    def arms(self, scene: Scene, pose: Pose) -> tuple[Any, Any]:
+        """Vectors (..., k, 3) from the COMs to both ends."""
+        if self.point is None:
+            now = string.state(scene, pose)
+            return now.upper_arm, now.lower_arm
+        first, second = (pose.arms(self.body[n], self.point[n]) for n in (0, 1))
+        return first, second
+
+    def places(self, scene: Scene, pose: Pose) -> tuple[Any, Any]:
+        """Places (..., k, 3) of both ends from the suspension point, m."""
+        upper, lower = self.arms(scene, pose)
+        place = scene.bodies.position + pose.shift
+        return place[..., self.body[0], :] + upper, place[..., self.body[1], :] + lower
+
+
+def _lines(scene: Scene) -> list[_Lines]:
+    wires, bars, found = scene.wires, scene.bars, []
+    if wires.mass.any():
+        found.append(_Lines((wires.upper, wires.lower), None, wires.mass))
+    if bars.label:
+        ends = (bars.point[..., 0, :], bars.point[..., 1, :])
+        found.append(_Lines((bars.body[:, 0], bars.body[:, 1]), ends, bars.inertia))
+    return found
+
+
+def _line_potential(scene: Scene, line: _Lines, pose: Pose) -> Any:
+    """Energy (...) of the weight of wires or bars, J."""
+    upper, lower = line.places(scene, pose)
+    own, mixed, other = np.moveaxis(line.mass, -1, 0)
     # (1 - s)^2 and s^2 at the ends, s (1 - s) in the product of both: 4 m_ul at the middle
     middle = _potential(scene, 4 * mixed, (upper + lower) / 2)
     return middle + _potential(scene, own - mixed, upper) + _potential(scene, other - mixed, lower)
-
-
-def _ends(scene: Scene, pose: Pose, now: string.State) -> tuple[Any, Any]:
-    """Places (..., w, 3) of both ends of the wires, from the suspension point, m."""
-    wires, place = scene.wires, scene.bodies.position + pose.shift
-    return place[..., wires.upper, :] + now.upper_arm, place[..., wires.lower, :] + now.lower_arm
 
 
 def second_moments(scene: Scene, pose: Pose | None = None) -> Any:
@@ -110,9 +153,9 @@ def add_derivatives(
     outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
     on_tips: Inexact[np.ndarray, "*batch blade 3"],
 ) -> None:
-    """Add the derivatives of the energy of bodies and wires in place, as `equilibrium.energy` does.
+    """Add the derivatives of the energy of bodies, wires and bars, in place.
 
-    Those of blade tips are added with their blades.
+    `equilibrium.energy` describes the arrays. Those of blade tips are added with their blades.
     """
     place, mass = scene.bodies.position + pose.shift, scene.bodies.mass
     slope = None
@@ -126,8 +169,8 @@ def add_derivatives(
             hessian[..., rows, rows] -= mass[..., n - 1, None, None] * slope
     if slope is not None:
         _add_tides(scene, pose, slope, gradient, hessian)
-    if scene.wires.mass.any():
-        _add_wires(scene, numbering, pose, slope, gradient, hessian, outer, on_tips)
+    for line in _lines(scene):
+        _add_line(scene, line, numbering, pose, slope, gradient, hessian, outer, on_tips)
 
 
 def _add_tides(scene: Scene, pose: Pose, slope: Any, gradient: Any, hessian: Any) -> None:
@@ -152,8 +195,9 @@ def _contract(left: Any, right: Any) -> Any:
     return np.einsum("ij,...ji->...", left, right)
 
 
-def _add_wires(
+def _add_line(
     scene: Scene,
+    line: _Lines,
     numbering: Layout,
     pose: Pose,
     slope: Any,
@@ -162,20 +206,22 @@ def _add_wires(
     outer: Any,
     on_tips: Any,
 ) -> None:
-    wires, now = scene.wires, string.state(scene, pose)
-    places, (own, mixed, other) = _ends(scene, pose, now), np.moveaxis(wires.mass, -1, 0)
-    moments = ((own, mixed), (mixed, other))
-    jacobians = end_jacobians(scene, numbering, pose, now)
-    ends = ((wires.upper, now.upper_arm), (wires.lower, now.lower_arm))
-    for end, (body, arm) in enumerate(ends):
+    places, (own, mixed, other) = line.places(scene, pose), np.moveaxis(line.mass, -1, 0)
+    moments, arms = ((own, mixed), (mixed, other)), line.arms(scene, pose)
+    on_blade = scene.wires.blade if line.point is None else None
+    jacobians = (
+        point_jacobian(numbering, pose, line.body[0], arms[0], on_blade),
+        point_jacobian(numbering, pose, line.body[1], arms[1]),
+    )
+    for end, (body, arm) in enumerate(zip(line.body, arms, strict=True)):
         force: Any = sum(
             moment[..., None] * lift(scene, at)
             for moment, at in zip(moments[end], places, strict=True)
         )
         gradient += (jacobians[end] * force[..., None, :, :]).sum((-2, -1))
         add_arms(outer, body, force, arm)
-        if end == 0:
-            on_tips += sum_by(wires.blade, force, on_tips.shape[-2])
+        if end == 0 and on_blade is not None:
+            on_tips += sum_by(on_blade, force, on_tips.shape[-2])
     if slope is not None:
         for end, row in enumerate(moments):
             for against, moment in enumerate(row):

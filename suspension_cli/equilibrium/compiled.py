@@ -64,12 +64,14 @@ class Packed:
     topology : tuple of int arrays
         Upper body, lower body, blade and coordinates (w, 15) of wires; body and coordinates (b, 3)
         of blades; upper and lower body of springs; body that each body hangs from (n + 1,).
-        Last, the sections of wires that bend, (w, m, 10), see `compiled_wire`.
+        Then the sections of wires that bend, (w, m, 10), see `compiled_wire`, and the bodies of
+        both ends of bars.
     gravity : (13,) array
         See `compiled_weight`.
     numbers : tuple of (p, k, m) arrays
-        Masses (p, n, 1), wires, blades, springs, and the bending of wires; where wires have weight
-        or gravity is not along -z, rows of 13 numbers for bodies and of 16 for wires.
+        Masses (p, n, 1), wires, blades, springs, the bending of wires, and no bars; where wires
+        have weight or gravity is not along -z, rows of 13 numbers for bodies, of 16 for wires and
+        of 9 for bars, which else weigh with their springs.
     """
 
     topology: tuple[Any, ...]
@@ -97,6 +99,8 @@ def pack(scene: Scene, numbering: Layout) -> Packed:
         springs.lower,
         parents(scene),
         wire_sections(scene.fibres.wire if bends and scene.fibres else ()),
+        np.ascontiguousarray(scene.bars.body[:, 0]),
+        np.ascontiguousarray(scene.bars.body[:, 1]),
     )
     flex = bending.wire_resistance(scene)
     if flex is not None and flex.bend is None:
@@ -111,6 +115,7 @@ def pack(scene: Scene, numbering: Layout) -> Packed:
         _table(batch, blades, BLADE),
         held,
         np.zeros((*batch, 0, 19)) if flex is None else _table(batch, flex, FLEX),
+        _table(batch, scene.bars, ("point", "inertia")) if heavy else np.zeros((*batch, 0, 9)),
     )
     return Packed(topology, pack_gravity(scene), numbers)
 
@@ -145,8 +150,8 @@ def _evaluate(
 
     The forces `on_tips` are overwritten; for `form` see `add_wires`.
     """
-    w_upper, w_lower, w_blade, _, b_body, b_tips, s_upper, s_lower, _, sections = topology
-    mass, wires, blades, springs, flex = numbers
+    w_upper, w_lower, w_blade, _, b_body, b_tips, s_upper, s_lower, _, sections = topology[:10]
+    mass, wires, blades, springs, flex = numbers[:5]
     shift, turn, deflection = pose
     gradient[:], on_tips[:] = 0.0, 0.0
     if curved:
@@ -180,14 +185,14 @@ def _evaluate(
     if len(springs):
         add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian, curved)
     if springs.shape[1] > FIRST:
-        add_legs(s_upper, s_lower, gravity[0], springs, shift, turn, gradient, hessian, curved)
+        add_legs(s_upper, s_lower, pull, springs, shift, turn, gradient, hessian, curved)
 
 
 @compiled
 def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
     """Fill the scale of the residual in every coordinate but the support's; largest lever arm."""
-    w_upper, w_lower, w_blade, w_place, b_body, _, _, s_lower, parent, _ = topology
-    mass, wires, blades, springs, _ = numbers
+    w_upper, w_lower, w_blade, w_place, b_body, _, _, s_lower, parent = topology[:9]
+    mass, wires, blades, springs = numbers[:4]
     bodies = len(mass)
     largest = 1e-3
     load[:], arm[:] = 0.0, LEAST_ARM
@@ -309,7 +314,7 @@ def newton_batch(
     results : tuple of arrays
         To be filled: tension (p, w), residual, its rounding, steps, least pivot and status (p,).
     """
-    mass, wires, blades, springs, flex = numbers
+    mass, wires, blades, springs, flex, bars = numbers
     shift, turn, deflection = poses
     tension, residuals, roundings, steps, pivots, status = results
     most, balanced, last_step, cap = limits
@@ -326,7 +331,7 @@ def newton_batch(
     turned, product = np.empty((3, 3)), np.empty((3, 3))
     tips, none = topology[5], np.empty((0, 0))
     for p in range(len(mass)):
-        own = (mass[p], wires[p], blades[p], springs[p], flex[p])
+        own = (mass[p], wires[p], blades[p], springs[p], flex[p], bars[p])
         pose, target = (shift[p], turn[p], deflection[p]), targets[p]
         work = (tension[p], gradient, hessian, on_tips)
         largest = _scales(topology, gravity, own, scale_all, load, arm)
@@ -392,14 +397,14 @@ def _tangents(
     masses: Any,
 ) -> None:
     """Fill the arrays of `tangent`."""
-    mass, wires, blades, springs, flex = numbers
+    mass, wires, blades, springs, flex, bars = numbers
     shift, turn, deflection = poses
     place, size = topology[3], soft.shape[-1]
     gradient, hessian = np.empty(size), np.empty((size, size))
     on_tips, tension = np.empty((blades.shape[1], 3)), np.empty(wires.shape[1])
     turned, product = np.empty((3, 3)), np.empty((3, 3))
     for p in range(len(mass)):
-        own = (mass[p], wires[p], blades[p], springs[p], flex[p])
+        own = (mass[p], wires[p], blades[p], springs[p], flex[p], bars[p])
         pose = (shift[p], turn[p], deflection[p])
         form[p], masses[p] = 0.0, 0.0
         _evaluate(topology, gravity, own, pose, tension, gradient, hessian, on_tips, True, form[p])
@@ -499,7 +504,7 @@ def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> 
     result = np.empty((*scene.batch, len(scene.wires.label), 25))
     poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
     _geometries(packed.topology, packed.numbers, poses, np.ascontiguousarray(tension), result)
-    return packed.topology[3], packed.topology[-1], result
+    return packed.topology[3], packed.topology[9], result
 
 
 def newton(
@@ -554,5 +559,5 @@ def newton(
         tuple(results.values()),
     )
     found = {name: results[name] for name in ("residual", "rounding", "tension", "pivot")}
-    found["flex"] = packed.numbers[-1][..., 12:]
+    found["flex"] = packed.numbers[4][..., 12:]
     return Pose(*poses), found, int(results["steps"].max(initial=0)), results["status"]

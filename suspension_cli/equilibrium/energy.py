@@ -23,7 +23,6 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
         return (
             string.energy(scene, pose)
             + (string.energy(with_struts(scene), pose) if scene.struts.label else 0.0)
-            + bar.energy(scene, pose)
             + bending.energy(scene, pose)
             + blade.energy(scene, pose)
             + spring.energy(scene, pose)
@@ -81,7 +80,7 @@ def gradient_and_stiffness(
         bending.add_derivatives(scene, numbering, pose, gradient, hessian, outer, on_tips)
     if scene.struts.label:
         _add_wires(with_struts(scene), numbering, pose, gradient, hessian, outer, on_tips)
-    if scene.bars.label:
+    if scene.bars.label and not weight.acts(scene):
         bar.add_weight(scene, numbering, pose, gradient, outer)
     if scene.blades.label:
         _add_blades(scene, numbering, pose, gradient, hessian, outer, on_tips)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.conventions import DOFS, GROUND, SUPPORT
 from suspension_cli.design.schema import Design
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
@@ -140,7 +140,7 @@ class Transfer:
         places = [
             found.coordinate.index(f"{one.body}.{DOFS[one.dof]}")
             for one in self.signals()
-            if one.body != SUPPORT
+            if one.body not in (SUPPORT, GROUND)
         ]
         blocks = found.block[(found.shape[:, places] != 0).any(1)]
         return np.isin(found.block, blocks)

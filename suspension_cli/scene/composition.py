@@ -89,7 +89,7 @@ class Fibre:
 
 @dataclass(frozen=True)
 class BladeLoss:
-    """Loss of one blade.
+    """Loss of one blade, spring or link.
 
     Attributes
     ----------
@@ -102,6 +102,8 @@ class BladeLoss:
         m; 0 if unknown, and then there is no thermoelastic loss.
     temperature : float
         K.
+    shape : CrossSection or None
+        Of the wires of a link, instead of a thickness.
     """
 
     label: str
@@ -109,6 +111,7 @@ class BladeLoss:
     losses: tuple[Mechanism, ...] | None
     thickness: float
     temperature: float
+    shape: CrossSection | None = None
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
+from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.derive import blade_material, gravity_strength, is_ring, spring_loss
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.design.losses.mechanism import Mechanism
@@ -20,6 +21,7 @@ from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Section
 from suspension_cli.scene.expand import expand_stages, wire_signs
+from suspension_cli.scene.links import link_loss
 from suspension_cli.scene.parts import StagePart, WirePart
 
 POISSON = 0.3
@@ -109,7 +111,7 @@ def compose(design: Design) -> Fibres:
         tuple(blades),
         gas,
         ambient,
-        _springs(design, parts, lambda name: losses(name, None)),
+        (*_springs(design, parts, lambda name: losses(name, None)), *_links(design, losses)),
     )
 
 
@@ -129,6 +131,23 @@ def _springs(
             ambient = design.constants.temperature
             result.append(_blade(f"{stage}.spring{number}", spring, own, angle, ambient))
     return tuple(result)
+
+
+def _links(
+    design: Design, losses: Callable[[str, WireSet | Wire | None], tuple[Mechanism, ...]]
+) -> Iterator[BladeLoss]:
+    """List the losses of links of wires of known material, which bend, by the scene's labels."""
+    for link in design.link:
+        if link.strands is not None and link.loss_angle is None:
+            radius = link.strands.diameter / 2
+            yield BladeLoss(
+                f"{link.name}.link",
+                link_loss(design, link),
+                losses(link.strands.material, None),
+                link.strands.diameter,
+                design.constants.temperature,
+                Round(radius, radius),
+            )
 
 
 def _sections(

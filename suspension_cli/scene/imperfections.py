@@ -1,4 +1,4 @@
-"""Imperfections: errors of a build in one wire, body or blade, applied to a scene.
+"""Imperfections: errors of a build in one part, applied to a scene.
 
 All functions work on scenes with batch axes; an amount may be an array of any batch shape.
 `design.imperfections` has the table of names, units and neutral values.
@@ -13,36 +13,55 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design.imperfections import perturbed
+from suspension_cli.design.filters import SUFFIX
+from suspension_cli.design.imperfections import perturbed, perturbed_part
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Scene, spring_of_leg
 
 
 def apply(scene: Scene, item: Perturbation) -> Scene:
     """Apply one `[[perturbation]]` of a design file to a scene."""
-    part, numbers = (
-        ("body", (SUPPORT, *scene.bodies.name))
-        if item.wire is None
-        else ("wire", scene.wires.label)
-    )
+    part, name = perturbed_part(item)
     given = {row.name: getattr(item, row.name) for row in perturbed(part)}
     amounts = {name: amount for name, amount in given.items() if amount is not None}
-    return impose(scene, part, numbers.index(item.wire or item.body), amounts, item.hold)
+    return impose(scene, part, members(scene, part)[name], amounts, item.hold)
+
+
+def members(scene: Scene, part: str) -> dict[str, int]:
+    """Map the names of all parts of a kind to their numbers, see `impose`.
+
+    The blades of a filter are called by its stage, and numbered behind those of wires.
+    """
+    if part == "body":
+        return {name: n for n, name in enumerate((SUPPORT, *scene.bodies.name))}
+    if part == "link":
+        labels = [label.removesuffix(".link") for label in scene.springs.label]
+        linked = zip(labels, scene.springs.label, strict=True)
+        return {name: n for n, (name, label) in enumerate(linked) if name != label}
+    labels = {"wire": scene.wires, "blade": scene.blades, "leg": scene.struts}[part].label
+    found = {label: n for n, label in enumerate(labels)}
+    if part == "blade":
+        bodies = scene.bodies.name
+        filters = [name for name in bodies if name + SUFFIX in bodies]
+        found |= {name: len(labels) + bodies.index(name) for name in filters}
+    return found
 
 
 def impose(
     scene: Scene, part: str, number: int, amounts: Mapping[str, Any], hold: str = "loaded-length"
 ) -> Scene:
-    """Apply imperfections of one wire, body or blade to a scene.
+    """Apply imperfections of one part to a scene.
 
     Parameters
     ----------
     scene : Scene
-    part : {"wire", "body", "blade"}
+    part : str
+        One of `PARTS`.
     number : int
-        The wire or blade, from 0; the body, from 1.
+        The wire, blade or leg from 0, the body from 1, the link as a spring of the scene; of the
+        blades of a filter the number of its body, less 1, behind the blades of wires.
     amounts : mapping of (...) or (..., 3) arrays
         By name of `design.imperfections`.
     hold : {"loaded-length", "natural-length"}
@@ -51,7 +70,7 @@ def impose(
     if part == "wire":
         return wire(scene, number, **amounts, hold=hold)
     for name, amount in amounts.items():
-        scene = ACTIONS[name](scene, number, amount)
+        scene = ACTIONS[part, name](scene, number, amount)
     return scene
 
 
@@ -208,10 +227,17 @@ def scale_inertia(scene: Scene, number: int, factor: Any) -> Scene:
 
 
 def scale_blade(scene: Scene, number: int, factor: Any) -> Scene:
-    """Multiply the stiffness of one blade (from 0) by a factor (...).
+    """Multiply the stiffness of one blade (from 0), or of those of a filter, by a factor (...).
 
-    The blade is trimmed to its nominal load in the nominal pose.
+    The blades are trimmed to their nominal load in the nominal pose.
     """
+    count = len(scene.blades.label)
+    if number >= count:
+        body = number - count + 1
+        keystone = scene.bodies.name.index(scene.bodies.name[body - 1] + SUFFIX) + 1
+        springs = scene.springs
+        own = np.flatnonzero((springs.upper == body) & (springs.lower == keystone))
+        return scale_spring(scene, int(own[0]), factor)
     stiffness = scene.blades.stiffness
     scaled = stiffness[..., number, :] * _numbers(factor)[..., None]
     return replace(
@@ -221,14 +247,44 @@ def scale_blade(scene: Scene, number: int, factor: Any) -> Scene:
     )
 
 
+def scale_spring(scene: Scene, number: int, factor: Any) -> Scene:
+    """Multiply the stiffness of one spring (from 0) by a factor (...); its preload stays."""
+    stiffness = scene.springs.stiffness
+    scaled = stiffness[..., number, :, :] * _numbers(factor)[..., None, None]
+    return replace(
+        scene,
+        springs=replace(scene.springs, stiffness=_with(stiffness, number, scaled, 2)),
+        drawn=scene.drawn or scene,
+    )
+
+
+def scale_leg(scene: Scene, number: int, factor: Any) -> Scene:
+    """Multiply the stiffness of the flexures of one leg (from 0) by a factor (...)."""
+    return scale_spring(scene, spring_of_leg(scene, number), factor)
+
+
+def lengthen_leg(scene: Scene, number: int, change: Any) -> Scene:
+    """Change the unloaded length of one leg (from 0) by (...), m."""
+    struts = scene.struts
+    tension = struts.tension[..., number] - struts.stiffness[..., number] * _numbers(change)
+    return replace(
+        scene,
+        struts=replace(struts, tension=_with(struts.tension, number, tension, 0)),
+        drawn=scene.drawn or scene,
+    )
+
+
 ACTIONS = {
-    "com_offset": move_com,
-    "rotation": turn_mass,
-    "mass_factor": scale_mass,
-    "inertia_factor": scale_inertia,
-    "stiffness_factor": scale_blade,
+    ("body", "com_offset"): move_com,
+    ("body", "rotation"): turn_mass,
+    ("body", "mass_factor"): scale_mass,
+    ("body", "inertia_factor"): scale_inertia,
+    ("blade", "stiffness_factor"): scale_blade,
+    ("leg", "stiffness_factor"): scale_leg,
+    ("leg", "length_change"): lengthen_leg,
+    ("link", "stiffness_factor"): scale_spring,
 }
-"""How each imperfection of a body or blade acts on a scene; those of a wire act in `wire`."""
+"""How each imperfection of a part acts on a scene; those of a wire act in `wire`."""
 
 
 def _numbers(values: Any) -> Any:

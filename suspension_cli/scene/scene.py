@@ -199,6 +199,18 @@ def no_struts() -> Wires:
     )
 
 
+def spring_of_leg(scene: Scene, number: int) -> int:
+    """Number of the spring of the flexures of a leg (from 0)."""
+    nominal = scene.drawn or scene
+    springs, struts = nominal.springs, nominal.struts
+    tops, own = (
+        points.reshape(-1, *points.shape[-2:])[0]
+        for points in (springs.lower_point, struts.lower_point)
+    )
+    same = (springs.upper == struts.upper[number]) & (springs.lower == struts.lower[number])
+    return int(np.flatnonzero(same & (tops == own[number]).all(-1))[0])
+
+
 @dataclass(frozen=True)
 class Bars:
     """Inertia of bars between points of two bodies: legs, blades.

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.design.imperfections import AXES, Imperfection, scattered
+from suspension_cli.design.imperfections import AXES, PARTS, Imperfection, scattered
 from suspension_cli.design.schema import Design, Distribution
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import imperfections
@@ -33,7 +33,7 @@ class ScatteredNumber:
     label : str
         ``test.1 length``, ``test com x``.
     number : int
-        The wire or blade from 0, the body from 1.
+        As `scene.imperfections.impose` takes it.
     imperfection : Imperfection
     axis : int
         0, 1, 2 for vectors, else 0.
@@ -74,11 +74,11 @@ def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
                 Fault(
                     "tolerance",
                     "missing",
-                    "add [[tolerance.wire]], [[tolerance.body]] or [[tolerance.blade]]",
+                    f"add {' or '.join(f'[[tolerance.{part}]]' for part in PARTS)}",
                 )
             ]
         )
-    wires, blades = list(enumerate(scene.wires.label)), list(enumerate(scene.blades.label))
+    wires = list(enumerate(scene.wires.label))
     found: list[ScatteredNumber] = []
     for item in given.wire:
         for number, label in wires:
@@ -86,22 +86,28 @@ def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
                 found += _of_part("wire", item, number, label, item.hold)
     for item in given.body:
         found += _of_part("body", item, scene.bodies.name.index(item.stage) + 1, item.stage)
-    for item in given.blade:
-        for number, label in blades:
-            if label.split(".", 1)[0] == item.stage:
-                found += _of_part("blade", item, number, label)
+    for part, items in (("blade", given.blade), ("leg", given.leg)):
+        for item in items:
+            for label, number in imperfections.members(scene, part).items():
+                if label.split(".", 1)[0] == item.stage:
+                    name = label if "." in label else f"{label} blades"
+                    found += _of_part(part, item, number, name)
+    links = imperfections.members(scene, "link")
+    for item in given.link:
+        found += _of_part("link", item, links[item.link], item.link)
     return tuple(found)
 
 
 def _of_part(
     part: str, item: Any, number: int, label: str, hold: str = "loaded-length"
 ) -> Iterator[ScatteredNumber]:
-    """List the numbers of one wire, body or blade to which a table gives a distribution."""
+    """List the numbers of one part to which a table gives a distribution."""
     for row in scattered(part):
         if spread := getattr(item, row.spread):
-            parts = {"wire": "wires", "body": "body", "blade": "blades"}[part]
-            one_wire = item.stage is None
-            group = f"{item.wire if one_wire else f'{item.stage} {parts}'} {row.spread}"
+            parts = {"body": "body"}.get(part, f"{part}s")
+            stage = getattr(item, "stage", None)
+            owner = getattr(item, part) if stage is None else f"{stage} {parts}"
+            group = f"{owner} {row.spread}"
             for axis, name in enumerate(AXES if row.vector else ("",)):
                 full = f"{label} {row.spread} {name}".rstrip()
                 yield ScatteredNumber(full, number, row, axis, spread, hold, group)

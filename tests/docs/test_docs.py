@@ -48,7 +48,13 @@ TABLES = {
     "[support]": [schema.Support],
     "[[control.loop]]": [schema.Loop],
     "[[perturbation]]": [schema.Perturbation],
-    "[[tolerance.wire]]": [schema.WireTolerance, schema.BodyTolerance, schema.BladeTolerance],
+    "[[tolerance.wire]]": [
+        schema.WireTolerance,
+        schema.BodyTolerance,
+        schema.BladeTolerance,
+        schema.LegTolerance,
+        schema.LinkTolerance,
+    ],
     "[[tolerance.require]]": [schema.Requirement],
 }
 """Heading of docs/design-file.md to the types that it describes."""

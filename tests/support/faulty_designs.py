@@ -713,13 +713,13 @@ PERTURBATIONS = [
     Case(
         "nothing-named",
         {("perturbation",): [{"k_factor": 1.1}]},
-        "perturbation.1: must name one wire or one body",
+        "perturbation.1: must name one wire, body, blade, leg or link",
         "test.1",
     ),
     Case(
         "both-named",
         {("perturbation",): [{"wire": "test.1", "body": "test"}]},
-        "perturbation.1: must name one wire or one body",
+        "perturbation.1: must name one wire, body, blade, leg or link",
     ),
     Case(
         "no-such-wire",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
 from suspension_cli.design.derive import blade_loss, blade_material, spring_loss
+from suspension_cli.design.links import Link
 from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.losses.registry import mechanisms_of
 from suspension_cli.design.schema import Design, Spring, Stage
@@ -82,10 +83,22 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
         if blades is not None and not blades.loss_angle and blades.q is None:
             found.append(Lossless(f"{stage.name}.filter"))
     for link in design.link:
-        if link.table is None and not link_loss(design, link) and not _nonzero(link.damping):
-            material = () if link.strands is None else (link.strands.material,)
-            found.append(Lossless(f"{link.name}.link", material))
+        if link.table is None and not _nonzero(link.damping):
+            found += _check_link(design, link, level)
     return found
+
+
+def _check_link(design: Design, link: Link, level: str) -> Iterator[Lossless]:
+    """Check whether a link without damping has bulk loss, by the materials of its wires."""
+    label, strands = f"{link.name}.link", link.strands
+    if link.loss_angle is not None or strands is None:
+        if not link.loss_angle:
+            yield Lossless(label)
+    elif not registry.by_name(level).bends_wires:
+        if not link_loss(design, link):
+            yield Lossless(label, (strands.material,))
+    elif not _bulk(losses := _losses(design, strands.material, None)):
+        yield Lossless(label, (strands.material,), tuple(_in_bending(losses)))
 
 
 def _merge_parts(

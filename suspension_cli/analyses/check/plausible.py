@@ -68,16 +68,22 @@ def find_implausible_loads(design: Design, carried: Statics) -> list[Implausible
     return found
 
 
+def hangs_freely(link: LinkLoad) -> bool:
+    """Whether a link would sag so far that its sag as a small deflection means nothing."""
+    return link.sag is not None and link.length is not None and link.sag > LINK_SAG * link.length
+
+
 def _check_link(link: LinkLoad, carried: Statics) -> Iterator[ImplausibleNumber]:
     """Report a link that hangs more than it springs, or weighs much."""
     path = f"link.{link.label}"
-    if link.sag is not None and link.length is not None and link.sag > LINK_SAG * link.length:
+    if hangs_freely(link):
+        assert link.sag is not None and link.length is not None
         yield ImplausibleNumber(
             Fault(
                 f"{path}.strands",
-                f"sags by {1e3 * link.sag:.3g} mm under its weight,"
-                f" {100 * link.sag / link.length:.2g} % of its length: its stiffness is that"
-                " of the unloaded shape, which it then does not have",
+                "its weight, which is left out, would bend it by"
+                f" {100 * link.sag / link.length:.2g} % of its length, so that it hangs freely:"
+                " its stiffness is that of the unloaded shape, which it then does not have",
                 'give the shape in which it hangs, for example "catenary", or a stiffness measured'
                 " in place",
             )

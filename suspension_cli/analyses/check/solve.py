@@ -246,6 +246,8 @@ def _strength(part: WireLoad | BladeLoad) -> tuple[float | None, float | None]:
 
 def _link_table(links: tuple[LinkLoad, ...]) -> str:
     """Table of links and dampers: stiffness or damping along x, y, z, and sag."""
+    from suspension_cli.analyses.check.plausible import hangs_freely
+
     heads = {"link": "", "between": "", "x\nN/m": ".4g", "y\nN/m": ".4g", "z\nN/m": ".4g"}
     heads |= {"length\nm": ".4g", "sag\nmm": ".3g", "weight\nN": ".3g"}
     damped = {"damper": "", "between": "", "x\nN s/m": ".4g", "y\nN s/m": ".4g", "z\nN s/m": ".4g"}
@@ -257,7 +259,7 @@ def _link_table(links: tuple[LinkLoad, ...]) -> str:
             " - ".join(link.between),
             *link.stiffness,
             link.length,
-            None if link.sag is None else 1e3 * link.sag,
+            None if link.sag is None or hangs_freely(link) else 1e3 * link.sag,
             link.weight,
         )
         for link in elastic

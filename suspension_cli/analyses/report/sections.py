@@ -14,6 +14,7 @@ from suspension_cli.analyses import tables
 from suspension_cli.analyses.report import html
 from suspension_cli.analyses.report.composition import Composition, Omitted
 from suspension_cli.conventions import DOFS
+from suspension_cli.design.imperfections import perturbed_part
 from suspension_cli.errors import InputError
 from suspension_cli.version import __version__
 
@@ -64,7 +65,7 @@ def drawing(report: Composition) -> Iterator[str]:
         f" lowest centre of mass lies {html.number(depth, 4)} m below the suspension point."
     )
     if design.perturbation:
-        names = dict.fromkeys(str(item.wire or item.body) for item in design.perturbation)
+        names = dict.fromkeys(perturbed_part(item)[1] for item in design.perturbation)
         factor = draw.exaggeration(design, scene)
         size = "displace nothing" if factor is None else f"are drawn {factor:,.6g} times larger"
         caption += f" Imperfections of {html.text(', '.join(names))} {size}."

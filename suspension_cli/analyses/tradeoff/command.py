@@ -125,9 +125,14 @@ def _demand_references(design: Design) -> None:
     from suspension_cli.errors import Fault, InputError
 
     if reason := beyond_symmetric_chains(design):
-        remedy = "remove gravity_gradient and wire_weight, and give gravity as a number"
         problem = f"the references in 50 digits do not cover this design: {reason}"
-        raise InputError([Fault("constants", problem, remedy)])
+        by_field = "weight" in reason or "gravity" in reason
+        remedy = (
+            "remove gravity_gradient and wire_weight, and give gravity as a number"
+            if by_field
+            else "pendsus info has the estimated error of each model"
+        )
+        raise InputError([Fault("constants" if by_field else "stage", problem, remedy)])
 
 
 def _demand_stable(design: Design) -> None:

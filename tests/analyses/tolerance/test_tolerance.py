@@ -29,7 +29,7 @@ from tests.support.golden import CONFIGS
 from tests.support.paper import table_1
 
 TRIPLE = CONFIGS / "triple-tolerance.toml"
-LENGTH = named("length_change")
+LENGTH = named("wire", "length_change")
 SPREADS = {
     "normal": (Distribution(normal=2e-3), stats.norm(scale=2e-3)),
     "uniform": (Distribution(uniform=5e-4), stats.uniform(-5e-4, 1e-3)),
