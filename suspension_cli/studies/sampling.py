@@ -74,7 +74,7 @@ def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
                 Fault(
                     "tolerance",
                     "missing",
-                    f"add {' or '.join(f'[[tolerance.{part}]]' for part in PARTS)}",
+                    f"add a table [[tolerance.PART]] with PART one of {', '.join(PARTS)}",
                 )
             ]
         )

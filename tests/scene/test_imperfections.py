@@ -12,7 +12,16 @@ from suspension_cli.scene.expand import expand_as_drawn
 from suspension_cli.scene.imperfections import impose
 from tests.support.paths import CONFIGS
 
-SCENE = expand_as_drawn(reader.read(CONFIGS / "quadruple.toml").design)
+SCENES = {
+    part: expand_as_drawn(reader.read(CONFIGS / f"{name}.toml").design)
+    for part, name in (
+        ("wire", "quadruple"),
+        ("body", "quadruple"),
+        ("blade", "quadruple"),
+        ("leg", "tower"),
+        ("link", "cryogenic-payload"),
+    )
+}
 
 
 def numbers(scene):
@@ -27,9 +36,10 @@ def numbers(scene):
 @pytest.mark.parametrize("item", IMPERFECTIONS, ids=lambda item: item.name)
 def test_acts_unless_neutral(item):
     shape, number = ((3,) if item.vector else ()), (1 if item.part == "body" else 0)
-    expected = numbers(SCENE)
+    scene = SCENES[item.part]
+    expected = numbers(scene)
     for amount, same in ((item.neutral, True), (item.neutral + 1e-3, False)):
-        found = numbers(impose(SCENE, item.part, number, {item.name: np.full(shape, amount)}))
+        found = numbers(impose(scene, item.part, number, {item.name: np.full(shape, amount)}))
         assert same == all(
             np.allclose(found[key], expected[key], rtol=1e-14, atol=0) for key in expected
         )

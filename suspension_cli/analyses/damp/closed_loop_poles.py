@@ -111,7 +111,6 @@ def refine(found: Poles, plant: Plant) -> Poles:
             # a larger change: two poles at one frequency, whose shapes mix
             alone = np.abs(decay - roots[slow].real) <= NEAR * np.abs(roots[slow])
             values[here[slow[alone]]] = decay[alone] + 1j * roots[slow[alone]].imag
-    values = _drop_rounded_growth(values, found.rounding)
     order = np.argsort(np.abs(values), kind="stable")
     order = order[~spurious[order]]
     return Poles(values[order], tuple(found.state[n] for n in order))
@@ -137,11 +136,6 @@ def _drop_rounding(
     return np.where(
         np.abs(np.real(values)) <= rounding * np.abs(values), 1j * np.imag(values), values
     )
-
-
-def _drop_rounded_growth(values: Any, rounding: float) -> Any:
-    """Set growth rates of poles (p,) that may be rounding errors to 0; decays are more accurate."""
-    return np.where(np.real(values) > 0, _drop_rounding(values, rounding), values)
 
 
 def _find_block(state: str, known: dict[str, int], groups: Any) -> int:

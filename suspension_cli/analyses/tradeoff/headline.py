@@ -100,11 +100,11 @@ def advise(answer: Answer, options: list[Option]) -> str:
 
     Examples
     --------
-    >>> beam, string = Option("beam", 0.037, 9e-5), Option("string", 0.007, 0.15)
-    >>> advise(Answer("models", "", beam, string), [beam, string])
-    'Use beam: string is 5.3 times faster, but off by 15 %.'
-    >>> advise(Answer("models", "", beam, None), [beam])
-    'Use beam: no other model is faster.'
+    >>> fine, coarse = Option("fine", 0.037, 9e-5), Option("coarse", 0.007, 0.15)
+    >>> advise(Answer("models", "", fine, coarse), [fine, coarse])
+    'Use fine: coarse is 5.3 times faster, but off by 15 %.'
+    >>> advise(Answer("models", "", fine, None), [fine])
+    'Use fine: no other model is faster.'
     """
     best, other = answer.best, answer.other
     if other is not None:

@@ -230,7 +230,8 @@ def test_a_design_without_a_table(tmp_path):
     )
     assert (
         line
-        == "tolerance: missing; add [[tolerance.wire]], [[tolerance.body]] or [[tolerance.blade]]"
+        == "tolerance: missing; add a table [[tolerance.PART]] with PART one of wire, body,"
+        " blade, leg, link"
     )
 
 
