@@ -229,8 +229,7 @@ def test_a_design_without_a_table(tmp_path):
         run("tolerance", FILE, "--out", tmp_path / "out"), FILE, tmp_path / "out"
     )
     assert (
-        line
-        == "tolerance: missing; add a table [[tolerance.PART]] with PART one of wire, body,"
+        line == "tolerance: missing; add a table [[tolerance.PART]] with PART one of wire, body,"
         " blade, leg, link"
     )
 
