@@ -44,16 +44,6 @@ def pack_bodies(scene: Scene) -> Any:
 
 
 @compiled
-def _cross_row(axis: int, tensor: Any, out: Any) -> None:
-    """Product [e_axis] T of the cross matrix of a unit vector and a tensor (3, 3)."""
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    for k in range(3):
-        out[axis, k] = 0.0
-        out[j, k] = tensor[i, k]
-        out[i, k] = -tensor[j, k]
-
-
-@compiled
 def _rotated(turn: Any, vector: Any, out: Any) -> None:
     for i in range(3):
         out[i] = vector[i]

@@ -64,8 +64,8 @@ KERNELS = {
     "tower": (1e-8, 1e-15),
 }
 """Where kernels of the linear algebra library differ more, relative to each response and to the
-largest: in sections that a measured profile is reduced to (within an error of 1e-4), and in
-couplings that are 0 but for rounding."""
+largest: where sections of a wire are short (joining them loses digits of the tension's part of the
+stiffness), and in couplings that are 0 but for rounding."""
 
 
 @pytest.mark.parametrize("config", golden.configs(), ids=lambda path: path.stem)
