@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.models.registry import Choice
 
+Document = dict[str, Any]
+"""A JSON document."""
+Settings = dict[str, Any]
+"""Values of parameters by name; each parameter has its own type."""
 Progress = Callable[[int, int, float], None]
 """Called with (points done, points in all, points per second)."""
 

@@ -67,6 +67,10 @@ class Column:
     axes: tuple[str, ...] = ()
 
 
+ColumnValues = dict[str, np.ndarray]
+"""Values of points, along the first axis, by the names of columns."""
+
+
 @dataclass(frozen=True)
 class Builds:
     """Balanced builds.
@@ -75,12 +79,12 @@ class Builds:
     ----------
     model : LinearModel
         With the builds as first axis; valid for builds with status `GOOD`.
-    status : (p,) uint8 array
-    wire : (p,) int16 array
+    status : uint8 array
+    wire : int16 array
         The first slack wire, or -1.
-    residual : (p,) array
+    residual : array
         Largest residual force, relative to the weight.
-    mirrors : (p, 2) bool array
+    mirrors : array
         Whether each build is symmetric when x, or y, is mirrored.
     terms : tuple of BatchTerm
         Frequency-dependent parts, where wires bend.
@@ -205,7 +209,7 @@ def transfer(
     Parameters
     ----------
     builds : Builds
-    frequency : (f,) array
+    frequency : array
         Hz.
     inputs, outputs : list of Signal
     """

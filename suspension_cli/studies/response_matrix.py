@@ -142,12 +142,12 @@ class Plant:
 
         Parameters
         ----------
-        frequency : (f,) array
+        frequency : array
             Hz.
         inputs, outputs : sequences of Signal
-        damping : (m,) array, optional
+        damping : array, optional
             Added damping 1/Q of each mode.
-        stiffening : (m,) array, optional
+        stiffening : array, optional
             Relative change of omega^2 of each mode alone.
         """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
@@ -205,14 +205,14 @@ class Responses:
     Attributes
     ----------
     plant : Plant
-    omega : (f,) array
+    omega : array
         rad/s.
     inputs, outputs : tuple of Signal
-    rows : (o, N) array
+    rows : array
         Linear forms of the outputs.
-    state : (f, N, i) complex array
+    state : array
         All coordinates for unit inputs.
-    adjoint : (f, N - 6, o) complex array
+    adjoint : array
         Solutions of the transposed equations for the outputs.
     """
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import h5py
 import numpy as np
@@ -21,7 +20,7 @@ from suspension_cli.analyses.tradeoff.result import (
     Tradeoff,
     View,
 )
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 
 TEXTS = ("quantity", "compares", "title", "start", "item", "reference")
 """Attributes of a comparison that are text."""
@@ -55,8 +54,8 @@ def _fill_waits(home: h5py.Group, each: ResponseTimes) -> None:
     add_dataset(home, "time", np.array([e.time for e in entries]), "s", *scales)
 
 
-def _words(values: Iterable[str]) -> Any:
-    """Array of strings, also if it is empty."""
+def _words(values: Iterable[str]) -> np.ndarray:
+    """Make an array of strings, also if it is empty."""
     return np.array(list(values), dtype=str)
 
 
@@ -133,7 +132,7 @@ def _fill(home: h5py.Group, panel: Panel) -> None:
         )
 
 
-def load(group: Any) -> Tradeoff:
+def load(group: Stored) -> Tradeoff:
     """Read the comparisons of a design from the group `tradeoff`."""
     return Tradeoff(
         tuple(_load(group[name]) for name in group.attrs["order"]),
@@ -143,7 +142,7 @@ def load(group: Any) -> Tradeoff:
     )
 
 
-def _load_waits(home: Any) -> ResponseTimes:
+def _load_waits(home: Stored) -> ResponseTimes:
     rows = zip(
         home["model"].asstr()[:],
         home["method"].asstr()[:],
@@ -161,7 +160,7 @@ def _load_waits(home: Any) -> ResponseTimes:
     )
 
 
-def _load(home: Any) -> Panel:
+def _load(home: Stored) -> Panel:
     def names(key: str) -> list[str]:
         return [str(value) for value in home[key].asstr()[:]]
 

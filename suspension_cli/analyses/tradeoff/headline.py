@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
 
 from suspension_cli.analyses.tradeoff.result import ROUNDING, Tradeoff, front
@@ -25,6 +25,7 @@ from suspension_cli.drawing.style import (
     with_opacity,
     write_text,
 )
+from suspension_cli.scene.arrays import Array
 
 COLUMNS = 2
 LEFT, WIDTH, PITCH = 0.86, 2.55, 3.45
@@ -179,8 +180,7 @@ def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
             zorder=4,
             clip_on=False,
         )
-    figure: Any = axes.get_figure()
-    box = note.get_window_extent(figure.canvas.get_renderer())
+    box = note.get_window_extent()
     corners = axes.transData.transform(path)
     annotate(
         axes,
@@ -209,7 +209,7 @@ def _choose_ticks(low: float, high: float) -> list[float]:
     return ticks
 
 
-def _name_band(axes: Axes, path: Any) -> Any:
+def _name_band(axes: Axes, path: Array) -> Annotation:
     """Name the band of accurate models at its upper edge, where the front does not cross it."""
     falls = path[:-1, 0][(path[:-1, 1] >= MODEL_TOLERANCE) & (path[1:, 1] < MODEL_TOLERANCE)]
     crossing = axes.transAxes.inverted().transform(
