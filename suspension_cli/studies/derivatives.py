@@ -58,8 +58,7 @@ cannot change alone."""
 
 @dataclass(frozen=True)
 class Linear:
-    """A linear model, or its derivative, in the named coordinates: (N, N) arrays, the support's
-    coordinates included.
+    """A linear model, or its derivative, in the named coordinates, with those of the support.
 
     Attributes
     ----------
@@ -101,7 +100,7 @@ class Linear:
 
     @property
     def matters(self) -> bool:
-        """True if any matrix is not 0."""
+        """Whether any matrix is not 0."""
         return any(
             value.any()
             for value in (self.mass, self.stiffness, self.damping, self.loss, self.orientation)

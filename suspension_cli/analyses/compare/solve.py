@@ -321,6 +321,11 @@ class _Bodies:
         return np.abs(rows @ columns.T)
 
 
+def _exact(item: int, frequency: np.ndarray, value: np.ndarray) -> Curve:
+    """Make the curve of a model, which has no uncertainty."""
+    return Curve(item, frequency, value, np.full(len(frequency), np.nan))
+
+
 def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]:
     """Collect the responses of results, measurements and the setting, an overlay per pair."""
     data: dict[tuple[str, str], dict[int, Curve]] = {}
@@ -334,8 +339,7 @@ def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overl
             found = item.result.data
             for o, out in enumerate(found.output):
                 for i, into in enumerate(found.input):
-                    nothing = np.full(len(found.frequency), np.nan)
-                    curve = Curve(n, found.frequency, found.value[:, o, i], nothing)
+                    curve = _exact(n, found.frequency, found.value[:, o, i])
                     data.setdefault((out, into), {})[n] = curve
                     units[out, into] = found.unit[o][i]
     wanted_in, wanted_out = run.setting["inputs"], run.setting["outputs"]
@@ -353,8 +357,7 @@ def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overl
             "response", items, run, models, inputs=(into,), outputs=(out,), frequency=grid
         )
         for n, result in solved.items():
-            nothing = np.full(len(result.frequency), np.nan)
-            curves[n] = Curve(n, result.frequency, result.value[:, 0, 0], nothing)
+            curves[n] = _exact(n, result.frequency, result.value[:, 0, 0])
             units[out, into] = result.unit[0][0]
         if curves:
             unit = units.get((out, into), "")
@@ -369,8 +372,7 @@ def _noises(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]
     for n, item in enumerate(items):
         if item.result is not None and item.result.analysis.name == "thermal":
             for noise in item.result.data:
-                nothing = np.full(len(noise.frequency), np.nan)
-                curve = Curve(n, noise.frequency, noise.amplitude.astype(complex), nothing)
+                curve = _exact(n, noise.frequency, noise.amplitude.astype(complex))
                 data.setdefault(noise.output, {})[n] = curve
                 units[noise.output] = f"{noise.unit}/sqrt(Hz)"
     for out in run.setting["noises"]:
@@ -383,8 +385,7 @@ def _noises(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]
             )
         for n, result in solved.items():
             noise = result.data[0]
-            nothing = np.full(len(noise.frequency), np.nan)
-            curves[n] = Curve(n, noise.frequency, noise.amplitude.astype(complex), nothing)
+            curves[n] = _exact(n, noise.frequency, noise.amplitude.astype(complex))
             units[out] = f"{noise.unit}/sqrt(Hz)"
         overlays.append(Overlay("noise", out, "", units[out], _with_ratios(items, curves)))
     return overlays

@@ -125,7 +125,7 @@ def _first_of_each(
     roots: Complex[np.ndarray, " pole"],
     converged: Bool[np.ndarray, " pole"],
 ) -> Bool[np.ndarray, " pole"]:
-    """Mark (p,) one start, the nearest, of those that have converged to each root."""
+    """Mark one start, the nearest, of those that have converged to each root."""
     own = np.zeros(len(starts), dtype=bool)
     for n in np.argsort(np.abs(roots - starts) / np.abs(starts).clip(1e-300)):
         again = np.abs(roots[own] - roots[n]) <= SAME * np.abs(roots[n])
@@ -136,7 +136,7 @@ def _first_of_each(
 def _drop_rounding(
     values: Complex[np.ndarray, " pole"], rounding: float
 ) -> Complex[np.ndarray, " pole"]:
-    """Set real parts of poles (p,) that may be rounding errors to 0."""
+    """Set real parts of poles that may be rounding errors to 0."""
     return np.where(
         np.abs(np.real(values)) <= rounding * np.abs(values), 1j * np.imag(values), values
     )
@@ -150,7 +150,7 @@ def _find_block(state: str, known: dict[str, int], groups: Sequence[Index]) -> i
 
 @dataclass(frozen=True)
 class _Block:
-    """A block: coordinates (c,) uncoupled from all others, with the loops that act on them.
+    """A block: coordinates uncoupled from all others, with the loops that act on them.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ class _Block:
 
     @staticmethod
     def of(plant: Plant, group: Int[np.ndarray, " coordinate"]) -> _Block:
-        """Cut a block of coordinates (c,) out of a plant."""
+        """Cut a block of coordinates out of a plant."""
         model, rows = plant.model, np.ix_(group, group)
         keep = [
             n
@@ -214,7 +214,7 @@ class _Block:
     def dispersive(
         self, omega: Float[np.ndarray, " pole"]
     ) -> Complex[np.ndarray, "pole coordinate coordinate"]:
-        """i K'' (p, c, c) of all losses at frequencies (p,), rad/s; 0 at 0, without oscillation."""
+        """i K'' of all losses at frequencies, rad/s; 0 at 0, without oscillation."""
         result = np.zeros((len(omega), *self.mass.shape), dtype=complex)
         moving = omega > 0
         result[moving] = 1j * self.lossy
@@ -227,7 +227,7 @@ class _Block:
     def dissipated(
         self, x: Complex[np.ndarray, "coordinate pole"], omega: Float[np.ndarray, " pole"]
     ) -> Float[np.ndarray, " pole"]:
-        """x^H K'' x + omega x^H C x (p,) of motions x (c, p) at frequencies omega (p,), rad/s."""
+        """x^H K'' x + omega x^H C x of motions x at frequencies omega, rad/s."""
         lost = (
             np.einsum("ip,ij,jp->p", x.conj(), self.lossy, x).real
             + omega * np.einsum("ip,ij,jp->p", x.conj(), self.damping, x).real
@@ -246,7 +246,7 @@ def _delayed_damper(loop: Loop) -> float:
 def _find_root(
     start: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
 ) -> tuple[complex, Complex[np.ndarray, "coordinate coordinate"], bool]:
-    """Find a root of T(s) near a start, with the losses (c, c) there, from those at the start.
+    """Find a root of T(s) near a start, with the losses there, from those at the start.
 
     The start itself, and False, where Newton's method does not converge.
     """
@@ -266,7 +266,7 @@ def _find_root(
 def _iterate_newton(
     s: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
 ) -> complex:
-    """Find a root of T(s) with given losses (c, c) by Newton's method; NaN without convergence."""
+    """Find a root of T(s) with given losses by Newton's method; NaN without convergence."""
     a, b, c, d = block.filters
     size, count = len(block.mass), len(block.mass) + len(a)
     pushed, sensed = block.plant.pushed, block.plant.sensed
@@ -336,7 +336,7 @@ def _largest(size: Array, axis: int) -> Array:
 def _solve_shape(
     s: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
 ) -> Complex[np.ndarray, " coordinate"]:
-    """Solve for the shape (c,) of a pole s by inverse iteration."""
+    """Solve for the shape of a pole s by inverse iteration."""
     pushed, sensed = block.plant.pushed, block.plant.sensed
     root = np.sqrt(np.abs(np.diag(block.stiffness)) + abs(s) ** 2 * np.diag(block.mass))
     near = s * (1 + ASIDE)
@@ -367,7 +367,7 @@ def _filter_responses(
 def _compute_decays(
     s: Complex[np.ndarray, " pole"], block: _Block, x: Complex[np.ndarray, "coordinate pole"]
 ) -> Float[np.ndarray, " pole"]:
-    """Compute the real parts (p,) of poles (p,) from their shapes (c, p)."""
+    """Compute the real parts of poles from their shapes."""
     weight = np.einsum("ip,ij,jp->p", x.conj(), block.mass, x).real
     gain = (
         (_filter_responses(s, block) * (block.plant.pushed @ x.conj()) * (block.plant.sensed @ x))

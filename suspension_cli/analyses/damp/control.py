@@ -181,7 +181,7 @@ def evaluate_filter(
 def evaluate_noise(
     loop: Loop, frequency: Float[np.ndarray, " frequency"]
 ) -> Float[np.ndarray, " frequency"]:
-    """Evaluate the sensor noise (f,) of a loop, as motion, at frequencies (f,) in Hz.
+    """Evaluate the sensor noise of a loop, as motion, at frequencies in Hz.
 
     Flat; flat with a corner below which the power rises as 1/f; or interpolated on logarithmic
     axes.

@@ -214,7 +214,7 @@ def _find_crossings(
     measure: Callable[[np.ndarray], np.ndarray],
     counts: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[list[Float[np.ndarray, " _"]], list[Complex[np.ndarray, " _"]]]:
-    """Find where a measure of each loop's gain is 0: frequencies (c,) and gains (c,) per loop.
+    """Find where a measure of each loop's gain is 0: frequencies and gains per loop.
 
     Points count where `counts` is true of the gain. An interval across which the curve jumps (a
     pole or zero without loss) is not a crossing.

@@ -98,7 +98,7 @@ def balance(
 def compute_largest(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Float[np.ndarray, " frequency"]:
-    """Compute the largest singular value (f,) of the scaled sensitivity at frequencies in Hz."""
+    """Compute the largest singular value of the scaled sensitivity at frequencies in Hz."""
     sensitivity = control.compute_sensitivity(plant, frequency)
     return np.linalg.norm(balance(sensitivity), ord=2, axis=(1, 2))
 

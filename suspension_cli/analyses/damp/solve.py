@@ -219,7 +219,7 @@ def _all_motions(model: LinearSystem) -> list[signals.Signal]:
 
 
 def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
-    """Find frequencies (n,) in Hz where loop gains L have poles or zeros, or 1 + L has zeros.
+    """Find frequencies in Hz where loop gains L have poles or zeros, or 1 + L has zeros.
 
     Each comes with its width to either side. They are the poles and zeros of the mechanics of each
     loop (the other loops closed), those of its filter, and the closed-loop poles.
@@ -251,7 +251,7 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " 
 
 
 def _static_gains(plant: Plant, lowest: float) -> Float[np.ndarray, " loop"]:
-    """Loop gains (l,) far below the lowest pole and zero (Hz); infinite where they are not real.
+    """Loop gains far below the lowest pole and zero (Hz); infinite where they are not real.
 
     Loss angles do not act there and are left out.
     """

@@ -157,7 +157,7 @@ class Experiment:
     def predict(
         self, x: Float[np.ndarray, " number"]
     ) -> tuple[Float[np.ndarray, " measured"], Float[np.ndarray, "measured number"]]:
-        """Model frequencies (k,) of the measured modes, Hz, and their derivatives (k, q).
+        """Model frequencies of the measured modes, Hz, and their derivatives.
 
         Both are 0 for an unstable mode.
         """

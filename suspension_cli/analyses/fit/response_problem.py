@@ -186,7 +186,7 @@ class ResponseProblem:
     def added(
         self, z: Float[np.ndarray, " unknown"]
     ) -> tuple[Float[np.ndarray, " damped"], Float[np.ndarray, " stiff"]]:
-        """Added dampings (r,) and changes of omega^2 (s,) of modes."""
+        """Added dampings and changes of omega^2 of modes."""
         own = z[self.numbers + len(self.nuisances) :]
         return np.exp(own[: len(self.damped)]), own[len(self.damped) :]
 
@@ -314,7 +314,7 @@ class ResponseProblem:
     def jacobian(
         self, z: Float[np.ndarray, " unknown"], sigma: Sequence[Array] | None = None
     ) -> Float[np.ndarray, "residual unknown"]:
-        """Differentiate `residual`, (r, P)."""
+        """Differentiate `residual`."""
         sigma = self.uncertainties() if sigma is None else sigma
         rows = [
             stack_parts(slope / s[:, None])
@@ -329,7 +329,7 @@ class ResponseProblem:
         return np.concatenate(rows)
 
     def frequencies(self, z: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " mode"]:
-        """Frequencies (m,) of the modes in the order of the start, Hz.
+        """Frequencies of the modes in the order of the start, Hz.
 
         Without changes of omega^2 that the design does not explain.
         """
@@ -339,7 +339,7 @@ class ResponseProblem:
     def frequency_slopes(
         self, z: Float[np.ndarray, " unknown"]
     ) -> Float[np.ndarray, "mode number"]:
-        """Derivatives of `frequencies` by the numbers of the design, (m, p)."""
+        """Derivatives of `frequencies` by the numbers of the design."""
         plant = self._plant(z[: self.numbers])
         order = self._order(plant)
         slope = np.zeros((len(order), self.numbers))

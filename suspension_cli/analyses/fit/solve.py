@@ -141,7 +141,7 @@ class Fit:
 
     @property
     def residual(self) -> Float[np.ndarray, " mode"]:
-        """Residuals after the fit over the uncertainties, (k,)."""
+        """Residuals after the fit over the uncertainties."""
         return (self.after - self.measured) / self.uncertainty
 
     @property
@@ -429,7 +429,7 @@ def _summarise(
 
 
 def _inverse(slope: Float[np.ndarray, "row number"]) -> Float[np.ndarray, "number number"]:
-    """(J^T J)^-1 of J (r, p); infinite on the diagonal for numbers that J does not determine."""
+    """(J^T J)^-1 of J; infinite on the diagonal for numbers that J does not determine."""
     if not slope.shape[1]:
         return np.zeros((0, 0))
     _, singular, direction = np.linalg.svd(slope, full_matrices=True)

@@ -219,8 +219,8 @@ def _warn(found: Optimum, log: Log) -> None:
         )
     if found.rounds >= ROUNDS:
         log.warn(
-            f"after {found.rounds} corrections search and check may still differ: limits are told"
-            " as checked, but a better design may be near"
+            f"after {found.rounds} corrections search and check may still differ: limits are"
+            " reported as checked, but a better design may be near"
         )
 
 
@@ -302,11 +302,11 @@ def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
     order = sorted(
         mine, key=lambda n: limits.margin[n] if math.isfinite(limits.margin[n]) else -math.inf
     )
-    told = [n for n in order if not limits.met[n] or limits.active[n]]
-    told += [n for n in order if n not in told][: max(NEAREST - len(told), 0)]
+    shown = [n for n in order if not limits.met[n] or limits.active[n]]
+    shown += [n for n in order if n not in shown][: max(NEAREST - len(shown), 0)]
     word = "met" if all(limits.met[n] for n in mine) else "NOT MET"
     lines = [f"{word:7}  {name}" + (f", {len(mine)} limits" if len(mine) > 1 else "")]
-    for n in told:
+    for n in shown:
         state = "NOT MET" if not limits.met[n] else "active" if limits.active[n] else ""
         was = (
             f", was {_size(float(quantities.before[limits.quantity[n]]))}"
@@ -318,8 +318,8 @@ def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
             f"         {limits.name[n]}: {_size(limits.value[n])}{was}"
             f" ({', '.join([*room, *([state] if state else [])])})"
         )
-    if len(told) < len(mine):
-        lines.append(f"         and {len(mine) - len(told)} with more room")
+    if len(shown) < len(mine):
+        lines.append(f"         and {len(mine) - len(shown)} with more room")
     return lines
 
 

@@ -147,7 +147,7 @@ class Search:
 
     @property
     def begin(self) -> Float[np.ndarray, " number"]:
-        """Fractions (p,) of the starting design."""
+        """Fractions of the starting design."""
         return self.freed.fractions(self.freed.start)
 
     @property
@@ -156,7 +156,7 @@ class Search:
         return (*self.requirements.limits, *self.pairs)
 
     def order(self, log: Float[np.ndarray, " quantity"]) -> tuple[Limit, ...]:
-        """Limits between modes that have to lie apart, neighbours at the logarithms (q,)."""
+        """Limits between modes that have to lie apart, neighbours at the logarithms."""
         found = []
         for goal, places, value, hertz in self.requirements.separations:
             ranked = sorted(places, key=lambda n: log[n])
@@ -166,7 +166,7 @@ class Search:
         return tuple(found)
 
     def value(self, fraction: Float[np.ndarray, " number"]) -> Evaluation | None:
-        """Evaluate logarithms and derivatives by fractions (p,); None without a valid design."""
+        """Evaluate logarithms and derivatives by fractions; None without a valid design."""
         key = fraction.tobytes()
         if key not in self.seen:
             number = self.freed.numbers(fraction)
@@ -253,7 +253,7 @@ class Search:
         return found
 
     def run(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
-        """Search from fractions (p,); return the best point, None for an invalid start."""
+        """Search from fractions; return the best point, None for an invalid start."""
         self.best, now = None, self.value(fraction)
         if now is None:
             return None

@@ -94,14 +94,14 @@ class Evaluator:
 
     @cached_property
     def nominal(self) -> Float[np.ndarray, "mode coordinate"]:
-        """Shapes (m, N - 6) of the modes of the starting design, as in `batch_modes.Spectrum`."""
+        """Shapes of the modes of the starting design, as in `batch_modes.Spectrum`."""
         return batch_modes.solve_one(
             static_system(self.freed.design(self.freed.start), self.level)
         ).shape[0]
 
     @cached_property
     def floors(self) -> Float[np.ndarray, " quantity"]:
-        """omega^2 (q,), (rad/s)^2, below which logarithms of frequencies continue linearly."""
+        """omega^2, (rad/s)^2, below which logarithms of frequencies continue linearly."""
         lowest = np.full(len(self.requirements.quantities), np.inf)
         for limit in self.requirements.limits:
             lowest[limit.quantity] = min(lowest[limit.quantity], limit.value)

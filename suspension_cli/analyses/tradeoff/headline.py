@@ -48,14 +48,14 @@ def draw(found: Tradeoff, title: str) -> Figure:
     title : str
         Title of the design.
     """
-    asked = choices(found)
+    questions = choices(found)
     left_out = [
         (panel.title, panel.left[0].reason if panel.left else "nothing to compare")
         for panel in found.panels
         if panel.compares == "models" and not panel.entries
     ]
-    columns = min(COLUMNS, len(asked) + len(left_out))
-    rows = -(-(len(asked) + len(left_out)) // columns)
+    columns = min(COLUMNS, len(questions) + len(left_out))
+    rows = -(-(len(questions) + len(left_out)) // columns)
     across = LEFT + (columns - 1) * PITCH + WIDTH + 0.15
     key = textwrap.wrap(
         f"Errors against {reference(found)}. Steps: no model is both faster and more accurate.",
@@ -71,14 +71,14 @@ def draw(found: Tradeoff, title: str) -> Figure:
         write_heading(figure, "Which model to use: error against time", title)
         for n, line in enumerate(key):
             write_text(figure, 0.1, 0.43 + LINE * n, line, 7.5, NOTE)
-        for n, (answer, options) in enumerate(asked):
+        for n, (answer, options) in enumerate(questions):
             left, top = place(n)
             _write_advice(figure, left, top, answer, options)
             axes = add_axes(figure, left, top + ABOVE, WIDTH, HIGH)
             _draw_chart(axes, options, answer)
             if n % columns == 0:
                 axes.set_ylabel("relative error")
-        for n, (name, reason) in enumerate(left_out, len(asked)):
+        for n, (name, reason) in enumerate(left_out, len(questions)):
             left, top = place(n)
             write_text(figure, left - LEFT + 0.1, top, name, 9, bold=True)
             for k, line in enumerate(textwrap.wrap(f"left out: {reason}", 54)):

@@ -34,7 +34,7 @@ def context() -> Any:
 
 
 def eliminate(matrix: Matrix, right: Matrix) -> Matrix:
-    """Solve linear systems (n, n) and (n, k) by elimination with partial pivoting, skipping zeros.
+    """Solve linear systems by elimination with partial pivoting, skipping zeros.
 
     Overwrites both arguments.
     """

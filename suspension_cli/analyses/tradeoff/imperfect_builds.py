@@ -76,7 +76,7 @@ def uncoupled(subject: Subject) -> str:
     """Return why there is no coupling to compare; empty if there is."""
     if no_wire(subject) or unhung(subject):
         return no_wire(subject) or unhung(subject)
-    size = float(np.abs(string_reference(subject))[0])
+    size = float(np.abs(reference(subject, STRING))[0])
     return "" if size > ROUNDING else f"the imperfection couples nothing ({size:.0e} is rounding)"
 
 
@@ -90,17 +90,8 @@ def fails(level: str) -> Callable[[Subject], str]:
     return lambda subject: subject.imperfect.unsuited[level]
 
 
-def reference(subject: Subject) -> Complex[np.ndarray, " 1"]:
-    """Compute the coupling of the most complete valid model in its equilibrium, in 50 digits."""
-    return _exact(subject, subject.imperfect.top)
-
-
-def string_reference(subject: Subject) -> Complex[np.ndarray, " 1"]:
-    """Compute the coupling of the string model in its equilibrium, in 50 digits."""
-    return _exact(subject, STRING)
-
-
-def _exact(subject: Subject, level: str) -> Complex[np.ndarray, " 1"]:
+def reference(subject: Subject, level: str) -> Complex[np.ndarray, " 1"]:
+    """Compute the coupling of a model in its equilibrium, in 50 digits."""
     model = registry.by_name(level).system(subject.imperfect.design)
     into, out = subject.coupled(model)
     drive, (over, under) = (

@@ -34,15 +34,9 @@ CHUNK = 2048
 """Frequencies of the plain methods that fit into the cache."""
 
 
-def reference(subject: Subject) -> Complex[np.ndarray, " frequency"]:
-    """Solve for the response of the most complete valid model in 50 digits."""
-    model = subject.model(subject.top)
-    return high_precision.response(model, subject.omega, *subject.forms(model))
-
-
-def digits_reference(subject: Subject) -> Complex[np.ndarray, " frequency"]:
-    """Solve for the response of the string model in 50 digits."""
-    model = subject.model(STRING)
+def reference(subject: Subject, level: str) -> Complex[np.ndarray, " frequency"]:
+    """Solve for the response of a model in 50 digits."""
+    model = subject.model(level)
     return high_precision.response(model, subject.omega, *subject.forms(model))
 
 
