@@ -24,7 +24,7 @@ from suspension_cli.analyses.damp import control, margins
 from suspension_cli.analyses.damp.control import Plant
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float
+    from jaxtyping import Complex, Float, Inexact
 
 SWEEPS = 200
 """Most sweeps of balancing; about 5 are enough."""
@@ -68,7 +68,7 @@ class SensitivityPeak:
 
 
 def balance(
-    matrix: Complex[np.ndarray, "frequency loop loop"],
+    matrix: Inexact[np.ndarray, "frequency loop loop"],
 ) -> Complex[np.ndarray, "frequency loop loop"]:
     """Scale matrices to D A D^-1 whose off-diagonal rows and columns have equal norms.
 

@@ -64,7 +64,7 @@ class Quantities:
     after: Float[np.ndarray, " quantity"]
     searched: Float[np.ndarray, " quantity"]
     mode: Int[np.ndarray, " quantity"]
-    weight: Float[np.ndarray, " quantity"]
+    weight: Float[np.ndarray, " quantity"] | Int[np.ndarray, " quantity"]
 
 
 @dataclass(frozen=True)
