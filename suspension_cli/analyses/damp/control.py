@@ -319,7 +319,7 @@ def _from_open_loop(
 
 def evaluate_filters(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
-) -> Complex[np.ndarray, "frequency loop"]:
+) -> Inexact[np.ndarray, "frequency loop"]:
     """Evaluate H of all loops at frequencies in Hz."""
     return (
         np.array([evaluate_filter(loop, frequency) for loop in plant.loops])
@@ -329,7 +329,7 @@ def evaluate_filters(
 
 
 def _loop_gains(
-    h: Complex[np.ndarray, "frequency loop"], g: Complex[np.ndarray, "frequency loop loop"]
+    h: Inexact[np.ndarray, "frequency loop"], g: Complex[np.ndarray, "frequency loop loop"]
 ) -> Complex[np.ndarray, "frequency loop"]:
     """Compute the gain of each loop, the others closed, from H and the open-loop G."""
     count = h.shape[1]
