@@ -94,7 +94,7 @@ class Wires:
     tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     stiffness: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     torsion: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
-    loss: Float[np.ndarray, " wire"]
+    loss: Inexact[np.ndarray, " wire"]
     mass: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from suspension_cli.analyses import tables
+from suspension_cli.analyses.analysis import Document
 from suspension_cli.design.filters import filter_statics
 from suspension_cli.design.inverted_pendulum import leg_inertia, leg_statics
 from suspension_cli.design.keystones import Keystone
@@ -187,9 +187,9 @@ def _weight_below(scene: Scene, number: int) -> float:
     return float(carried_weights(scene)[number - 1])
 
 
-def documents(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> dict[str, Any]:
+def documents(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> Document:
     """JSON lists of inverted pendulums and filters, where there are any."""
-    result: dict[str, Any] = {}
+    result: Document = {}
     if legs:
         result["inverted_pendulums"] = [
             {

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.tolerance.quantities import Names, Requirement
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, quotient_unit
 from suspension_cli.design import reader
+from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes, graded_eigenvalues, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
@@ -25,8 +26,11 @@ from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, sampling
-from suspension_cli.studies.builds import Column
+from suspension_cli.studies.builds import Column, ColumnValues
 from suspension_cli.studies.sample_points import RANDOM, SamplePoints
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
 
 
 @dataclass(frozen=True)
@@ -100,7 +104,7 @@ class RandomBuilds:
         )
 
     @cached_property
-    def design(self) -> Any:
+    def design(self) -> Design:
         """Parsed design."""
         return reader.parse(self.text)
 
@@ -166,12 +170,12 @@ class RandomBuilds:
         """Raise `InputError` if there is no table of tolerances, or a signal is invalid."""
         self.compute(0, 1)
 
-    def deviations(self, start: int, stop: int) -> Array:
-        """Random deviations (p, factors) of builds start to stop - 1."""
+    def deviations(self, start: int, stop: int) -> Float[np.ndarray, "stop-start factor"]:
+        """Draw the random deviations of builds start to stop - 1."""
         return sampling.deviations(self.factors, self.points.of(start, stop, len(self.factors)))
 
-    def compute(self, start: int, stop: int) -> dict[str, Any]:
-        """Compute builds start to stop - 1: arrays of that length by the names of `columns`."""
+    def compute(self, start: int, stop: int) -> ColumnValues:
+        """Compute the `columns` of builds start to stop - 1."""
         scene = sampling.imperfect(self.scene, self.factors, self.deviations(start, stop))
         found = builds.balance(
             scene, self.design, level=self.level, allow_unstable=self.allow_unstable
@@ -208,22 +212,26 @@ def _ratio(
     into: Signal,
     over: Signal,
     under: Signal | None,
-) -> Any:
-    """Response (p, f) of builds, or ratio of two."""
+) -> Complex[np.ndarray, "build frequency"]:
+    """Compute the response of builds, or the ratio of two."""
     outputs = [over] if under is None else [over, under]
     value = builds.transfer(found, np.array(frequency), [into], outputs)[..., 0]
     return value[..., 0] if under is None else value[..., 0] / value[..., 1]
 
 
-def follow_modes(found: builds.Builds, shapes: Array, keep: Any) -> Array:
-    """Solve for omega^2 (p, m), (rad/s)^2, of every build in the order of the nominal modes.
+def follow_modes(
+    found: builds.Builds,
+    shapes: Float[np.ndarray, "mode coordinate"],
+    keep: Int[np.ndarray, " coordinate"],
+) -> Float[np.ndarray, "build mode"]:
+    """Solve for omega^2, (rad/s)^2, of every build in the order of the nominal modes.
 
     Parameters
     ----------
     found : Builds
-    shapes : (m, c) array
+    shapes : array
         Nominal modes in coordinates scaled by the root of the mass matrix: orthonormal.
-    keep : (c,) int array
+    keep : array
         Coordinates with inertia, which the shapes refer to.
     """
     from suspension_cli.linear import compiled  # takes half a second
