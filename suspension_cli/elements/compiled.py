@@ -58,9 +58,10 @@ from suspension_cli.elements.compiled_vectors import (
 )
 from suspension_cli.elements.compiled_wire import resting
 
-WIRE = ("upper_point", "lower_point", "span", "length", "tension", "stiffness", "torsion")
-"""Fields of `Wires` in a row of 13 numbers."""
+WIRE = ("upper_point", "lower_point", "span", "length", "tension", "stiffness", "torsion", "mass")
+"""Fields of `Wires` in a row of 16 numbers."""
 UPPER_POINT, LOWER_POINT, SPAN, LENGTH, TENSION, STIFFNESS, TORSION = 0, 3, 6, 9, 10, 11, 12
+WIRE_MASS = 13
 BLADE = ("tip", "stiffness", "load", "tip_mass")
 """Fields of `Blades` in a row of 10 numbers."""
 TIP, BLADE_STIFFNESS, LOAD, TIP_MASS = 0, 3, 6, 9
@@ -69,6 +70,25 @@ SPRING = ("upper_point", "lower_point", "stiffness", "preload")
 FLEX = ("upper", "lower", "bend", "twist")
 """Fields of `Flex` in a row of 19 numbers."""
 UPPER_NORMALS, LOWER_NORMALS, BEND, TWIST = 0, 6, 12, 18
+
+
+@inlined
+def _span(u: int, l: int, b: int, wires: Any, n: int, pose: Any) -> Any:
+    """Arms of both ends of a wire, the change of its span, and the span."""
+    shift, turn, deflection = pose
+    turn_u, turn_l = matrix(turn, u), matrix(turn, l)
+    upper_point, lower_point = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
+    # from displacements alone, so that nothing cancels
+    change = plus(
+        minus(vector(shift, l, 0), vector(shift, u, 0)),
+        minus(times(turn_l, lower_point), times(turn_u, upper_point)),
+    )
+    if b >= 0:
+        deflected = vector(deflection, b, 0)
+        upper_point = plus(upper_point, deflected)
+        change = minus(change, turned(turn_u, deflected))
+    arms = turned(turn_u, upper_point), turned(turn_l, lower_point)
+    return arms[0], arms[1], change, plus(vector(wires, n, SPAN), change)
 
 
 @inlined
@@ -172,9 +192,7 @@ def add_wires(
     sections: Any,
     wires: Any,
     flex: Any,
-    shift: Any,
-    turn: Any,
-    deflection: Any,
+    pose: Any,
     tension: Any,
     gradient: Any,
     hessian: Any,
@@ -192,11 +210,11 @@ def add_wires(
         Coordinates of the tips of blades, see `Layout`.
     sections : (w, m, 9) array
         Sections of the wires, see `compiled_wire`; (0, 0, 9) for strings.
-    wires, flex : (w, 13) and (w, 19) arrays
+    wires, flex : (w, 16) and (w, 19) arrays
         Numbers of the build; no flex, (0, 19), for strings without torsion. With sections, the
         stiffness against bending and twisting is set to that of the tension in this pose.
-    shift, turn, deflection
-        Pose, see `Pose`.
+    pose : tuple of arrays
+        Shift, turn and deflection, see `Pose`.
     tension : (w,) array
         To be filled, N.
     gradient, hessian, on_tips
@@ -206,27 +224,17 @@ def add_wires(
         is that of wires that do not stretch.
     """
     whole, section = np.empty((4, 4)), np.empty((4, 4))
-    bends, stretches, size = len(flex) > 0, len(form) == 0, len(gradient)
+    bends, stretches, size, turn = len(flex) > 0, len(form) == 0, len(gradient), pose[1]
     nothing = (0.0, 0.0, 0.0)
     none = (nothing, nothing, nothing)
     for n in range(len(wires)):
         u, l, b = upper[n], lower[n], blade[n]
         turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        upper_point, lower_point = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
-        # from displacements alone, so that nothing cancels
-        change = plus(
-            minus(vector(shift, l, 0), vector(shift, u, 0)),
-            minus(times(turn_l, lower_point), times(turn_u, upper_point)),
-        )
-        if b >= 0:
-            deflected = vector(deflection, b, 0)
-            upper_point = plus(upper_point, deflected)
-            change = minus(change, turned(turn_u, deflected))
-        arm_u, arm_l = turned(turn_u, upper_point), turned(turn_l, lower_point)
-        span = vector(wires, n, SPAN)
-        stretched = plus(span, change)
+        arm_u, arm_l, change, stretched = _span(u, l, b, wires, n, pose)
         length = math.sqrt(dot(stretched, stretched))
-        longer = dot(change, plus(scaled(2.0, span), change)) / (length + wires[n, LENGTH])
+        longer = dot(change, plus(scaled(2.0, vector(wires, n, SPAN)), change)) / (
+            length + wires[n, LENGTH]
+        )
         pull = wires[n, TENSION] + wires[n, STIFFNESS] * longer
         tension[n] = pull
         e = scaled(1 / length, stretched)
@@ -251,14 +259,11 @@ def add_wires(
         add_vector(gradient, t_u, plus(torque_u, cross(force, arm_u)))
         add_vector(gradient, x_l, force)
         add_vector(gradient, t_l, plus(torque_l, cross(arm_l, force)))
-        rotation = added(diagonal(1.0), turn_u)
         if b >= 0:
-            pushed = times(transposed(rotation), force)
-            for axis in range(3):
-                if tips[b, axis] < size:
-                    gradient[tips[b, axis]] -= pushed[axis]
+            add_vector(on_tips[b], 0, scaled(-1.0, force))
         if not curved:
             continue
+        rotation = added(diagonal(1.0), turn_u)
         if not stretches:
             add_vector(form[n], x_u, scaled(-1.0, e))
             add_vector(form[n], t_u, cross(e, arm_u))
@@ -299,7 +304,6 @@ def add_wires(
         if b < 0:
             continue
         for axis in range(3):
-            on_tips[b, axis] -= force[axis]
             tip = tips[b, axis]
             if tip == size:
                 continue
@@ -323,16 +327,14 @@ def add_wires(
 def add_blades(
     body: Any,
     tips: Any,
-    gravity: float,
     blades: Any,
-    turn: Any,
-    deflection: Any,
+    pose: Any,
     gradient: Any,
     hessian: Any,
     on_tips: Any,
     curved: bool,
 ) -> None:
-    """Add the derivatives of the energy of all blades of one build, once the wires are added.
+    """Add the derivatives of the energy of all blades of one build, once all else is added.
 
     Parameters
     ----------
@@ -340,35 +342,23 @@ def add_blades(
     tips : (b, 3) int array
         Coordinates of the tips, see `Layout`.
     blades : (b, 10) array
+    on_tips : (b, 3) array
+        Gradient of the energy of all that the tips carry, N.
     """
-    size = len(gradient)
+    _, turn, deflection = pose
     for n in range(len(blades)):
-        u = body[n]
-        x_u, t_u = 6 * u, 6 * u + 3
-        rotation = added(diagonal(1.0), matrix(turn, u))
-        weight = gravity * blades[n, TIP_MASS]
-        if weight != 0:
-            point = plus(vector(blades, n, TIP), vector(deflection, n, 0))
-            arm = times(rotation, point)
-            force = (0.0, 0.0, weight)
-            gradient[x_u + 2] += weight
-            add_vector(gradient, t_u, cross(arm, force))
-            on_tips[n, 2] += weight
-            if curved:
-                add_lower(hessian, t_u, turning(force, arm))
-        pulled = vector(on_tips, n, 0)
+        rotation, pulled = added(diagonal(1.0), matrix(turn, body[n])), vector(on_tips, n, 0)
         for axis in range(3):
             tip = tips[n, axis]
-            if tip == size:
+            if tip == len(gradient):
                 continue
+            moves = rotation[0][axis], rotation[1][axis], rotation[2][axis]
             k = blades[n, BLADE_STIFFNESS + axis]
-            gradient[tip] += k * deflection[n, axis] - blades[n, LOAD + axis]
-            gradient[tip] += rotation[2][axis] * weight
+            gradient[tip] += k * deflection[n, axis] - blades[n, LOAD + axis] + dot(moves, pulled)
             if curved:
                 hessian[tip, tip] += k
                 # the gradient F at a tip, deflected by q, adds -t . [F] R q as its body rotates
-                moves = rotation[0][axis], rotation[1][axis], rotation[2][axis]
-                add_vector(hessian[tip], t_u, cross(moves, pulled))
+                add_vector(hessian[tip], 6 * body[n] + 3, cross(moves, pulled))
 
 
 @compiled
@@ -394,13 +384,13 @@ def add_springs(
     upper: Any,
     lower: Any,
     springs: Any,
-    shift: Any,
-    turn: Any,
+    pose: Any,
     gradient: Any,
     hessian: Any,
     curved: bool,
 ) -> None:
     """Add the derivatives of the energy of all springs of one build, see `spring`."""
+    shift, turn, _ = pose
     eye = np.eye(3)
     reach = np.empty(3)
     strain, pull, force = np.empty(6), np.empty(6), np.empty(3)
@@ -480,21 +470,11 @@ def fill_geometry(
     upper: Any, lower: Any, blade: Any, wires: Any, flex: Any, pose: Any, tension: Any, result: Any
 ) -> None:
     """Fill the geometry (w, 25) of the wires of one build, see `compiled_wire.add_dynamic`."""
-    shift, turn, deflection = pose
+    turn = pose[1]
     for n in range(len(wires)):
         u, l, b = upper[n], lower[n], blade[n]
         turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        upper_point, lower_point = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
-        # the span from displacements: its nominal value and what the ends moved
-        change = plus(
-            minus(vector(shift, l, 0), vector(shift, u, 0)),
-            minus(times(turn_l, lower_point), times(turn_u, upper_point)),
-        )
-        if b >= 0:
-            deflected = vector(deflection, b, 0)
-            upper_point = plus(upper_point, deflected)
-            change = minus(change, turned(turn_u, deflected))
-        stretched = plus(vector(wires, n, SPAN), change)
+        arm_u, arm_l, _, stretched = _span(u, l, b, wires, n, pose)
         length = math.sqrt(dot(stretched, stretched))
         e = scaled(1 / length, stretched)
         both = plus(
@@ -508,8 +488,8 @@ def fill_geometry(
         result[n] = 0.0
         add_vector(result[n], 0, e)
         add_vector(result[n], 3, normal)
-        add_vector(result[n], 6, turned(turn_u, upper_point))
-        add_vector(result[n], 9, turned(turn_l, lower_point))
+        add_vector(result[n], 6, arm_u)
+        add_vector(result[n], 9, arm_l)
         for i in range(3):
             add_vector(result[n], 12 + 3 * i, moves[i])
         result[n, 21], result[n, 22] = length, tension[n]

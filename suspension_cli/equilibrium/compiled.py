@@ -8,27 +8,30 @@ the equilibrium is stable; once a step is short, the factors of the last one ser
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from suspension_cli.compiled import compiled, factorise, substitute
-from suspension_cli.elements import bending, weight
+from suspension_cli.compiled import compiled, factorise, inlined, substitute
+from suspension_cli.elements import bending
 from suspension_cli.elements.compiled import (
+    BEND,
     BLADE,
     FLEX,
     SPRING,
     STIFFNESS,
+    TIP_MASS,
     WIRE,
+    WIRE_MASS,
     add_blades,
     add_springs,
     add_wires,
     fill_geometry,
 )
-from suspension_cli.elements.compiled_legs import FIRST, add_legs, pack_legs
+from suspension_cli.elements.compiled_vectors import dot, vector
 from suspension_cli.elements.compiled_weight import (
-    MOMENTS,
+    BAR,
+    MASS,
     add_weights,
     pack_bodies,
     pack_gravity,
@@ -55,69 +58,108 @@ SOLVED, NOMINAL, FAILED = 0, 1, 2
 """Status of a build: solved; left as it is since its nominal pose balances; nearly singular."""
 
 
-@dataclass(frozen=True)
-class Packed:
-    """Numbers of a batch of scenes, one row of a table per element.
+class Topology(NamedTuple):
+    """Bodies that elements join, and their coordinates; integers.
 
     Attributes
     ----------
-    topology : tuple of int arrays
-        Upper body, lower body, blade and coordinates (w, 15) of wires; body and coordinates (b, 3)
-        of blades; upper and lower body of springs; body that each body hangs from (n + 1,).
-        Then the sections of wires that bend, (w, m, 10), see `compiled_wire`, and the bodies of
-        both ends of bars.
-    gravity : (13,) array
-        See `compiled_weight`.
-    numbers : tuple of (p, k, m) arrays
-        Masses (p, n, 1), wires, blades, springs, the bending of wires, and no bars; where wires
-        have weight or gravity is not along -z, rows of 13 numbers for bodies, of 16 for wires and
-        of 9 for bars, which else weigh with their springs.
+    upper, lower, blade : (w,) arrays
+        Of wires, see `Wires`.
+    place : (w, 15) array
+        Coordinates of both bodies and of the blade's tip of each wire; N for none.
+    sections : (w, m, 10) float array
+        Sections of wires that bend, see `compiled_wire`.
+    blade_body, tips : (b,) and (b, 3) arrays
+        Of blades; see `Layout`.
+    spring_upper, spring_lower, strut_upper, strut_lower, strut_blade, bar_upper, bar_lower
+        Of springs, struts and bars.
+    parent : (n + 1,) array
+        Body that each body hangs from.
     """
 
-    topology: tuple[Any, ...]
-    gravity: Any
-    numbers: tuple[Any, ...]
+    upper: Any
+    lower: Any
+    blade: Any
+    place: Any
+    sections: Any
+    blade_body: Any
+    tips: Any
+    spring_upper: Any
+    spring_lower: Any
+    strut_upper: Any
+    strut_lower: Any
+    strut_blade: Any
+    bar_upper: Any
+    bar_lower: Any
+    parent: Any
 
 
-def pack(scene: Scene, numbering: Layout) -> Packed:
-    """Pack a scene with one batch axis."""
+class Numbers(NamedTuple):
+    """Numbers of a batch of scenes, (p, k, m): one row per element; of one build, (k, m)."""
+
+    bodies: Any
+    wires: Any
+    blades: Any
+    springs: Any
+    flex: Any
+    struts: Any
+    bars: Any
+
+
+def pack(scene: Scene, numbering: Layout) -> tuple[Topology, Any, Numbers]:
+    """Pack a scene with one batch axis: topology, gravity (see `compiled_weight`) and numbers."""
     wires, blades, springs = scene.wires, scene.blades, scene.springs
+    struts, bars = scene.struts, scene.bars
     bends = scene.flex is not None
     place = np.full((len(wires.label), 15), numbering.size)
     place[:, :6] = 6 * wires.upper[:, None] + np.arange(6)
     place[:, 6:12] = 6 * wires.lower[:, None] + np.arange(6)
     on_blade = wires.blade >= 0
     place[on_blade, 12:] = numbering.blade[wires.blade[on_blade]]
-    topology = (
+    topology = Topology(
         wires.upper,
         wires.lower,
         wires.blade,
         place,
+        wire_sections(scene.fibres.wire if bends and scene.fibres else ()),
         blades.body,
         numbering.blade,
         springs.upper,
         springs.lower,
+        struts.upper,
+        struts.lower,
+        struts.blade,
+        *map(np.ascontiguousarray, bars.body.T),
         parents(scene),
-        wire_sections(scene.fibres.wire if bends and scene.fibres else ()),
-        np.ascontiguousarray(scene.bars.body[:, 0]),
-        np.ascontiguousarray(scene.bars.body[:, 1]),
     )
     flex = bending.wire_resistance(scene)
     if flex is not None and flex.bend is None:
         flex = Flex(flex.upper, flex.lower, np.zeros((flex.twist.shape[-1], 2, 3)), flex.twist)
-    batch, heavy = scene.batch, weight.acts(scene)
-    held = _table(batch, springs, SPRING)
-    if scene.struts.label:
-        held = np.concatenate([held, pack_legs(scene)], axis=-1)
-    numbers = (
-        pack_bodies(scene) if heavy else _table(batch, scene.bodies, ("mass",)),
-        _table(batch, wires, (*WIRE, "mass") if heavy else WIRE),
+    batch = scene.batch
+    numbers = Numbers(
+        pack_bodies(scene),
+        _table(batch, wires, WIRE),
         _table(batch, blades, BLADE),
-        held,
+        _table(batch, springs, SPRING),
         np.zeros((*batch, 0, 19)) if flex is None else _table(batch, flex, FLEX),
-        _table(batch, scene.bars, ("point", "inertia")) if heavy else np.zeros((*batch, 0, 9)),
+        _table(batch, struts, WIRE),
+        _table(batch, bars, BAR),
     )
-    return Packed(topology, pack_gravity(scene), numbers)
+    return topology, pack_gravity(scene), numbers
+
+
+@inlined
+def _build(numbers: Any, p: int) -> Any:
+    """Numbers of one build of a batch."""
+    return Numbers(
+        numbers.bodies[p],
+        numbers.wires[p],
+        numbers.blades[p],
+        numbers.springs[p],
+        numbers.flex[p],
+        numbers.struts[p],
+        numbers.bars[p],
+    )
 
 
 def _table(batch: tuple[int, ...], part: Any, names: tuple[str, ...]) -> Any:
@@ -150,82 +192,67 @@ def _evaluate(
 
     The forces `on_tips` are overwritten; for `form` see `add_wires`.
     """
-    w_upper, w_lower, w_blade, _, b_body, b_tips, s_upper, s_lower, _, sections = topology[:10]
-    mass, wires, blades, springs, flex = numbers[:5]
-    shift, turn, deflection = pose
     gradient[:], on_tips[:] = 0.0, 0.0
     if curved:
         hessian[:] = 0.0
-    heavy = mass.shape[1] > 1
-    if heavy:
-        add_weights(topology, gravity, numbers, pose, gradient, hessian, on_tips, curved)
-    else:
-        for n in range(len(mass)):
-            gradient[6 * n + 8] = gravity[0] * mass[n, 0]
+    sums = gradient, hessian, on_tips, curved
+    add_weights(topology, gravity, numbers, pose, *sums)
+    ends, nodes = (topology.upper, topology.lower), (topology.tips, topology.sections)
     add_wires(
-        w_upper,
-        w_lower,
-        w_blade,
-        b_tips,
-        sections,
-        wires,
-        flex,
-        shift,
-        turn,
-        deflection,
-        tension,
-        gradient,
-        hessian,
-        on_tips,
-        curved,
-        form,
+        *ends, topology.blade, *nodes, numbers.wires, numbers.flex, pose, tension, *sums, form
     )
-    pull = 0.0 if heavy else gravity[0]
-    add_blades(b_body, b_tips, pull, blades, turn, deflection, gradient, hessian, on_tips, curved)
-    if len(springs):
-        add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian, curved)
-    if springs.shape[1] > FIRST:
-        add_legs(s_upper, s_lower, pull, springs, shift, turn, gradient, hessian, curved)
+    if len(numbers.struts):
+        ends = topology.strut_upper, topology.strut_lower
+        none, thrust = numbers.flex[:0], np.empty(len(numbers.struts))
+        add_wires(
+            *ends, topology.strut_blade, *nodes, numbers.struts, none, pose, thrust, *sums, none
+        )
+    if len(numbers.springs):
+        ends = topology.spring_upper, topology.spring_lower
+        add_springs(*ends, numbers.springs, pose, gradient, hessian, curved)
+    add_blades(topology.blade_body, topology.tips, numbers.blades, pose, *sums)
 
 
 @compiled
 def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
     """Fill the scale of the residual in every coordinate but the support's; largest lever arm."""
-    w_upper, w_lower, w_blade, w_place, b_body, _, _, s_lower, parent = topology[:9]
-    mass, wires, blades, springs = numbers[:4]
-    bodies = len(mass)
+    w_upper, w_lower, wires, springs = (
+        topology.upper,
+        topology.lower,
+        numbers.wires,
+        numbers.springs,
+    )
+    bodies, pull = len(numbers.bodies), math.sqrt(dot(gravity[0], gravity[0]))
     largest = 1e-3
     load[:], arm[:] = 0.0, LEAST_ARM
     for n in range(bodies):
-        load[n + 1] = gravity[0] * mass[n, 0]
-    total = 0.0
-    for n in range(len(blades)):
-        load[b_body[n]] += gravity[0] * blades[n, 9]
-    if mass.shape[1] > 1:
-        for n in range(len(wires)):
-            own = wires[n, MOMENTS : MOMENTS + 3]
-            load[w_upper[n]] += gravity[0] * (own[0] + own[1])
-            load[w_lower[n]] += gravity[0] * (own[1] + own[2])
+        load[n + 1] = pull * numbers.bodies[n, MASS]
+    for n in range(len(numbers.blades)):
+        load[topology.blade_body[n]] += pull * numbers.blades[n, TIP_MASS]
+    for n in range(len(wires)):
+        own, mixed, other = vector(wires, n, WIRE_MASS)
+        load[w_upper[n]] += pull * (own + mixed)
+        load[w_lower[n]] += pull * (mixed + other)
     for n in range(bodies, 0, -1):
-        load[parent[n]] += load[n]
-    total = load[0]
+        load[topology.parent[n]] += load[n]
     for n in range(len(wires)):
         for body, start in ((w_upper[n], 0), (w_lower[n], 3)):
             for axis in range(3):
                 size = abs(wires[n, start + axis])
                 arm[body], largest = max(arm[body], size), max(largest, size)
     for n in range(len(springs)):
+        body = topology.spring_lower[n]
         for axis in range(3):
             size = abs(springs[n, 3 + axis])
-            arm[s_lower[n]], largest = max(arm[s_lower[n]], size), max(largest, size)
-    scale[:] = total
+            arm[body], largest = max(arm[body], size), max(largest, size)
+    scale[:] = load[0]
     for n in range(bodies):
         scale[6 * n : 6 * n + 3] = load[n + 1]
         scale[6 * n + 3 : 6 * n + 6] = load[n + 1] * arm[n + 1]
     for n in range(len(wires)):
-        if w_blade[n] >= 0:
+        if topology.blade[n] >= 0:
             for axis in range(3):
-                scale[w_place[n, 12 + axis] - 6] = load[w_lower[n]]
+                scale[topology.place[n, 12 + axis] - 6] = load[w_lower[n]]
     return largest
 
 
@@ -278,11 +305,11 @@ def _rounding(topology: Any, wires: Any, tension: Any, pose: Any, scale: Any) ->
     result = 0.0
     for n in range(len(wires)):
         motion = 0.0
-        for body, start in ((topology[0][n], 0), (topology[1][n], 3)):
+        for body, start in ((topology.upper[n], 0), (topology.lower[n], 3)):
             reach = _largest_size(wires[n, start : start + 3])
             motion += _largest_size(shift[body]) + _largest_size(turn[body]) * reach
-        force = ROUNDINGS * EPS * (abs(tension[n]) + wires[n, 11] * motion)
-        result = max(result, force / scale[6 * (topology[1][n] - 1)])
+        force = ROUNDINGS * EPS * (abs(tension[n]) + wires[n, STIFFNESS] * motion)
+        result = max(result, force / scale[6 * (topology.lower[n] - 1)])
     return result
 
 
@@ -302,7 +329,7 @@ def newton_batch(
     Parameters
     ----------
     topology, gravity, numbers
-        See `Packed`.
+        See `pack`.
     poses : tuple of arrays
         Shift, turn and deflection with the builds as first axis: start and result.
     targets : (p, N - 6) array
@@ -314,14 +341,14 @@ def newton_batch(
     results : tuple of arrays
         To be filled: tension (p, w), residual, its rounding, steps, least pivot and status (p,).
     """
-    mass, wires, blades, springs, flex, bars = numbers
     shift, turn, deflection = poses
     tension, residuals, roundings, steps, pivots, status = results
     most, balanced, last_step, cap = limits
-    free, bodies = targets.shape[1], mass.shape[1]
+    builds, free = targets.shape
+    bodies = numbers.bodies.shape[1]
     size = free + SUPPORTED
     gradient, hessian = np.empty(size), np.empty((size, size))
-    on_tips = np.empty((blades.shape[1], 3))
+    on_tips = np.empty((numbers.blades.shape[1], 3))
     # one element more for rigid directions of blades
     scale_all = np.empty(free + 1)
     scale = scale_all[:free]
@@ -329,9 +356,9 @@ def newton_batch(
     factor, pivot = np.zeros((free, free)), np.empty(free)
     x, where = np.empty(free), np.empty(free, dtype=np.int64)
     turned, product = np.empty((3, 3)), np.empty((3, 3))
-    tips, none = topology[5], np.empty((0, 0))
-    for p in range(len(mass)):
-        own = (mass[p], wires[p], blades[p], springs[p], flex[p], bars[p])
+    tips, none = topology.tips, np.empty((0, 0))
+    for p in range(builds):
+        own = _build(numbers, p)
         pose, target = (shift[p], turn[p], deflection[p]), targets[p]
         work = (tension[p], gradient, hessian, on_tips)
         largest = _scales(topology, gravity, own, scale_all, load, arm)
@@ -381,7 +408,7 @@ def newton_batch(
             slow = not fresh and residual > before / 10
             count += 1
         residuals[p], steps[p], pivots[p] = residual, count, least
-        roundings[p] = _rounding(topology, wires[p], tension[p], pose, scale) if count else 0.0
+        roundings[p] = _rounding(topology, own.wires, tension[p], pose, scale) if count else 0.0
 
 
 @compiled
@@ -397,14 +424,13 @@ def _tangents(
     masses: Any,
 ) -> None:
     """Fill the arrays of `tangent`."""
-    mass, wires, blades, springs, flex, bars = numbers
     shift, turn, deflection = poses
-    place, size = topology[3], soft.shape[-1]
+    place, size = topology.place, soft.shape[-1]
     gradient, hessian = np.empty(size), np.empty((size, size))
-    on_tips, tension = np.empty((blades.shape[1], 3)), np.empty(wires.shape[1])
+    on_tips, tension = np.empty((numbers.blades.shape[1], 3)), np.empty(len(place))
     turned, product = np.empty((3, 3)), np.empty((3, 3))
-    for p in range(len(mass)):
-        own = (mass[p], wires[p], blades[p], springs[p], flex[p], bars[p])
+    for p in range(len(soft)):
+        own = _build(numbers, p)
         pose = (shift[p], turn[p], deflection[p])
         form[p], masses[p] = 0.0, 0.0
         _evaluate(topology, gravity, own, pose, tension, gradient, hessian, on_tips, True, form[p])
@@ -416,16 +442,16 @@ def _tangents(
                 row = place[n, i]
                 if row == size:
                     continue
-                stretched = wires[p, n, STIFFNESS] * form[p, n, row]
+                stretched = own.wires[n, STIFFNESS] * form[p, n, row]
                 for j in range(i + 1):
                     if place[n, j] < size:
                         hessian[row, place[n, j]] += stretched * form[p, n, place[n, j]]
         for i in range(size):
             for j in range(i + 1):
                 whole[p, i, j] = whole[p, j, i] = hessian[i, j]
-        for n in range(len(mass[p])):
+        for n in range(len(own.bodies)):
             for i in range(3):
-                masses[p, 6 * n + 6 + i, 6 * n + 6 + i] = mass[p, n, 0]
+                masses[p, 6 * n + 6 + i, 6 * n + 6 + i] = own.bodies[n, MASS]
             _turn_tensor(turn[p, n + 1], inertia[p, n], turned, product)
             for i in range(3):
                 for j in range(3):
@@ -469,7 +495,7 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any,
     inertia = scene.bodies.inertia
     inertia = np.ascontiguousarray(np.broadcast_to(inertia, (count, *inertia.shape[-3:])))
     made = (soft, form, stiffness, mass)
-    _tangents(packed.topology, packed.gravity, packed.numbers, inertia, poses, *made)
+    _tangents(*packed, inertia, poses, *made)
     return made
 
 
@@ -478,16 +504,8 @@ def _geometries(topology: Any, numbers: Any, poses: Any, tension: Any, result: A
     shift, turn, deflection = poses
     for p in range(len(result)):
         pose = (shift[p], turn[p], deflection[p])
-        fill_geometry(
-            topology[0],
-            topology[1],
-            topology[2],
-            numbers[1][p],
-            numbers[4][p],
-            pose,
-            tension[p],
-            result[p],
-        )
+        ends, own = (topology.upper, topology.lower, topology.blade), _build(numbers, p)
+        fill_geometry(*ends, own.wires, own.flex, pose, tension[p], result[p])
 
 
 def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> tuple[Any, ...]:
@@ -500,11 +518,11 @@ def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> 
     geometry : (p, w, 25) array
         All as `elements.compiled_wire.add_dynamic` takes them.
     """
-    packed = pack(scene, numbering)
+    topology, _, numbers = pack(scene, numbering)
     result = np.empty((*scene.batch, len(scene.wires.label), 25))
     poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
-    _geometries(packed.topology, packed.numbers, poses, np.ascontiguousarray(tension), result)
-    return packed.topology[3], packed.topology[9], result
+    _geometries(topology, numbers, poses, np.ascontiguousarray(tension), result)
+    return topology.place, topology.sections, result
 
 
 def newton(
@@ -549,9 +567,7 @@ def newton(
         "status": np.empty(count, dtype=np.uint8),
     }
     newton_batch(
-        packed.topology,
-        packed.gravity,
-        packed.numbers,
+        *packed,
         poses,
         targets,
         limits,
@@ -559,5 +575,5 @@ def newton(
         tuple(results.values()),
     )
     found = {name: results[name] for name in ("residual", "rounding", "tension", "pivot")}
-    found["flex"] = packed.numbers[4][..., 12:]
+    found["flex"] = packed[2].flex[..., BEND:]
     return Pose(*poses), found, int(results["steps"].max(initial=0)), results["status"]

@@ -1,0 +1,109 @@
+"""Contributions of one kind of element to the energy and the matrices of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from suspension_cli.elements.geometric_stiffness import add_arms, rotation_hessian, sum_by
+from suspension_cli.rotations import cross
+from suspension_cli.scene.pose import Layout, Pose
+from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Inexact, Int
+
+    Matrix = Callable[
+        [Scene, Layout, Pose], Inexact[np.ndarray, "*batch coordinate coordinate"] | float
+    ]
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """Derivatives of the potential energy in one pose, to which each element adds its own.
+
+    Attributes
+    ----------
+    gradient
+        N and N m. Blades add the part of the forces on their tips.
+    hessian
+        Tangent stiffness, N/m, N and N m; the last row and column take what belongs to rigid
+        directions of blades.
+    outer
+        Forces times arms on each body (see `geometric_stiffness`), N m.
+    on_tips
+        Gradient with respect to the places of the blade tips, global axes, N.
+    """
+
+    gradient: Inexact[np.ndarray, "*batch coordinate"]
+    hessian: Inexact[np.ndarray, "*batch 1+coordinate 1+coordinate"]
+    outer: Inexact[np.ndarray, "*batch 1+body 3 3"]
+    on_tips: Inexact[np.ndarray, "*batch blade 3"]
+
+    @classmethod
+    def zeros(cls, scene: Scene, numbering: Layout) -> Derivatives:
+        """Derivatives of a scene without any element."""
+        size, bodies, tips = numbering.size, len(scene.bodies.name) + 1, len(scene.blades.label)
+        shapes = ((size,), (size + 1, size + 1), (bodies, 3, 3), (tips, 3))
+        return cls(*(np.zeros((*scene.batch, *shape), dtype=scene.kind) for shape in shapes))
+
+    def add_forces(
+        self,
+        body: Int[np.ndarray, " point"],
+        force: Inexact[np.ndarray, "*#batch point 3"],
+        arm: Inexact[np.ndarray, "*#batch point 3"],
+        blade: Int[np.ndarray, " point"] | None = None,
+    ) -> None:
+        """Add the gradient with respect to points of bodies, or of blade tips.
+
+        Parameters
+        ----------
+        body
+        force
+            Gradient of the energy with respect to the place of each point, N.
+        arm
+            From the COM of its body to the point, global axes, m.
+        blade
+            The blade whose tip carries the point, or -1.
+        """
+        bodies = self.outer.shape[-3]
+        torque = cross(arm, force)
+        both = np.concatenate([np.broadcast_to(force, torque.shape), torque], axis=-1)
+        wrench = sum_by(body, both, bodies)
+        self.gradient[..., : 6 * bodies] += wrench.reshape(*wrench.shape[:-2], 6 * bodies)
+        add_arms(self.outer, body, force, arm)
+        if blade is not None:
+            self.on_tips[...] += sum_by(blade, force, self.on_tips.shape[-2])
+
+    def stiffness(self) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+        """Tangent stiffness with the part of `outer`, exactly symmetric."""
+        for n in range(self.outer.shape[-3]):
+            rows = slice(6 * n + 3, 6 * n + 6)
+            self.hessian[..., rows, rows] += rotation_hessian(self.outer[..., n, :, :])
+        whole = self.hessian[..., :-1, :-1]
+        return (whole + np.swapaxes(whole, -1, -2)) / 2
+
+
+@dataclass(frozen=True)
+class Element:
+    """One kind of element.
+
+    Attributes
+    ----------
+    energy
+        Potential energy (...) relative to the nominal pose, J.
+    add_derivatives
+        Adds the derivatives of that energy in a pose.
+    mass, damping, loss
+        Mass, viscous damping, and the imaginary part of the stiffness, (..., N, N), or 0; None for
+        an element without.
+    """
+
+    energy: Callable[[Scene, Pose], Inexact[np.ndarray, "*batch"]]
+    add_derivatives: Callable[[Scene, Layout, Pose, Derivatives], None]
+    mass: Matrix | None = None
+    damping: Matrix | None = None
+    loss: Matrix | None = None
