@@ -239,30 +239,27 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
 def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of bending and twisting.
 
-    First with respect to the span and the rotations of the upper and the lower body (9 per wire),
-    then to the coordinates on which these depend.
+    The second ones are first taken with respect to the span and the rotations of the upper and the
+    lower body (9 per wire), then to the coordinates on which these depend.
     """
     flex, wires = wire_resistance(scene), scene.wires
     if flex is None:
         return
     now, normals = string.state(scene, pose), _normals(scene, pose, flex)
-    gradient, hessian, outer = derivatives.gradient, derivatives.hessian, derivatives.outer
-    first = np.zeros((*now.direction.shape[:-1], 9), dtype=scene.kind)
+    hessian, outer = derivatives.hessian, derivatives.outer
+    pull = np.zeros(now.direction.shape, dtype=scene.kind)
     second = np.zeros((*now.direction.shape[:-1], 9, 9), dtype=scene.kind)
     if flex.bend is not None:
-        _add_bending(wires, flex.bend, now, normals, first, second, outer)
-    _add_twisting(wires, flex.twist, normals, first, second, outer)
-    pull = first[..., :3]
+        _add_bending(wires, flex.bend, now, normals, pull, second, outer)
+    _add_twisting(wires, flex.twist, normals, second, outer)
     derivatives.add_forces(wires.lower, pull, now.lower_arm)
     derivatives.add_forces(wires.upper, -pull, now.upper_arm, wires.blade)
     jacobian = _jacobian(scene, pose, now)
     stiffness = np.swapaxes(jacobian, -1, -2) @ second @ jacobian
-    torques = first[..., 3:6], first[..., 6:]
     for pair in sorted(set(zip(wires.upper.tolist(), wires.lower.tolist(), strict=True))):
         own = (wires.upper == pair[0]) & (wires.lower == pair[1])
         matrix = stiffness[..., own, :12, :12].sum(-3)
         for i, one in enumerate(pair):
-            gradient[..., 6 * one + 3 : 6 * one + 6] += torques[i][..., own, :].sum(-2)
             for j, other in enumerate(pair):
                 hessian[..., 6 * one : 6 * one + 6, 6 * other : 6 * other + 6] += matrix[
                     ..., 6 * i : 6 * i + 6, 6 * j : 6 * j + 6
@@ -282,13 +279,13 @@ def _add_bending(
     bend: Inexact[np.ndarray, "... wire 2 3"],
     now: string.State,
     normals: tuple[Inexact[np.ndarray, "*batch wire 2 3"], Inexact[np.ndarray, "*batch wire 2 3"]],
-    first: Inexact[np.ndarray, "*batch wire 9"],
+    pull: Inexact[np.ndarray, "*batch wire 3"],
     second: Inexact[np.ndarray, "*batch wire 9 9"],
     outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
 ) -> None:
-    """Add gradient (..., w, 9) and Hessian (..., w, 9, 9) of bending, in place.
+    """Add gradient (..., w, 3) in the span and Hessian (..., w, 9, 9) of bending, in place.
 
-    The second derivatives of the normals, which act as arms, go to `outer`.
+    Normals act as arms of forces: these go to `outer`.
     """
     e, over = now.direction, 1 / now.length
     a, b, _ = _slopes(e, *normals)
@@ -310,7 +307,7 @@ def _add_bending(
             mixed = (moment * over)[..., None, None] * (across @ cross_matrix(normal))
             second[..., :3, turn] += mixed
             second[..., turn, :3] += np.swapaxes(mixed, -1, -2)
-            first += moment[..., None] * rows[..., side, plane, :]
+            pull += moment[..., None] * rows[..., side, plane, :3]
             add_arms(outer, body, -moment[..., None] * e, normal)
     form = np.stack([bend[..., :2], bend[..., 1:]], axis=-3)  # end, plane, end
     moment_rows = (form[..., None] * np.swapaxes(rows, -3, -2)[..., None, :, :, :]).sum(-2)
@@ -350,15 +347,13 @@ def _add_twisting(
     wires: Wires,
     stiffness: Inexact[np.ndarray, "... wire"],
     normals: tuple[Inexact[np.ndarray, "*batch wire 2 3"], Inexact[np.ndarray, "*batch wire 2 3"]],
-    first: Inexact[np.ndarray, "*batch wire 9"],
     second: Inexact[np.ndarray, "*batch wire 9 9"],
     outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
 ) -> None:
-    """Add gradient (..., w, 9) and Hessian (..., w, 9, 9) of twisting, in place."""
+    """Add the Hessian (..., w, 9, 9) of twisting, and its forces on normals to `outer`."""
     upper, lower = normals
     _, _, twist = _slopes(upper[..., 0, :], upper, lower)
     torque, turn = stiffness * twist, _twist_forms(upper, lower)
-    first[..., 3:] += torque[..., None] * turn
     second[..., 3:, 3:] += stiffness[..., None, None] * turn[..., :, None] * turn[..., None, :]
     mixed = (
         upper[..., 0, :, None] * lower[..., 1, None, :]

@@ -260,7 +260,8 @@ def add_wires(
         add_vector(gradient, x_l, force)
         add_vector(gradient, t_l, plus(torque_l, cross(arm_l, force)))
         if b >= 0:
-            add_vector(on_tips[b], 0, scaled(-1.0, force))
+            for axis in range(3):
+                on_tips[b, axis] -= force[axis]
         if not curved:
             continue
         rotation = added(diagonal(1.0), turn_u)

@@ -55,15 +55,12 @@ def pack_gravity(scene: Scene) -> Any:
 
 def pack_bodies(scene: Scene) -> Any:
     """Rows (p, n, 13) of the bodies of a batch of scenes."""
-    bodies, batch = scene.bodies, scene.batch
-    moments = weight.second_moments(scene)
-    parts = (
-        bodies.mass[..., None],
-        bodies.position[..., 1:, :],
-        moments.reshape(*moments.shape[:-2], 9),
-    )
-    spread = [np.broadcast_to(v, (*batch, *v.shape[-2:])) for v in parts]
-    return np.ascontiguousarray(np.concatenate(spread, axis=-1))
+    bodies, moments = scene.bodies, weight.second_moments(scene)
+    result = np.empty((*scene.batch, len(bodies.name), 13))
+    result[..., MASS] = bodies.mass
+    result[..., POSITION:SECOND_MOMENTS] = bodies.position[..., 1:, :]
+    result[..., SECOND_MOMENTS:] = moments.reshape(*moments.shape[:-2], 9)
+    return result
 
 
 @inlined

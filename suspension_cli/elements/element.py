@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements.geometric_stiffness import add_arms, rotation_hessian, sum_by
-from suspension_cli.rotations import cross
+from suspension_cli.elements.geometric_stiffness import rotation_hessian, sum_by, torques
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene
 
@@ -33,7 +32,7 @@ class Derivatives:
         Tangent stiffness, N/m, N and N m; the last row and column take what belongs to rigid
         directions of blades.
     outer
-        Forces times arms on each body (see `geometric_stiffness`), N m.
+        Sum of F w^T of the forces on each body (see `geometric_stiffness`), N m.
     on_tips
         Gradient with respect to the places of the blade tips, global axes, N.
     """
@@ -69,22 +68,29 @@ class Derivatives:
         blade
             The blade whose tip carries the point, or -1.
         """
-        bodies = self.outer.shape[-3]
-        torque = cross(arm, force)
-        both = np.concatenate([np.broadcast_to(force, torque.shape), torque], axis=-1)
-        wrench = sum_by(body, both, bodies)
-        self.gradient[..., : 6 * bodies] += wrench.reshape(*wrench.shape[:-2], 6 * bodies)
-        add_arms(self.outer, body, force, arm)
+        bodies, products = self.outer.shape[-3], force[..., :, None] * arm[..., None, :]
+        flat = products.reshape(*products.shape[:-2], 9)
+        both = np.concatenate([np.broadcast_to(force, products.shape[:-1]), flat], axis=-1)
+        total = sum_by(body, both, bodies)
+        rows = 6 * np.arange(bodies)[:, None] + np.arange(3)
+        self.gradient[..., rows] += total[..., :3]
+        self.outer[...] += total[..., 3:].reshape(*total.shape[:-1], 3, 3)
         if blade is not None:
             self.on_tips[...] += sum_by(blade, force, self.on_tips.shape[-2])
 
-    def stiffness(self) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-        """Tangent stiffness with the part of `outer`, exactly symmetric."""
-        for n in range(self.outer.shape[-3]):
-            rows = slice(6 * n + 3, 6 * n + 6)
-            self.hessian[..., rows, rows] += rotation_hessian(self.outer[..., n, :, :])
+    def sums(
+        self,
+    ) -> tuple[
+        Inexact[np.ndarray, "*batch coordinate"],
+        Inexact[np.ndarray, "*batch coordinate coordinate"],
+    ]:
+        """Gradient, and tangent stiffness, exactly symmetric."""
+        rows = 6 * np.arange(self.outer.shape[-3])[:, None] + np.arange(3, 6)
+        self.gradient[..., rows] += torques(self.outer)
+        blocks = rotation_hessian(self.outer)
+        self.hessian[..., rows[:, :, None], rows[:, None, :]] += blocks
         whole = self.hessian[..., :-1, :-1]
-        return (whole + np.swapaxes(whole, -1, -2)) / 2
+        return self.gradient, (whole + np.swapaxes(whole, -1, -2)) / 2
 
 
 @dataclass(frozen=True)

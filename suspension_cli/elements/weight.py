@@ -37,6 +37,7 @@ import numpy as np
 
 from suspension_cli.elements import string
 from suspension_cli.elements.element import Derivatives, Element
+from suspension_cli.elements.geometric_stiffness import torques
 from suspension_cli.scene.pose import Layout, Pose, nominal_pose, point_jacobian
 from suspension_cli.scene.scene import Scene
 
@@ -190,10 +191,9 @@ def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: De
         return
     moments, turning = second_moments(scene, pose), rows + 3
     m = moments @ slope
-    torque = m[..., [1, 2, 0], [2, 0, 1]] - m[..., [2, 0, 1], [1, 2, 0]]
     curvature = 3 * (m + np.swapaxes(m, -1, -2)) / 2 - 2 * _trace(m) - np.trace(slope) * moments
     curvature = curvature + _trace(moments) @ (np.trace(slope) * np.eye(3) - slope)
-    derivatives.gradient[..., turning] += torque
+    derivatives.gradient[..., turning] -= torques(m)
     derivatives.hessian[..., turning[:, :, None], turning[:, None, :]] += curvature
     derivatives.hessian[..., rows[:, :, None], rows[:, None, :]] += mass[..., None, None] * slope
 

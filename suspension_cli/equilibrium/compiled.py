@@ -164,15 +164,16 @@ def _build(numbers: Any, p: int) -> Any:
 
 def _table(batch: tuple[int, ...], part: Any, names: tuple[str, ...]) -> Any:
     """Fields of a part of the scene side by side: (p, k, m)."""
-    axes = inner_axes(type(part))
-    columns = []
-    count = max(getattr(part, name).shape[-axes[name]] for name in names)
-    for name in names:
-        value = getattr(part, name)
-        inner = value.shape[value.ndim - axes[name] + 1 :]
-        whole = np.broadcast_to(value, (*batch, count, *inner))
-        columns.append(whole.reshape(*batch, count, math.prod(inner)))
-    return np.ascontiguousarray(np.concatenate(columns, axis=-1))
+    axes, values = inner_axes(type(part)), [getattr(part, name) for name in names]
+    inner = [axes[name] - 1 for name in names]
+    widths = [math.prod(v.shape[v.ndim - own :]) for v, own in zip(values, inner, strict=True)]
+    count = max(v.shape[v.ndim - own - 1] for v, own in zip(values, inner, strict=True))
+    result, start = np.empty((*batch, count, sum(widths))), 0
+    for value, own, width in zip(values, inner, widths, strict=True):
+        flat = value.reshape(*value.shape[: value.ndim - own], width)
+        result[..., start : start + width] = flat
+        start += width
+    return result
 
 
 @compiled

@@ -43,4 +43,4 @@ def gradient_and_stiffness(
     derivatives = Derivatives.zeros(scene, numbering)
     for element in ELEMENTS:
         element.add_derivatives(scene, numbering, pose, derivatives)
-    return derivatives.gradient, derivatives.stiffness()
+    return derivatives.sums()
