@@ -58,13 +58,12 @@ from suspension_cli.elements.compiled_vectors import (
 )
 from suspension_cli.elements.compiled_wire import resting
 
-WIRE = ("upper_point", "lower_point", "span", "length", "tension", "stiffness", "torsion", "mass")
-"""Fields of `Wires` in a row of 16 numbers."""
+WIRE = ("upper_point", "lower_point", "span", "length", "tension", "stiffness", "torsion")
+"""Fields of `Wires` in a row of 13 numbers."""
 UPPER_POINT, LOWER_POINT, SPAN, LENGTH, TENSION, STIFFNESS, TORSION = 0, 3, 6, 9, 10, 11, 12
-WIRE_MASS = 13
-BLADE = ("tip", "stiffness", "load", "tip_mass")
-"""Fields of `Blades` in a row of 10 numbers."""
-TIP, BLADE_STIFFNESS, LOAD, TIP_MASS = 0, 3, 6, 9
+BLADE = ("stiffness", "load")
+"""Fields of `Blades` in a row of 6 numbers."""
+BLADE_STIFFNESS, LOAD = 0, 3
 SPRING = ("upper_point", "lower_point", "stiffness", "preload")
 """Fields of `Springs` in a row of 48 numbers."""
 FLEX = ("upper", "lower", "bend", "twist")
@@ -73,22 +72,12 @@ UPPER_NORMALS, LOWER_NORMALS, BEND, TWIST = 0, 6, 12, 18
 
 
 @inlined
-def _span(u: int, l: int, b: int, wires: Any, n: int, pose: Any) -> Any:
-    """Arms of both ends of a wire, the change of its span, and the span."""
-    shift, turn, deflection = pose
-    turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-    upper_point, lower_point = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
+def _span(moved: Any, turn_u: Any, turn_l: Any, deflected: Any, upper: Any, lower: Any) -> Any:
+    """Arms of both ends of a wire, and the change of its span, of which `moved` is by the COMs."""
+    tip = plus(upper, deflected)
     # from displacements alone, so that nothing cancels
-    change = plus(
-        minus(vector(shift, l, 0), vector(shift, u, 0)),
-        minus(times(turn_l, lower_point), times(turn_u, upper_point)),
-    )
-    if b >= 0:
-        deflected = vector(deflection, b, 0)
-        upper_point = plus(upper_point, deflected)
-        change = minus(change, turned(turn_u, deflected))
-    arms = turned(turn_u, upper_point), turned(turn_l, lower_point)
-    return arms[0], arms[1], change, plus(vector(wires, n, SPAN), change)
+    change = plus(moved, minus(times(turn_l, lower), times(turn_u, upper)))
+    return turned(turn_u, tip), turned(turn_l, lower), minus(change, turned(turn_u, deflected))
 
 
 @inlined
@@ -185,9 +174,7 @@ def _add_twisting_stiffness(stiffness: float, normals: Any, parts: Any) -> Any:
 
 @compiled
 def add_wires(
-    upper: Any,
-    lower: Any,
-    blade: Any,
+    ends: Any,
     tips: Any,
     sections: Any,
     wires: Any,
@@ -204,13 +191,13 @@ def add_wires(
 
     Parameters
     ----------
-    upper, lower, blade : (w,) int arrays
-        See `Wires`.
+    ends : (w, 3) int array
+        Upper and lower body and blade, see `Wires`.
     tips : (b, 3) int array
         Coordinates of the tips of blades, see `Layout`.
     sections : (w, m, 9) array
         Sections of the wires, see `compiled_wire`; (0, 0, 9) for strings.
-    wires, flex : (w, 16) and (w, 19) arrays
+    wires, flex : (w, 13) and (w, 19) arrays
         Numbers of the build; no flex, (0, 19), for strings without torsion. With sections, the
         stiffness against bending and twisting is set to that of the tension in this pose.
     pose : tuple of arrays
@@ -224,17 +211,23 @@ def add_wires(
         is that of wires that do not stretch.
     """
     whole, section = np.empty((4, 4)), np.empty((4, 4))
-    bends, stretches, size, turn = len(flex) > 0, len(form) == 0, len(gradient), pose[1]
+    shift, turn, deflection = pose
+    bends, stretches, size = len(flex) > 0, len(form) == 0, len(gradient)
     nothing = (0.0, 0.0, 0.0)
     none = (nothing, nothing, nothing)
     for n in range(len(wires)):
-        u, l, b = upper[n], lower[n], blade[n]
+        u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
         turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        arm_u, arm_l, change, stretched = _span(u, l, b, wires, n, pose)
+        deflected = nothing
+        if b >= 0:
+            deflected = vector(deflection, b, 0)
+        moved = minus(vector(shift, l, 0), vector(shift, u, 0))
+        points = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
+        arm_u, arm_l, change = _span(moved, turn_u, turn_l, deflected, points[0], points[1])
+        span = vector(wires, n, SPAN)
+        stretched = plus(span, change)
         length = math.sqrt(dot(stretched, stretched))
-        longer = dot(change, plus(scaled(2.0, vector(wires, n, SPAN)), change)) / (
-            length + wires[n, LENGTH]
-        )
+        longer = dot(change, plus(scaled(2.0, span), change)) / (length + wires[n, LENGTH])
         pull = wires[n, TENSION] + wires[n, STIFFNESS] * longer
         tension[n] = pull
         e = scaled(1 / length, stretched)
@@ -342,7 +335,7 @@ def add_blades(
     body : (b,) int array
     tips : (b, 3) int array
         Coordinates of the tips, see `Layout`.
-    blades : (b, 10) array
+    blades : (b, 6) array
     on_tips : (b, 3) array
         Gradient of the energy of all that the tips carry, N.
     """
@@ -382,8 +375,7 @@ def _multiply(a: Any, b: Any, out: Any) -> None:
 
 @compiled
 def add_springs(
-    upper: Any,
-    lower: Any,
+    ends: Any,
     springs: Any,
     pose: Any,
     gradient: Any,
@@ -399,7 +391,7 @@ def add_springs(
     q, g, part = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     place = np.empty(12, dtype=np.int64)
     for n in range(len(springs)):
-        own, u, l = springs[n], upper[n], lower[n]
+        own, u, l = springs[n], ends[n, 0], ends[n, 1]
         above, below = eye + turn[u], eye + turn[l]
         stiffness, to_upper = own[6:42].reshape(6, 6), above.T.copy()
         arm = turned(matrix(turn, l), vector(springs, n, 3))
@@ -467,15 +459,19 @@ def add_springs(
 
 
 @compiled
-def fill_geometry(
-    upper: Any, lower: Any, blade: Any, wires: Any, flex: Any, pose: Any, tension: Any, result: Any
-) -> None:
+def fill_geometry(ends: Any, wires: Any, flex: Any, pose: Any, tension: Any, result: Any) -> None:
     """Fill the geometry (w, 25) of the wires of one build, see `compiled_wire.add_dynamic`."""
-    turn = pose[1]
+    (shift, turn, deflection), nothing = pose, (0.0, 0.0, 0.0)
     for n in range(len(wires)):
-        u, l, b = upper[n], lower[n], blade[n]
+        u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
         turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        arm_u, arm_l, _, stretched = _span(u, l, b, wires, n, pose)
+        deflected = nothing
+        if b >= 0:
+            deflected = vector(deflection, b, 0)
+        moved = minus(vector(shift, l, 0), vector(shift, u, 0))
+        points = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
+        arm_u, arm_l, change = _span(moved, turn_u, turn_l, deflected, points[0], points[1])
+        stretched = plus(vector(wires, n, SPAN), change)
         length = math.sqrt(dot(stretched, stretched))
         e = scaled(1 / length, stretched)
         both = plus(

@@ -11,7 +11,6 @@ import numpy as np
 
 from suspension_cli.compiled import compiled, inlined
 from suspension_cli.elements import weight
-from suspension_cli.elements.compiled import LOWER_POINT, TIP, TIP_MASS, UPPER_POINT, WIRE_MASS
 from suspension_cli.elements.compiled_vectors import (
     add_block,
     add_lower,
@@ -20,6 +19,7 @@ from suspension_cli.elements.compiled_vectors import (
     cross,
     cross_matrix,
     diagonal,
+    dot,
     matrix,
     multiple,
     plus,
@@ -41,16 +41,16 @@ if TYPE_CHECKING:
 MASS, POSITION, SECOND_MOMENTS = 0, 1, 4
 """First columns in the row of 13 numbers of a body."""
 
-BAR = ("point", "inertia")
-"""Fields of `Bars` in a row of 9 numbers."""
+MOMENTS = 6
+"""First column of m_uu, m_ul and m_ll in the row of 9 numbers of a line, after both ends."""
 
 
 def pack_gravity(scene: Scene) -> Any:
-    """Derivatives of the energy per mass, (4, 3): the first, -g, and the second, -dg_i/dx_j."""
+    """Derivatives of the energy per mass: -g (1, 3), and below it, unless 0, -dg_i/dx_j (3, 3)."""
     field = scene.field
     if field is None:
-        return np.vstack([np.array([0.0, 0.0, scene.gravity]), np.zeros((3, 3))])
-    return -np.vstack([field.vector, field.gradient])
+        return np.array([[0.0, 0.0, scene.gravity]])
+    return -(field.vector[None] if field.is_uniform else np.vstack([field.vector, field.gradient]))
 
 
 def pack_bodies(scene: Scene) -> Any:
@@ -63,6 +63,26 @@ def pack_bodies(scene: Scene) -> Any:
     return result
 
 
+def pack_lines(scene: Scene) -> tuple[Any, Any]:
+    """Bodies and blade (k, 3) and rows (p, k, 9) of all masses but bodies, as lines of mass.
+
+    A point mass is a line whose mass is at its upper end.
+    """
+    ends, rows = [np.zeros((0, 3), dtype=np.intp)], [np.zeros((*scene.batch, 0, 9))]
+    for masses in weight.masses(scene):
+        count = len(masses.body[0])
+        ends.append(np.full((count, 3), -1))
+        rows.append(np.zeros((*scene.batch, count, 9)))
+        ends[-1][:, 0], ends[-1][:, 1] = masses.body[0], masses.body[-1]
+        if masses.blade[0] is not None:
+            ends[-1][:, 2] = masses.blade[0]
+        rows[-1][..., 0:3], rows[-1][..., 3:6] = masses.point[0], masses.point[-1]
+        rows[-1][..., MOMENTS] = masses.moment[0][0]
+        if len(masses.point) == 2:
+            rows[-1][..., 7], rows[-1][..., 8] = masses.moment[1]
+    return np.concatenate(ends), np.concatenate(rows, axis=-2)
+
+
 @inlined
 def _slope(gravity: Any) -> Any:
     """Second derivative of the energy per mass."""
@@ -72,10 +92,13 @@ def _slope(gravity: Any) -> Any:
 @inlined
 def _lift(gravity: Any, bodies: Any, body: int, shift: Any, arm: Any) -> Any:
     """Gradient of the energy per mass at a point of a body."""
-    place = plus(vector(shift, body, 0), arm)
-    if body > 0:
-        place = plus(place, vector(bodies, body - 1, POSITION))
-    return plus(vector(gravity, 0, 0), times(_slope(gravity), place))
+    lift = vector(gravity, 0, 0)
+    if len(gravity) > 1:
+        place = plus(vector(shift, body, 0), arm)
+        if body > 0:
+            place = plus(place, vector(bodies, body - 1, POSITION))
+        lift = plus(lift, times(_slope(gravity), place))
+    return lift
 
 
 @compiled
@@ -104,120 +127,99 @@ def _add_force(force: Any, body: int, arm: Any, gradient: Any, hessian: Any, cur
         add_lower(hessian, 6 * body + 3, turning(force, arm))
 
 
-@compiled
-def _add_line(
-    mass: Any,
-    upper: int,
-    lower: int,
-    blade: int,
-    upper_point: Any,
-    lower_point: Any,
-    bodies: Any,
-    gravity: Any,
-    pose: Any,
-    tips: Any,
-    gradient: Any,
-    hessian: Any,
-    on_tips: Any,
-    curved: bool,
-    uniform: bool,
+@inlined
+def add_bodies(
+    bodies: Any, gravity: Any, shift: Any, turn: Any, gradient: Any, hessian: Any, curved: bool
 ) -> None:
-    """Add the weight of a straight line between points of bodies, the upper one maybe on a blade.
-
-    Its mass is given by the moments m_uu, m_ul and m_ll.
-    """
-    shift, turn, deflection = pose
-    m_uu, m_ul, m_ll = mass
-    if blade >= 0:
-        upper_point = plus(upper_point, vector(deflection, blade, 0))
-    arm_u = turned(matrix(turn, upper), upper_point)
-    arm_l = turned(matrix(turn, lower), lower_point)
-    lift_u = _lift(gravity, bodies, upper, shift, arm_u)
-    lift_l = _lift(gravity, bodies, lower, shift, arm_l)
-    force = plus(scaled(m_uu, lift_u), scaled(m_ul, lift_l))
-    _add_force(force, upper, arm_u, gradient, hessian, curved)
-    if blade >= 0:
-        add_vector(on_tips[blade], 0, force)
-    force = plus(scaled(m_ul, lift_u), scaled(m_ll, lift_l))
-    _add_force(force, lower, arm_l, gradient, hessian, curved)
-    if uniform or not curved:
-        return
-    # motion of both points per coordinate: translation and rotation of the body, and the tip
-    rows, motion = np.full((2, 9), len(hessian)), np.zeros((2, 9, 3))
-    for end in range(2):
-        body, arm = (lower, arm_l) if end else (upper, arm_u)
-        for i in range(6):
-            rows[end, i] = 6 * body + i
-        add_block(motion[end], 0, 0, diagonal(1.0))
-        add_block(motion[end], 3, 0, cross_matrix(arm))
-    if blade >= 0:
-        for i in range(3):
-            rows[0, 6 + i] = tips[blade, i]
-        add_block(motion[0], 6, 0, transposed(added(diagonal(1.0), matrix(turn, upper))))
-    for end in range(2):
-        for other in range(2):
-            form = multiple(m_ul if end != other else m_ll if end else m_uu, _slope(gravity))
-            for i in range(9):
-                left = times(form, vector(motion[end], i, 0))
-                for j in range(9):
-                    if len(hessian) > rows[end, i] >= rows[other, j]:
-                        for k in range(3):
-                            hessian[rows[end, i], rows[other, j]] += left[k] * motion[other, j, k]
-
-
-@compiled
-def add_weights(
-    topology: Any,
-    gravity: Any,
-    numbers: Any,
-    pose: Any,
-    gradient: Any,
-    hessian: Any,
-    on_tips: Any,
-    curved: bool,
-) -> None:
-    """Add the derivatives of all weights of one build, before those of blades.
-
-    Parameters
-    ----------
-    topology, numbers
-        See `equilibrium.compiled`.
-    gravity : (4, 3) array
-        From `pack_gravity`.
-    pose : tuple of arrays
-        Shift, turn and deflection.
-    """
-    bodies, wires, blades, bars = numbers.bodies, numbers.wires, numbers.blades, numbers.bars
-    shift, turn, _ = pose
-    slope, uniform, nothing = _slope(gravity), True, (0.0, 0.0, 0.0)
-    for row in slope:
-        uniform = uniform and row == nothing
+    """Add the derivatives of the weights of the bodies (n, 13) of one build."""
     for n in range(len(bodies)):
         mass, first = bodies[n, MASS], 6 * n + 6
-        add_vector(gradient, first, scaled(mass, _lift(gravity, bodies, n + 1, shift, nothing)))
-        if not uniform:
+        lift = _lift(gravity, bodies, n + 1, shift, (0.0, 0.0, 0.0))
+        add_vector(gradient, first, scaled(mass, lift))
+        if len(gravity) > 1:
             if curved:
-                add_lower(hessian, first, multiple(mass, slope))
+                add_lower(hessian, first, multiple(mass, _slope(gravity)))
             own = (
                 vector(bodies, n, SECOND_MOMENTS),
                 vector(bodies, n, SECOND_MOMENTS + 3),
                 vector(bodies, n, SECOND_MOMENTS + 6),
             )
-            _add_tide(slope, own, matrix(turn, n + 1), first, gradient, hessian, curved)
-    rest = bodies, gravity, pose, topology.tips, gradient, hessian, on_tips, curved, uniform
-    for n in range(len(blades)):
-        body, tip, mass = (
-            topology.blade_body[n],
-            vector(blades, n, TIP),
-            (blades[n, TIP_MASS], 0.0, 0.0),
-        )
-        if mass != nothing:
-            _add_line(mass, body, body, n, tip, tip, *rest)
-    for n in range(len(wires)):
-        mass, u, l = vector(wires, n, WIRE_MASS), topology.upper[n], topology.lower[n]
-        if mass != nothing:
-            ends = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
-            _add_line(mass, u, l, topology.blade[n], *ends, *rest)
-    for n in range(len(bars)):
-        mass, u, l = vector(bars, n, 6), topology.bar_upper[n], topology.bar_lower[n]
-        _add_line(mass, u, l, -1, vector(bars, n, 0), vector(bars, n, 3), *rest)
+            _add_tide(_slope(gravity), own, matrix(turn, n + 1), first, gradient, hessian, curved)
+
+
+@compiled
+def add_lines(
+    bodies: Any,
+    ends: Any,
+    lines: Any,
+    tips: Any,
+    gravity: Any,
+    pose: Any,
+    gradient: Any,
+    hessian: Any,
+    on_tips: Any,
+    curved: bool,
+) -> None:
+    """Add the derivatives of all other weights of one build, before those of blades.
+
+    Parameters
+    ----------
+    bodies : (n, 13) array
+        From `pack_bodies`.
+    ends, lines : (k, 3) int array and (k, 9) array
+        From `pack_lines`.
+    tips : (b, 3) int array
+        Coordinates of the tips of blades, see `Layout`.
+    gravity : (1, 3) or (4, 3) array
+        From `pack_gravity`.
+    pose : tuple of arrays
+        Shift, turn and deflection.
+    """
+    shift, turn, deflection = pose
+    for n in range(len(lines)):
+        u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
+        m_uu, m_ul, m_ll = vector(lines, n, MOMENTS)
+        upper_point, lower_point = vector(lines, n, 0), vector(lines, n, 3)
+        if b >= 0:
+            upper_point = plus(upper_point, vector(deflection, b, 0))
+        arm_u, arm_l = turned(matrix(turn, u), upper_point), turned(matrix(turn, l), lower_point)
+        lift_u = _lift(gravity, bodies, u, shift, arm_u)
+        lift_l = _lift(gravity, bodies, l, shift, arm_l)
+        force = plus(scaled(m_uu, lift_u), scaled(m_ul, lift_l))
+        _add_force(force, u, arm_u, gradient, hessian, curved)
+        if b >= 0:
+            for axis in range(3):
+                on_tips[b, axis] += force[axis]
+        force = plus(scaled(m_ul, lift_u), scaled(m_ll, lift_l))
+        _add_force(force, l, arm_l, gradient, hessian, curved)
+        if curved and len(gravity) > 1:
+            slope = _slope(gravity)
+            rows, motion = np.full((2, 9), len(hessian)), np.zeros((2, 9, 3))
+            _fill_motion(u, arm_u, rows[0], motion[0])
+            _fill_motion(l, arm_l, rows[1], motion[1])
+            if b >= 0:
+                rows[0, 6:] = tips[b]
+                add_block(motion[0], 6, 0, transposed(added(diagonal(1.0), matrix(turn, u))))
+            _add_slope(multiple(m_uu, slope), rows[0], motion[0], rows[0], motion[0], hessian)
+            _add_slope(multiple(m_ul, slope), rows[0], motion[0], rows[1], motion[1], hessian)
+            _add_slope(multiple(m_ul, slope), rows[1], motion[1], rows[0], motion[0], hessian)
+            _add_slope(multiple(m_ll, slope), rows[1], motion[1], rows[1], motion[1], hessian)
+
+
+@compiled
+def _fill_motion(body: int, arm: Any, rows: Any, motion: Any) -> None:
+    """Fill in the coordinates of a body, and the motion of a point of it per coordinate."""
+    for i in range(6):
+        rows[i] = 6 * body + i
+    add_block(motion, 0, 0, diagonal(1.0))
+    add_block(motion, 3, 0, cross_matrix(arm))
+
+
+@compiled
+def _add_slope(form: Any, rows: Any, left: Any, columns: Any, right: Any, hessian: Any) -> None:
+    """Add J_l F J_r^T to the lower triangle."""
+    for i in range(9):
+        turned_row = times(form, vector(left, i, 0))
+        for j in range(9):
+            if len(hessian) > rows[i] >= columns[j]:
+                hessian[rows[i], columns[j]] += dot(turned_row, vector(right, j, 0))

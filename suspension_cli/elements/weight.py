@@ -60,7 +60,7 @@ def _slope(scene: Scene) -> Inexact[np.ndarray, "3 3"] | None:
 
 
 @dataclass(frozen=True)
-class _Masses:
+class Masses:
     """Point masses on bodies or blade tips, or straight lines of mass between two such points.
 
     Attributes
@@ -116,19 +116,19 @@ class _Masses:
         return result
 
 
-def _masses(scene: Scene) -> list[_Masses]:
+def masses(scene: Scene) -> list[Masses]:
     """List all masses but those of the bodies."""
     blades, wires, bars, found = scene.blades, scene.wires, scene.bars, []
     if blades.tip_mass.any():
         every = np.arange(len(blades.label))
-        found.append(_Masses((blades.body,), (blades.tip,), (every,), ((blades.tip_mass,),)))
+        found.append(Masses((blades.body,), (blades.tip,), (every,), ((blades.tip_mass,),)))
     if wires.mass.any():
         ends = (wires.upper_point, wires.lower_point)
         moments = _moments(wires.mass)
-        found.append(_Masses((wires.upper, wires.lower), ends, (wires.blade, None), moments))
+        found.append(Masses((wires.upper, wires.lower), ends, (wires.blade, None), moments))
     if bars.label:
         ends = (bars.point[..., 0, :], bars.point[..., 1, :])
-        found.append(_Masses(tuple(bars.body.T), ends, (None, None), _moments(bars.inertia)))
+        found.append(Masses(tuple(bars.body.T), ends, (None, None), _moments(bars.inertia)))
     return found
 
 
@@ -137,19 +137,19 @@ def _moments(mass: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
     return (own, mixed), (mixed, other)
 
 
-def _bodies(scene: Scene) -> _Masses:
+def _bodies(scene: Scene) -> Masses:
     mass = scene.bodies.mass
     every = np.arange(1, mass.shape[-1] + 1)
-    return _Masses((every,), (np.zeros((len(every), 3)),), (None,), ((mass,),))
+    return Masses((every,), (np.zeros((len(every), 3)),), (None,), ((mass,),))
 
 
 def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     """Energy (...) of all weights relative to the nominal pose, J."""
     result = np.zeros(scene.batch)
-    for masses in (_bodies(scene), *_masses(scene)):
-        start, now = masses.places(scene, nominal_pose(scene)), masses.places(scene, pose)
+    for group in (_bodies(scene), *masses(scene)):
+        start, now = group.places(scene, nominal_pose(scene)), group.places(scene, pose)
         # exact for an energy of second order
-        forces = masses.forces(scene, [(a + b) / 2 for a, b in zip(start, now, strict=True)])
+        forces = group.forces(scene, [(a + b) / 2 for a, b in zip(start, now, strict=True)])
         for force, a, b in zip(forces, start, now, strict=True):
             result = result + (force * (b - a)).sum((-2, -1))
     slope = _slope(scene)
@@ -180,13 +180,13 @@ def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: De
     rows = 6 * np.arange(1, mass.shape[-1] + 1)[:, None] + np.arange(3)
     place = (scene.bodies.position + pose.shift)[..., 1:, :]
     derivatives.gradient[..., rows] += mass[..., None] * lift(scene, place)
-    for masses in _masses(scene):
-        forces = masses.forces(scene, masses.places(scene, pose))
-        points = zip(masses.body, forces, masses.arms(pose), masses.blade, strict=True)
+    for group in masses(scene):
+        forces = group.forces(scene, group.places(scene, pose))
+        points = zip(group.body, forces, group.arms(pose), group.blade, strict=True)
         for body, force, arm, blade in points:
             derivatives.add_forces(body, force, arm, blade)
         if slope is not None:
-            derivatives.hessian[..., :-1, :-1] += masses.quadratic(numbering, pose, slope)
+            derivatives.hessian[..., :-1, :-1] += group.quadratic(numbering, pose, slope)
     if slope is None:
         return
     moments, turning = second_moments(scene, pose), rows + 3
@@ -208,8 +208,8 @@ def mass_matrix(
     turn = pose.rotation[..., 1:, :, :]
     turned = turn @ scene.bodies.inertia @ np.swapaxes(turn, -1, -2)
     result[..., rows[:, :, None] + 3, rows[:, None, :] + 3] = turned
-    for masses in _masses(scene):
-        result = result + masses.quadratic(numbering, pose, np.eye(3))
+    for group in masses(scene):
+        result = result + group.quadratic(numbering, pose, np.eye(3))
     return result
 
 

@@ -20,9 +20,7 @@ from suspension_cli.elements.compiled import (
     FLEX,
     SPRING,
     STIFFNESS,
-    TIP_MASS,
     WIRE,
-    WIRE_MASS,
     add_blades,
     add_springs,
     add_wires,
@@ -30,11 +28,13 @@ from suspension_cli.elements.compiled import (
 )
 from suspension_cli.elements.compiled_vectors import dot, vector
 from suspension_cli.elements.compiled_weight import (
-    BAR,
     MASS,
-    add_weights,
+    MOMENTS,
+    add_bodies,
+    add_lines,
     pack_bodies,
     pack_gravity,
+    pack_lines,
 )
 from suspension_cli.elements.compiled_wire import wire_sections
 from suspension_cli.equilibrium.residual_scale import LEAST_ARM, ROUNDINGS
@@ -59,38 +59,32 @@ SOLVED, NOMINAL, FAILED = 0, 1, 2
 
 
 class Topology(NamedTuple):
-    """Bodies that elements join, and their coordinates; integers.
+    """Bodies that elements join, and their coordinates.
 
     Attributes
     ----------
-    upper, lower, blade : (w,) arrays
-        Of wires, see `Wires`.
-    place : (w, 15) array
+    wires, struts, lines : (k, 3) int arrays
+        Upper and lower body, and blade or -1; of lines, see `compiled_weight`.
+    springs : (s, 2) int array
+        Upper and lower body.
+    place : (w, 15) int array
         Coordinates of both bodies and of the blade's tip of each wire; N for none.
-    sections : (w, m, 10) float array
+    sections : (w, m, 10) array
         Sections of wires that bend, see `compiled_wire`.
-    blade_body, tips : (b,) and (b, 3) arrays
-        Of blades; see `Layout`.
-    spring_upper, spring_lower, strut_upper, strut_lower, strut_blade, bar_upper, bar_lower
-        Of springs, struts and bars.
-    parent : (n + 1,) array
+    blades, tips : (b,) and (b, 3) int arrays
+        Body and coordinates of blades, see `Layout`.
+    parent : (n + 1,) int array
         Body that each body hangs from.
     """
 
-    upper: Any
-    lower: Any
-    blade: Any
+    wires: Any
+    struts: Any
+    lines: Any
+    springs: Any
     place: Any
     sections: Any
-    blade_body: Any
+    blades: Any
     tips: Any
-    spring_upper: Any
-    spring_lower: Any
-    strut_upper: Any
-    strut_lower: Any
-    strut_blade: Any
-    bar_upper: Any
-    bar_lower: Any
     parent: Any
 
 
@@ -103,33 +97,28 @@ class Numbers(NamedTuple):
     springs: Any
     flex: Any
     struts: Any
-    bars: Any
+    lines: Any
 
 
 def pack(scene: Scene, numbering: Layout) -> tuple[Topology, Any, Numbers]:
     """Pack a scene with one batch axis: topology, gravity (see `compiled_weight`) and numbers."""
-    wires, blades, springs = scene.wires, scene.blades, scene.springs
-    struts, bars = scene.struts, scene.bars
+    wires, blades, springs, struts = scene.wires, scene.blades, scene.springs, scene.struts
     bends = scene.flex is not None
+    lines, masses = pack_lines(scene)
     place = np.full((len(wires.label), 15), numbering.size)
     place[:, :6] = 6 * wires.upper[:, None] + np.arange(6)
     place[:, 6:12] = 6 * wires.lower[:, None] + np.arange(6)
     on_blade = wires.blade >= 0
     place[on_blade, 12:] = numbering.blade[wires.blade[on_blade]]
     topology = Topology(
-        wires.upper,
-        wires.lower,
-        wires.blade,
+        np.stack([wires.upper, wires.lower, wires.blade], axis=-1),
+        np.stack([struts.upper, struts.lower, struts.blade], axis=-1),
+        lines,
+        np.stack([springs.upper, springs.lower], axis=-1),
         place,
         wire_sections(scene.fibres.wire if bends and scene.fibres else ()),
         blades.body,
         numbering.blade,
-        springs.upper,
-        springs.lower,
-        struts.upper,
-        struts.lower,
-        struts.blade,
-        *map(np.ascontiguousarray, bars.body.T),
         parents(scene),
     )
     flex = bending.wire_resistance(scene)
@@ -143,7 +132,7 @@ def pack(scene: Scene, numbering: Layout) -> tuple[Topology, Any, Numbers]:
         _table(batch, springs, SPRING),
         np.zeros((*batch, 0, 19)) if flex is None else _table(batch, flex, FLEX),
         _table(batch, struts, WIRE),
-        _table(batch, bars, BAR),
+        masses,
     )
     return topology, pack_gravity(scene), numbers
 
@@ -158,7 +147,7 @@ def _build(numbers: Any, p: int) -> Any:
         numbers.springs[p],
         numbers.flex[p],
         numbers.struts[p],
-        numbers.bars[p],
+        numbers.lines[p],
     )
 
 
@@ -196,53 +185,86 @@ def _evaluate(
     gradient[:], on_tips[:] = 0.0, 0.0
     if curved:
         hessian[:] = 0.0
-    sums = gradient, hessian, on_tips, curved
-    add_weights(topology, gravity, numbers, pose, *sums)
-    ends, nodes = (topology.upper, topology.lower), (topology.tips, topology.sections)
+    add_bodies(numbers.bodies, gravity, pose[0], pose[1], gradient, hessian, curved)
+    if len(numbers.lines):
+        add_lines(
+            numbers.bodies,
+            topology.lines,
+            numbers.lines,
+            topology.tips,
+            gravity,
+            pose,
+            gradient,
+            hessian,
+            on_tips,
+            curved,
+        )
     add_wires(
-        *ends, topology.blade, *nodes, numbers.wires, numbers.flex, pose, tension, *sums, form
+        topology.wires,
+        topology.tips,
+        topology.sections,
+        numbers.wires,
+        numbers.flex,
+        pose,
+        tension,
+        gradient,
+        hessian,
+        on_tips,
+        curved,
+        form,
     )
     if len(numbers.struts):
-        ends = topology.strut_upper, topology.strut_lower
         none, thrust = numbers.flex[:0], np.empty(len(numbers.struts))
         add_wires(
-            *ends, topology.strut_blade, *nodes, numbers.struts, none, pose, thrust, *sums, none
+            topology.struts,
+            topology.tips,
+            topology.sections,
+            numbers.struts,
+            none,
+            pose,
+            thrust,
+            gradient,
+            hessian,
+            on_tips,
+            curved,
+            none,
         )
     if len(numbers.springs):
-        ends = topology.spring_upper, topology.spring_lower
-        add_springs(*ends, numbers.springs, pose, gradient, hessian, curved)
-    add_blades(topology.blade_body, topology.tips, numbers.blades, pose, *sums)
+        add_springs(topology.springs, numbers.springs, pose, gradient, hessian, curved)
+    add_blades(
+        topology.blades,
+        topology.tips,
+        numbers.blades,
+        pose,
+        gradient,
+        hessian,
+        on_tips,
+        curved,
+    )
 
 
 @compiled
 def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
     """Fill the scale of the residual in every coordinate but the support's; largest lever arm."""
-    w_upper, w_lower, wires, springs = (
-        topology.upper,
-        topology.lower,
-        numbers.wires,
-        numbers.springs,
-    )
-    bodies, pull = len(numbers.bodies), math.sqrt(dot(gravity[0], gravity[0]))
+    ends, wires, springs = topology.wires, numbers.wires, numbers.springs
+    bodies, pull = len(numbers.bodies), math.sqrt(dot(vector(gravity, 0, 0), vector(gravity, 0, 0)))
     largest = 1e-3
     load[:], arm[:] = 0.0, LEAST_ARM
     for n in range(bodies):
         load[n + 1] = pull * numbers.bodies[n, MASS]
-    for n in range(len(numbers.blades)):
-        load[topology.blade_body[n]] += pull * numbers.blades[n, TIP_MASS]
-    for n in range(len(wires)):
-        own, mixed, other = vector(wires, n, WIRE_MASS)
-        load[w_upper[n]] += pull * (own + mixed)
-        load[w_lower[n]] += pull * (mixed + other)
+    for n in range(len(numbers.lines)):
+        own, mixed, other = vector(numbers.lines, n, MOMENTS)
+        load[topology.lines[n, 0]] += pull * (own + mixed)
+        load[topology.lines[n, 1]] += pull * (mixed + other)
     for n in range(bodies, 0, -1):
         load[topology.parent[n]] += load[n]
     for n in range(len(wires)):
-        for body, start in ((w_upper[n], 0), (w_lower[n], 3)):
+        for body, start in ((ends[n, 0], 0), (ends[n, 1], 3)):
             for axis in range(3):
                 size = abs(wires[n, start + axis])
                 arm[body], largest = max(arm[body], size), max(largest, size)
     for n in range(len(springs)):
-        body = topology.spring_lower[n]
+        body = topology.springs[n, 1]
         for axis in range(3):
             size = abs(springs[n, 3 + axis])
             arm[body], largest = max(arm[body], size), max(largest, size)
@@ -251,9 +273,9 @@ def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, ar
         scale[6 * n : 6 * n + 3] = load[n + 1]
         scale[6 * n + 3 : 6 * n + 6] = load[n + 1] * arm[n + 1]
     for n in range(len(wires)):
-        if topology.blade[n] >= 0:
+        if ends[n, 2] >= 0:
             for axis in range(3):
-                scale[topology.place[n, 12 + axis] - 6] = load[w_lower[n]]
+                scale[topology.place[n, 12 + axis] - 6] = load[ends[n, 1]]
     return largest
 
 
@@ -300,17 +322,17 @@ def _largest_size(values: Any) -> float:
 
 
 @compiled
-def _rounding(topology: Any, wires: Any, tension: Any, pose: Any, scale: Any) -> float:
+def _rounding(ends: Any, wires: Any, tension: Any, pose: Any, scale: Any) -> float:
     """Residual that rounding may cause, see `solve`."""
     shift, turn, _ = pose
     result = 0.0
     for n in range(len(wires)):
         motion = 0.0
-        for body, start in ((topology.upper[n], 0), (topology.lower[n], 3)):
+        for body, start in ((ends[n, 0], 0), (ends[n, 1], 3)):
             reach = _largest_size(wires[n, start : start + 3])
             motion += _largest_size(shift[body]) + _largest_size(turn[body]) * reach
         force = ROUNDINGS * EPS * (abs(tension[n]) + wires[n, STIFFNESS] * motion)
-        result = max(result, force / scale[6 * (topology.lower[n] - 1)])
+        result = max(result, force / scale[6 * (ends[n, 1] - 1)])
     return result
 
 
@@ -409,7 +431,9 @@ def newton_batch(
             slow = not fresh and residual > before / 10
             count += 1
         residuals[p], steps[p], pivots[p] = residual, count, least
-        roundings[p] = _rounding(topology, own.wires, tension[p], pose, scale) if count else 0.0
+        roundings[p] = (
+            _rounding(topology.wires, own.wires, tension[p], pose, scale) if count else 0.0
+        )
 
 
 @compiled
@@ -505,8 +529,8 @@ def _geometries(topology: Any, numbers: Any, poses: Any, tension: Any, result: A
     shift, turn, deflection = poses
     for p in range(len(result)):
         pose = (shift[p], turn[p], deflection[p])
-        ends, own = (topology.upper, topology.lower, topology.blade), _build(numbers, p)
-        fill_geometry(*ends, own.wires, own.flex, pose, tension[p], result[p])
+        wires, flex = numbers.wires[p], numbers.flex[p]
+        fill_geometry(topology.wires, wires, flex, pose, tension[p], result[p])
 
 
 def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> tuple[Any, ...]:
