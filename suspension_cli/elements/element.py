@@ -72,8 +72,8 @@ class Derivatives:
         flat = products.reshape(*products.shape[:-2], 9)
         both = np.concatenate([np.broadcast_to(force, products.shape[:-1]), flat], axis=-1)
         total = sum_by(body, both, bodies)
-        rows = 6 * np.arange(bodies)[:, None] + np.arange(3)
-        self.gradient[..., rows] += total[..., :3]
+        of_bodies = self.gradient[..., : 6 * bodies]
+        of_bodies.reshape(*of_bodies.shape[:-1], bodies, 6)[..., :3] += total[..., :3]
         self.outer[...] += total[..., 3:].reshape(*total.shape[:-1], 3, 3)
         if blade is not None:
             self.on_tips[...] += sum_by(blade, force, self.on_tips.shape[-2])

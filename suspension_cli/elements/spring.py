@@ -102,6 +102,8 @@ def strain_jacobian(
 
 def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of all springs."""
+    if not scene.springs.label:
+        return
     now, hessian = state(scene, pose), derivatives.hessian[..., :-1, :-1]
     for number in range(len(scene.springs.label)):
         jacobian = strain_jacobian(scene, numbering, pose, now, number)
