@@ -50,7 +50,7 @@ def carried_weights(scene: Scene) -> Float[np.ndarray, "*batch body"]:
     result = np.array(np.broadcast_to(scene.gravity * bodies.mass, shape))
     for group in masses(scene):
         for body, moments in zip(group.body, group.moment, strict=True):
-            load = scene.gravity * sum(moments)
+            load: Any = scene.gravity * sum(moments)
             for number in np.flatnonzero(body).tolist():
                 result[..., body[number] - 1] += load[..., number]
     for body in range(len(bodies.name), 0, -1):

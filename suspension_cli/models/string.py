@@ -89,7 +89,7 @@ def linear_model(
     else:
         stiffness, low, stretched = _stiffness(scene, numbering, balanced, adapted)
     lossy = None
-    if scene.wires.loss.any() or scene.blades.loss.any() or scene.springs.loss.any():
+    if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
         lossy, lossy_low = _loss(scene, numbering, pose, adapted, stretched)
         if separated is not None:
             stretching = scene.wires.stiffness * (1 + 1j * scene.wires.loss)
@@ -97,11 +97,6 @@ def linear_model(
             turned = np.swapaxes(separated.form, -1, -2) * stretching.imag[..., None, :]
             lossy = lossy + turned @ separated.form
         lossy, low = stiffness + 1j * lossy, None if low is None else low + 1j * lossy_low
-    damping = (
-        damping_matrix(scene, numbering, pose)
-        if scene.springs.damping.any()
-        else np.zeros((numbering.size,) * 2)
-    )
     terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
     model = LinearSystem(
         body=scene.bodies.name,
@@ -112,7 +107,7 @@ def linear_model(
             mass_matrix(scene, numbering, pose, wire_inertia=wire_inertia) if mass is None else mass
         ),
         stiffness=stiffness,
-        damping=adapted.apply(damping),
+        damping=adapted.apply(damping_matrix(scene, numbering, pose)),
         lossy=lossy,
         low=low,
         stretched=stretched,
@@ -279,7 +274,7 @@ def mass_matrix(
 def damping_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Viscous damping (..., N, N) of all elements."""
+    """Viscous damping (..., N, N) of all elements, or (N, N) without any."""
     return _sum_over(scene, numbering, pose, [element.damping for element in ELEMENTS])
 
 
@@ -297,8 +292,8 @@ def loss_matrix(
 def _sum_over(
     scene: Scene, numbering: Layout, pose: Pose, parts: Sequence[Matrix | None]
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Sum the matrices of the elements, exactly symmetric."""
-    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
+    """Sum the matrices of the elements, exactly symmetric; without batch axes if all are 0."""
+    result = np.zeros((numbering.size, numbering.size), dtype=scene.kind)
     for part in parts:
         if part is not None:
             result = result + part(scene, numbering, pose)
