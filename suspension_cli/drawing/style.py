@@ -137,12 +137,6 @@ def write_text(
     )
 
 
-def name_model(figure: Figure, choice: Choice) -> Figure:
-    """Write the model and what it neglects below a figure, and return it."""
-    left_out = choice.neglected.partition(" (tolerance")[0]
-    return _write_below(figure, f"{choice.level} model" + (f"; {left_out}" if left_out else ""))
-
-
 def name_neglected(figure: Figure, choice: Choice) -> Figure:
     """Write what the model neglects below a figure whose heading names it, and return it."""
     left_out = choice.neglected.partition(" (tolerance")[0]

@@ -16,7 +16,6 @@ from suspension_cli.design.keystones import Keystone
 from suspension_cli.design.plausibility import ImplausibleNumber
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
-from suspension_cli.equilibrium.energy import with_struts
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import Fault, format_value
 from suspension_cli.scene.scene import Scene
@@ -112,7 +111,7 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
     """Loads of all inverted pendulums in an equilibrium."""
     if not scene.struts.label:
         return ()
-    thrust = -string.state(with_struts(scene), balanced.pose).tension
+    thrust = -string.state(string.with_struts(scene), balanced.pose).tension
     nominal, gravity = scene.drawn or scene, float(scene.gravity)
     found = []
     for number, stage in enumerate(design.stage, 1):
