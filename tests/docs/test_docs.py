@@ -157,11 +157,18 @@ def commands(lines: list[str]) -> list[str]:
     return [line for line in lines if re.match(r"(\.venv/bin/)?pendsus ", line)]
 
 
-AMOUNTS = {"--builds": "20", "--starts": "1", "--max-frequency": "30", "--repeat": "2"}
+AMOUNTS = {
+    "--builds": "20",
+    "--starts": "1",
+    "--max-frequency": "3",
+    "--repeat": "2",
+    "--duration": "1",
+    "--workers": "1",
+}
 """Options that say how much of the same is done: less of it does."""
 
 
-POINTS = 8
+POINTS = 4
 """Of a grid LOW:HIGH:POINTS, at most."""
 
 
@@ -179,7 +186,7 @@ PARTS = {
 """Options that shorten a line whose whole computation is tested elsewhere."""
 
 FEWER = {
-    "damp": {"--frequency": f"0.1:100:{POINTS}", "--duration": "5", "--fidelity": "string"},
+    "damp": {"--frequency": f"0.1:100:{POINTS}", "--duration": "1", "--fidelity": "string"},
     "budget": {"--frequency": f"0.1:100:{POINTS}", "--fidelity": "string"},
     "response": {"--frequency": f"0.1:100:{POINTS}", "--fidelity": "string"},
     "thermal": {"--frequency": f"0.1:100:{POINTS}"},
