@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from functools import cache
 from pathlib import Path
 
 import click
@@ -275,13 +276,24 @@ def named(cell: str) -> list[str]:
     return re.findall(r"`([^`]*)`", cell)
 
 
+def laid_out(folder, monkeypatch):
+    """Run in a folder that has the designs that we ship."""
+    for name in ("configs", "goals", "measured"):
+        if not (folder / name).exists():
+            (folder / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(folder)
+    return folder
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """An empty folder to run in, with the designs that we ship."""
-    for name in ("configs", "goals", "measured"):
-        (tmp_path / name).symlink_to(ROOT / name)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    return laid_out(tmp_path, monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """A folder for each block of a document: its lines read what earlier ones wrote."""
+    return cache(lambda document, block: tmp_path_factory.mktemp("block"))
 
 
 def called(line: str) -> None:
@@ -308,8 +320,9 @@ def called(line: str) -> None:
     CALLS,
     ids=[f"{name}: {block[n].partition('#')[0].strip()}" for name, block, n in CALLS],
 )
-def test_every_line_runs(document, block, number, folder, monkeypatch):
+def test_every_line_runs(document, block, number, folders, monkeypatch):
     """Lines that make a file which this one reads are run first."""
+    laid_out(folders(document, tuple(block)), monkeypatch)
     line = block[number]
     if " tradeoff " in line:
         hurry(monkeypatch)
