@@ -12,6 +12,7 @@ import click
 import h5py
 import pytest
 
+from suspension_cli.analyses.modes import animation
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
 from suspension_cli.design import goals, materials, measured, schema, wires
@@ -323,6 +324,7 @@ def called(line: str) -> None:
 def test_every_line_runs(document, block, number, folders, monkeypatch):
     """Lines that make a file which this one reads are run first."""
     laid_out(folders(document, tuple(block)), monkeypatch)
+    monkeypatch.setattr(animation, "FRAMES", 4)
     line = block[number]
     if " tradeoff " in line:
         hurry(monkeypatch)
