@@ -6,7 +6,7 @@ Each nominal mode is paired with the mode of the build whose shape overlaps it m
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +31,40 @@ from suspension_cli.studies.sample_points import RANDOM, SamplePoints
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
+
+
+# Jobs of one design, which differ in model or requirements, share what follows from its text.
+@lru_cache(maxsize=4)
+def _parse(text: str) -> Any:
+    """Parsed design."""
+    return reader.parse(text)
+
+
+@lru_cache(maxsize=4)
+def _expand(text: str) -> Scene:
+    """Scene without random imperfections."""
+    return expand(_parse(text))
+
+
+@lru_cache(maxsize=4)
+def _bodies_with_signals(text: str) -> Any:
+    """Names of the bodies that signals may name."""
+    return signals.bodies_with_signals(registry.STRING.system(_parse(text)))
+
+
+@lru_cache(maxsize=8)
+def _solve_nominal(text: str, level: str) -> tuple[eigenmodes.Modes, Array, Index]:
+    """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
+    # symmetry blocks give the degenerate nominal modes stable labels
+    model, design = registry.by_name(level), _parse(text)
+    found = eigenmodes.solve(model.system(design))
+    plain = surrounded(
+        string.linear_model(_expand(text), split=False, wire_inertia=not model.has_wire_mass),
+        design,
+    )
+    keep = np.flatnonzero(~plain.massless[6:]) + 6  # coordinates with inertia
+    root = np.linalg.cholesky(plain.mass[np.ix_(keep, keep)])
+    return found, found.shape[:, keep - 6] @ root, keep
 
 
 @dataclass(frozen=True)
@@ -106,12 +140,12 @@ class RandomBuilds:
     @cached_property
     def design(self) -> Design:
         """Parsed design."""
-        return reader.parse(self.text)
+        return _parse(self.text)
 
     @cached_property
     def scene(self) -> Scene:
         """Scene without random imperfections."""
-        return expand(self.design)
+        return _expand(self.text)
 
     @cached_property
     def factors(self) -> tuple[sampling.ScatteredNumber, ...]:
@@ -140,16 +174,7 @@ class RandomBuilds:
     @cached_property
     def _start(self) -> tuple[eigenmodes.Modes, Array, Index]:
         """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
-        # symmetry blocks give the degenerate nominal modes stable labels
-        model = registry.by_name(self.level)
-        found = eigenmodes.solve(model.system(self.design))
-        plain = surrounded(
-            string.linear_model(self.scene, split=False, wire_inertia=not model.has_wire_mass),
-            self.design,
-        )
-        keep = np.flatnonzero(~plain.massless[6:]) + 6  # coordinates with inertia
-        root = np.linalg.cholesky(plain.mass[np.ix_(keep, keep)])
-        return found, found.shape[:, keep - 6] @ root, keep
+        return _solve_nominal(self.text, self.level)
 
     @property
     def nominal(self) -> eigenmodes.Modes:
@@ -159,8 +184,7 @@ class RandomBuilds:
     @cached_property
     def names(self) -> Names:
         """Names that quantities of the builds may have."""
-        model = registry.STRING.system(self.design)
-        return Names(self.nominal, self.scene.bodies.name, signals.bodies_with_signals(model))
+        return Names(self.nominal, self.scene.bodies.name, _bodies_with_signals(self.text))
 
     def requiring(self, requirements: tuple[Requirement, ...]) -> RandomBuilds:
         """The job with requirements."""
