@@ -99,9 +99,10 @@ def _solve_range(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         factors = block.factor(omega)
         v = block.solve(factors, omega, request.moves, request.forces, drive)
-        correction = factors.solve(drive.equations.residual(omega, loads, v))
+        residual, limit = drive.equations.first_residual(omega, loads, v)
+        correction = factors.solve(residual)
         change = _relative(correction, v)
-        inaccurate, moderate = ~(change < CONVERGED), change < ONCE_MORE
+        inaccurate, moderate = ~(change < limit), change < ONCE_MORE
         again = np.flatnonzero(np.any(inaccurate & moderate, axis=0))
         if len(again):
             high, low = two_sum(v[..., again], correction[..., again])
