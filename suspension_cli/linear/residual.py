@@ -195,67 +195,68 @@ class Equations:
         if not finite.all():
             high = np.where(finite, high, 0.0)
             low = None if low is None else np.where(finite, low, 0.0)
+        omega = np.concatenate([omega, np.full(groups * width - total, omega[-1])])
         # from above: the remainders y_S, ..., y - y_1, y, then y_(S-1), ..., y_1
         rows = np.empty(((2 * slices - 1) * inner, high.shape[1], groups * width))
-        parts = [rows[n * inner : (n + 1) * inner] for n in range(2 * slices - 1)]
-        y = parts[slices - 1]
-        count = self._fill(y, high, 1.0)
-        omegas = np.concatenate([omega, np.full(groups * width - total, omega[-1])])
-        products, here = [], count
-        for power, columns in loads.powers[1:]:
-            start, here = here, here + len(columns)
-            which = slice(len(columns)) if columns[-1] == len(columns) - 1 else columns
-            factor, factor_low = _power(omegas, power)
-            y[start:here], error = two_product(y[which], factor)
-            if power == 2:
-                error += y[which] * factor_low
-            products.append((slice(start, here), which, factor, error))
+        y = rows[(slices - 1) * inner : slices * inner]
+        errors = self._write_columns(y, omega, loads, high, low)
         sizes = np.abs(y)
         scale = _power_of_two(sizes.reshape(*y.shape[:-1], groups, width).max(-1))
-        unit = np.repeat(scale, width, axis=-1)
+        parts, unit = rows.reshape(2 * slices - 1, *y.shape), np.repeat(scale, width, axis=-1)
         for n in range(1, slices):
-            whole, begun = parts[slices - n], parts[2 * slices - 1 - n]
-            _cut_to_grid(whole, unit, bits * n, begun)
-            np.subtract(whole, begun, out=parts[slices - 1 - n])
-        remainders = rows[: (slices - 1) * inner].reshape(slices - 1, *y.shape)
-        if low is not None:
-            y_low = np.empty((count, *y.shape[1:]))
-            self._fill(y_low, low, 0.0)
-            remainders[:, :count] += y_low
-        for where, which, factor, error in products:
-            if low is not None:
-                error += y_low[which] * factor
-            remainders[:, where] += error
+            _cut_to_grid(parts[slices - n], unit, bits * n, parts[-n])
+            np.subtract(parts[slices - n], parts[-n], out=parts[slices - 1 - n])
+        for where, error in errors:
+            parts[: slices - 1, where] += error
 
-        matrix, columns_scale = loads.high, scale.transpose(2, 1, 0)[:, :, None]
-        if loads.single:
-            matrix = matrix[:, None]
-        weights = np.empty((groups, high.shape[1], matrix.shape[-2], slices * inner))
-        largest = (np.abs(matrix) * columns_scale).max(-1)
-        row_scale = _power_of_two(largest)[..., None]
-        unit, remainder = row_scale / columns_scale, matrix
-        for n in range(slices - 1):
-            begun = weights[..., n * inner : (n + 1) * inner]
-            _cut_to_grid(remainder, unit, bits * (n + 1), begun)
-            remainder = remainder - begun
-        np.add(
-            remainder, loads.low[:, None] if loads.single else loads.low, out=weights[..., -inner:]
-        )
-        product = np.zeros((groups, high.shape[1], matrix.shape[-2], width))
+        weights, relative = _cut_matrix(loads, scale.transpose(2, 1, 0)[:, :, None], slices, bits)
+        product = np.zeros((groups, high.shape[1], weights.shape[-2], width))
         for n in range(1, slices):  # free of rounding errors; they cancel, so the largest first
             product += weights[..., : n * inner] @ _stacked(rows[-n * inner :], width)
         product += weights @ _stacked(rows[: slices * inner], width)
-        terms = (np.abs(matrix) / row_scale) @ _stacked(sizes, width)
-        if not largest.all():  # rows without terms have no error
-            terms[largest == 0] = 1.0
+        terms = relative @ _stacked(sizes, width)
+        idle = ~np.any(terms, axis=-1)
+        if idle.any():  # rows without terms have no error
+            terms[idle] = 1.0
         size = terms.min(-2).swapaxes(0, 1).reshape(high.shape[1], -1)[:, :total]
-        result = product.transpose(2, 1, 0, 3).reshape(-1, high.shape[1], groups * width)[
-            ..., :total
-        ]
+        result = product.transpose(2, 1, 0, 3).reshape(-1, high.shape[1], len(omega))[..., :total]
         result[:, ~finite] = np.nan
         if self.split:
             result = result[: len(high)] + 1j * result[len(high) :]
         return result, size, bits
+
+    def _write_columns(
+        self,
+        y: Float[np.ndarray, "row input frequency"],
+        omega: Float[np.ndarray, " frequency"],
+        loads: Loads,
+        high: Inexact[np.ndarray, "coordinate input _"],
+        low: Inexact[np.ndarray, "coordinate input _"] | None,
+    ) -> list[tuple[slice, Float[np.ndarray, "_ input frequency"]]]:
+        """Write y: v and the constant 1, then these times powers of omega.
+
+        Returns
+        -------
+        list of (slice, array)
+            Rows of y, and their low parts.
+        """
+        here = self._fill(y, high, 1.0)
+        errors = []
+        if low is not None:
+            y_low = np.empty((here, *y.shape[1:]))
+            self._fill(y_low, low, 0.0)
+            errors.append((slice(here), y_low))
+        for power, columns in loads.powers[1:]:
+            where = slice(here, here := here + len(columns))
+            which = slice(len(columns)) if columns[-1] == len(columns) - 1 else columns
+            factor, factor_low = _power(omega, power)
+            y[where], error = two_product(y[which], factor)
+            if power == 2:
+                error += y[which] * factor_low
+            if low is not None:
+                error += y_low[which] * factor
+            errors.append((where, error))
+        return errors
 
     def _fill(
         self,
@@ -271,6 +272,31 @@ class Equations:
         rows[:count, :, total:] = rows[:count, :, total - 1 : total]
         rows[count] = constant
         return count + 1
+
+
+def _cut_matrix(
+    loads: Loads,
+    scale: Float[np.ndarray, "group input 1 column"],
+    slices: int,
+    bits: int,
+) -> tuple[Float[np.ndarray, "group input row _"], Float[np.ndarray, "group input row column"]]:
+    """Cut A, whose columns multiply numbers of at most `scale`, into slices side by side.
+
+    Also returns its absolute elements relative to the scale of the error of each row.
+    """
+    high, low = loads.high, loads.low
+    if loads.single:
+        high, low = high[:, None], low[:, None]
+    magnitude, inner = np.abs(high), high.shape[-1]
+    row_scale = _power_of_two((magnitude * scale).max(-1))[..., None]
+    result = np.empty((*row_scale.shape[:-1], slices * inner))
+    unit, remainder = row_scale / scale, high
+    for n in range(slices - 1):
+        begun = result[..., n * inner : (n + 1) * inner]
+        _cut_to_grid(remainder, unit, bits * (n + 1), begun)
+        remainder = remainder - begun
+    np.add(remainder, low, out=result[..., -inner:])
+    return result, magnitude / row_scale
 
 
 def _stacked(
