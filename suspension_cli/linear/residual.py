@@ -240,7 +240,7 @@ class Equations:
         list of (slice, array)
             Rows of y, and their low parts.
         """
-        here = self._fill(y, high, 1.0)
+        here, y_low = self._fill(y, high, 1.0), np.zeros(0)
         errors = []
         if low is not None:
             y_low = np.empty((here, *y.shape[1:]))
@@ -265,7 +265,8 @@ class Equations:
         constant: float,
     ) -> int:
         """Fill in v and a constant, repeating the last frequency; return the number of rows."""
-        parts, total = [values.real, values.imag] if self.split else [values], values.shape[-1]
+        parts = [np.real(values), np.imag(values)] if self.split else [values]
+        total = values.shape[-1]
         for n, part in enumerate(parts):
             rows[n * len(part) : (n + 1) * len(part), :, :total] = part
         count = len(parts) * len(values)
