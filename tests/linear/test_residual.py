@@ -23,7 +23,7 @@ def exact_residual(high, low, moves, forces, omega, solution):
         ]
         for pair in zip(high, low, strict=True)
     )
-    columns = [(Fraction(float(s)), Fraction(0)) for s in moves] + solution
+    columns = [*((Fraction(float(s)), Fraction(0)) for s in moves), *solution]
     real, imag, largest = [], [], Fraction(0)
     for row, force in enumerate(forces):
         terms = [(Fraction(float(force)), Fraction(0))]
@@ -51,7 +51,7 @@ def test_against_rational_arithmetic(damped):
     if damped:
         v = v + 1j * grade * rng.normal(size=v.shape)
     v_low = 1e-17 * v
-    system = equations(tuple(high), tuple(low))
+    system = equations((high[0], high[1], high[2]), (low[0], low[1], low[2]))
     loads = system.loads(moves, forces)
     first, limit = system.first_residual(omega, loads, v)
     found = [(first, 0.0 * v, 2.0**-105 / limit[0])]
