@@ -284,7 +284,8 @@ class WireAtFrequencies:
         if len(sections) == 1:
             elements = beam.stiffness(rigidity, waves)[:, 0]
             return _symmetric(4, beam.ELEMENT_PLACES, elements), [], 0
-        tension, lengths = _stack(self._tension(section) for section in sections), 2 * waves.half
+        tension = _stack(self._tension(section) for section in sections)
+        lengths = _stack(section.length for section in sections)
         parts = beam.chord_stiffness(rigidity, tension, waves)
         whole, motions, negative = joined_sections.join(parts, lengths)
         total = lengths.sum(0) if lengths.shape[-1] > 1 else lengths.sum()

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 # Jobs of one design, which differ in model or requirements, share what follows from its text.
 @lru_cache(maxsize=4)
-def _parse(text: str) -> Any:
+def _parse(text: str) -> Design:
     """Parsed design."""
     return reader.parse(text)
 
@@ -47,7 +47,7 @@ def _expand(text: str) -> Scene:
 
 
 @lru_cache(maxsize=4)
-def _bodies_with_signals(text: str) -> Any:
+def _bodies_with_signals(text: str) -> tuple[str, ...]:
     """Names of the bodies that signals may name."""
     return signals.bodies_with_signals(registry.STRING.system(_parse(text)))
 
