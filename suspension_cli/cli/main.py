@@ -11,7 +11,6 @@ from suspension_cli.cli.commands import COMMANDS, get, summary
 from suspension_cli.cli.endings import guard_streams, in_one_line
 from suspension_cli.version import __version__
 
-
 MANY = 50_000
 """Objects made between two collections of garbage: a run imports many, and none is garbage."""
 
