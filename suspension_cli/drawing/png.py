@@ -29,9 +29,10 @@ def encode_png(pixels: Array, dpi: float, software: str) -> bytes:
         Name of the program, stored in the file.
     """
     rows, columns = pixels.shape[:2]
-    # each row starts with the number of its filter: 0, none
-    lines = np.zeros((rows, 3 * columns + 1), np.uint8)
-    lines[:, 1:].reshape(rows, columns, 3)[...] = pixels[:, :, :3]
+    lines = np.empty((rows, 3 * columns + 1), np.uint8)
+    lines[:, 0] = 0  # number of the filter: none
+    for colour in range(3):
+        lines[:, 1 + colour :: 3] = pixels[:, :, colour]
     packer = zlib.compressobj(LEVEL, memLevel=9)
     per_metre = round(dpi / 0.0254)
     return b"\x89PNG\r\n\x1a\n" + b"".join(

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
@@ -19,6 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
 from suspension_cli.conventions import DOFS
+from suspension_cli.drawing.pixels import render
 from suspension_cli.drawing.png import encode_png
 from suspension_cli.files.atomic import replace_file
 
@@ -187,18 +187,9 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     with house_style(), matplotlib.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         if form == "png":
-            return encode_png(_render(figure, dpi), dpi, METADATA["png"]["Software"])
+            return encode_png(render(figure, dpi), dpi, METADATA["png"]["Software"])
         figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form])
     return stream.getvalue()
-
-
-def _render(figure: Figure, dpi: float) -> Any:
-    """Render a figure to pixels, uint8 (rows, columns, 4); its background is opaque."""
-    before, canvas = figure.dpi, FigureCanvasAgg(figure)
-    figure.dpi = dpi
-    canvas.draw()
-    figure.dpi = before
-    return np.asarray(canvas.buffer_rgba())
 
 
 def with_opacity(colour: str, strength: float) -> tuple[float, float, float, float]:

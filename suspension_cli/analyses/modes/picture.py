@@ -490,9 +490,14 @@ def draw_shape(
         thick,
         3,
     )
-    parts.draw_support(canvas, view, rest)
-    parts.draw_suspension(canvas, view, rest, still)
-    _draw_references(canvas, view, rest)
+
+    def draw_rest(canvas: Canvas) -> None:
+        here = panel.view.at(np.zeros(2), scale)
+        parts.draw_support(canvas, here, rest)
+        parts.draw_suspension(canvas, here, rest, still)
+        _draw_references(canvas, here, rest)
+
+    canvas.stamp((id(rest), panel.view.name, scale, thick), origin, draw_rest)
     parts.draw_suspension(canvas, view, panel.sketch, moving)
     _draw_crosses(canvas, view, panel.sketch, colour, thick)
 
