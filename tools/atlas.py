@@ -35,6 +35,7 @@ ROWS: dict[str, Callable[[], Row]] = {
     "quality": modal.quality,
     "masses": masses.row,
     "heavy-wires": masses.heavy_wires,
+    "short-sections": beams.short_sections,
 }
 """Rows of the atlas, in order."""
 

@@ -27,6 +27,15 @@ tanh(alpha h) appears, so nothing overflows. Below the first resonance only the 
 differ in sign; in a stiff wire at low frequency N cancels to (alpha^2 + beta^2) h^3/3, so there its
 power series is summed. Howson and Williams, J. Sound Vib. 26, 503 (1973), give the elements of the
 whole beam with cosh and sinh of alpha L; the split into halves is what preserves the digits.
+
+Where beams are joined end to end, the motion is that of the chord, W_s and the slope
+phi = W_a / h, and the slopes a and b of the two ends relative to it (`chord_stiffness`): in a short
+beam EI / h^3 would swamp the tension, but it does not appear. With d = T_a - phi = (a + b) / 2 and
+T_s = (b - a) / 2, the elements above give for the odd part
+
+    pp = T h + EI (alpha^2 + beta^2) (h c - s/beta) (h - t/alpha) / N
+    pd = EI [alpha^2 (t/alpha) (s/beta - h c) - beta^2 (s/beta) (h - t/alpha)] / N
+    dd = TT.
 """
 
 from __future__ import annotations
@@ -65,6 +74,8 @@ EVEN_WW, EVEN_WT, EVEN_TT, ODD_WW, ODD_WT, ODD_TT = range(6)
 
 ELEMENT_PLACES = ((0, 0), (0, 1), (1, 1), (2, 2), (2, 3), (3, 3))
 """Their places in the symmetric matrix on (W_s, T_s, W_a, T_a)."""
+GAP_TERMS = 10
+"""Terms of the series of cosh u - sinh(u)/u, for |u| < 1."""
 
 
 @dataclass(frozen=True)
@@ -191,17 +202,74 @@ def stiffness(
     (6, f) array
         From `EVEN_WW` to `ODD_TT`: N/m (WW), N (WT), N m (TT).
     """
-    product = wave.sin * wave.tanh
-    alpha2_beta2 = wave.alpha2 * wave.beta2
-    elements = (
-        -alpha2_beta2 * wave.sum2 * product / wave.even,
-        alpha2_beta2 * wave.odd / wave.even,
-        wave.sum2 * wave.cos / wave.even,
+    odd = (
         wave.sum2 * wave.cos / wave.odd,
         -wave.even / wave.odd,
-        wave.sum2 * product / wave.odd,
+        wave.sum2 * wave.sin * wave.tanh / wave.odd,
     )
-    return np.stack([2 * rigidity * element + 0 * wave.sum2 for element in elements])
+    return 2 * rigidity * np.stack(_even_elements(wave) + odd)
+
+
+def chord_stiffness(
+    rigidity: Inexact[np.ndarray, " frequency"] | complex,
+    tension: Inexact[np.ndarray, " frequency"] | float,
+    wave: Waves,
+) -> Inexact[np.ndarray, "4 4 frequency"]:
+    """Dynamic stiffness in one plane, on the chord and the slopes of the ends relative to it.
+
+    Parameters
+    ----------
+    rigidity, tension
+        As given to `waves`, N m^2 and N.
+    wave : Waves
+
+    Returns
+    -------
+    (4, 4, f) array
+        On (W_s, phi, a, b): N/m, N and N m.
+    """
+    h = wave.half
+    p, n = -wave.beta2 * h**2, wave.alpha2 * h**2
+    # h c - s/beta and h - t/alpha
+    behind = np.where(np.abs(p) < 1, h * _gap_series(p), h * wave.cos - wave.sin)
+    cosh = np.cosh(np.where(np.abs(n) < 1, wave.alpha * h, 0))
+    lag = np.where(np.abs(n) < 1, h * _gap_series(n) / cosh, h - wave.tanh)
+    ww, wt, tt = _even_elements(wave)
+    pp = tension / rigidity * h + wave.sum2 * behind * lag / wave.odd
+    pd = -(wave.alpha2 * wave.tanh * behind + wave.beta2 * wave.sin * lag) / wave.odd
+    dd = wave.sum2 * wave.sin * wave.tanh / wave.odd
+    none, same, across = np.zeros_like(tt), (dd + tt) / 4, (dd - tt) / 4
+    return (
+        2
+        * rigidity
+        * np.array(
+            [
+                [ww, none, -wt / 2, wt / 2],
+                [none, pp, pd / 2, pd / 2],
+                [-wt / 2, pd / 2, same, across],
+                [wt / 2, pd / 2, across, same],
+            ]
+        )
+    )
+
+
+def _even_elements(wave: Waves) -> tuple[Inexact[np.ndarray, " frequency"], ...]:
+    """WW, WT and TT of the even motion over 2 EI."""
+    product = wave.alpha2 * wave.beta2
+    return (
+        -product * wave.sum2 * wave.sin * wave.tanh / wave.even,
+        product * wave.odd / wave.even,
+        wave.sum2 * wave.cos / wave.even,
+    )
+
+
+def _gap_series(square: Inexact[np.ndarray, " frequency"]) -> Inexact[np.ndarray, " frequency"]:
+    """cosh u - sinh(u)/u of u^2, the sum of 2k u^(2k) / (2k + 1)!, for |u| < 1; 0 above."""
+    square = np.where(np.abs(square) < 1, square, 0)
+    total = np.zeros_like(square)
+    for k in range(GAP_TERMS, 0, -1):
+        total = (total + 2 * k / math.factorial(2 * k + 1)) * square
+    return total
 
 
 def _series(

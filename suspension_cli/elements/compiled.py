@@ -205,7 +205,6 @@ def add_wires(
         If not empty, it is filled with the elongation of each wire per coordinate, and the Hessian
         is that of wires that do not stretch.
     """
-    whole, section = np.empty((4, 4)), np.empty((4, 4))
     bends, stretches, size = len(flex) > 0, len(form) == 0, len(gradient)
     nothing = (0.0, 0.0, 0.0)
     none = (nothing, nothing, nothing)
@@ -234,7 +233,7 @@ def add_wires(
         u_1, u_2, l_1, l_2 = e, e, e, e
         if bends:
             if len(sections) and pull > 0:
-                resting(sections, n, length, pull, wires[n, TORSION], flex, whole, section)
+                resting(sections, n, length, pull, wires[n, TORSION], flex)
             u_1 = turned(turn_u, vector(flex, n, UPPER_NORMALS))
             u_2 = turned(turn_u, vector(flex, n, UPPER_NORMALS + 3))
             l_1 = turned(turn_l, vector(flex, n, LOWER_NORMALS))

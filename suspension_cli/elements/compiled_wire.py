@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.compiled import compiled
-from suspension_cli.elements.beam import COEFFICIENT, EPS, SERIES, TERMS
+from suspension_cli.elements.beam import COEFFICIENT, EPS, GAP_TERMS, SERIES, TERMS
 from suspension_cli.scene.composition import Fibre
 
 _COEFFICIENT = np.array(COEFFICIENT)
@@ -43,76 +43,157 @@ def wire_sections(fibres: tuple[Fibre, ...]) -> Any:
 
 
 @compiled
-def _static_rotations(rigidity: float, tension: float, length: float, result: Any) -> None:
-    """Static stiffness (4, 4) of a beam under tension on w_1, w'_1, w_2, w'_2, without loss."""
+def _static_slopes(rigidity: float, tension: float, length: float) -> tuple[float, float, float]:
+    """Static stiffness of a beam under tension on the slopes a, b of its ends to the chord.
+
+    (aa, ab, bb) in N m, without loss; the chord alone has T L.
+    """
     h = length / 2
     alpha = math.sqrt(tension / rigidity)
     u = alpha * h
     if u < 1.0:
         square = u * u
-        # 1 - tanh(u)/u = (u cosh u - sinh u)/(u cosh u), by the series of its numerator / u^3
-        term, total = 1.0, 0.0
-        for k in range(1, 12):
-            term *= 1.0 / ((2 * k) * (2 * k + 1))
-            total += 2 * k * term
-            term *= square
-        gap = total * square / math.cosh(u)
+        gap = _gap_series(square) / math.cosh(u)  # 1 - tanh(u)/u
         t = h * (1 - gap)
     else:
         t = math.tanh(u) / alpha
         gap = 1 - t / h
     # u^2 / gap tends to 3 without tension
     ratio = 3.0 if u == 0.0 else u * u / gap
-    even = 2 * rigidity / t
-    odd_ww = 2 * rigidity * ratio / h**3
-    odd_wt, odd_tt = -odd_ww * t, odd_ww * h * t
-    # W_a = (w_2 - w_1)/2, T_s = (w'_2 - w'_1)/2, T_a = (w'_1 + w'_2)/2
-    result[0, 0] = result[2, 2] = odd_ww / 4
-    result[0, 2] = result[2, 0] = -odd_ww / 4
-    result[0, 1] = result[1, 0] = result[0, 3] = result[3, 0] = -odd_wt / 4
-    result[2, 1] = result[1, 2] = result[2, 3] = result[3, 2] = odd_wt / 4
-    result[1, 1] = result[3, 3] = (even + odd_tt) / 4
-    result[1, 3] = result[3, 1] = (odd_tt - even) / 4
+    even, odd = 2 * rigidity / t, 2 * rigidity * ratio * t / (h * h)
+    return (odd + even) / 4, (odd - even) / 4, (odd + even) / 4
 
 
 @compiled
-def join(upper: Any, lower: Any) -> None:
-    """Join two beams (4, 4) on w and w' of their ends, the result in place of the upper one."""
-    a = upper[2, 2] + lower[0, 0]
-    b = upper[2, 3] + lower[0, 1]
-    d = upper[3, 3] + lower[1, 1]
-    over = 1 / (a * d - b * b)
-    c = np.empty((2, 4), dtype=upper.dtype)
-    for i in range(2):
-        for j in range(2):
-            c[i, j] = upper[2 + i, j]
-            c[i, 2 + j] = lower[i, 2 + j]
-    for i in range(2):
-        for j in range(2):
-            upper[2 + i, 2 + j] = lower[2 + i, 2 + j]
-            upper[2 + i, j] = upper[i, 2 + j] = upper[0, 0] * 0
+def join_slopes(
+    upper: tuple[float, float, float],
+    lower: tuple[float, float, float],
+    above: float,
+    below: float,
+    tension: float,
+) -> tuple[float, float, float]:
+    """Join two beams (aa, ab, bb) of given lengths at rest, see `joined_sections`."""
+    p, q = 1 / above, 1 / below
+    string = tension * (p + q)
+    # of the node: at eta, between eta and zeta, at zeta; then with a and with b
+    ee = p * p * (upper[0] + 2 * upper[1] + upper[2]) + string
+    ee += q * q * (lower[0] + 2 * lower[1] + lower[2])
+    ez = q * (lower[0] + lower[1]) - p * (upper[1] + upper[2])
+    zz = upper[2] + lower[0]
+    ea, za = -p * (upper[0] + upper[1]), upper[1]
+    eb, zb = q * (lower[1] + lower[2]), lower[1]
+    over = 1 / (ee * zz - ez * ez)
+    eta_a, zeta_a = (ez * za - zz * ea) * over, (ez * ea - ee * za) * over
+    eta_b, zeta_b = (ez * zb - zz * eb) * over, (ez * eb - ee * zb) * over
+    # slopes (a, b) of the upper and of the lower beam, for a = 1 and for b = 1 of both together
+    first = (1 - p * eta_a, zeta_a - p * eta_a, zeta_a + q * eta_a, q * eta_a)
+    second = (-p * eta_b, zeta_b - p * eta_b, zeta_b + q * eta_b, 1 + q * eta_b)
+    return (
+        _slope_energy(upper, lower, first, first) + string * eta_a * eta_a,
+        _slope_energy(upper, lower, first, second) + string * eta_a * eta_b,
+        _slope_energy(upper, lower, second, second) + string * eta_b * eta_b,
+    )
+
+
+@compiled
+def _slope_energy(upper: Any, lower: Any, one: Any, other: Any) -> float:
+    return (
+        upper[0] * one[0] * other[0]
+        + upper[1] * (one[0] * other[1] + one[1] * other[0])
+        + upper[2] * one[1] * other[1]
+        + lower[0] * one[2] * other[2]
+        + lower[1] * (one[2] * other[3] + one[3] * other[2])
+        + lower[2] * one[3] * other[3]
+    )
+
+
+@compiled
+def _gap_series(square: complex) -> complex:
+    """Sum cosh u - sinh(u)/u, see `beam`."""
+    term, total = square / 6, 0.0 * square
+    for k in range(1, GAP_TERMS + 1):
+        total += 2 * k * term
+        term *= square / ((2 * k + 2) * (2 * k + 3))
+    return total
+
+
+@compiled
+def join(upper: Any, lower: Any, above: float, below: float) -> None:
+    """Join two beams (4, 4) of given lengths on (W, phi, a, b), in place of the upper one.
+
+    See `joined_sections`.
+    """
+    p, q = 1 / above, -1 / below
+    node = np.empty((2, 4), dtype=upper.dtype)  # forces on eta and zeta per W, phi, a, b
+    push, pull = np.empty(4, dtype=upper.dtype), np.empty(4, dtype=upper.dtype)
+    for k in range(4):
+        push[k] = upper[k, 0] / 2 + p * (upper[k, 1] - upper[k, 2] - upper[k, 3])
+        pull[k] = lower[k, 0] / 2 + q * (lower[k, 1] - lower[k, 2] - lower[k, 3])
+    ee = push[0] / 2 + p * (push[1] - push[2] - push[3])
+    ee += pull[0] / 2 + q * (pull[1] - pull[2] - pull[3])
+    ez, zz = push[3] + pull[2], upper[3, 3] + lower[2, 2]
+    node[0, 0], node[1, 0] = push[0] + pull[0], upper[0, 3] + lower[0, 2]
+    node[0, 1] = push[1] + pull[1] - below / 2 * push[0] + above / 2 * pull[0]
+    node[1, 1] = upper[1, 3] + lower[1, 2] - below / 2 * upper[0, 3] + above / 2 * lower[0, 2]
+    node[0, 2], node[1, 2] = push[2], upper[2, 3]
+    node[0, 3], node[1, 3] = pull[3], lower[2, 3]
+    over = 1 / (ee * zz - ez * ez)
+    one, other = np.empty((4, 4), dtype=upper.dtype), np.empty((4, 4), dtype=upper.dtype)
     for j in range(4):
-        first = (d * c[0, j] - b * c[1, j]) * over
-        second = (a * c[1, j] - b * c[0, j]) * over
-        for i in range(4):
-            upper[i, j] -= c[0, i] * first + c[1, i] * second
+        eta = (ez * node[1, j] - zz * node[0, j]) * over
+        zeta = (ez * node[0, j] - ee * node[1, j]) * over
+        one[0, j] = other[0, j] = eta / 2
+        one[1, j], one[2, j], one[3, j] = p * eta, -p * eta, zeta - p * eta
+        other[1, j], other[2, j], other[3, j] = q * eta, zeta - q * eta, -q * eta
+    for form, length in ((one, -below), (other, above)):
+        form[0, 0] += 1.0
+        form[0, 1] += length / 2
+        form[1, 1] += 1.0
+    one[2, 2] += 1.0
+    other[3, 3] += 1.0
+    force = np.empty((2, 4), dtype=upper.dtype)
+    whole = np.empty((4, 4), dtype=upper.dtype)
+    for j in range(4):
+        for k in range(4):
+            first = second = 0.0 * ee
+            for i in range(4):
+                first += upper[k, i] * one[i, j]
+                second += lower[k, i] * other[i, j]
+            force[0, k], force[1, k] = first, second
+        for i in range(j + 1):
+            total = 0.0 * ee
+            for k in range(4):
+                total += one[k, i] * force[0, k] + other[k, i] * force[1, k]
+            whole[i, j] = whole[j, i] = total
+    upper[:] = whole
 
 
 @compiled
-def _resting_bends(
-    sections: Any, wire: int, plane: int, tension: float, stretch: float, whole: Any, part: Any
-) -> None:
-    """Fill `whole` with the static stiffness of a wire on w_1, w'_1, w_2, w'_2 in one plane."""
-    started = False
+def _to_ends(stiffness: Any, length: float) -> None:
+    """Transform a stiffness (4, 4) on (W, phi, a, b) to w_1, w'_1, w_2, w'_2, in place."""
+    for _ in range(2):
+        for k in range(4):
+            row = stiffness[k]
+            mean, chord = row[0] / 2, (row[1] - row[2] - row[3]) / length
+            row[0], row[1], row[2] = mean - chord, row[2], mean + chord
+        for i in range(4):
+            for j in range(i):
+                stiffness[i, j], stiffness[j, i] = stiffness[j, i], stiffness[i, j]
+
+
+@compiled
+def _resting_slopes(
+    sections: Any, wire: int, plane: int, tension: float, stretch: float
+) -> tuple[float, float, float]:
+    """Static stiffness of a wire on the slopes of its ends to the chord in one plane."""
+    whole, above = (0.0, 0.0, 0.0), 0.0
     for m in range(sections.shape[1]):
         own = sections[wire, m, LENGTH] * stretch
-        if own == 0.0:
-            continue
-        target = part if started else whole
-        _static_rotations(sections[wire, m, SOFT + plane], tension, own, target)
-        if started:
-            join(whole, part)
-        started = True
+        if own > 0.0:
+            part = _static_slopes(sections[wire, m, SOFT + plane], tension, own)
+            whole = join_slopes(whole, part, above, own, tension) if above > 0.0 else part
+            above += own
+    return whole
 
 
 @compiled
@@ -131,7 +212,6 @@ def hinge_distances(
     result : (p, 2) array
         At the upper and the lower end, m.
     """
-    whole, part = np.empty((4, 4)), np.empty((4, 4))
     drawn = 0.0
     for m in range(sections.shape[1]):
         drawn += sections[wire, m, LENGTH]
@@ -139,8 +219,10 @@ def hinge_distances(
         upper = lower = 0.0
         for _ in range(iterations):
             stretch = (length[p] + upper + lower) / drawn
-            _resting_bends(sections, wire, 0, tension[p], stretch, whole, part)
-            upper, lower = abs(whole[1, 2] / whole[0, 2]), abs(whole[3, 0] / whole[2, 0])
+            aa, ab, bb = _resting_slopes(sections, wire, 0, tension[p], stretch)
+            total = drawn * stretch
+            rigid = tension[p] * total + aa + 2 * ab + bb  # against turning the chord alone
+            upper, lower = (aa + ab) * total / rigid, (ab + bb) * total / rigid
         result[p, 0], result[p, 1] = upper, lower
 
 
@@ -152,8 +234,6 @@ def resting(
     tension: float,
     torsion: float,
     flex: Any,
-    whole: Any,
-    part: Any,
 ) -> None:
     """Fill the static stiffness of a wire against rotation of its ends, and against twisting.
 
@@ -167,8 +247,6 @@ def resting(
         Of the wire in this pose, m and N; torsional stiffness that the design gives, or 0, N m/rad.
     flex : (w, 19) array
         Its last 7 columns are filled: S_uu, S_ul, S_ll in both planes, and the torsional stiffness.
-    whole, part : (4, 4) arrays
-        Scratch.
     """
     drawn, twist = 0.0, 0.0
     first, last = flex.shape[1] - 7, flex.shape[1] - 1
@@ -181,10 +259,8 @@ def resting(
             for i in range(3):
                 flex[wire, column + i] = flex[wire, first + i]
             continue
-        _resting_bends(sections, wire, plane, tension, stretch, whole, part)
-        flex[wire, column] = whole[1, 1]
-        flex[wire, column + 1] = whole[1, 3]
-        flex[wire, column + 2] = whole[3, 3]
+        slopes = _resting_slopes(sections, wire, plane, tension, stretch)
+        flex[wire, column], flex[wire, column + 1], flex[wire, column + 2] = slopes
     for m in range(sections.shape[1]):
         own = sections[wire, m, LENGTH] * stretch
         if own > 0.0:
@@ -223,7 +299,7 @@ def _tanh(z: complex) -> complex:
 def _dynamic_beam(
     rigidity: complex, tension: float, mass: complex, length: float, omega: float, result: Any
 ) -> None:
-    """Dynamic stiffness (4, 4) of a beam under tension on w_1, w'_1, w_2, w'_2, see `beam`."""
+    """Dynamic stiffness (4, 4) of a beam under tension on (W, phi, a, b), see `beam`."""
     h = length / 2
     tau, m = tension / rigidity, mass * omega * omega / rigidity
     alpha2 = (tau + np.sqrt(tau * tau + 4 * m)) / 2
@@ -244,22 +320,21 @@ def _dynamic_beam(
     even = beta2 * sin + alpha2 * cos * tanh
     if even == 0:
         even = EPS * (abs(beta2 * sin) + abs(alpha2 * cos * tanh)) + 0.0j
-    twice, product = 2 * rigidity, sin * tanh
-    even_ww = -twice * alpha2 * beta2 * sum2 * product / even
-    even_wt = twice * alpha2 * beta2 * odd / even
-    even_tt = twice * sum2 * cos / even
-    odd_ww = twice * sum2 * cos / odd
-    odd_wt = -twice * even / odd
-    odd_tt = twice * sum2 * product / odd
-    # W_s = (w_1 + w_2)/2, T_s = (w'_2 - w'_1)/2, W_a = (w_2 - w_1)/2, T_a = (w'_1 + w'_2)/2
-    result[0, 0] = result[2, 2] = (even_ww + odd_ww) / 4
-    result[0, 2] = result[2, 0] = (even_ww - odd_ww) / 4
-    result[0, 1] = result[1, 0] = -(even_wt + odd_wt) / 4
-    result[0, 3] = result[3, 0] = (even_wt - odd_wt) / 4
-    result[2, 1] = result[1, 2] = (odd_wt - even_wt) / 4
-    result[2, 3] = result[3, 2] = (even_wt + odd_wt) / 4
-    result[1, 1] = result[3, 3] = (even_tt + odd_tt) / 4
-    result[1, 3] = result[3, 1] = (odd_tt - even_tt) / 4
+    p, n = -beta2 * h * h, alpha2 * h * h
+    behind = h * _gap_series(p) if abs(p) < 1 else h * cos - sin
+    lag = h * _gap_series(n) / np.cosh(alpha * h) if abs(n) < 1 else h - tanh
+    twice, product = 2 * rigidity, alpha2 * beta2
+    even_wt, even_tt = twice * product * odd / even, twice * sum2 * cos / even
+    odd_pd = -twice * (alpha2 * tanh * behind + beta2 * sin * lag) / odd
+    odd_dd = twice * sum2 * sin * tanh / odd
+    result[0, 0] = -twice * product * sum2 * sin * tanh / even
+    result[1, 1] = tension * length + twice * sum2 * behind * lag / odd
+    result[0, 1] = result[1, 0] = 0.0
+    result[0, 2] = result[2, 0] = -even_wt / 2
+    result[0, 3] = result[3, 0] = even_wt / 2
+    result[1, 2] = result[2, 1] = result[1, 3] = result[3, 1] = odd_pd / 2
+    result[2, 2] = result[3, 3] = (odd_dd + even_tt) / 4
+    result[2, 3] = result[3, 2] = (odd_dd - even_tt) / 4
 
 
 @compiled
@@ -329,7 +404,6 @@ def add_dynamic(
     compliance : (q, w) complex array
     """
     whole, part = np.empty((4, 4), dtype=np.complex128), np.empty((4, 4), dtype=np.complex128)
-    still, piece = np.empty((4, 4)), np.empty((4, 4))
     up, low = np.empty((2, 9)), np.empty((2, 6))
     normal, springs = np.empty((2, 3)), np.empty(3, dtype=np.complex128)
     for q in range(len(which)):
@@ -363,8 +437,6 @@ def add_dynamic(
                         massive,
                         whole,
                         part,
-                        still,
-                        piece,
                     )
                 _fill_forms(own, normal[plane], up, low)
                 _add_block(up, up, whole[:2, :2], where, UPPER, where, UPPER, target)
@@ -487,11 +559,9 @@ def _join_bends(
     massive: bool,
     whole: Any,
     part: Any,
-    still: Any,
-    piece: Any,
 ) -> None:
     """Fill `whole` with F(omega) - F(0) of bending in one plane, on w and w' of both ends."""
-    started = False
+    still, above = (0.0, 0.0, 0.0), 0.0
     for m in range(len(sections)):
         row = sections[m]
         if row[LENGTH] == 0.0:
@@ -504,12 +574,17 @@ def _join_bends(
             inertia = row[MASS] - (1j * drag[m, plane] / omega if omega > 0 else 0.0j)
         lossy = rigidity * (1 + 1j * angle)
         own_tension = tension + (row[OFFSET] if massive else 0.0)
-        _dynamic_beam(lossy, own_tension, inertia, length, omega, part if started else whole)
-        _static_rotations(rigidity, tension, length, piece if started else still)
-        if started:
-            join(whole, part)
-            join(still, piece)
-        started = True
-    for i in range(4):
-        for j in range(4):
-            whole[i, j] -= still[i, j]
+        first = above == 0.0
+        _dynamic_beam(lossy, own_tension, inertia, length, omega, whole if first else part)
+        rest = _static_slopes(rigidity, tension, length)
+        if not first:
+            join(whole, part, above, length)
+            rest = join_slopes(still, rest, above, length, tension)
+        still = rest
+        above += length
+    whole[1, 1] -= tension * above
+    whole[2, 2] -= still[0]
+    whole[2, 3] -= still[1]
+    whole[3, 2] -= still[1]
+    whole[3, 3] -= still[2]
+    _to_ends(whole, above)

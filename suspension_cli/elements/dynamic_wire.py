@@ -167,13 +167,19 @@ class WireAtFrequencies:
             N m: ``stretching`` or ``torsion``; or ``bending-upper`` and ``bending-lower``, split at
             the middle of the wire; and ``gas``.
         """
-        nodes = self._joined(self._twin(part))[1]
+        joints = self._joined(self._twin(part))[1]
         motions = [motion]
-        if nodes:
-            form = joined_sections.ENDS[COORDINATES[part] // 2]
-            back = np.linalg.inv(form)
-            ends = joined_sections.section_motions(nodes, np.einsum("ij,jrf->irf", form, motion))
-            motions = [np.einsum("ij,jrf->irf", back, end) for end in ends]
+        if joints and _is_bending(part):
+            lengths = [section.length for section in self.strand.fibre.sections]
+            chord = np.einsum("ij,jrf->irf", joined_sections.to_chord(sum(lengths)), motion)
+            motions = [
+                np.einsum("ij,jrf->irf", np.linalg.inv(joined_sections.to_chord(length)), own)
+                for own, length in zip(
+                    joined_sections.section_motions(joints, chord), lengths, strict=True
+                )
+            ]
+        elif joints:
+            motions = joined_sections.section_motions(joints, motion)
         if _is_bending(part):
             return self._bending_dissipation(part, motions)
         return self._rod_dissipation(part, motions)
@@ -267,28 +273,31 @@ class WireAtFrequencies:
         return {}
 
     def _joined(self, part: str) -> tuple[Any, list[Any], Any]:
-        """Stiffness (on even and odd motion), nodes and negative eigenvalues of joined sections."""
+        """Stiffness, motions of the sections and negative eigenvalues of joined sections.
+
+        The stiffness acts on even and odd motion; the motions are those of `joined_sections`.
+        """
         if part not in self._cache:
-            sections = self._sections(part)
-            if len(sections) == 1:
-                self._cache[part] = sections[0], [], 0
-            elif COORDINATES[part] == 2:
-                self._cache[part] = joined_sections.join_rods(sections)
-            else:
-                whole, nodes, negative = joined_sections.join(
-                    [joined_sections.to_ends(section) for section in sections]
-                )
-                self._cache[part] = joined_sections.to_even_odd(whole), nodes, negative
+            join = self._joined_beams if _is_bending(part) else self._joined_rods
+            self._cache[part] = join(part)
         return self._cache[part]
 
-    def _sections(self, part: str) -> list[Inexact[np.ndarray, "end end frequency"]]:
-        """Stiffness (c, c, f) of every section in one part, on even and odd motion."""
-        if _is_bending(part):
-            return [
-                _symmetric(4, beam.ELEMENT_PLACES, beam.stiffness(rigidity, waves))
-                for waves, rigidity, _ in self._bends[part]
-            ]
-        return [
+    def _joined_beams(self, part: str) -> tuple[Any, list[Any], Any]:
+        sections = self._bends[part]
+        if len(sections) == 1:
+            waves, rigidity, _ = sections[0]
+            return _symmetric(4, beam.ELEMENT_PLACES, beam.stiffness(rigidity, waves)), [], 0
+        fibre = self.strand.fibre
+        parts = [
+            beam.chord_stiffness(rigidity, self._tension(section), waves)
+            for (waves, rigidity, _), section in zip(sections, fibre.sections, strict=True)
+        ]
+        lengths = [section.length for section in fibre.sections]
+        whole, motions, negative = joined_sections.join(parts, lengths)
+        return joined_sections.chord_to_even_odd(whole, sum(lengths)), motions, negative
+
+    def _joined_rods(self, part: str) -> tuple[Any, list[Any], Any]:
+        sections = [
             _symmetric(
                 2,
                 ((0, 0), (1, 1)),
@@ -301,6 +310,9 @@ class WireAtFrequencies:
             )
             for section in self.strand.fibre.sections
         ]
+        if len(sections) == 1:
+            return sections[0], [], 0
+        return joined_sections.join_rods(sections)
 
     @cached_property
     def _bends(self) -> dict[str, list[tuple[Any, Any, Any]]]:

@@ -69,6 +69,14 @@ def test_beam_functions():
     fails(row, **{"cosh_and_sinh,_4": (10, 100), "cosh_and_sinh,_closed": (600, 800)})
 
 
+def test_short_sections():
+    row = beams.short_sections([1e-2, 1e-4, 1e-6, 1e-7])
+    assert_within(row, 1e-12)
+    eliminated = row.error["stiffnesses between the ends, node eliminated"]
+    assert eliminated[0] < 1e-9
+    assert eliminated[2:].min() > BROKEN
+
+
 def test_tiny_couplings():
     """An offset x is known to the last bit of its point (0.1 m at most), so a coupling of first
     order to EPS 0.1 / x and one of second to its square."""

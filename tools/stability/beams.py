@@ -1,4 +1,4 @@
-"""Beam functions of a wire under tension: overflow if slender, cancellation if stiff and slow."""
+"""Bending of a wire under tension: overflow, cancellation, and short sections joined to long."""
 
 from __future__ import annotations
 
@@ -14,15 +14,24 @@ from tools.stability.row import SHIPPED, Row, relative
 LENGTH, TENSION, MASS, FREQUENCY = 0.28, 13.7, 1.08e-4, 0.1
 """m, N, kg/m and Hz: a wire of Figure 6 of Husman et al. (2000), far below its pendulum mode."""
 DIGITS = 120
+_OMEGA = np.array([2 * np.pi * FREQUENCY])
 SLENDERNESS = np.geomspace(1e-3, 1e5, 65)
 
 
 def exact(rigidity: float) -> Any:
     """Dynamic stiffness (4, 4) of the wire from its boundary conditions, in 120 digits."""
+    return _rounded(_exact(rigidity, MASS, LENGTH))
+
+
+def _rounded(matrix: Any) -> Any:
+    return np.array([[float(matrix[i, j].real) for j in range(4)] for i in range(4)])
+
+
+def _exact(rigidity: float, mass: float, total: float) -> Any:
     m = mpmath.mp.clone()
     m.dps = DIGITS
-    ei, length = m.mpf(rigidity), m.mpf(LENGTH)
-    tau, load = m.mpf(TENSION) / ei, m.mpf(MASS) * (2 * m.pi * m.mpf(FREQUENCY)) ** 2 / ei
+    ei, length = m.mpf(rigidity), m.mpf(total)
+    tau, load = m.mpf(TENSION) / ei, m.mpf(mass) * (2 * m.pi * m.mpf(FREQUENCY)) ** 2 / ei
     root = m.sqrt(tau**2 + 4 * load)
     waves = [
         m.sqrt((tau + root) / 2),
@@ -49,18 +58,18 @@ def exact(rigidity: float) -> Any:
             [r**2 * b for r, b in zip(waves, stop, strict=True)],
         ]
     )
-    found = ei * force * m.inverse(ends)
-    return np.array([[float(m.re(found[i, j])) for j in range(4)] for i in range(4)])
+    return ei * force * m.inverse(ends)
 
 
 def shipped(rigidity: float) -> Any:
     """Dynamic stiffness (4, 4) of the wire by `elements.beam`, between its two ends."""
-    omega = np.array([2 * np.pi * FREQUENCY])
-    elements = beam.stiffness(rigidity, beam.waves(rigidity, TENSION, MASS, LENGTH / 2, omega))[
-        :, 0
-    ]
+    return _between_ends(rigidity, MASS, LENGTH)
+
+
+def _between_ends(rigidity: float, mass: float, length: float) -> Any:
+    wave = beam.waves(rigidity, TENSION, mass, length / 2, _OMEGA)
     matrix = np.zeros((4, 4, 1))
-    for (i, j), value in zip(beam.ELEMENT_PLACES, elements, strict=True):
+    for (i, j), value in zip(beam.ELEMENT_PLACES, beam.stiffness(rigidity, wave), strict=True):
         matrix[i, j] = matrix[j, i] = value
     return joined_sections.to_ends(matrix)[..., 0]
 
@@ -95,4 +104,85 @@ def row(slenderness: Any = SLENDERNESS) -> Row:
         ),
         limit="none found",
         mark={"overflow of cosh": 710.0},
+    )
+
+
+MODULUS, DENSITY = 7.2e10, 2200.0
+"""Of fused silica, Pa and kg/m^3."""
+RADII = 1.5e-3, 0.2e-3
+"""Of a short end and of the fibre below it, m."""
+
+
+def _sections(length: float) -> list[tuple[float, float, float]]:
+    """EI, mass per length and length of a thick end of a given length, and of the fibre."""
+    return [
+        (MODULUS * np.pi * radius**4 / 4, DENSITY * np.pi * radius**2, own)
+        for radius, own in zip(RADII, (length, LENGTH), strict=True)
+    ]
+
+
+def _exact_joined(length: float) -> Any:
+    """Dynamic stiffness (4, 4) of a fibre with a thick end between its ends, in 120 digits."""
+    upper, lower = (_exact(*section) for section in _sections(length))
+    m = upper.ctx
+    both = m.zeros(6)
+    for part, start in ((upper, 0), (lower, 2)):
+        for i in range(4):
+            for j in range(4):
+                both[start + i, start + j] += part[i, j]
+    ends, node = [0, 1, 4, 5], [2, 3]
+    pick = lambda rows, columns: m.matrix([[both[i, j] for j in columns] for i in rows])  # noqa: E731
+    return _rounded(
+        pick(ends, ends) - pick(ends, node) * m.inverse(pick(node, node)) * pick(node, ends)
+    )
+
+
+def _joined(length: float) -> Any:
+    """The same by `elements.joined_sections`."""
+    sections = _sections(length)
+    parts = [
+        beam.chord_stiffness(ei, TENSION, beam.waves(ei, TENSION, mass, own / 2, _OMEGA))
+        for ei, mass, own in sections
+    ]
+    lengths = [own for _, _, own in sections]
+    whole = joined_sections.join(parts, lengths)[0]
+    return joined_sections.to_ends(joined_sections.chord_to_even_odd(whole, sum(lengths)))[..., 0]
+
+
+def _eliminated(length: float) -> Any:
+    """The same by elimination of the deflection and slope of the node."""
+    both = np.zeros((6, 6))
+    for (ei, mass, own), start in zip(_sections(length), (0, 2), strict=True):
+        both[start : start + 4, start : start + 4] += _between_ends(ei, mass, own)
+    ends, node = np.ix_([0, 1, 4, 5], [2, 3]), np.ix_([2, 3], [2, 3])
+    rest = both[np.ix_([0, 1, 4, 5], [0, 1, 4, 5])]
+    return rest - both[ends] @ np.linalg.solve(both[node], both[ends].T)
+
+
+def short_sections(lengths: Any = None) -> Row:
+    """Compute errors of a fibre with a thick end along the length of that end."""
+    lengths = np.geomspace(1e-2, 1e-7, 41) if lengths is None else np.asarray(lengths)
+    methods = {
+        f"{SHIPPED}: chord, slopes relative to it": _joined,
+        "stiffnesses between the ends, node eliminated": _eliminated,
+    }
+    error: dict[str, list[float]] = {name: [] for name in methods}
+    for length in lengths:
+        reference = _exact_joined(float(length))
+        for name, method in methods.items():
+            error[name].append(float(relative(method(float(length)), reference).max()))
+    rigidity = _sections(0.0)[0][0]
+    return Row(
+        title="Short thick sections",
+        driver="√(EI / T) / length of the thick end",
+        quantity="stiffness elements at 0.1 Hz",
+        value=np.sqrt(rigidity / TENSION) / lengths,
+        error={name: np.array(values) for name, values in error.items()},
+        finding=(
+            "12 EI / l³ of a short section swamps the tension and the long section that it is"
+            " joined to. The program joins sections on the slope of the chord and the slopes of the"
+            " ends relative to it, where only the small deformation of the short section has that"
+            " stiffness."
+        ),
+        limit="none found",
     )

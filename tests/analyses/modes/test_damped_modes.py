@@ -9,7 +9,6 @@ import pytest
 
 from suspension_cli.analyses.modes import damped, wire_modes
 from suspension_cli.analyses.modes import file as stored
-from suspension_cli.elements import joined_sections
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
@@ -418,18 +417,6 @@ def test_the_number_of_modes_is_that_of_the_list():
         wire_modes.count_modes(model, highest)
         == (wire_modes.solve(model, highest).omega_squared > 0).sum()
     )
-
-
-def test_sections_whose_node_resonates_to_the_last_bit():
-    """Two rods whose stiffnesses cancel at their node: no singular matrix, and one side of the
-    resonance or the other."""
-    upper, lower = (
-        np.array([[[stiffness], [1.0]], [[1.0], [stiffness]]]) for stiffness in (2.0, -2.0)
-    )
-    whole, nodes, negative = joined_sections.join([upper, lower])
-    assert np.isfinite(whole).all()
-    assert np.isfinite(nodes[0]).all()
-    assert negative.tolist() in ([0], [1])
 
 
 def test_two_free_rotations_and_a_damper_between():
