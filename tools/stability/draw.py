@@ -49,8 +49,8 @@ def draw_pages(rows: list[Row]) -> list[Figure]:
 
 
 def count_pages(rows: list[Row]) -> int:
-    """Count the pages of all panels and the key."""
-    return len(rows) // (COLUMNS * LINES) + 1
+    """Count the pages of all panels; the last has the key below them."""
+    return -(-len(rows) // (COLUMNS * LINES))
 
 
 def _draw_page(rows: list[Row], start: int, *, keyed: bool) -> Figure:
