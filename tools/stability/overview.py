@@ -17,6 +17,7 @@ from suspension_cli.drawing.style import (
     PALETTE,
     add_axes,
     new_figure,
+    shorten,
     with_opacity,
     write_text,
 )
@@ -27,6 +28,8 @@ WIDTH, SIDE, BARS = COLUMN, 0.1, 2.1
 """Widths of the figure, of its margin and of the bars, in."""
 CHARACTERS = 76
 """Longest line that describes a parameter."""
+LONGEST = 30
+"""Characters of the name of a method."""
 TOP, PITCH = 1.14, 0.7
 """Heights above the first row and of a row, in."""
 THICK = 0.17
@@ -86,6 +89,7 @@ def first_break(row: Row, names: Iterable[str]) -> tuple[float, str]:
     value = row.broken_at(name)
     if value is not None:
         short = re.sub(rf"^{SHIPPED}[:,]? ?", "", name)
+        short = short if len(short) <= LONGEST else shorten(short.partition(", ")[0], LONGEST)
         text = f"{format_number(value)}{split_unit(row.driver)[1]}"
         return at, f"{short}: {text}" if short else text
     worst = max(row.worst(name) for name in names)
