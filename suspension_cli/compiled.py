@@ -14,6 +14,8 @@ import math
 import os
 import sys
 import tempfile
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,11 @@ from numba import config as _config
 from numba import njit, types
 from numba.core import event
 from numba.extending import intrinsic, overload
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
 
 
 def _cache_folder() -> str:
@@ -42,13 +49,47 @@ config: Any = _config
 _FOLDER = config.CACHE_DIR or _cache_folder()
 
 
+_THREADS = threading.RLock()
+_depth = 0
+
+
+@contextlib.contextmanager
+def _one_process() -> Iterator[None]:
+    """Let one process at a time compile: the others wait, and load what it has kept."""
+    global _depth
+    with _THREADS:
+        if _depth or fcntl is None:
+            file = None
+        else:
+            try:
+                file = open(Path(_FOLDER) / "lock", "w")  # noqa: SIM115
+                fcntl.flock(file, fcntl.LOCK_EX)
+            except OSError:  # a folder that cannot be written, or a file system without locks
+                file = None
+        _depth += 1
+        try:
+            yield
+        finally:
+            _depth -= 1
+            if file is not None:
+                file.close()
+
+
 def compiled(function: Any) -> Any:
     """Compile a function when it is first called, and keep it on disk."""
     before, config.CACHE_DIR = config.CACHE_DIR, _FOLDER
     try:
-        return njit(cache=True, error_model="numpy", nogil=True)(function)
+        made: Any = njit(cache=True, error_model="numpy", nogil=True)(function)
     finally:
         config.CACHE_DIR = before
+    compile_or_load = made.compile
+
+    def compile_alone(signature: Any) -> Any:
+        with _one_process():
+            return compile_or_load(signature)
+
+    made.compile = compile_alone
+    return made
 
 
 def inlined(function: Any) -> Any:

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.models.registry import Choice
 
+Document = dict[str, Any]
+"""A JSON document."""
+Settings = dict[str, Any]
+"""Values of parameters by name; each parameter has its own type."""
 Progress = Callable[[int, int, float], None]
 """Called with (points done, points in all, points per second)."""
 
@@ -67,11 +71,11 @@ class Run:
     """
 
     source: Source
-    setting: dict[str, Any]
+    setting: Settings
     log: Log
     folder: Path
     command: str
-    inputs: dict[str, Any] = dataclasses.field(default_factory=dict)
+    inputs: Settings = dataclasses.field(default_factory=dict)
 
     @property
     def design(self) -> Design:
@@ -115,7 +119,7 @@ class Report(ABC):
         return self.design.design.title or self.name
 
     @abstractmethod
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """Return the JSON document that ``pendsus ... --json`` prints."""
 
     @abstractmethod
@@ -155,7 +159,7 @@ class Result(Report):
     source: Source
     choice: Choice
     data: Any
-    extra: dict[str, Any] = dataclasses.field(default_factory=dict)
+    extra: Document = dataclasses.field(default_factory=dict)
     file: Path | None = None
     command: str = ""
 
@@ -182,12 +186,12 @@ class Result(Report):
         """Relative error of the model, estimated; NaN where it cannot be."""
         return self.choice.error
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """Return the JSON document that ``pendsus ... --json`` prints."""
-        head: dict[str, Any] = {"command": self.analysis.command_name, "design": self.name}
+        head: Document = {"command": self.analysis.command_name, "design": self.name}
         if not self.analysis.has_model:
             return head | self.analysis.document(self)
-        error: dict[str, Any] = {"estimated_error": as_number(self.estimated_error)}
+        error: Document = {"estimated_error": as_number(self.estimated_error)}
         if self.choice.error_unknown:
             error["error_unknown"] = self.choice.error_unknown
         return head | {"fidelity": self.model} | self.analysis.document(self) | error
@@ -279,7 +283,7 @@ class Analysis(ABC):
         """
 
     @abstractmethod
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return the JSON document but for its head (command, design, model, estimated error)."""
 
     @abstractmethod
@@ -298,11 +302,11 @@ class Analysis(ABC):
         """Import the module `file` of the analysis's folder."""
         return importlib.import_module(f"suspension_cli.analyses.{self.name}.file")
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""
         return {}
 
-    def animations(self, result: Result, setting: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
+    def animations(self, result: Result, setting: Settings) -> Iterator[tuple[str, bytes]]:
         """Yield the end of each file name and the bytes of moving pictures (GIF)."""
         return iter(())
 
@@ -347,7 +351,7 @@ class Analysis(ABC):
         """Return 1 where what was found must stop a script that goes on; 0 elsewhere."""
         return 0
 
-    def read(self, ask: Callable[..., Run], files: dict[str, Any]) -> Sequence[Run]:
+    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
         """Read the files that the arguments name.
 
         Parameters
@@ -372,7 +376,7 @@ def as_number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def only_one(values: list[dict[str, Any]], name: str) -> dict[str, Any]:
+def only_one(values: list[Document], name: str) -> Document:
     """Return the keys of the only one of several documents, or all of them under `name`."""
     return values[0] if len(values) == 1 else {name: values}
 

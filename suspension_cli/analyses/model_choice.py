@@ -216,8 +216,8 @@ def _demand_one_of(wanted: str, models: Sequence[Model]) -> None:
 
     names = [model.name for model in models]
     if wanted not in names:
-        remedy = f"take {', '.join((registry.AUTO, *names[:-1]))} or {names[-1]}"
-        problem = "is not valid for imperfect builds"
+        remedy = f"take {', '.join((registry.AUTO, *names[:-1]))} or {names[-1]}, which can"
+        problem = "cannot compute these results of imperfect builds"
         raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
 
 

@@ -230,11 +230,6 @@ class LegInertia:
         """Mass whose weight rests on the top, m h / L, kg."""
         return self.coupling + self.top
 
-    @property
-    def on_foot(self) -> Any:
-        """Mass whose weight rests on the foot, m (1 - h / L), kg."""
-        return self.foot + self.coupling
-
 
 def leg_inertia(legs: InvertedPendulum) -> LegInertia:
     """Compute the inertia of one leg as a rigid bar between its ends."""

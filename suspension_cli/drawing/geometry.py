@@ -93,7 +93,9 @@ def position_of(scene: Scene, pose: Pose, body: Any, point: Any) -> Array:
 def wire_ends(scene: Scene, pose: Pose) -> Array:
     """Upper and lower end (w, 2, 3) of every wire, m; an end on a blade moves with its tip."""
     wires = scene.wires
-    upper = position_of(scene, pose, wires.upper, wires.upper_point + tip_deflection(scene, pose))
+    upper = position_of(
+        scene, pose, wires.upper, wires.upper_point + tip_deflection(wires.blade, pose)
+    )
     return np.stack([upper, position_of(scene, pose, wires.lower, wires.lower_point)], axis=1)
 
 

@@ -41,7 +41,7 @@ T_s = (b - a) / 2, the elements above give for the odd part
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -50,7 +50,7 @@ import numpy as np
 from suspension_cli.elements.functions import sinc
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Inexact, Int
+    from jaxtyping import Bool, Inexact, Int
 
 EPS = 2.0**-53
 SERIES = 1.0
@@ -84,7 +84,7 @@ class Waves:
 
     Attributes
     ----------
-    half : float
+    half : float or array
         h, m.
     alpha2, beta2
         Squares of the evanescent and of the propagating wave number, 1/m^2; complex with loss.
@@ -98,7 +98,7 @@ class Waves:
         D (1/m) and N (m).
     """
 
-    half: float
+    half: Inexact[np.ndarray, "*#frequency"] | float
     alpha2: Inexact[np.ndarray, " frequency"]
     beta2: Inexact[np.ndarray, " frequency"]
     tanh: Inexact[np.ndarray, " frequency"]
@@ -106,6 +106,12 @@ class Waves:
     cos: Inexact[np.ndarray, " frequency"]
     even: Inexact[np.ndarray, " frequency"]
     odd: Inexact[np.ndarray, " frequency"]
+
+    @cached_property
+    def sections(self) -> list[Waves]:
+        """The waves of each of several sections, the first axis of all arrays."""
+        names = [field.name for field in fields(self)]
+        return [Waves(*(getattr(self, name)[n] for name in names)) for n in range(len(self.sin))]
 
     @cached_property
     def sum2(self) -> Inexact[np.ndarray, " frequency"]:
@@ -137,7 +143,7 @@ def waves(
     rigidity: Inexact[np.ndarray, " frequency"] | complex,
     tension: Inexact[np.ndarray, " frequency"] | float,
     mass: Inexact[np.ndarray, " frequency"] | complex,
-    half: float,
+    half: Inexact[np.ndarray, "*#frequency"] | float,
     omega: Inexact[np.ndarray, " frequency"],
 ) -> Waves:
     """Compute the waves of a wire.
@@ -151,7 +157,7 @@ def waves(
     mass
         Mass per length, kg/m; complex, mu - i b / omega, with a drag b per length; 0 for a wire
         without inertia.
-    half : float
+    half : float or array
         Half the length, m.
     omega
         rad/s; complex to differentiate by a complex step.
@@ -296,24 +302,14 @@ def _series(
     return total
 
 
-def resonances_below(
-    rigidity: float,
-    tension: Inexact[np.ndarray, " frequency"] | float,
-    mass: float,
-    half: float,
-    omega: Float[np.ndarray, " frequency"],
-) -> Int[np.ndarray, " frequency"]:
-    """Number (f,) of resonances of the wire with both ends clamped below each omega (rad/s).
+def resonances_below(wave: Waves) -> Int[np.ndarray, "*section frequency"]:
+    """Number of resonances of the wire with both ends clamped below each omega of its waves.
 
     The even ones are the zeros of D, tan(beta h) = -(alpha / beta) tanh(alpha h), one in each
     ((k - 1/2) pi, k pi) of beta h; the odd ones those of N, tan(beta h) = (beta / alpha)
-    tanh(alpha h) < 1, one in each (k pi, (k + 1/2) pi), for k = 1, 2, ... . Arguments as for
-    `waves`, without loss.
+    tanh(alpha h) < 1, one in each (k pi, (k + 1/2) pi), for k = 1, 2, ... . Of waves without loss.
     """
-    if mass == 0:
-        return np.zeros(np.shape(omega), dtype=int)
-    wave = waves(rigidity, tension, mass, half, np.asarray(omega, dtype=float))
-    quarter = np.floor(2 * (np.sqrt(wave.beta2) * half / np.pi)).astype(int)
+    quarter = np.floor(2 * (np.sqrt(wave.beta2) * wave.half / np.pi)).astype(int)
     even, odd = (quarter + 1) // 2, quarter // 2
     # in an interval that contains a resonance, the sign of D or N shows if omega is above it
     in_even, in_odd = quarter % 2 == 1, (quarter % 2 == 0) & (quarter > 0)

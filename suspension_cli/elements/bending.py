@@ -35,7 +35,8 @@ import numpy as np
 
 from suspension_cli.elements import string
 from suspension_cli.elements.dynamic_wire import TautWire, fit_to_equilibrium, group_identical
-from suspension_cli.elements.geometric_stiffness import add_arms, sum_by
+from suspension_cli.elements.element import Derivatives, Element
+from suspension_cli.elements.geometric_stiffness import add_arms
 from suspension_cli.rotations import cross, cross_matrix
 from suspension_cli.scene.composition import Fibre, Section
 from suspension_cli.scene.pose import Layout, Pose
@@ -235,55 +236,30 @@ def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
     return bending.sum((-2, -1)) / 2 + twisting
 
 
-def add_derivatives(
-    scene: Scene,
-    numbering: Layout,
-    pose: Pose,
-    gradient: Inexact[np.ndarray, "*batch coordinate"],
-    hessian: Inexact[np.ndarray, "*batch 1+coordinate 1+coordinate"],
-    outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
-    on_tips: Inexact[np.ndarray, "*batch blade 3"],
-) -> None:
-    """Add derivatives of the energy of bending and twisting, in place.
+def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
+    """Add the derivatives of the energy of bending and twisting.
 
-    First with respect to the span and the rotations of the upper and the lower body (9 per wire),
-    then to the coordinates on which these depend.
-
-    Parameters
-    ----------
-    scene : Scene
-    numbering : Layout
-    pose : Pose
-    gradient
-        N and N m.
-    hessian
-        The last row takes what belongs to rigid directions of blades.
-    outer
-        Forces times arms (see `geometric_stiffness.add_arms`), N m.
-    on_tips
-        Gradient with respect to the blade tips, N.
+    The second ones are first taken with respect to the span and the rotations of the upper and the
+    lower body (9 per wire), then to the coordinates on which these depend.
     """
-    wires, now, flex = scene.wires, string.state(scene, pose), wire_resistance(scene)
+    flex, wires = wire_resistance(scene), scene.wires
     if flex is None:
         return
-    normals = _normals(scene, pose, flex)
-    first = np.zeros((*now.direction.shape[:-1], 9), dtype=scene.kind)
+    now, normals = string.state(scene, pose), _normals(scene, pose, flex)
+    hessian, outer = derivatives.hessian, derivatives.outer
+    pull = np.zeros(now.direction.shape, dtype=scene.kind)
     second = np.zeros((*now.direction.shape[:-1], 9, 9), dtype=scene.kind)
     if flex.bend is not None:
-        _add_bending(wires, flex.bend, now, normals, first, second, outer)
-    _add_twisting(wires, flex.twist, normals, first, second, outer)
-    pull = first[..., :3]
-    add_arms(outer, wires.lower, pull, now.lower_arm)
-    add_arms(outer, wires.upper, -pull, now.upper_arm)
-    on_tips -= sum_by(wires.blade, pull, on_tips.shape[-2])
+        _add_bending(wires, flex.bend, now, normals, pull, second, outer)
+    _add_twisting(wires, flex.twist, normals, second, outer)
+    derivatives.add_forces(wires.lower, pull, now.lower_arm)
+    derivatives.add_forces(wires.upper, -pull, now.upper_arm, wires.blade)
     jacobian = _jacobian(scene, pose, now)
-    transposed = np.swapaxes(jacobian, -1, -2)
-    forces, stiffness = (transposed @ first[..., None])[..., 0], transposed @ second @ jacobian
+    stiffness = np.swapaxes(jacobian, -1, -2) @ second @ jacobian
     for pair in sorted(set(zip(wires.upper.tolist(), wires.lower.tolist(), strict=True))):
         own = (wires.upper == pair[0]) & (wires.lower == pair[1])
-        force, matrix = forces[..., own, :12].sum(-2), stiffness[..., own, :12, :12].sum(-3)
+        matrix = stiffness[..., own, :12, :12].sum(-3)
         for i, one in enumerate(pair):
-            gradient[..., 6 * one : 6 * one + 6] += force[..., 6 * i : 6 * i + 6]
             for j, other in enumerate(pair):
                 hessian[..., 6 * one : 6 * one + 6, 6 * other : 6 * other + 6] += matrix[
                     ..., 6 * i : 6 * i + 6, 6 * j : 6 * j + 6
@@ -293,7 +269,6 @@ def add_derivatives(
         moves = np.flatnonzero(tip < numbering.size)
         bodies = (6 * np.array([[wires.upper[n]], [wires.lower[n]]]) + np.arange(6)).ravel()
         rows, block = tip[moves], stiffness[..., n, 12 + moves, :]
-        gradient[..., rows] += forces[..., n, 12 + moves]
         hessian[..., rows[:, None], rows] += block[..., 12 + moves]
         hessian[..., rows[:, None], bodies] += block[..., :12]
         hessian[..., bodies[:, None], rows] += np.swapaxes(block[..., :12], -1, -2)
@@ -304,13 +279,13 @@ def _add_bending(
     bend: Inexact[np.ndarray, "... wire 2 3"],
     now: string.State,
     normals: tuple[Inexact[np.ndarray, "*batch wire 2 3"], Inexact[np.ndarray, "*batch wire 2 3"]],
-    first: Inexact[np.ndarray, "*batch wire 9"],
+    pull: Inexact[np.ndarray, "*batch wire 3"],
     second: Inexact[np.ndarray, "*batch wire 9 9"],
     outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
 ) -> None:
-    """Add gradient (..., w, 9) and Hessian (..., w, 9, 9) of bending, in place.
+    """Add gradient (..., w, 3) in the span and Hessian (..., w, 9, 9) of bending, in place.
 
-    The second derivatives of the normals, which act as arms, go to `outer`.
+    Normals act as arms of forces: these go to `outer`.
     """
     e, over = now.direction, 1 / now.length
     a, b, _ = _slopes(e, *normals)
@@ -332,7 +307,7 @@ def _add_bending(
             mixed = (moment * over)[..., None, None] * (across @ cross_matrix(normal))
             second[..., :3, turn] += mixed
             second[..., turn, :3] += np.swapaxes(mixed, -1, -2)
-            first += moment[..., None] * rows[..., side, plane, :]
+            pull += moment[..., None] * rows[..., side, plane, :3]
             add_arms(outer, body, -moment[..., None] * e, normal)
     form = np.stack([bend[..., :2], bend[..., 1:]], axis=-3)  # end, plane, end
     moment_rows = (form[..., None] * np.swapaxes(rows, -3, -2)[..., None, :, :, :]).sum(-2)
@@ -340,9 +315,22 @@ def _add_bending(
     second += np.swapaxes(flat_rows, -1, -2) @ moment_rows.reshape(*e.shape[:-1], 4, 9)
 
 
-def twist_jacobian(scene: Scene, pose: Pose, flex: Flex) -> Inexact[np.ndarray, "*batch wire 6"]:
-    """Derivative (..., w, 6) of each wire's twist in the rotations of its upper and lower body."""
-    return _twist_forms(*_normals(scene, pose, flex))
+def loss_matrix(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
+    """Imaginary part (..., N, N) of the stiffness against twisting of wires."""
+    wires, flex = scene.wires, wire_resistance(scene)
+    if flex is None or not wires.loss.any():
+        return 0.0
+    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
+    turn = _twist_forms(*_normals(scene, pose, flex))
+    lost = (flex.twist * wires.loss)[..., None, None] * turn[..., :, None] * turn[..., None, :]
+    for n in np.flatnonzero(wires.loss).tolist():
+        rows = np.concatenate(
+            [6 * body[n] + np.arange(3, 6) for body in (wires.upper, wires.lower)]
+        )
+        result[..., rows[:, None], rows] += lost[..., n, :, :]
+    return result
 
 
 def _twist_forms(
@@ -359,15 +347,13 @@ def _add_twisting(
     wires: Wires,
     stiffness: Inexact[np.ndarray, "... wire"],
     normals: tuple[Inexact[np.ndarray, "*batch wire 2 3"], Inexact[np.ndarray, "*batch wire 2 3"]],
-    first: Inexact[np.ndarray, "*batch wire 9"],
     second: Inexact[np.ndarray, "*batch wire 9 9"],
     outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
 ) -> None:
-    """Add gradient (..., w, 9) and Hessian (..., w, 9, 9) of twisting, in place."""
+    """Add the Hessian (..., w, 9, 9) of twisting, and its forces on normals to `outer`."""
     upper, lower = normals
     _, _, twist = _slopes(upper[..., 0, :], upper, lower)
     torque, turn = stiffness * twist, _twist_forms(upper, lower)
-    first[..., 3:] += torque[..., None] * turn
     second[..., 3:, 3:] += stiffness[..., None, None] * turn[..., :, None] * turn[..., None, :]
     mixed = (
         upper[..., 0, :, None] * lower[..., 1, None, :]
@@ -400,3 +386,6 @@ def _jacobian(
         (wires.blade >= 0)[:, None, None], -pose.rotation[..., wires.upper, :, :], 0.0
     )
     return result
+
+
+ELEMENT = Element(energy, add_derivatives, loss=loss_matrix)

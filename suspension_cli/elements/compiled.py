@@ -61,14 +61,23 @@ from suspension_cli.elements.compiled_wire import resting
 WIRE = ("upper_point", "lower_point", "span", "length", "tension", "stiffness", "torsion")
 """Fields of `Wires` in a row of 13 numbers."""
 UPPER_POINT, LOWER_POINT, SPAN, LENGTH, TENSION, STIFFNESS, TORSION = 0, 3, 6, 9, 10, 11, 12
-BLADE = ("tip", "stiffness", "load", "tip_mass")
-"""Fields of `Blades` in a row of 10 numbers."""
-TIP, BLADE_STIFFNESS, LOAD, TIP_MASS = 0, 3, 6, 9
+BLADE = ("stiffness", "load")
+"""Fields of `Blades` in a row of 6 numbers."""
+BLADE_STIFFNESS, LOAD = 0, 3
 SPRING = ("upper_point", "lower_point", "stiffness", "preload")
 """Fields of `Springs` in a row of 48 numbers."""
 FLEX = ("upper", "lower", "bend", "twist")
 """Fields of `Flex` in a row of 19 numbers."""
 UPPER_NORMALS, LOWER_NORMALS, BEND, TWIST = 0, 6, 12, 18
+
+
+@inlined
+def _span(moved: Any, turn_u: Any, turn_l: Any, deflected: Any, upper: Any, lower: Any) -> Any:
+    """Arms of both ends of a wire, and the change of its span, of which `moved` is by the COMs."""
+    tip = plus(upper, deflected)
+    # from displacements alone, so that nothing cancels
+    change = plus(moved, minus(times(turn_l, lower), times(turn_u, upper)))
+    return turned(turn_u, tip), turned(turn_l, lower), minus(change, turned(turn_u, deflected))
 
 
 @inlined
@@ -165,16 +174,12 @@ def _add_twisting_stiffness(stiffness: float, normals: Any, parts: Any) -> Any:
 
 @compiled
 def add_wires(
-    upper: Any,
-    lower: Any,
-    blade: Any,
+    ends: Any,
     tips: Any,
     sections: Any,
     wires: Any,
     flex: Any,
-    shift: Any,
-    turn: Any,
-    deflection: Any,
+    pose: Any,
     tension: Any,
     gradient: Any,
     hessian: Any,
@@ -186,8 +191,8 @@ def add_wires(
 
     Parameters
     ----------
-    upper, lower, blade : (w,) int arrays
-        See `Wires`.
+    ends : (w, 3) int array
+        Upper and lower body and blade, see `Wires`.
     tips : (b, 3) int array
         Coordinates of the tips of blades, see `Layout`.
     sections : (w, m, 9) array
@@ -195,8 +200,8 @@ def add_wires(
     wires, flex : (w, 13) and (w, 19) arrays
         Numbers of the build; no flex, (0, 19), for strings without torsion. With sections, the
         stiffness against bending and twisting is set to that of the tension in this pose.
-    shift, turn, deflection
-        Pose, see `Pose`.
+    pose : tuple of arrays
+        Shift, turn and deflection, see `Pose`.
     tension : (w,) array
         To be filled, N.
     gradient, hessian, on_tips
@@ -205,23 +210,19 @@ def add_wires(
         If not empty, it is filled with the elongation of each wire per coordinate, and the Hessian
         is that of wires that do not stretch.
     """
+    shift, turn, deflection = pose
     bends, stretches, size = len(flex) > 0, len(form) == 0, len(gradient)
     nothing = (0.0, 0.0, 0.0)
     none = (nothing, nothing, nothing)
     for n in range(len(wires)):
-        u, l, b = upper[n], lower[n], blade[n]
+        u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
         turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        upper_point, lower_point = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
-        # from displacements alone, so that nothing cancels
-        change = plus(
-            minus(vector(shift, l, 0), vector(shift, u, 0)),
-            minus(times(turn_l, lower_point), times(turn_u, upper_point)),
-        )
+        deflected = nothing
         if b >= 0:
             deflected = vector(deflection, b, 0)
-            upper_point = plus(upper_point, deflected)
-            change = minus(change, turned(turn_u, deflected))
-        arm_u, arm_l = turned(turn_u, upper_point), turned(turn_l, lower_point)
+        moved = minus(vector(shift, l, 0), vector(shift, u, 0))
+        points = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
+        arm_u, arm_l, change = _span(moved, turn_u, turn_l, deflected, points[0], points[1])
         span = vector(wires, n, SPAN)
         stretched = plus(span, change)
         length = math.sqrt(dot(stretched, stretched))
@@ -250,14 +251,12 @@ def add_wires(
         add_vector(gradient, t_u, plus(torque_u, cross(force, arm_u)))
         add_vector(gradient, x_l, force)
         add_vector(gradient, t_l, plus(torque_l, cross(arm_l, force)))
-        rotation = added(diagonal(1.0), turn_u)
         if b >= 0:
-            pushed = times(transposed(rotation), force)
             for axis in range(3):
-                if tips[b, axis] < size:
-                    gradient[tips[b, axis]] -= pushed[axis]
+                on_tips[b, axis] -= force[axis]
         if not curved:
             continue
+        rotation = added(diagonal(1.0), turn_u)
         if not stretches:
             add_vector(form[n], x_u, scaled(-1.0, e))
             add_vector(form[n], t_u, cross(e, arm_u))
@@ -298,7 +297,6 @@ def add_wires(
         if b < 0:
             continue
         for axis in range(3):
-            on_tips[b, axis] -= force[axis]
             tip = tips[b, axis]
             if tip == size:
                 continue
@@ -322,52 +320,38 @@ def add_wires(
 def add_blades(
     body: Any,
     tips: Any,
-    gravity: float,
     blades: Any,
-    turn: Any,
-    deflection: Any,
+    pose: Any,
     gradient: Any,
     hessian: Any,
     on_tips: Any,
     curved: bool,
 ) -> None:
-    """Add the derivatives of the energy of all blades of one build, once the wires are added.
+    """Add the derivatives of the energy of all blades of one build, once all else is added.
 
     Parameters
     ----------
     body : (b,) int array
     tips : (b, 3) int array
         Coordinates of the tips, see `Layout`.
-    blades : (b, 10) array
+    blades : (b, 6) array
+    on_tips : (b, 3) array
+        Gradient of the energy of all that the tips carry, N.
     """
-    size = len(gradient)
+    _, turn, deflection = pose
     for n in range(len(blades)):
-        u = body[n]
-        x_u, t_u = 6 * u, 6 * u + 3
-        rotation = added(diagonal(1.0), matrix(turn, u))
-        weight = gravity * blades[n, TIP_MASS]
-        if weight != 0:
-            point = plus(vector(blades, n, TIP), vector(deflection, n, 0))
-            arm = times(rotation, point)
-            force = (0.0, 0.0, weight)
-            gradient[x_u + 2] += weight
-            add_vector(gradient, t_u, cross(arm, force))
-            on_tips[n, 2] += weight
-            if curved:
-                add_lower(hessian, t_u, turning(force, arm))
-        pulled = vector(on_tips, n, 0)
+        rotation, pulled = added(diagonal(1.0), matrix(turn, body[n])), vector(on_tips, n, 0)
         for axis in range(3):
             tip = tips[n, axis]
-            if tip == size:
+            if tip == len(gradient):
                 continue
+            moves = rotation[0][axis], rotation[1][axis], rotation[2][axis]
             k = blades[n, BLADE_STIFFNESS + axis]
-            gradient[tip] += k * deflection[n, axis] - blades[n, LOAD + axis]
-            gradient[tip] += rotation[2][axis] * weight
+            gradient[tip] += k * deflection[n, axis] - blades[n, LOAD + axis] + dot(moves, pulled)
             if curved:
                 hessian[tip, tip] += k
                 # the gradient F at a tip, deflected by q, adds -t . [F] R q as its body rotates
-                moves = rotation[0][axis], rotation[1][axis], rotation[2][axis]
-                add_vector(hessian[tip], t_u, cross(moves, pulled))
+                add_vector(hessian[tip], 6 * body[n] + 3, cross(moves, pulled))
 
 
 @compiled
@@ -390,16 +374,15 @@ def _multiply(a: Any, b: Any, out: Any) -> None:
 
 @compiled
 def add_springs(
-    upper: Any,
-    lower: Any,
+    ends: Any,
     springs: Any,
-    shift: Any,
-    turn: Any,
+    pose: Any,
     gradient: Any,
     hessian: Any,
     curved: bool,
 ) -> None:
     """Add the derivatives of the energy of all springs of one build, see `spring`."""
+    shift, turn, _ = pose
     eye = np.eye(3)
     reach = np.empty(3)
     strain, pull, force = np.empty(6), np.empty(6), np.empty(3)
@@ -407,7 +390,7 @@ def add_springs(
     q, g, part = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     place = np.empty(12, dtype=np.int64)
     for n in range(len(springs)):
-        own, u, l = springs[n], upper[n], lower[n]
+        own, u, l = springs[n], ends[n, 0], ends[n, 1]
         above, below = eye + turn[u], eye + turn[l]
         stiffness, to_upper = own[6:42].reshape(6, 6), above.T.copy()
         arm = turned(matrix(turn, l), vector(springs, n, 3))
@@ -475,24 +458,18 @@ def add_springs(
 
 
 @compiled
-def fill_geometry(
-    upper: Any, lower: Any, blade: Any, wires: Any, flex: Any, pose: Any, tension: Any, result: Any
-) -> None:
+def fill_geometry(ends: Any, wires: Any, flex: Any, pose: Any, tension: Any, result: Any) -> None:
     """Fill the geometry (w, 25) of the wires of one build, see `compiled_wire.add_dynamic`."""
-    shift, turn, deflection = pose
+    (shift, turn, deflection), nothing = pose, (0.0, 0.0, 0.0)
     for n in range(len(wires)):
-        u, l, b = upper[n], lower[n], blade[n]
+        u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
         turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        upper_point, lower_point = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
-        # the span from displacements: its nominal value and what the ends moved
-        change = plus(
-            minus(vector(shift, l, 0), vector(shift, u, 0)),
-            minus(times(turn_l, lower_point), times(turn_u, upper_point)),
-        )
+        deflected = nothing
         if b >= 0:
             deflected = vector(deflection, b, 0)
-            upper_point = plus(upper_point, deflected)
-            change = minus(change, turned(turn_u, deflected))
+        moved = minus(vector(shift, l, 0), vector(shift, u, 0))
+        points = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
+        arm_u, arm_l, change = _span(moved, turn_u, turn_l, deflected, points[0], points[1])
         stretched = plus(vector(wires, n, SPAN), change)
         length = math.sqrt(dot(stretched, stretched))
         e = scaled(1 / length, stretched)
@@ -507,8 +484,8 @@ def fill_geometry(
         result[n] = 0.0
         add_vector(result[n], 0, e)
         add_vector(result[n], 3, normal)
-        add_vector(result[n], 6, turned(turn_u, upper_point))
-        add_vector(result[n], 9, turned(turn_l, lower_point))
+        add_vector(result[n], 6, arm_u)
+        add_vector(result[n], 9, arm_l)
         for i in range(3):
             add_vector(result[n], 12 + 3 * i, moves[i])
         result[n, 21], result[n, 22] = length, tension[n]

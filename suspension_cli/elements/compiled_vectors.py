@@ -68,6 +68,19 @@ def times(m: Any, a: Any) -> Any:
 
 
 @inlined
+def product(m: Any, n: Any) -> Any:
+    """Matrix times matrix."""
+    columns = transposed(n)
+    return times(columns, m[0]), times(columns, m[1]), times(columns, m[2])
+
+
+@inlined
+def trace(m: Any) -> float:
+    """Sum of the diagonal."""
+    return m[0][0] + m[1][1] + m[2][2]
+
+
+@inlined
 def transposed(m: Any) -> Any:
     """Transpose of a matrix."""
     return (

@@ -1,8 +1,6 @@
-"""Weight of bodies, blade tips and wires of one build, as loops that `numba` compiles.
+"""Weight of bodies, blade tips, wires and bars of one build, as loops that `numba` compiles.
 
-The formulas are those of `weight`; `tests/models/test_gravity.py` compares both. They are used
-where wires have weight, or gravity is a vector or has a gradient. A body is a row of 13 numbers:
-mass, nominal position and second moments of mass.
+The formulas are those of `weight`; `tests/elements/test_weight.py` compares both.
 """
 
 from __future__ import annotations
@@ -11,266 +9,217 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.compiled import compiled
+from suspension_cli.compiled import compiled, inlined
 from suspension_cli.elements import weight
-from suspension_cli.elements.compiled_vectors import add_lower, turning, vector
+from suspension_cli.elements.compiled_vectors import (
+    add_block,
+    add_lower,
+    add_vector,
+    added,
+    cross,
+    cross_matrix,
+    diagonal,
+    dot,
+    matrix,
+    multiple,
+    plus,
+    product,
+    scaled,
+    subtracted,
+    symmetric,
+    times,
+    trace,
+    transposed,
+    turned,
+    turning,
+    vector,
+)
 
 if TYPE_CHECKING:
     from suspension_cli.scene.scene import Scene
 
-MOMENTS = 13
-"""First column of the mass of a wire in its row."""
+MASS, POSITION, SECOND_MOMENTS = 0, 1, 4
+"""First columns in the row of 13 numbers of a body."""
+
+MOMENTS = 6
+"""First column of m_uu, m_ul and m_ll in the row of 9 numbers of a line, after both ends."""
 
 
 def pack_gravity(scene: Scene) -> Any:
-    """Strength of gravity, -g (3,) and -dg_i/dx_j (9,) in one array."""
+    """Derivatives of the energy per mass: -g (1, 3), and below it, unless 0, -dg_i/dx_j (3, 3)."""
     field = scene.field
-    vector = (0.0, 0.0, -scene.gravity) if field is None else field.vector
-    gradient = np.zeros(9) if field is None else field.gradient.ravel()
-    return np.concatenate([[scene.gravity], -np.asarray(vector), -gradient]).astype(float)
+    if field is None:
+        return np.array([[0.0, 0.0, scene.gravity]])
+    return -(field.vector[None] if field.is_uniform else np.vstack([field.vector, field.gradient]))
 
 
 def pack_bodies(scene: Scene) -> Any:
     """Rows (p, n, 13) of the bodies of a batch of scenes."""
-    bodies, batch = scene.bodies, scene.batch
-    moments = weight.second_moments(scene)
-    parts = (
-        bodies.mass[..., None],
-        bodies.position[..., 1:, :],
-        moments.reshape(*moments.shape[:-2], 9),
-    )
-    spread = [np.broadcast_to(v, (*batch, *v.shape[-2:])) for v in parts]
-    return np.ascontiguousarray(np.concatenate(spread, axis=-1))
+    bodies, moments = scene.bodies, weight.second_moments(scene)
+    result = np.empty((*scene.batch, len(bodies.name), 13))
+    result[..., MASS] = bodies.mass
+    result[..., POSITION:SECOND_MOMENTS] = bodies.position[..., 1:, :]
+    result[..., SECOND_MOMENTS:] = moments.reshape(*moments.shape[:-2], 9)
+    return result
+
+
+def pack_lines(scene: Scene) -> tuple[Any, Any]:
+    """Bodies and blade (k, 3) and rows (p, k, 9) of all masses but bodies, as lines of mass.
+
+    A point mass is a line whose mass is at its upper end.
+    """
+    ends, rows = [np.zeros((0, 3), dtype=np.intp)], [np.zeros((*scene.batch, 0, 9))]
+    for masses in weight.masses(scene):
+        count = len(masses.body[0])
+        ends.append(np.full((count, 3), -1))
+        rows.append(np.zeros((*scene.batch, count, 9)))
+        ends[-1][:, 0], ends[-1][:, 1] = masses.body[0], masses.body[-1]
+        if masses.blade[0] is not None:
+            ends[-1][:, 2] = masses.blade[0]
+        rows[-1][..., 0:3], rows[-1][..., 3:6] = masses.point[0], masses.point[-1]
+        rows[-1][..., MOMENTS] = masses.moment[0][0]
+        if len(masses.point) == 2:
+            rows[-1][..., 7], rows[-1][..., 8] = masses.moment[1]
+    return np.concatenate(ends), np.concatenate(rows, axis=-2)
+
+
+@inlined
+def _slope(gravity: Any) -> Any:
+    """Second derivative of the energy per mass."""
+    return vector(gravity, 1, 0), vector(gravity, 2, 0), vector(gravity, 3, 0)
+
+
+@inlined
+def _lift(gravity: Any, bodies: Any, body: int, shift: Any, arm: Any) -> Any:
+    """Gradient of the energy per mass at a point of a body."""
+    lift = vector(gravity, 0, 0)
+    if len(gravity) > 1:
+        place = plus(vector(shift, body, 0), arm)
+        if body > 0:
+            place = plus(place, vector(bodies, body - 1, POSITION))
+        lift = plus(lift, times(_slope(gravity), place))
+    return lift
 
 
 @compiled
-def _rotated(turn: Any, vector: Any, out: Any) -> None:
-    for i in range(3):
-        out[i] = vector[i]
-        for j in range(3):
-            out[i] += turn[i, j] * vector[j]
-
-
-@compiled
-def _add_lift(gravity: Any, place: Any, mass: float, out: Any) -> None:
-    """Add the gradient of the energy of a mass at a place, N."""
-    for i in range(3):
-        out[i] += mass * gravity[1 + i]
-        for j in range(3):
-            out[i] += mass * gravity[4 + 3 * i + j] * place[j]
-
-
-@compiled
-def _fill_motion(body: int, arm: Any, turn: Any, tips: Any, rows: Any, jacobian: Any) -> None:
-    """Coordinates (9,) that move a point of a body or of a blade tip, and its motion (9, 3)."""
-    jacobian[:] = 0.0
-    for i in range(6):
-        rows[i] = 6 * body + i
-    for i in range(3):
-        rows[6 + i] = tips[i]
-        jacobian[i, i] = 1.0
-        for j in range(3):
-            jacobian[6 + i, j] = turn[j, i]
-        jacobian[6 + i, i] += 1.0
-    jacobian[3, 1], jacobian[3, 2] = -arm[2], arm[1]
-    jacobian[4, 0], jacobian[4, 2] = arm[2], -arm[0]
-    jacobian[5, 0], jacobian[5, 1] = -arm[1], arm[0]
-
-
-@compiled
-def _add_point(rows: Any, jacobian: Any, force: Any, gradient: Any) -> None:
-    for i in range(9):
-        if rows[i] < len(gradient):
-            for j in range(3):
-                gradient[rows[i]] += jacobian[i, j] * force[j]
-
-
-@compiled
-def _add_slope(
-    gravity: Any, mass: float, row: Any, left: Any, column: Any, right: Any, hessian: Any
+def _add_tide(
+    slope: Any, own: Any, turn: Any, first: int, gradient: Any, hessian: Any, curved: bool
 ) -> None:
-    """Add -m J_l G J_r^T to the lower triangle."""
-    for i in range(9):
-        for j in range(9):
-            if len(hessian) > row[i] >= column[j]:
-                for k in range(3):
-                    for m in range(3):
-                        hessian[row[i], column[j]] += (
-                            mass * left[i, k] * gravity[4 + 3 * k + m] * right[j, m]
-                        )
+    """Add the derivatives of the energy that a gradient gives one body, beside its weight."""
+    rotation = added(diagonal(1.0), turn)
+    moments = product(product(rotation, own), transposed(rotation))
+    m = product(moments, slope)
+    torque = m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]
+    add_vector(gradient, first + 3, torque)
+    if curved:
+        both = diagonal(trace(moments) * trace(slope) - 2 * trace(m))
+        mixed = added(multiple(trace(slope), moments), multiple(trace(moments), slope))
+        curvature = subtracted(added(multiple(3.0, symmetric(m)), both), mixed)
+        add_lower(hessian, first + 3, curvature)
 
 
-@compiled
-def _add_body(
-    gravity: Any, own: Any, shift: Any, turn: Any, first: int, g: Any, h: Any, curved: bool
+@inlined
+def _add_force(force: Any, body: int, arm: Any, gradient: Any, hessian: Any, curved: bool) -> None:
+    """Add the derivatives of the energy of a force at a point of a body."""
+    add_vector(gradient, 6 * body, force)
+    add_vector(gradient, 6 * body + 3, cross(arm, force))
+    if curved:
+        add_lower(hessian, 6 * body + 3, turning(force, arm))
+
+
+@inlined
+def add_bodies(
+    bodies: Any, gravity: Any, shift: Any, turn: Any, gradient: Any, hessian: Any, curved: bool
 ) -> None:
-    """Add the derivatives of one body: its weight, and the torque of a gradient on it."""
-    place, force = np.empty(3), np.zeros(3)
-    for i in range(3):
-        place[i] = own[1 + i] + shift[i]
-    _add_lift(gravity, place, own[0], force)
-    for i in range(3):
-        g[first + i] += force[i]
-    uniform = True
-    for i in range(9):
-        uniform = uniform and gravity[4 + i] == 0.0
-    if uniform:
-        return
-    slope, moments, half = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    turns = np.zeros((3, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            slope[i, j] = gravity[4 + 3 * i + j]
-            if curved and i >= j:
-                h[first + i, first + j] += own[0] * slope[i, j]
-            half[i, j] = own[4 + 3 * i + j]
-            for k in range(3):
-                half[i, j] += turn[i, k] * own[4 + 3 * k + j]
-    for i in range(3):
-        turns[i, (i + 2) % 3, (i + 1) % 3] = 1.0
-        turns[i, (i + 1) % 3, (i + 2) % 3] = -1.0
-        for j in range(3):
-            moments[i, j] = half[i, j]
-            for k in range(3):
-                moments[i, j] += half[i, k] * turn[j, k]
-    for a in range(3):
-        one = slope @ turns[a]
-        left = one @ moments
-        g[first + 3 + a] += left[0, 0] + left[1, 1] + left[2, 2]
-        for b in range(a + 1 if curved else 0):
-            twice = (slope @ (turns[a] @ turns[b] + turns[b] @ turns[a])) @ moments
-            mixed = left @ turns[b]
-            for i in range(3):
-                h[first + 3 + a, first + 3 + b] += twice[i, i] / 2 - mixed[i, i]
+    """Add the derivatives of the weights of the bodies (n, 13) of one build."""
+    for n in range(len(bodies)):
+        mass, first = bodies[n, MASS], 6 * n + 6
+        lift = _lift(gravity, bodies, n + 1, shift, (0.0, 0.0, 0.0))
+        add_vector(gradient, first, scaled(mass, lift))
+        if len(gravity) > 1:
+            if curved:
+                add_lower(hessian, first, multiple(mass, _slope(gravity)))
+            own = (
+                vector(bodies, n, SECOND_MOMENTS),
+                vector(bodies, n, SECOND_MOMENTS + 3),
+                vector(bodies, n, SECOND_MOMENTS + 6),
+            )
+            _add_tide(_slope(gravity), own, matrix(turn, n + 1), first, gradient, hessian, curved)
 
 
 @compiled
-def add_weights(
-    topology: Any,
+def add_lines(
+    bodies: Any,
+    ends: Any,
+    lines: Any,
+    tips: Any,
     gravity: Any,
-    numbers: Any,
     pose: Any,
     gradient: Any,
     hessian: Any,
     on_tips: Any,
     curved: bool,
 ) -> None:
-    """Add the derivatives of all weights of one build, before those of blades.
+    """Add the derivatives of all other weights of one build, before those of blades.
 
     Parameters
     ----------
-    topology, numbers
-        See `equilibrium.compiled.Packed`; bodies as `pack_bodies` makes them.
-    gravity : (13,) array
+    bodies : (n, 13) array
+        From `pack_bodies`.
+    ends, lines : (k, 3) int array and (k, 9) array
+        From `pack_lines`.
+    tips : (b, 3) int array
+        Coordinates of the tips of blades, see `Layout`.
+    gravity : (1, 3) or (4, 3) array
         From `pack_gravity`.
     pose : tuple of arrays
         Shift, turn and deflection.
     """
-    w_upper, w_lower, w_blade, _, b_body, b_tips = topology[:6]
-    bodies, wires, blades, bars = numbers[0], numbers[1], numbers[2], numbers[5]
     shift, turn, deflection = pose
-    for n in range(len(bodies)):
-        own, first = bodies[n], 6 * n + 6
-        _add_body(gravity, own, shift[n + 1], turn[n + 1], first, gradient, hessian, curved)
-    point, arms, places = np.empty(3), np.empty((2, 3)), np.empty((2, 3))
-    rows, jacobian = np.empty((2, 9), dtype=np.int64), np.empty((2, 9, 3))
-    forces = np.empty((1, 3))
-    force = forces[0]
-    uniform = True
-    for i in range(9):
-        uniform = uniform and gravity[4 + i] == 0.0
-    for n in range(len(blades)):
-        body, mass = b_body[n], blades[n, 9]
-        if mass == 0.0:
-            continue
-        for i in range(3):
-            point[i] = blades[n, i] + deflection[n, i]
-        _rotated(turn[body], point, arms[0])
-        for i in range(3):
-            places[0, i] = shift[body, i] + arms[0, i] + (bodies[body - 1, 1 + i] if body else 0.0)
-            force[i] = 0.0
-        _add_lift(gravity, places[0], mass, force)
-        _fill_motion(body, arms[0], turn[body], b_tips[n], rows[0], jacobian[0])
-        _add_point(rows[0], jacobian[0], force, gradient)
-        for i in range(3):
-            on_tips[n, i] += force[i]
-        if curved:
-            add_lower(hessian, 6 * body + 3, turning(vector(forces, 0, 0), vector(arms, 0, 0)))
-        if curved and not uniform:
-            _add_slope(gravity, mass, rows[0], jacobian[0], rows[0], jacobian[0], hessian)
-    lines = (topology, bodies, gravity, pose, gradient, hessian, on_tips, curved, uniform)
-    _add_lines(w_upper, w_lower, w_blade, wires, MOMENTS, *lines)
-    if len(bars):
-        none = np.full(len(bars), -1, dtype=np.int64)
-        _add_lines(topology[10], topology[11], none, bars, 6, *lines)
+    for n in range(len(lines)):
+        u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
+        m_uu, m_ul, m_ll = vector(lines, n, MOMENTS)
+        upper_point, lower_point = vector(lines, n, 0), vector(lines, n, 3)
+        if b >= 0:
+            upper_point = plus(upper_point, vector(deflection, b, 0))
+        arm_u, arm_l = turned(matrix(turn, u), upper_point), turned(matrix(turn, l), lower_point)
+        lift_u = _lift(gravity, bodies, u, shift, arm_u)
+        lift_l = _lift(gravity, bodies, l, shift, arm_l)
+        force = plus(scaled(m_uu, lift_u), scaled(m_ul, lift_l))
+        _add_force(force, u, arm_u, gradient, hessian, curved)
+        if b >= 0:
+            for axis in range(3):
+                on_tips[b, axis] += force[axis]
+        force = plus(scaled(m_ul, lift_u), scaled(m_ll, lift_l))
+        _add_force(force, l, arm_l, gradient, hessian, curved)
+        if curved and len(gravity) > 1:
+            slope = _slope(gravity)
+            rows, motion = np.full((2, 9), len(hessian)), np.zeros((2, 9, 3))
+            _fill_motion(u, arm_u, rows[0], motion[0])
+            _fill_motion(l, arm_l, rows[1], motion[1])
+            if b >= 0:
+                rows[0, 6:] = tips[b]
+                add_block(motion[0], 6, 0, transposed(added(diagonal(1.0), matrix(turn, u))))
+            _add_slope(multiple(m_uu, slope), rows[0], motion[0], rows[0], motion[0], hessian)
+            _add_slope(multiple(m_ul, slope), rows[0], motion[0], rows[1], motion[1], hessian)
+            _add_slope(multiple(m_ul, slope), rows[1], motion[1], rows[0], motion[0], hessian)
+            _add_slope(multiple(m_ll, slope), rows[1], motion[1], rows[1], motion[1], hessian)
 
 
 @compiled
-def _add_lines(
-    uppers: Any,
-    lowers: Any,
-    on_blades: Any,
-    lines: Any,
-    moments: int,
-    topology: Any,
-    bodies: Any,
-    gravity: Any,
-    pose: Any,
-    gradient: Any,
-    hessian: Any,
-    on_tips: Any,
-    curved: bool,
-    uniform: bool,
-) -> None:
-    """Add the weights of straight lines between points of bodies or blade tips: wires, bars.
+def _fill_motion(body: int, arm: Any, rows: Any, motion: Any) -> None:
+    """Fill in the coordinates of a body, and the motion of a point of it per coordinate."""
+    for i in range(6):
+        rows[i] = 6 * body + i
+    add_block(motion, 0, 0, diagonal(1.0))
+    add_block(motion, 3, 0, cross_matrix(arm))
 
-    Rows of `lines` begin with both ends; from the column `moments` on they have m_uu, m_ul, m_ll.
-    """
-    b_tips, (shift, turn, deflection) = topology[5], pose
-    point, arms, places = np.empty(3), np.empty((2, 3)), np.empty((2, 3))
-    rows, jacobian = np.empty((2, 9), dtype=np.int64), np.empty((2, 9, 3))
-    forces, none = np.empty((1, 3)), np.empty(3, dtype=np.int64)
-    force = forces[0]
-    none[:] = len(gradient)
-    for n in range(len(lines)):
-        mass = lines[n, moments : moments + 3]
-        if mass[0] == 0.0 and mass[1] == 0.0 and mass[2] == 0.0:
-            continue
-        for end in range(2):
-            body = uppers[n] if end == 0 else lowers[n]
-            on_blade = end == 0 and on_blades[n] >= 0
-            for i in range(3):
-                point[i] = lines[n, 3 * end + i]
-                if on_blade:
-                    point[i] += deflection[on_blades[n], i]
-            _rotated(turn[body], point, arms[end])
-            for i in range(3):
-                start = bodies[body - 1, 1 + i] if body else 0.0
-                places[end, i] = shift[body, i] + arms[end, i] + start
-            tips = b_tips[on_blades[n]] if on_blade else none
-            _fill_motion(body, arms[end], turn[body], tips, rows[end], jacobian[end])
-            if not on_blade:
-                jacobian[end, 6:] = 0.0
-        for end in range(2):
-            body = uppers[n] if end == 0 else lowers[n]
-            force[:] = 0.0
-            _add_lift(gravity, places[0], mass[end], force)
-            _add_lift(gravity, places[1], mass[end + 1], force)
-            _add_point(rows[end], jacobian[end], force, gradient)
-            for i in range(3):
-                if end == 0 and on_blades[n] >= 0:
-                    on_tips[on_blades[n], i] += force[i]
-            if curved:
-                turned = turning(vector(forces, 0, 0), vector(arms, end, 0))
-                add_lower(hessian, 6 * body + 3, turned)
-            if curved and not uniform:
-                for other in range(2):
-                    _add_slope(
-                        gravity,
-                        mass[end + other],
-                        rows[end],
-                        jacobian[end],
-                        rows[other],
-                        jacobian[other],
-                        hessian,
-                    )
+
+@compiled
+def _add_slope(form: Any, rows: Any, left: Any, columns: Any, right: Any, hessian: Any) -> None:
+    """Add J_l F J_r^T to the lower triangle."""
+    for i in range(9):
+        turned_row = times(form, vector(left, i, 0))
+        for j in range(9):
+            if len(hessian) > rows[i] >= columns[j]:
+                hessian[rows[i], columns[j]] += dot(turned_row, vector(right, j, 0))

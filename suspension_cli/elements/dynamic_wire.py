@@ -22,6 +22,8 @@ from suspension_cli.elements import beam, curvature, gas, joined_sections, loss,
 from suspension_cli.scene.composition import Fibre, Gas, Section
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from jaxtyping import Float, Inexact, Int
 
 PARTS = ("bend-1", "bend-2", "stretch", "twist")
@@ -139,15 +141,12 @@ class WireAtFrequencies:
         if not self.strand.massive:
             return total
         for part in parts:
-            for section in self.strand.fibre.sections:
-                rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
-                half = section.length / 2
-                if _is_bending(part):
-                    tension = self._tension(section)
-                    total = total + beam.resonances_below(rigidity, tension, mass, half, self.omega)
-                else:
-                    total = total + rod.resonances_below(rigidity, mass, half, self.omega)
-            total = total + self._joined(self._twin(part))[2]
+            own = self._twin(part)
+            if _is_bending(part):
+                below = beam.resonances_below(self._bends[own][0])
+            else:
+                below = rod.resonances_below(*self._section_numbers(part), self.omega)
+            total = total + below.sum(0) + self._joined(own)[2]
         return total
 
     def dissipated(
@@ -168,30 +167,27 @@ class WireAtFrequencies:
             the middle of the wire; and ``gas``.
         """
         joints = self._joined(self._twin(part))[1]
-        motions = [motion]
-        if joints and _is_bending(part):
-            lengths = [section.length for section in self.strand.fibre.sections]
-            chord = np.einsum("ij,jrf->irf", joined_sections.to_chord(sum(lengths)), motion)
-            motions = [
-                np.einsum("ij,jrf->irf", np.linalg.inv(joined_sections.to_chord(length)), own)
-                for own, length in zip(
-                    joined_sections.section_motions(joints, chord), lengths, strict=True
-                )
-            ]
-        elif joints:
+        if _is_bending(part):
+            lengths = np.array([section.length for section in self.strand.fibre.sections])
+            chord = np.einsum("ij,jrf->irf", joined_sections.to_chord(lengths.sum()), motion)
+            back = np.linalg.inv(joined_sections.to_chord(lengths))
+            moved = joined_sections.section_motions(joints, chord)
+            motions = np.einsum("nij,njrf->nirf", back, moved)
+        else:
             motions = joined_sections.section_motions(joints, motion)
         if _is_bending(part):
             return self._bending_dissipation(part, motions)
         return self._rod_dissipation(part, motions)
 
     def _bending_dissipation(
-        self, part: str, motions: list[Inexact[np.ndarray, "4 motion frequency"]]
+        self, part: str, motions: Inexact[np.ndarray, "section 4 motion frequency"]
     ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
         sections = self.strand.fibre.sections
         result: dict[str, Any] = {"bending-upper": 0.0, "bending-lower": 0.0}
         length, top = sum(section.length for section in sections), 0.0
-        for section, motion, (waves, rigidity, mass) in zip(
-            sections, motions, self._bends[self._twin(part)], strict=True
+        stacked, *numbers = self._bends[self._twin(part)]
+        for section, motion, waves, rigidity, mass in zip(
+            sections, motions, stacked.sections, *numbers, strict=True
         ):
             halves = curvature.integrate_squared_curvature(waves, motion)
             for half, integral in enumerate(halves):
@@ -230,7 +226,7 @@ class WireAtFrequencies:
         return {cause: _elastic_rigidity(section, part) * own for cause, own in angles.items()}
 
     def _rod_dissipation(
-        self, part: str, motions: list[Inexact[np.ndarray, "2 motion frequency"]]
+        self, part: str, motions: Inexact[np.ndarray, "section 2 motion frequency"]
     ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
         name = "stretching" if part == "stretch" else "torsion"
         result: dict[str, Any] = {name: 0.0}
@@ -283,49 +279,42 @@ class WireAtFrequencies:
         return self._cache[part]
 
     def _joined_beams(self, part: str) -> tuple[Any, list[Any], Any]:
-        sections = self._bends[part]
+        waves, rigidity, _ = self._bends[part]
+        sections = self.strand.fibre.sections
         if len(sections) == 1:
-            waves, rigidity, _ = sections[0]
-            return _symmetric(4, beam.ELEMENT_PLACES, beam.stiffness(rigidity, waves)), [], 0
-        fibre = self.strand.fibre
-        parts = [
-            beam.chord_stiffness(rigidity, self._tension(section), waves)
-            for (waves, rigidity, _), section in zip(sections, fibre.sections, strict=True)
-        ]
-        lengths = [section.length for section in fibre.sections]
+            elements = beam.stiffness(rigidity, waves)[:, 0]
+            return _symmetric(4, beam.ELEMENT_PLACES, elements), [], 0
+        tension, lengths = _stack(self._tension(section) for section in sections), 2 * waves.half
+        parts = beam.chord_stiffness(rigidity, tension, waves)
         whole, motions, negative = joined_sections.join(parts, lengths)
-        return joined_sections.chord_to_even_odd(whole, sum(lengths)), motions, negative
+        total = lengths.sum(0) if lengths.shape[-1] > 1 else lengths.sum()
+        return joined_sections.chord_to_even_odd(whole, total), motions, negative
 
     def _joined_rods(self, part: str) -> tuple[Any, list[Any], Any]:
-        sections = [
-            _symmetric(
-                2,
-                ((0, 0), (1, 1)),
-                rod.stiffness(
-                    self._rigidity(section, part),
-                    self._inertia(section, part),
-                    section.length / 2,
-                    self.omega,
-                ),
-            )
-            for section in self.strand.fibre.sections
-        ]
-        if len(sections) == 1:
-            return sections[0], [], 0
+        sections = rod.stiffness(*self._section_numbers(part), self.omega)
+        if sections.shape[1] == 1:
+            return _symmetric(2, ((0, 0), (1, 1)), sections[:, 0]), [], 0
         return joined_sections.join_rods(sections)
 
     @cached_property
-    def _bends(self) -> dict[str, list[tuple[Any, Any, Any]]]:
-        """Waves, EI and mass per length of every section, by plane."""
-        result: dict[str, list[tuple[Any, Any, Any]]] = {}
+    def _bends(self) -> dict[str, tuple[beam.Waves, Any, Any]]:
+        """Waves, EI and mass per length of the sections (s, f), by plane."""
+        result: dict[str, tuple[beam.Waves, Any, Any]] = {}
+        tension = _stack(self._tension(section) for section in self.strand.fibre.sections)
         for part in ("bend-1",) if self.strand.round else ("bend-1", "bend-2"):
-            result[part] = []
-            for section in self.strand.fibre.sections:
-                rigidity, mass = self._rigidity(section, part), self._inertia(section, part)
-                tension = self._tension(section)
-                waves = beam.waves(rigidity, tension, mass, section.length / 2, self.omega)
-                result[part].append((waves, rigidity, mass))
+            rigidity, mass, half = self._section_numbers(part)
+            waves = beam.waves(rigidity, tension, mass, half, self.omega)
+            result[part] = waves, rigidity, mass
         return result
+
+    def _section_numbers(self, part: str) -> tuple[Any, Any, Any]:
+        """EI, EA or GJ, inertia per length, and half the length of the sections (s, 1 or f)."""
+        sections = self.strand.fibre.sections
+        return (
+            _stack(self._rigidity(section, part) for section in sections),
+            _stack(self._inertia(section, part) for section in sections),
+            _stack(section.length / 2 for section in sections),
+        )
 
     def _tension(self, section: Section) -> Any:
         """Tension in the middle of a section, N, which the weight of a wire with mass changes."""
@@ -362,6 +351,12 @@ class WireAtFrequencies:
         drag = section.shape.drag(*gas.surface_drag(around))[PARTS.index(part)]
         with np.errstate(divide="ignore"):
             return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
+
+
+def _stack(
+    values: Iterable[Any],
+) -> Inexact[np.ndarray, "section *#frequency"]:
+    return np.stack(np.broadcast_arrays(*(np.atleast_1d(value) for value in values)))
 
 
 def _is_bending(part: str) -> bool:

@@ -3,7 +3,8 @@
 A point at the arm w of a body moves to w + t x w + t x (t x w)/2 when the body rotates by a vector
 t. The gradient F of an energy with respect to the point's position therefore contributes, to second
 order, F . (t x (t x w))/2 to the energy, with the Hessian (F w^T + w F^T)/2 - (F . w) I in t. It is
-linear in F w^T, so these outer products are first summed over all points of a body. (Second-order
+linear in F w^T, as is the torque w x F, so these outer products are first summed over all points of
+a body. (Second-order
 expansion of the rotation about the current pose; compare Goldstein, Classical Mechanics, section
 4.8.)
 """
@@ -52,6 +53,11 @@ def add_arms(
     products = force[..., :, None] * arm[..., None, :]
     total = sum_by(body, products.reshape(*products.shape[:-2], 9), outer.shape[-3])
     outer += total.reshape(*total.shape[:-1], 3, 3)
+
+
+def torques(outer: Inexact[np.ndarray, "*batch 3 3"]) -> Inexact[np.ndarray, "*batch 3"]:
+    """Sum of w x F (..., 3), the gradient in the rotation of each body, N m, from that of F w^T."""
+    return outer[..., [2, 0, 1], [1, 2, 0]] - outer[..., [1, 2, 0], [2, 0, 1]]
 
 
 def rotation_hessian(

@@ -71,14 +71,14 @@ def chord_to_even_odd(
 
 
 def join(
-    parts: list[Inexact[np.ndarray, "4 4 frequency"]],
-    lengths: list[Inexact[np.ndarray, " frequency"] | float],
+    parts: Inexact[np.ndarray, "4 4 section frequency"],
+    lengths: Inexact[np.ndarray, "section *#frequency"],
 ) -> tuple[
     Inexact[np.ndarray, "4 4 frequency"],
-    list[tuple[Inexact[np.ndarray, "4 4 frequency"], ...]],
+    list[tuple[Inexact[np.ndarray, "pair frequency 4 4"], ...]],
     Int[np.ndarray, " frequency"],
 ]:
-    """Join sections of a beam.
+    """Join sections of a beam: each to its neighbour, then the joined ones, until one is left.
 
     Parameters
     ----------
@@ -92,49 +92,52 @@ def join(
     whole
         Stiffness of all sections together on its (W, phi, a, b).
     motions
-        By joint, the motion of all above it and of the section below it per motion of both.
+        By round, the motion of the upper and of the lower parts per motion of the joined pairs.
     negative
         Number of negative eigenvalues of the stiffnesses of the nodes (of real stiffnesses only).
     """
-    whole, length, motions = np.moveaxis(parts[0], -1, 0), lengths[0], []
-    negative = np.zeros(len(whole), dtype=int)
-    for part, own in zip(parts[1:], lengths[1:], strict=True):
-        below = np.moveaxis(part, -1, 0)
-        upper, lower = _node_forms(length, own, len(whole))
-        both = upper.swapaxes(1, 2) @ whole @ upper + lower.swapaxes(1, 2) @ below @ lower
+    whole, motions = np.moveaxis(parts, (0, 1), (-2, -1)), []
+    negative = np.zeros(whole.shape[1], dtype=int)
+    while len(whole) > 1:
+        paired = len(whole) // 2 * 2
+        above, below = (whole[start:paired:2] for start in (0, 1))
+        upper, lower = _node_forms(lengths[0:paired:2], lengths[1:paired:2])
+        both = upper.swapaxes(-1, -2) @ above @ upper + lower.swapaxes(-1, -2) @ below @ lower
         node = _node_motion(both)
         if not np.iscomplexobj(both):
-            negative = negative + (np.linalg.eigvalsh(both[:, 4:, 4:]) < 0).sum(-1)
-        upper = upper[..., :4] + upper[..., 4:] @ node
-        lower = lower[..., :4] + lower[..., 4:] @ node
-        whole = upper.swapaxes(1, 2) @ whole @ upper + lower.swapaxes(1, 2) @ below @ lower
-        whole, length = (whole + whole.swapaxes(1, 2)) / 2, length + own
-        motions.append((np.moveaxis(upper, 0, -1), np.moveaxis(lower, 0, -1)))
-    return np.moveaxis(whole, 0, -1), motions, negative
+            negative = negative + (np.linalg.eigvalsh(both[..., 4:, 4:]) < 0).sum((0, -1))
+        upper, lower = (form[..., :4] + form[..., 4:] @ node for form in (upper, lower))
+        pairs = upper.swapaxes(-1, -2) @ above @ upper + lower.swapaxes(-1, -2) @ below @ lower
+        whole = np.concatenate([(pairs + pairs.swapaxes(-1, -2)) / 2, whole[paired:]])
+        lengths = np.concatenate([lengths[0:paired:2] + lengths[1:paired:2], lengths[paired:]])
+        motions.append((upper, lower))
+    return np.moveaxis(whole[0], 0, -1), motions, negative
 
 
 def _node_forms(
-    above: Inexact[np.ndarray, " frequency"] | float,
-    below: Inexact[np.ndarray, " frequency"] | float,
-    count: int,
-) -> tuple[Inexact[np.ndarray, "frequency 4 6"], Inexact[np.ndarray, "frequency 4 6"]]:
-    """P_A and P_B of two beams of given lengths (m)."""
-    upper = np.zeros((count, 4, 6), dtype=np.result_type(above, below, float))
+    above: Inexact[np.ndarray, "pair *#frequency"],
+    below: Inexact[np.ndarray, "pair *#frequency"],
+) -> tuple[
+    Inexact[np.ndarray, "pair *#frequency 4 6"],
+    Inexact[np.ndarray, "pair *#frequency 4 6"],
+]:
+    """P_A and P_B of pairs of beams of given lengths (m)."""
+    upper = np.zeros((*above.shape, 4, 6), dtype=above.dtype)
     lower = np.zeros_like(upper)
     for form, other, slope in ((upper, -below, 1 / above), (lower, above, -1 / below)):
-        form[:, 0, [0, 4]], form[:, 0, 1] = [1, 0.5], other / 2
-        form[:, 1, 1], form[:, 1, 4] = 1, slope
-        form[:, 2, 4] = form[:, 3, 4] = -slope
-    upper[:, 2, 2] = upper[:, 3, 5] = 1
-    lower[:, 2, 5] = lower[:, 3, 3] = 1
+        form[..., 0, [0, 4]], form[..., 0, 1] = [1, 0.5], other / 2
+        form[..., 1, 1], form[..., 1, 4] = 1, slope
+        form[..., 2, 4] = form[..., 3, 4] = -slope
+    upper[..., 2, 2] = upper[..., 3, 5] = 1
+    lower[..., 2, 5] = lower[..., 3, 3] = 1
     return upper, lower
 
 
 def join_rods(
-    parts: list[Inexact[np.ndarray, "2 2 frequency"]],
+    parts: Inexact[np.ndarray, "2 section frequency"],
 ) -> tuple[
     Inexact[np.ndarray, "2 2 frequency"],
-    list[tuple[Inexact[np.ndarray, "2 2 frequency"], ...]],
+    list[tuple[Inexact[np.ndarray, "pair frequency 2 2"], ...]],
     Int[np.ndarray, " frequency"],
 ]:
     """Join sections of a rod.
@@ -148,7 +151,7 @@ def join_rods(
     Parameters
     ----------
     parts
-        Stiffness of each section on the even and odd motion of its ends, diagonal.
+        Stiffness of each section on the even and on the odd motion of its ends.
 
     Returns
     -------
@@ -157,52 +160,48 @@ def join_rods(
     motions, negative
         As for `join`, on the even and odd motion.
     """
-    even, odd = parts[0][0, 0], parts[0][1, 1]
-    spring, upper, lower = (odd - even) / 4, even / 2, even / 2
-    motions, negative = [], np.zeros(np.shape(even), dtype=int)
-    form = ENDS[1]
-    back = np.linalg.inv(form)
-    eps = np.finfo(float).eps
-    for part in parts[1:]:
-        below, end = (part[1, 1] - part[0, 0]) / 4, part[0, 0] / 2
-        own, ground = spring + below + lower + end, lower + end
-        size = np.abs(spring) + np.abs(below) + np.abs(lower) + np.abs(end)
-        own = np.where(own == 0, eps * size, own)  # just beside a resonance of the node
-        node, one = np.stack([spring / own, below / own]), np.ones_like(own)
-        ends = [[one, 0 * one], node], [node, [0 * one, one]]
-        motions.append(
-            tuple(np.einsum("ij,jkf,kl->ilf", back, np.array(end), form) for end in ends)
-        )
+    even, odd = parts
+    springs, motions = np.array([(odd - even) / 4, even / 2, even / 2]), []  # c, r_1, r_2
+    negative, form = np.zeros(even.shape[-1], dtype=int), ENDS[1]
+    while springs.shape[1] > 1:
+        paired = springs.shape[1] // 2 * 2
+        (c_a, r_a1, r_a2), (c_b, r_b1, r_b2) = (springs[:, n:paired:2] for n in (0, 1))
+        terms = np.array([c_a, c_b, r_a2, r_b1])
+        own = terms.sum(0)
+        # just beside a resonance of the node
+        own = np.where(own == 0, np.finfo(float).eps * np.abs(terms).sum(0), own)
         if not np.iscomplexobj(own):
-            negative = negative + (own < 0)
-        upper, lower, spring = (
-            upper + spring * ground / own,
-            end + below * ground / own,
-            spring * below / own,
+            negative = negative + (own < 0).sum(0)
+        node, ground = np.stack([c_a / own, c_b / own], axis=-1), (r_a2 + r_b1) / own
+        pairs = np.array([c_a * node[..., 1], r_a1 + c_a * ground, r_b2 + c_b * ground])
+        springs = np.concatenate([pairs, springs[:, paired:]], axis=1)
+        still = np.broadcast_to(np.eye(2), (*own.shape, 2, 2))
+        ends = (
+            np.stack([still[..., 0, :], node], axis=-2),
+            np.stack([node, still[..., 1, :]], axis=-2),
         )
-    return (
-        np.array([[upper + lower, lower - upper], [lower - upper, upper + lower + 4 * spring]]),
-        motions,
-        negative,
-    )
+        motions.append(tuple(np.linalg.inv(form) @ end @ form for end in ends))
+    c, upper, lower = springs[:, 0]
+    whole = np.array([[upper + lower, lower - upper], [lower - upper, upper + lower + 4 * c]])
+    return whole, motions, negative
 
 
 def _node_motion(
-    both: Inexact[np.ndarray, "frequency 6 6"],
-) -> Inexact[np.ndarray, "frequency 2 4"]:
+    both: Inexact[np.ndarray, "pair frequency 6 6"],
+) -> Inexact[np.ndarray, "pair frequency 2 4"]:
     """Motion (eta, zeta) of a node without force, from the stiffness on (q, eta, zeta)."""
-    own, coupling = both[:, 4:, 4:], both[:, 4:, :4]
+    own, coupling = both[..., 4:, 4:], both[..., 4:, :4]
     try:
         return -np.linalg.solve(own, coupling)
     except np.linalg.LinAlgError:  # at a resonance: solve just beside it
-        beside = (np.linalg.det(own) == 0) * np.finfo(float).eps * np.abs(both).max((1, 2))
-        return -np.linalg.solve(own + beside[:, None, None] * np.eye(2), coupling)
+        beside = (np.linalg.det(own) == 0) * np.finfo(float).eps * np.abs(both).max((-1, -2))
+        return -np.linalg.solve(own + beside[..., None, None] * np.eye(2), coupling)
 
 
 def section_motions(
-    motions: list[tuple[Inexact[np.ndarray, "end end frequency"], ...]],
+    motions: list[tuple[Inexact[np.ndarray, "pair frequency end end"], ...]],
     motion: Inexact[np.ndarray, "end motion frequency"],
-) -> list[Inexact[np.ndarray, "end motion frequency"]]:
+) -> Inexact[np.ndarray, "section end motion frequency"]:
     """Motion of every section, from that of the whole, in the coordinates that joined them.
 
     Parameters
@@ -212,8 +211,9 @@ def section_motions(
     motion
         Of r motions of the whole.
     """
-    result = []
-    for above, below in reversed(motions):
-        result.append(np.einsum("ijf,jrf->irf", below, motion))
-        motion = np.einsum("ijf,jrf->irf", above, motion)
-    return [motion, *reversed(result)]
+    parts = np.moveaxis(motion, -1, 0)[None]
+    for upper, lower in reversed(motions):
+        joined = parts[: len(upper)]
+        both = np.stack([upper @ joined, lower @ joined], axis=1)
+        parts = np.concatenate([both.reshape(-1, *both.shape[2:]), parts[len(upper) :]])
+    return np.moveaxis(parts, 1, -1)

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.elements.element import Derivatives, Element
 from suspension_cli.elements.geometric_stiffness import rotation_hessian
 from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene.pose import Layout, Pose
@@ -99,7 +100,20 @@ def strain_jacobian(
     return result
 
 
-def add_curvature(
+def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
+    """Add the derivatives of the energy of all springs."""
+    if not scene.springs.label:
+        return
+    now, hessian = state(scene, pose), derivatives.hessian[..., :-1, :-1]
+    for number in range(len(scene.springs.label)):
+        jacobian = strain_jacobian(scene, numbering, pose, now, number)
+        transposed = np.swapaxes(jacobian, -1, -2)
+        derivatives.gradient[...] += (transposed @ now.pull[..., number, :, None])[..., 0]
+        hessian += transposed @ scene.springs.stiffness[..., number, :, :] @ jacobian
+        _add_curvature(scene, pose, now, number, hessian)
+
+
+def _add_curvature(
     scene: Scene,
     pose: Pose,
     now: State,
@@ -149,3 +163,42 @@ def _outer(
 def _trace(matrix: Inexact[np.ndarray, "*batch 3 3"]) -> Inexact[np.ndarray, "*batch 3 3"]:
     """Trace times the unit matrix."""
     return np.trace(matrix, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
+
+
+def stiffness_matrix(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+    """Tangent stiffness (..., N, N) of all springs, N/m, N and N m."""
+    derivatives = Derivatives.zeros(scene, numbering)
+    add_derivatives(scene, numbering, pose, derivatives)
+    return derivatives.sums()[1]
+
+
+def damping_matrix(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
+    """Viscous damping (..., N, N) of all springs."""
+    return _sum_forms(scene, numbering, pose, scene.springs.damping)
+
+
+def loss_matrix(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
+    """Imaginary part (..., N, N) of the stiffness of all springs."""
+    springs = scene.springs
+    return _sum_forms(scene, numbering, pose, springs.stiffness * springs.loss[:, None, None])
+
+
+def _sum_forms(
+    scene: Scene, numbering: Layout, pose: Pose, form: Inexact[np.ndarray, "... spring 6 6"]
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
+    """Sum (..., N, N) of forms in the strains of the springs."""
+    now, result = state(scene, pose), 0.0
+    for number in range(len(scene.springs.label)):
+        if form[..., number, :, :].any():
+            jacobian = strain_jacobian(scene, numbering, pose, now, number)
+            result = result + np.swapaxes(jacobian, -1, -2) @ form[..., number, :, :] @ jacobian
+    return result
+
+
+ELEMENT = Element(energy, add_derivatives, damping=damping_matrix, loss=loss_matrix)

@@ -9,16 +9,17 @@ et al. (2000), section 4b.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.elements.element import Derivatives, Element
 from suspension_cli.scene.pose import Layout, Pose, point_jacobian
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Scene, no_struts
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
+    from jaxtyping import Inexact, Int
 
 
 @dataclass(frozen=True)
@@ -47,15 +48,17 @@ class State:
     tension: Inexact[np.ndarray, "*batch wire"]
 
 
-def tip_deflection(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch wire 3"]:
-    """Deflection (..., w, 3) of the blade at each wire's upper end, m; 0 for a wire without one."""
+def tip_deflection(
+    blade: Int[np.ndarray, " point"], pose: Pose
+) -> Inexact[np.ndarray, "*batch point 3"]:
+    """Deflection (..., k, 3) of the blade at each point, m; 0 for -1, a point without one."""
     none = np.zeros_like(pose.deflection, shape=(*pose.deflection.shape[:-2], 1, 3))
-    return np.concatenate([pose.deflection, none], axis=-2)[..., scene.wires.blade, :]
+    return np.concatenate([pose.deflection, none], axis=-2)[..., blade, :]
 
 
 def state(scene: Scene, pose: Pose) -> State:
     """Geometry and tensions of all wires in a pose."""
-    wires, turn, deflection = scene.wires, pose.turn, tip_deflection(scene, pose)
+    wires, turn, deflection = scene.wires, pose.turn, tip_deflection(scene.wires.blade, pose)
     upper_arm = pose.arms(wires.upper, wires.upper_point + deflection)
     lower_arm = pose.arms(wires.lower, wires.lower_point)
     # change of the span from displacements alone, so that nothing cancels
@@ -73,10 +76,16 @@ def state(scene: Scene, pose: Pose) -> State:
     return State(upper_arm, lower_arm, span / length[..., None], length, elongation, tension)
 
 
+def with_struts(scene: Scene) -> Scene:
+    """A scene whose wires are its struts, which follow the same formulas."""
+    return replace(scene, wires=scene.struts, struts=no_struts(), flex=None, fibres=None)
+
+
 def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
-    """Elastic energy (...) of all wires relative to the nominal pose, J."""
+    """Elastic energy (...) of all wires and struts relative to the nominal pose, J."""
     e = state(scene, pose).elongation
-    return (scene.wires.tension * e + 0.5 * scene.wires.stiffness * e**2).sum(-1)
+    own = (scene.wires.tension * e + 0.5 * scene.wires.stiffness * e**2).sum(-1)
+    return own + energy(with_struts(scene), pose) if scene.struts.label else own
 
 
 def span_jacobian(
@@ -86,3 +95,40 @@ def span_jacobian(
     wires = scene.wires
     lower = point_jacobian(numbering, pose, wires.lower, now.lower_arm)
     return lower - point_jacobian(numbering, pose, wires.upper, now.upper_arm, wires.blade)
+
+
+def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
+    """Add the derivatives of the energy of all wires and struts."""
+    if scene.struts.label:
+        add_derivatives(with_struts(scene), numbering, pose, derivatives)
+    wires = scene.wires
+    if not wires.label:
+        return
+    now = state(scene, pose)
+    jacobian = span_jacobian(scene, numbering, pose, now)
+    pull = now.tension[..., None] * now.direction
+    derivatives.add_forces(wires.lower, pull, now.lower_arm)
+    derivatives.add_forces(wires.upper, -pull, now.upper_arm, wires.blade)
+    over_length = now.tension / now.length
+    flat = jacobian.reshape(*jacobian.shape[:-2], -1)
+    along = (jacobian * now.direction[..., None, :, :]).sum(-1)
+    elastic = along * (wires.stiffness - over_length)[..., None, :]
+    pendulum = flat * np.repeat(over_length, 3, axis=-1)[..., None, :]
+    derivatives.hessian[..., :-1, :-1] += elastic @ np.swapaxes(
+        along, -1, -2
+    ) + pendulum @ np.swapaxes(flat, -1, -2)
+
+
+def loss_matrix(
+    scene: Scene, numbering: Layout, pose: Pose
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"] | float:
+    """Imaginary part (..., N, N) of the stiffness against stretching of wires."""
+    if not scene.wires.loss.any():
+        return 0.0
+    wires, now = scene.wires, state(scene, pose)
+    jacobian = span_jacobian(scene, numbering, pose, now)
+    along = (jacobian * now.direction[..., None, :, :]).sum(-1)
+    return (along * (wires.stiffness * wires.loss)[..., None, :]) @ np.swapaxes(along, -1, -2)
+
+
+ELEMENT = Element(energy, add_derivatives, loss=loss_matrix)

@@ -1,4 +1,4 @@
-r"""Weight of bodies, blade tips, wires and bars, in a uniform field or one with a gradient.
+r"""Weight and inertia of bodies, blade tips, wires and bars, in a field uniform or with a gradient.
 
 At a place r from the suspension point the acceleration is g + G r with a symmetric G, so a point
 mass m has the energy -m (g . r + r . G r / 2).
@@ -15,12 +15,17 @@ body above is larger, that on the body below smaller, by these weights. Sag is n
 is of second order in weight over tension W/T: a static string of tension T(s) has the transverse
 stiffness 1 / integral ds / T(s), below that of a straight wire by the fraction (W/T)^2 / 12.
 
-A bar (a leg of an inverted pendulum, the blades of a filter) follows the formulas of a wire, with
-moments of its own.
+A bar (a leg of an inverted pendulum, the blades of a filter) is rigid and follows the formulas of a
+wire, with moments of its own; spin about its axis is neglected.
 
 In a gradient a body with the inertia tensor J has the additional energy -tr(G R S R^T) / 2, with
 its second moments of mass S = tr(J)/2 - J and its rotation R (Goldstein, Classical Mechanics,
-section 5.8).
+section 5.8). A further rotation by t changes P = R S R^T to exp([t]) P exp(-[t]). With M = -P G and
+F = -G, and as [a] [b] = b a^T - a . b and tr(F [a] P [b]) = -sum of (b x u) . F (a x u) over the
+P = sum of u u^T, the derivatives by t at t = 0 are
+
+    (M_yz - M_zy, M_zx - M_xz, M_xy - M_yx)   and
+    3 (M + M^T) / 2 + tr(P) tr(F) - 2 tr(M) - tr(F) P - tr(P) F.
 """
 
 from __future__ import annotations
@@ -30,21 +35,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.elements import blade, string
-from suspension_cli.elements.geometric_stiffness import add_arms, sum_by
-from suspension_cli.rotations import cross_matrix
+from suspension_cli.elements import string
+from suspension_cli.elements.element import Derivatives, Element
+from suspension_cli.elements.geometric_stiffness import torques
 from suspension_cli.scene.pose import Layout, Pose, nominal_pose, point_jacobian
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact
-
-_TURNS = np.stack([cross_matrix(axis) for axis in np.eye(3)])
-
-
-def acts(scene: Scene) -> bool:
-    """Whether wires have weight, or gravity is a vector or has a gradient."""
-    return scene.field is not None or bool(scene.wires.mass.any())
 
 
 def lift(
@@ -56,204 +54,163 @@ def lift(
     return -(scene.field.vector + place @ scene.field.gradient)
 
 
-def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
-    """Energy (...) of all weights relative to the nominal pose, J."""
-    bodies, blades, start = scene.bodies, scene.blades, scene.bodies.position
-    result = -_potential(scene, bodies.mass, start[..., 1:, :])
-    result = result + _potential(scene, bodies.mass, (start + pose.shift)[..., 1:, :])
-    if blades.label:
-        at = start[..., blades.body, :]
-        here = at + pose.shift[..., blades.body, :] + blade.tip_arms(scene, pose)
-        result = result - _potential(scene, blades.tip_mass, at + blades.tip)
-        result = result + _potential(scene, blades.tip_mass, here)
-    if scene.field is not None and not scene.field.is_uniform:
-        nominal, now = second_moments(scene), second_moments(scene, pose)
-        result = result - np.einsum("ij,...nij->...", scene.field.gradient, now - nominal) / 2
-    for line in _lines(scene):
-        result = result + _line_potential(scene, line, pose)
-        result = result - _line_potential(scene, line, nominal_pose(scene))
-    return result
-
-
-def _potential(scene: Scene, mass: Any, place: Any) -> Any:
-    """Energy (...) of point masses (..., k) at places (..., k, 3), J."""
-    return (mass * ((lift(scene, 0 * place) + lift(scene, place)) / 2 * place).sum(-1)).sum(-1)
+def _slope(scene: Scene) -> Inexact[np.ndarray, "3 3"] | None:
+    """Second derivative -G of the energy per mass, 1/s^2; None in a uniform field."""
+    return None if scene.field is None or scene.field.is_uniform else -scene.field.gradient
 
 
 @dataclass(frozen=True)
-class _Lines:
-    """Massive straight lines between points of two bodies: wires or bars.
+class Masses:
+    """Point masses on bodies or blade tips, or straight lines of mass between two such points.
 
     Attributes
     ----------
     body
-        Bodies (2, k) of both ends.
+        Bodies (k,) of the one or two points.
     point
-        Ends (..., k, 3) of bars in the frames of these bodies; None for wires, whose upper ends may
-        be on blades.
-    mass
-        m_uu, m_ul and m_ll, (..., k, 3).
+        The points (..., k, 3) in the frames of these bodies.
+    blade
+        Blades (k,) whose tips carry the points (-1 for a point without); None for none.
+    moment
+        The mass, or rows (m_uu, m_ul) and (m_ul, m_ll), each (..., k).
     """
 
-    body: Any
-    point: tuple[Any, Any] | None
-    mass: Any
+    body: tuple[Any, ...]
+    point: tuple[Any, ...]
+    blade: tuple[Any, ...]
+    moment: tuple[tuple[Any, ...], ...]
 
-    def arms(self, scene: Scene, pose: Pose) -> tuple[Any, Any]:
-        """Vectors (..., k, 3) from the COMs to both ends."""
-        if self.point is None:
-            now = string.state(scene, pose)
-            return now.upper_arm, now.lower_arm
-        first, second = (pose.arms(self.body[n], self.point[n]) for n in (0, 1))
-        return first, second
+    def arms(self, pose: Pose) -> list[Any]:
+        """Vectors (..., k, 3) from the COM of its body to each point."""
+        return [
+            pose.arms(body, own if blade is None else own + string.tip_deflection(blade, pose))
+            for body, own, blade in zip(self.body, self.point, self.blade, strict=True)
+        ]
 
-    def places(self, scene: Scene, pose: Pose) -> tuple[Any, Any]:
-        """Places (..., k, 3) of both ends from the suspension point, m."""
-        upper, lower = self.arms(scene, pose)
+    def places(self, scene: Scene, pose: Pose) -> list[Any]:
+        """Places (..., k, 3) of the points from the suspension point, m."""
         place = scene.bodies.position + pose.shift
-        return place[..., self.body[0], :] + upper, place[..., self.body[1], :] + lower
+        return [
+            place[..., body, :] + arm for body, arm in zip(self.body, self.arms(pose), strict=True)
+        ]
+
+    def forces(self, scene: Scene, places: list[Any]) -> list[Any]:
+        """Gradients (..., k, 3) of the energy with respect to the points, N."""
+        lifts = [lift(scene, place) for place in places]
+        return [
+            sum(m[..., None] * own for m, own in zip(row, lifts, strict=True))
+            for row in self.moment
+        ]
+
+    def quadratic(self, numbering: Layout, pose: Pose, form: Any) -> Any:
+        """Sum (..., N, N) of m_ij J_i F J_j^T, with the Jacobians J of the points and a form F."""
+        jacobians = [
+            point_jacobian(numbering, pose, *each)
+            for each in zip(self.body, self.arms(pose), self.blade, strict=True)
+        ]
+        result: Any = 0.0
+        for row, jacobian in zip(self.moment, jacobians, strict=True):
+            mixed = sum(m[..., None, :, None] * own for m, own in zip(row, jacobians, strict=True))
+            left, right = (part.reshape(*part.shape[:-2], -1) for part in (mixed @ form, jacobian))
+            result = result + left @ np.swapaxes(right, -1, -2)
+        return result
 
 
-def _lines(scene: Scene) -> list[_Lines]:
-    wires, bars, found = scene.wires, scene.bars, []
+def masses(scene: Scene) -> list[Masses]:
+    """List all masses but those of the bodies."""
+    blades, wires, bars, found = scene.blades, scene.wires, scene.bars, []
+    if blades.tip_mass.any():
+        every = np.arange(len(blades.label))
+        found.append(Masses((blades.body,), (blades.tip,), (every,), ((blades.tip_mass,),)))
     if wires.mass.any():
-        found.append(_Lines((wires.upper, wires.lower), None, wires.mass))
+        ends = (wires.upper_point, wires.lower_point)
+        moments = _moments(wires.mass)
+        found.append(Masses((wires.upper, wires.lower), ends, (wires.blade, None), moments))
     if bars.label:
         ends = (bars.point[..., 0, :], bars.point[..., 1, :])
-        found.append(_Lines((bars.body[:, 0], bars.body[:, 1]), ends, bars.inertia))
+        found.append(Masses(tuple(bars.body.T), ends, (None, None), _moments(bars.inertia)))
     return found
 
 
-def _line_potential(scene: Scene, line: _Lines, pose: Pose) -> Any:
-    """Energy (...) of the weight of wires or bars, J."""
-    upper, lower = line.places(scene, pose)
-    own, mixed, other = np.moveaxis(line.mass, -1, 0)
-    # (1 - s)^2 and s^2 at the ends, s (1 - s) in the product of both: 4 m_ul at the middle
-    middle = _potential(scene, 4 * mixed, (upper + lower) / 2)
-    return middle + _potential(scene, own - mixed, upper) + _potential(scene, other - mixed, lower)
+def _moments(mass: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+    own, mixed, other = np.moveaxis(mass, -1, 0)
+    return (own, mixed), (mixed, other)
+
+
+def _bodies(scene: Scene) -> Masses:
+    mass = scene.bodies.mass
+    every = np.arange(1, mass.shape[-1] + 1)
+    return Masses((every,), (np.zeros((len(every), 3)),), (None,), ((mass,),))
+
+
+def energy(scene: Scene, pose: Pose) -> Inexact[np.ndarray, "*batch"]:
+    """Energy (...) of all weights relative to the nominal pose, J."""
+    result = np.zeros(scene.batch)
+    for group in (_bodies(scene), *masses(scene)):
+        start, now = group.places(scene, nominal_pose(scene)), group.places(scene, pose)
+        # exact for an energy of second order
+        forces = group.forces(scene, [(a + b) / 2 for a, b in zip(start, now, strict=True)])
+        for force, a, b in zip(forces, start, now, strict=True):
+            result = result + (force * (b - a)).sum((-2, -1))
+    slope = _slope(scene)
+    if slope is not None:
+        change = second_moments(scene, pose) - second_moments(scene)
+        result = result + np.einsum("ij,...nij->...", slope, change) / 2
+    return result
 
 
 def second_moments(scene: Scene, pose: Pose | None = None) -> Any:
     """Second moments of mass (..., n, 3, 3) of the bodies in global axes, kg m^2."""
     inertia = scene.bodies.inertia
-    trace = np.trace(inertia, axis1=-2, axis2=-1)[..., None, None]
-    moments = trace / 2 * np.eye(3) - inertia
+    moments = _trace(inertia) / 2 - inertia
     if pose is None:
         return moments
     turn = pose.rotation[..., 1:, :, :]
     return turn @ moments @ np.swapaxes(turn, -1, -2)
 
 
-def add_derivatives(
-    scene: Scene,
-    numbering: Layout,
-    pose: Pose,
-    gradient: Inexact[np.ndarray, "*batch coordinate"],
-    hessian: Inexact[np.ndarray, "*batch 1+coordinate 1+coordinate"],
-    outer: Inexact[np.ndarray, "*batch 1+body 3 3"],
-    on_tips: Inexact[np.ndarray, "*batch blade 3"],
-) -> None:
-    """Add the derivatives of the energy of bodies, wires and bars, in place.
+def _trace(matrix: Any) -> Any:
+    """Trace times the unit matrix."""
+    return np.trace(matrix, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
 
-    `equilibrium.energy` describes the arrays. Those of blade tips are added with their blades.
-    """
-    place, mass = scene.bodies.position + pose.shift, scene.bodies.mass
-    slope = None
-    if scene.field is not None and not scene.field.is_uniform:
-        slope = scene.field.gradient
-    force = mass[..., None] * lift(scene, place[..., 1:, :])
-    for n in range(1, mass.shape[-1] + 1):
-        gradient[..., 6 * n : 6 * n + 3] += force[..., n - 1, :]
+
+def add_derivatives(scene: Scene, numbering: Layout, pose: Pose, derivatives: Derivatives) -> None:
+    """Add the derivatives of the energy of all weights."""
+    mass, slope = scene.bodies.mass, _slope(scene)
+    rows = 6 * np.arange(1, mass.shape[-1] + 1)[:, None] + np.arange(3)
+    place = (scene.bodies.position + pose.shift)[..., 1:, :]
+    derivatives.gradient[..., rows] += mass[..., None] * lift(scene, place)
+    for group in masses(scene):
+        forces = group.forces(scene, group.places(scene, pose))
+        points = zip(group.body, forces, group.arms(pose), group.blade, strict=True)
+        for body, force, arm, blade in points:
+            derivatives.add_forces(body, force, arm, blade)
         if slope is not None:
-            rows = slice(6 * n, 6 * n + 3)
-            hessian[..., rows, rows] -= mass[..., n - 1, None, None] * slope
-    if slope is not None:
-        _add_tides(scene, pose, slope, gradient, hessian)
-    for line in _lines(scene):
-        _add_line(scene, line, numbering, pose, slope, gradient, hessian, outer, on_tips)
+            derivatives.hessian[..., :-1, :-1] += group.quadratic(numbering, pose, slope)
+    if slope is None:
+        return
+    moments, turning = second_moments(scene, pose), rows + 3
+    m = moments @ slope
+    curvature = 3 * (m + np.swapaxes(m, -1, -2)) / 2 - 2 * _trace(m) - np.trace(slope) * moments
+    curvature = curvature + _trace(moments) @ (np.trace(slope) * np.eye(3) - slope)
+    derivatives.gradient[..., turning] -= torques(m)
+    derivatives.hessian[..., turning[:, :, None], turning[:, None, :]] += curvature
+    derivatives.hessian[..., rows[:, :, None], rows[:, None, :]] += mass[..., None, None] * slope
 
 
-def _add_tides(scene: Scene, pose: Pose, slope: Any, gradient: Any, hessian: Any) -> None:
-    """Add the derivatives of the energy -tr(G P) / 2 of extended bodies, P = R S R^T.
-
-    A rotation by the vector t changes P to exp([t]) P exp(-[t]).
-    """
-    moments = second_moments(scene, pose)
-    for n in range(1, moments.shape[-3] + 1):
-        own = moments[..., n - 1, :, :]
-        for a, one in enumerate(_TURNS):
-            gradient[..., 6 * n + 3 + a] -= _contract(slope @ one, own)
-            for b, other in enumerate(_TURNS):
-                twice = (one @ other + other @ one) / 2
-                second = _contract(slope @ twice, own) - np.einsum(
-                    "ij,...jk,ki->...", slope @ one, own, other
-                )
-                hessian[..., 6 * n + 3 + a, 6 * n + 3 + b] -= second
-
-
-def _contract(left: Any, right: Any) -> Any:
-    return np.einsum("ij,...ji->...", left, right)
-
-
-def _add_line(
-    scene: Scene,
-    line: _Lines,
-    numbering: Layout,
-    pose: Pose,
-    slope: Any,
-    gradient: Any,
-    hessian: Any,
-    outer: Any,
-    on_tips: Any,
-) -> None:
-    places, (own, mixed, other) = line.places(scene, pose), np.moveaxis(line.mass, -1, 0)
-    moments, arms = ((own, mixed), (mixed, other)), line.arms(scene, pose)
-    on_blade = scene.wires.blade if line.point is None else None
-    jacobians = (
-        point_jacobian(numbering, pose, line.body[0], arms[0], on_blade),
-        point_jacobian(numbering, pose, line.body[1], arms[1]),
-    )
-    for end, (body, arm) in enumerate(zip(line.body, arms, strict=True)):
-        force: Any = sum(
-            moment[..., None] * lift(scene, at)
-            for moment, at in zip(moments[end], places, strict=True)
-        )
-        gradient += (jacobians[end] * force[..., None, :, :]).sum((-2, -1))
-        add_arms(outer, body, force, arm)
-        if end == 0 and on_blade is not None:
-            on_tips += sum_by(on_blade, force, on_tips.shape[-2])
-    if slope is not None:
-        for end, row in enumerate(moments):
-            for against, moment in enumerate(row):
-                turned = jacobians[against] @ slope * moment[..., None, :, None]
-                hessian[..., :-1, :-1] -= np.einsum("...awi,...bwi->...ab", jacobians[end], turned)
-
-
-def end_jacobians(
-    scene: Scene, numbering: Layout, pose: Pose, now: string.State
-) -> tuple[Any, Any]:
-    """Derivatives (..., N, w, 3) of the places of the upper and the lower ends of wires."""
-    wires = scene.wires
-    return (
-        point_jacobian(numbering, pose, wires.upper, now.upper_arm, wires.blade),
-        point_jacobian(numbering, pose, wires.lower, now.lower_arm),
-    )
-
-
-def wire_inertia(
+def mass_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Mass matrix (..., N, N) of straight wires between their ends."""
-    upper, lower = end_jacobians(scene, numbering, pose, string.state(scene, pose))
-    own, mixed, other = np.moveaxis(scene.wires.mass, -1, 0)
+    """Mass matrix (..., N, N) of the bodies as they are turned, tips of blades, wires and bars."""
+    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
+    rows = 6 * np.arange(1, scene.bodies.mass.shape[-1] + 1)[:, None] + np.arange(3)
+    result[..., rows, rows] = scene.bodies.mass[..., None]
+    turn = pose.rotation[..., 1:, :, :]
+    turned = turn @ scene.bodies.inertia @ np.swapaxes(turn, -1, -2)
+    result[..., rows[:, :, None] + 3, rows[:, None, :] + 3] = turned
+    for group in masses(scene):
+        result = result + group.quadratic(numbering, pose, np.eye(3))
+    return result
 
-    def product(left: Any, moment: Any, right: Any) -> Any:
-        return np.einsum("...awi,...w,...bwi->...ab", left, moment, right)
 
-    cross = product(upper, mixed, lower)
-    return (
-        product(upper, own, upper)
-        + product(lower, other, lower)
-        + cross
-        + np.swapaxes(cross, -1, -2)
-    )
+ELEMENT = Element(energy, add_derivatives, mass=mass_matrix)

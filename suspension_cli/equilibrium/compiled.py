@@ -8,14 +8,14 @@ the equilibrium is stable; once a step is short, the factors of the last one ser
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from suspension_cli.compiled import compiled, factorise, substitute
-from suspension_cli.elements import bending, weight
+from suspension_cli.compiled import compiled, factorise, inlined, substitute
+from suspension_cli.elements import bending
 from suspension_cli.elements.compiled import (
+    BEND,
     BLADE,
     FLEX,
     SPRING,
@@ -26,12 +26,15 @@ from suspension_cli.elements.compiled import (
     add_wires,
     fill_geometry,
 )
-from suspension_cli.elements.compiled_legs import FIRST, add_legs, pack_legs
+from suspension_cli.elements.compiled_vectors import dot, vector
 from suspension_cli.elements.compiled_weight import (
+    MASS,
     MOMENTS,
-    add_weights,
+    add_bodies,
+    add_lines,
     pack_bodies,
     pack_gravity,
+    pack_lines,
 )
 from suspension_cli.elements.compiled_wire import wire_sections
 from suspension_cli.equilibrium.residual_scale import LEAST_ARM, ROUNDINGS
@@ -55,82 +58,111 @@ SOLVED, NOMINAL, FAILED = 0, 1, 2
 """Status of a build: solved; left as it is since its nominal pose balances; nearly singular."""
 
 
-@dataclass(frozen=True)
-class Packed:
-    """Numbers of a batch of scenes, one row of a table per element.
+class Topology(NamedTuple):
+    """Bodies that elements join, and their coordinates.
 
     Attributes
     ----------
-    topology : tuple of int arrays
-        Upper body, lower body, blade and coordinates (w, 15) of wires; body and coordinates (b, 3)
-        of blades; upper and lower body of springs; body that each body hangs from (n + 1,).
-        Then the sections of wires that bend, (w, m, 10), see `compiled_wire`, and the bodies of
-        both ends of bars.
-    gravity : (13,) array
-        See `compiled_weight`.
-    numbers : tuple of (p, k, m) arrays
-        Masses (p, n, 1), wires, blades, springs, the bending of wires, and no bars; where wires
-        have weight or gravity is not along -z, rows of 13 numbers for bodies, of 16 for wires and
-        of 9 for bars, which else weigh with their springs.
+    wires, struts, lines : (k, 3) int arrays
+        Upper and lower body, and blade or -1; of lines, see `compiled_weight`.
+    springs : (s, 2) int array
+        Upper and lower body.
+    place : (w, 15) int array
+        Coordinates of both bodies and of the blade's tip of each wire; N for none.
+    sections : (w, m, 10) array
+        Sections of wires that bend, see `compiled_wire`.
+    blades, tips : (b,) and (b, 3) int arrays
+        Body and coordinates of blades, see `Layout`.
+    parent : (n + 1,) int array
+        Body that each body hangs from.
     """
 
-    topology: tuple[Any, ...]
-    gravity: Any
-    numbers: tuple[Any, ...]
+    wires: Any
+    struts: Any
+    lines: Any
+    springs: Any
+    place: Any
+    sections: Any
+    blades: Any
+    tips: Any
+    parent: Any
 
 
-def pack(scene: Scene, numbering: Layout) -> Packed:
-    """Pack a scene with one batch axis."""
-    wires, blades, springs = scene.wires, scene.blades, scene.springs
+class Numbers(NamedTuple):
+    """Numbers of a batch of scenes, (p, k, m): one row per element; of one build, (k, m)."""
+
+    bodies: Any
+    wires: Any
+    blades: Any
+    springs: Any
+    flex: Any
+    struts: Any
+    lines: Any
+
+
+def pack(scene: Scene, numbering: Layout) -> tuple[Topology, Any, Numbers]:
+    """Pack a scene with one batch axis: topology, gravity (see `compiled_weight`) and numbers."""
+    wires, blades, springs, struts = scene.wires, scene.blades, scene.springs, scene.struts
     bends = scene.flex is not None
+    lines, masses = pack_lines(scene)
     place = np.full((len(wires.label), 15), numbering.size)
     place[:, :6] = 6 * wires.upper[:, None] + np.arange(6)
     place[:, 6:12] = 6 * wires.lower[:, None] + np.arange(6)
     on_blade = wires.blade >= 0
     place[on_blade, 12:] = numbering.blade[wires.blade[on_blade]]
-    topology = (
-        wires.upper,
-        wires.lower,
-        wires.blade,
+    topology = Topology(
+        np.stack([wires.upper, wires.lower, wires.blade], axis=-1),
+        np.stack([struts.upper, struts.lower, struts.blade], axis=-1),
+        lines,
+        np.stack([springs.upper, springs.lower], axis=-1),
         place,
+        wire_sections(scene.fibres.wire if bends and scene.fibres else ()),
         blades.body,
         numbering.blade,
-        springs.upper,
-        springs.lower,
         parents(scene),
-        wire_sections(scene.fibres.wire if bends and scene.fibres else ()),
-        np.ascontiguousarray(scene.bars.body[:, 0]),
-        np.ascontiguousarray(scene.bars.body[:, 1]),
     )
     flex = bending.wire_resistance(scene)
     if flex is not None and flex.bend is None:
         flex = Flex(flex.upper, flex.lower, np.zeros((flex.twist.shape[-1], 2, 3)), flex.twist)
-    batch, heavy = scene.batch, weight.acts(scene)
-    held = _table(batch, springs, SPRING)
-    if scene.struts.label:
-        held = np.concatenate([held, pack_legs(scene)], axis=-1)
-    numbers = (
-        pack_bodies(scene) if heavy else _table(batch, scene.bodies, ("mass",)),
-        _table(batch, wires, (*WIRE, "mass") if heavy else WIRE),
+    batch = scene.batch
+    numbers = Numbers(
+        pack_bodies(scene),
+        _table(batch, wires, WIRE),
         _table(batch, blades, BLADE),
-        held,
+        _table(batch, springs, SPRING),
         np.zeros((*batch, 0, 19)) if flex is None else _table(batch, flex, FLEX),
-        _table(batch, scene.bars, ("point", "inertia")) if heavy else np.zeros((*batch, 0, 9)),
+        _table(batch, struts, WIRE),
+        masses,
     )
-    return Packed(topology, pack_gravity(scene), numbers)
+    return topology, pack_gravity(scene), numbers
+
+
+@inlined
+def _build(numbers: Any, p: int) -> Any:
+    """Numbers of one build of a batch."""
+    return Numbers(
+        numbers.bodies[p],
+        numbers.wires[p],
+        numbers.blades[p],
+        numbers.springs[p],
+        numbers.flex[p],
+        numbers.struts[p],
+        numbers.lines[p],
+    )
 
 
 def _table(batch: tuple[int, ...], part: Any, names: tuple[str, ...]) -> Any:
     """Fields of a part of the scene side by side: (p, k, m)."""
-    axes = inner_axes(type(part))
-    columns = []
-    count = max(getattr(part, name).shape[-axes[name]] for name in names)
-    for name in names:
-        value = getattr(part, name)
-        inner = value.shape[value.ndim - axes[name] + 1 :]
-        whole = np.broadcast_to(value, (*batch, count, *inner))
-        columns.append(whole.reshape(*batch, count, math.prod(inner)))
-    return np.ascontiguousarray(np.concatenate(columns, axis=-1))
+    axes, values = inner_axes(type(part)), [getattr(part, name) for name in names]
+    inner = [axes[name] - 1 for name in names]
+    widths = [math.prod(v.shape[v.ndim - own :]) for v, own in zip(values, inner, strict=True)]
+    count = max(v.shape[v.ndim - own - 1] for v, own in zip(values, inner, strict=True))
+    result, start = np.empty((*batch, count, sum(widths))), 0
+    for value, own, width in zip(values, inner, widths, strict=True):
+        flat = value.reshape(*value.shape[: value.ndim - own], width)
+        result[..., start : start + width] = flat
+        start += width
+    return result
 
 
 @compiled
@@ -150,29 +182,30 @@ def _evaluate(
 
     The forces `on_tips` are overwritten; for `form` see `add_wires`.
     """
-    w_upper, w_lower, w_blade, _, b_body, b_tips, s_upper, s_lower, _, sections = topology[:10]
-    mass, wires, blades, springs, flex = numbers[:5]
-    shift, turn, deflection = pose
     gradient[:], on_tips[:] = 0.0, 0.0
     if curved:
         hessian[:] = 0.0
-    heavy = mass.shape[1] > 1
-    if heavy:
-        add_weights(topology, gravity, numbers, pose, gradient, hessian, on_tips, curved)
-    else:
-        for n in range(len(mass)):
-            gradient[6 * n + 8] = gravity[0] * mass[n, 0]
+    add_bodies(numbers.bodies, gravity, pose[0], pose[1], gradient, hessian, curved)
+    if len(numbers.lines):
+        add_lines(
+            numbers.bodies,
+            topology.lines,
+            numbers.lines,
+            topology.tips,
+            gravity,
+            pose,
+            gradient,
+            hessian,
+            on_tips,
+            curved,
+        )
     add_wires(
-        w_upper,
-        w_lower,
-        w_blade,
-        b_tips,
-        sections,
-        wires,
-        flex,
-        shift,
-        turn,
-        deflection,
+        topology.wires,
+        topology.tips,
+        topology.sections,
+        numbers.wires,
+        numbers.flex,
+        pose,
         tension,
         gradient,
         hessian,
@@ -180,52 +213,69 @@ def _evaluate(
         curved,
         form,
     )
-    pull = 0.0 if heavy else gravity[0]
-    add_blades(b_body, b_tips, pull, blades, turn, deflection, gradient, hessian, on_tips, curved)
-    if len(springs):
-        add_springs(s_upper, s_lower, springs, shift, turn, gradient, hessian, curved)
-    if springs.shape[1] > FIRST:
-        add_legs(s_upper, s_lower, pull, springs, shift, turn, gradient, hessian, curved)
+    if len(numbers.struts):
+        none, thrust = numbers.flex[:0], np.empty(len(numbers.struts))
+        add_wires(
+            topology.struts,
+            topology.tips,
+            topology.sections,
+            numbers.struts,
+            none,
+            pose,
+            thrust,
+            gradient,
+            hessian,
+            on_tips,
+            curved,
+            none,
+        )
+    if len(numbers.springs):
+        add_springs(topology.springs, numbers.springs, pose, gradient, hessian, curved)
+    add_blades(
+        topology.blades,
+        topology.tips,
+        numbers.blades,
+        pose,
+        gradient,
+        hessian,
+        on_tips,
+        curved,
+    )
 
 
 @compiled
 def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
     """Fill the scale of the residual in every coordinate but the support's; largest lever arm."""
-    w_upper, w_lower, w_blade, w_place, b_body, _, _, s_lower, parent = topology[:9]
-    mass, wires, blades, springs = numbers[:4]
-    bodies = len(mass)
+    ends, wires, springs = topology.wires, numbers.wires, numbers.springs
+    bodies, pull = len(numbers.bodies), math.sqrt(dot(vector(gravity, 0, 0), vector(gravity, 0, 0)))
     largest = 1e-3
     load[:], arm[:] = 0.0, LEAST_ARM
     for n in range(bodies):
-        load[n + 1] = gravity[0] * mass[n, 0]
-    total = 0.0
-    for n in range(len(blades)):
-        load[b_body[n]] += gravity[0] * blades[n, 9]
-    if mass.shape[1] > 1:
-        for n in range(len(wires)):
-            own = wires[n, MOMENTS : MOMENTS + 3]
-            load[w_upper[n]] += gravity[0] * (own[0] + own[1])
-            load[w_lower[n]] += gravity[0] * (own[1] + own[2])
+        load[n + 1] = pull * numbers.bodies[n, MASS]
+    for n in range(len(numbers.lines)):
+        own, mixed, other = vector(numbers.lines, n, MOMENTS)
+        load[topology.lines[n, 0]] += pull * (own + mixed)
+        load[topology.lines[n, 1]] += pull * (mixed + other)
     for n in range(bodies, 0, -1):
-        load[parent[n]] += load[n]
-    total = load[0]
+        load[topology.parent[n]] += load[n]
     for n in range(len(wires)):
-        for body, start in ((w_upper[n], 0), (w_lower[n], 3)):
+        for body, start in ((ends[n, 0], 0), (ends[n, 1], 3)):
             for axis in range(3):
                 size = abs(wires[n, start + axis])
                 arm[body], largest = max(arm[body], size), max(largest, size)
     for n in range(len(springs)):
+        body = topology.springs[n, 1]
         for axis in range(3):
             size = abs(springs[n, 3 + axis])
-            arm[s_lower[n]], largest = max(arm[s_lower[n]], size), max(largest, size)
-    scale[:] = total
+            arm[body], largest = max(arm[body], size), max(largest, size)
+    scale[:] = load[0]
     for n in range(bodies):
         scale[6 * n : 6 * n + 3] = load[n + 1]
         scale[6 * n + 3 : 6 * n + 6] = load[n + 1] * arm[n + 1]
     for n in range(len(wires)):
-        if w_blade[n] >= 0:
+        if ends[n, 2] >= 0:
             for axis in range(3):
-                scale[w_place[n, 12 + axis] - 6] = load[w_lower[n]]
+                scale[topology.place[n, 12 + axis] - 6] = load[ends[n, 1]]
     return largest
 
 
@@ -272,17 +322,17 @@ def _largest_size(values: Any) -> float:
 
 
 @compiled
-def _rounding(topology: Any, wires: Any, tension: Any, pose: Any, scale: Any) -> float:
+def _rounding(ends: Any, wires: Any, tension: Any, pose: Any, scale: Any) -> float:
     """Residual that rounding may cause, see `solve`."""
     shift, turn, _ = pose
     result = 0.0
     for n in range(len(wires)):
         motion = 0.0
-        for body, start in ((topology[0][n], 0), (topology[1][n], 3)):
+        for body, start in ((ends[n, 0], 0), (ends[n, 1], 3)):
             reach = _largest_size(wires[n, start : start + 3])
             motion += _largest_size(shift[body]) + _largest_size(turn[body]) * reach
-        force = ROUNDINGS * EPS * (abs(tension[n]) + wires[n, 11] * motion)
-        result = max(result, force / scale[6 * (topology[1][n] - 1)])
+        force = ROUNDINGS * EPS * (abs(tension[n]) + wires[n, STIFFNESS] * motion)
+        result = max(result, force / scale[6 * (ends[n, 1] - 1)])
     return result
 
 
@@ -302,7 +352,7 @@ def newton_batch(
     Parameters
     ----------
     topology, gravity, numbers
-        See `Packed`.
+        See `pack`.
     poses : tuple of arrays
         Shift, turn and deflection with the builds as first axis: start and result.
     targets : (p, N - 6) array
@@ -314,14 +364,14 @@ def newton_batch(
     results : tuple of arrays
         To be filled: tension (p, w), residual, its rounding, steps, least pivot and status (p,).
     """
-    mass, wires, blades, springs, flex, bars = numbers
     shift, turn, deflection = poses
     tension, residuals, roundings, steps, pivots, status = results
     most, balanced, last_step, cap = limits
-    free, bodies = targets.shape[1], mass.shape[1]
+    builds, free = targets.shape
+    bodies = numbers.bodies.shape[1]
     size = free + SUPPORTED
     gradient, hessian = np.empty(size), np.empty((size, size))
-    on_tips = np.empty((blades.shape[1], 3))
+    on_tips = np.empty((numbers.blades.shape[1], 3))
     # one element more for rigid directions of blades
     scale_all = np.empty(free + 1)
     scale = scale_all[:free]
@@ -329,9 +379,9 @@ def newton_batch(
     factor, pivot = np.zeros((free, free)), np.empty(free)
     x, where = np.empty(free), np.empty(free, dtype=np.int64)
     turned, product = np.empty((3, 3)), np.empty((3, 3))
-    tips, none = topology[5], np.empty((0, 0))
-    for p in range(len(mass)):
-        own = (mass[p], wires[p], blades[p], springs[p], flex[p], bars[p])
+    tips, none = topology.tips, np.empty((0, 0))
+    for p in range(builds):
+        own = _build(numbers, p)
         pose, target = (shift[p], turn[p], deflection[p]), targets[p]
         work = (tension[p], gradient, hessian, on_tips)
         largest = _scales(topology, gravity, own, scale_all, load, arm)
@@ -381,7 +431,9 @@ def newton_batch(
             slow = not fresh and residual > before / 10
             count += 1
         residuals[p], steps[p], pivots[p] = residual, count, least
-        roundings[p] = _rounding(topology, wires[p], tension[p], pose, scale) if count else 0.0
+        roundings[p] = (
+            _rounding(topology.wires, own.wires, tension[p], pose, scale) if count else 0.0
+        )
 
 
 @compiled
@@ -397,14 +449,13 @@ def _tangents(
     masses: Any,
 ) -> None:
     """Fill the arrays of `tangent`."""
-    mass, wires, blades, springs, flex, bars = numbers
     shift, turn, deflection = poses
-    place, size = topology[3], soft.shape[-1]
+    place, size = topology.place, soft.shape[-1]
     gradient, hessian = np.empty(size), np.empty((size, size))
-    on_tips, tension = np.empty((blades.shape[1], 3)), np.empty(wires.shape[1])
+    on_tips, tension = np.empty((numbers.blades.shape[1], 3)), np.empty(len(place))
     turned, product = np.empty((3, 3)), np.empty((3, 3))
-    for p in range(len(mass)):
-        own = (mass[p], wires[p], blades[p], springs[p], flex[p], bars[p])
+    for p in range(len(soft)):
+        own = _build(numbers, p)
         pose = (shift[p], turn[p], deflection[p])
         form[p], masses[p] = 0.0, 0.0
         _evaluate(topology, gravity, own, pose, tension, gradient, hessian, on_tips, True, form[p])
@@ -416,16 +467,16 @@ def _tangents(
                 row = place[n, i]
                 if row == size:
                     continue
-                stretched = wires[p, n, STIFFNESS] * form[p, n, row]
+                stretched = own.wires[n, STIFFNESS] * form[p, n, row]
                 for j in range(i + 1):
                     if place[n, j] < size:
                         hessian[row, place[n, j]] += stretched * form[p, n, place[n, j]]
         for i in range(size):
             for j in range(i + 1):
                 whole[p, i, j] = whole[p, j, i] = hessian[i, j]
-        for n in range(len(mass[p])):
+        for n in range(len(own.bodies)):
             for i in range(3):
-                masses[p, 6 * n + 6 + i, 6 * n + 6 + i] = mass[p, n, 0]
+                masses[p, 6 * n + 6 + i, 6 * n + 6 + i] = own.bodies[n, MASS]
             _turn_tensor(turn[p, n + 1], inertia[p, n], turned, product)
             for i in range(3):
                 for j in range(3):
@@ -469,7 +520,7 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any,
     inertia = scene.bodies.inertia
     inertia = np.ascontiguousarray(np.broadcast_to(inertia, (count, *inertia.shape[-3:])))
     made = (soft, form, stiffness, mass)
-    _tangents(packed.topology, packed.gravity, packed.numbers, inertia, poses, *made)
+    _tangents(*packed, inertia, poses, *made)
     return made
 
 
@@ -478,16 +529,8 @@ def _geometries(topology: Any, numbers: Any, poses: Any, tension: Any, result: A
     shift, turn, deflection = poses
     for p in range(len(result)):
         pose = (shift[p], turn[p], deflection[p])
-        fill_geometry(
-            topology[0],
-            topology[1],
-            topology[2],
-            numbers[1][p],
-            numbers[4][p],
-            pose,
-            tension[p],
-            result[p],
-        )
+        wires, flex = numbers.wires[p], numbers.flex[p]
+        fill_geometry(topology.wires, wires, flex, pose, tension[p], result[p])
 
 
 def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> tuple[Any, ...]:
@@ -500,11 +543,11 @@ def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> 
     geometry : (p, w, 25) array
         All as `elements.compiled_wire.add_dynamic` takes them.
     """
-    packed = pack(scene, numbering)
+    topology, _, numbers = pack(scene, numbering)
     result = np.empty((*scene.batch, len(scene.wires.label), 25))
     poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
-    _geometries(packed.topology, packed.numbers, poses, np.ascontiguousarray(tension), result)
-    return packed.topology[3], packed.topology[9], result
+    _geometries(topology, numbers, poses, np.ascontiguousarray(tension), result)
+    return topology.place, topology.sections, result
 
 
 def newton(
@@ -549,9 +592,7 @@ def newton(
         "status": np.empty(count, dtype=np.uint8),
     }
     newton_batch(
-        packed.topology,
-        packed.gravity,
-        packed.numbers,
+        *packed,
         poses,
         targets,
         limits,
@@ -559,5 +600,5 @@ def newton(
         tuple(results.values()),
     )
     found = {name: results[name] for name in ("residual", "rounding", "tension", "pivot")}
-    found["flex"] = packed.numbers[4][..., 12:]
+    found["flex"] = packed[2].flex[..., BEND:]
     return Pose(*poses), found, int(results["steps"].max(initial=0)), results["status"]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.elements.weight import masses
 from suspension_cli.equilibrium.tree import parents
 from suspension_cli.scene.pose import Layout
 from suspension_cli.scene.scene import Scene
@@ -47,17 +48,11 @@ def carried_weights(scene: Scene) -> Float[np.ndarray, "*batch body"]:
     bodies, parent = scene.bodies, parents(scene)
     shape = (*scene.batch, len(bodies.name))
     result = np.array(np.broadcast_to(scene.gravity * bodies.mass, shape))
-    for number, body in enumerate(scene.blades.body.tolist()):
-        if body > 0:
-            result[..., body - 1] += scene.gravity * scene.blades.tip_mass[..., number]
-    if scene.wires.mass.any():
-        for wire, (upper, lower) in enumerate(
-            zip(scene.wires.upper, scene.wires.lower, strict=True)
-        ):
-            own, mixed, other = np.moveaxis(scene.gravity * scene.wires.mass[..., wire, :], -1, 0)
-            result[..., lower - 1] += mixed + other
-            if upper > 0:
-                result[..., upper - 1] += own + mixed
+    for group in masses(scene):
+        for body, moments in zip(group.body, group.moment, strict=True):
+            load: Any = scene.gravity * sum(moments)
+            for number in np.flatnonzero(body).tolist():
+                result[..., body[number] - 1] += load[..., number]
     for body in range(len(bodies.name), 0, -1):
         if parent[body] > 0:
             result[..., parent[body] - 1] += result[..., body - 1]

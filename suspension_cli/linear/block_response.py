@@ -27,8 +27,8 @@ from suspension_cli.linear.small_matrices import dense
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
-CONVERGED = 1e-10
-"""Relative correction of a coordinate below which no second correction is needed."""
+CONVERGED = 1e-20
+"""Relative correction of a solution in double-double after which none is needed."""
 ONCE_MORE = 1e-5
 """Relative correction up to which a second one may do; beyond, pivoting and more digits help."""
 CONTRACTED = 1e-14
@@ -99,9 +99,10 @@ def _solve_range(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         factors = block.factor(omega)
         v = block.solve(factors, omega, request.moves, request.forces, drive)
-        correction = factors.solve(drive.equations.residual(omega, loads, v))
+        residual, limit = drive.equations.first_residual(omega, loads, v)
+        correction = factors.solve(residual)
         change = _relative(correction, v)
-        inaccurate, moderate = ~(change < CONVERGED), change < ONCE_MORE
+        inaccurate, moderate = ~(change < limit), change < ONCE_MORE
         again = np.flatnonzero(np.any(inaccurate & moderate, axis=0))
         if len(again):
             high, low = two_sum(v[..., again], correction[..., again])
@@ -228,7 +229,7 @@ def _refine(
             total, rounding = two_sum(high[:, active], correction)
             total, rounding = two_sum(total, low[:, active] + rounding)
             high[:, active], low[:, active] = total, rounding
-            unfinished = improves & ~(relative_change < CONVERGED**2)
+            unfinished = improves & ~(relative_change < CONVERGED)
             active, size = active[unfinished], relative_change[unfinished]
             if not len(active):
                 break

@@ -69,9 +69,19 @@ class DoubleDouble:
 
     def __matmul__(self, other: DoubleDouble) -> DoubleDouble:
         """Matrix product (r, k) of (r, q) and (q, k)."""
+        if other.is_selection:
+            return DoubleDouble(self.high @ other.high, self.low @ other.high)
         if self.high.size * other.high.shape[1] > LARGE:
             return _sliced_product(self, other)
         return (self[:, :, None] * other[None]).total()
+
+    @property
+    def is_selection(self) -> bool:
+        """Whether each column is 0 but for at most one 1, so that products by it are exact."""
+        ones = self.high == 1.0
+        return bool(
+            (ones.sum(0) <= 1).all() and (ones | (self.high == 0.0)).all() and not self.low.any()
+        )
 
     @property
     def value(self) -> Float[np.ndarray, "*shape"]:

@@ -109,6 +109,16 @@ def solve(
         None if up < 0 else matrix[np.ix_(structure.nodes[up], node)]
         for node, up in zip(structure.nodes, structure.parent, strict=True)
     ]
+    return solve_by_body(diagonal, links, rhs, structure)
+
+
+def solve_by_body(
+    diagonal: list[Inexact[np.ndarray, "_ _ system"]],
+    links: list[Any],
+    rhs: Inexact[np.ndarray, "coordinate input system"],
+    structure: Tree,
+) -> Inexact[np.ndarray, "coordinate input system"]:
+    """Solve D x = b (c, k, P) for many symmetric D, given by the parts that `factor` takes."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         factors = factor(diagonal, links, structure)
         result = factors.solve(rhs)
@@ -116,7 +126,9 @@ def solve(
         large = ~(np.abs(correction) <= LARGE * np.abs(result)).all((0, 1))
         result += correction
     if large.any():
-        result[..., large] = dense(matrix[..., large], rhs[..., large])
+        some = [part[..., large] for part in diagonal]
+        across = [None if part is None else part[..., large] for part in links]
+        result[..., large] = dense(assemble(some, across, structure), rhs[..., large])
     return result
 
 

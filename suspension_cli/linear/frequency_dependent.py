@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import FRAME
-from suspension_cli.linear import elimination
+from suspension_cli.linear import elimination, small_matrices
 from suspension_cli.linear.double_double import DoubleDouble
 from suspension_cli.linear.frequency_terms import Evaluated, EvaluatedWires, Term, WireTerm
 from suspension_cli.linear.stretching import distinct
@@ -92,32 +92,62 @@ class FrequencyDependentBlock:
     tree: elimination.Tree
 
     @cached_property
-    def _elements(
-        self,
-    ) -> tuple[
-        Int[np.ndarray, " element"],
-        Int[np.ndarray, " element"],
-        list[Any],
-        Float[np.ndarray, "element weight"],
-    ]:
-        """Elements that are not 0 in all matrices: rows and columns (e,), the functions of each
-        term in them, and the weights (e, 4 + n) of Re K, Im K, C, M and these.
-        """
-        matrices_of = [term.matrices[:, 6:] for term in self.terms]
-        used = [np.flatnonzero(matrices.any((1, 2))) for matrices in matrices_of]
-        stacked = np.concatenate(
-            [
-                np.stack(
-                    [np.real(self.constant), np.imag(self.constant), self.damping, -self.mass]
-                ),
-                *(
-                    matrices[functions]
-                    for matrices, functions in zip(matrices_of, used, strict=True)
-                ),
-            ]
+    def towards_support(self) -> Elements:
+        """Elements (c + t, 6) towards the support."""
+        return self._elements(*np.indices((self.tree.size, 6)).reshape(2, -1))
+
+    @cached_property
+    def whole(self) -> Elements:
+        """All elements (c + t, 6 + c + t)."""
+        return self._elements(*np.indices((self.tree.size, 6 + self.tree.size)).reshape(2, -1))
+
+    @cached_property
+    def by_body(self) -> Elements:
+        """Elements of the matrix of each node, then of those between parents (rows) and nodes."""
+        nodes = self.tree.nodes
+        pairs = [(node, node) for node in nodes]
+        pairs += [
+            (nodes[up], node) for node, up in zip(nodes, self.tree.parent, strict=True) if up >= 0
+        ]
+        row, column = np.concatenate(
+            [np.stack(np.meshgrid(*pair, indexing="ij")).reshape(2, -1) for pair in pairs], axis=1
         )
-        rows, columns = np.nonzero(stacked.any(0))
-        return rows, columns, used, stacked[:, rows, columns].T
+        return self._elements(row, column + 6)
+
+    def _elements(
+        self, row: Int[np.ndarray, " element"], column: Int[np.ndarray, " element"]
+    ) -> Elements:
+        count = len(self.keep)
+        place = np.flatnonzero((row < count) & (column < 6 + count))
+        at = row[place], column[place]
+        weights = [
+            part[at][None]
+            for part in (np.real(self.constant), np.imag(self.constant), self.damping, -self.mass)
+        ]
+        used = []
+        for term in self.terms:
+            matrices = term.matrices[:, 6:]
+            used.append(np.flatnonzero(matrices.any((1, 2))))
+            weights.append(matrices[used[-1]][:, *at])
+        stacked = np.concatenate(weights)
+        nonzero = stacked.any(0)
+        tensions, start = [], count
+        for each in self.tensions:
+            own, other = row - start, column - 6 - start
+            is_row, is_column = ((n >= 0) & (n < len(each.count)) for n in (own, other))
+            diagonal = np.flatnonzero(is_row & (own == other))
+            across = np.flatnonzero(is_row & (column < 6 + count))
+            number, coordinate = own[across], column[across]
+            mirrored = np.flatnonzero(is_column & (row < count))
+            across = np.append(across, mirrored)
+            number = np.append(number, other[mirrored])
+            coordinate = np.append(coordinate, 6 + row[mirrored])
+            some = (each.odd != 0)[number, coordinate] | (each.even != 0)[number, coordinate]
+            tensions.append((diagonal, own[diagonal], across[some], number[some], coordinate[some]))
+            start += len(each.count)
+        return Elements(
+            self, len(row), place[nonzero], tuple(used), stacked[:, nonzero].T, tuple(tensions)
+        )
 
     def at(self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True) -> EvaluatedBlock:
         """Evaluate at frequencies (f,), rad/s; complex steps differentiate by frequency."""
@@ -136,56 +166,73 @@ class FrequencyDependentBlock:
         matrices += [part for each in self.tensions for part in (each.odd, each.even)]
         return any((np.abs(matrix[:, :6]) @ np.abs(moves)).any() for matrix in matrices)
 
-    def whole(
+
+@dataclass(frozen=True)
+class Elements:
+    """Elements of the dynamic stiffness of a block, with the tensions of its wires.
+
+    Attributes
+    ----------
+    block : FrequencyDependentBlock
+    count : int
+        Number of elements.
+    place : (e,) int array
+        Those that are not 0 apart from tensions.
+    used : tuple of int arrays
+        The functions of each term in these.
+    weights : (e, 4 + n) array
+        Weights of Re K, Im K, C, M and the functions in them.
+    tensions : tuple of tuples of int arrays
+        For each kind of wires: places and numbers of tensions on the diagonal; places, numbers and
+        coordinates (with the support's) of elements between tensions and coordinates.
+    """
+
+    block: FrequencyDependentBlock
+    count: int
+    place: Int[np.ndarray, " nonzero"]
+    used: tuple[Int[np.ndarray, " _"], ...]
+    weights: Float[np.ndarray, "nonzero weight"]
+    tensions: tuple[tuple[Int[np.ndarray, " _"], ...], ...]
+
+    def at(
         self, omega: Inexact[np.ndarray, " frequency"], now: list[Evaluated], *, lossy: bool
-    ) -> Inexact[np.ndarray, "all 6+all frequency"]:
-        """Assemble the dynamic stiffness, tensions of wires last: (c + t, 6 + c + t, f)."""
-        rows, columns, stiffness = self._without_tensions(omega, now, lossy=lossy)
-        tension_rows: list[tuple[Any, Any]] = []
-        for each in self.tensions:
+    ) -> Inexact[np.ndarray, "count frequency"]:
+        """Evaluate at frequencies (f,), rad/s."""
+        stiffness = self._without_tensions(omega, now, lossy=lossy)
+        rows = []
+        for each in self.block.tensions:
             evaluated = now[each.number]
             assert isinstance(evaluated, EvaluatedWires)
-            tension_rows.append(each.rows(evaluated))
-        count, extra = len(self.keep), sum(len(diagonal) for _, diagonal in tension_rows)
+            rows.append(each.rows(evaluated))
         result = np.zeros(
-            (count + extra, 6 + count + extra, len(omega)),
-            dtype=np.result_type(stiffness, *(diagonal for _, diagonal in tension_rows)),
+            (self.count, len(omega)),
+            dtype=np.result_type(stiffness, *(diagonal for _, diagonal in rows)),
         )
-        result[rows, columns] = stiffness
-        start = count
-        for across, diagonal in tension_rows:
-            rows = np.arange(start, start + len(diagonal))
-            result[rows, : 6 + count] = across
-            result[:count, 6 + rows] = np.swapaxes(across[:, 6:], 0, 1)
-            result[rows, 6 + rows] = diagonal
-            start += len(diagonal)
+        result[self.place] = stiffness
+        for (on, own, places, numbers, coordinates), (across, diagonal) in zip(
+            self.tensions, rows, strict=True
+        ):
+            result[on] = diagonal[own]
+            result[places] = across[numbers, coordinates]
         return result
 
     def _without_tensions(
         self, omega: Inexact[np.ndarray, " frequency"], now: list[Evaluated], *, lossy: bool
-    ) -> tuple[
-        Int[np.ndarray, " element"],
-        Int[np.ndarray, " element"],
-        Inexact[np.ndarray, "element frequency"],
-    ]:
-        """Elements of the dynamic stiffness without the stretching of wires.
-
-        Returns
-        -------
-        rows, columns : (e,) int arrays
-        elements : (e, f) array
-        """
-        rows, columns, used, weights = self._elements
+    ) -> Inexact[np.ndarray, "nonzero frequency"]:
         constants = [np.ones(len(omega)), np.full(len(omega), 1j), 1j * omega, omega**2]
-        present = np.any(weights[:, :4], axis=0) & np.array([True, lossy, lossy, True])
+        present = np.any(self.weights[:, :4], axis=0) & np.array([True, lossy, lossy, True])
         functions = [
             np.stack([part for part, here in zip(constants, present, strict=True) if here])
             if present.any()
             else np.zeros((0, len(omega))),
-            *(term.functions(which) for term, which in zip(now, used, strict=True) if len(which)),
+            *(
+                term.functions(which)
+                for term, which in zip(now, self.used, strict=True)
+                if len(which)
+            ),
         ]
-        chosen = np.append(present, np.ones(weights.shape[1] - 4, dtype=bool))
-        return rows, columns, _multiply(weights[:, chosen], np.concatenate(functions))
+        chosen = np.append(present, np.ones(self.weights.shape[1] - 4, dtype=bool))
+        return _multiply(self.weights[:, chosen], np.concatenate(functions))
 
 
 @dataclass(frozen=True)
@@ -200,21 +247,34 @@ class EvaluatedBlock:
     @cached_property
     def matrix(self) -> Inexact[np.ndarray, "all 6+all frequency"]:
         """Dynamic stiffness (c + t, 6 + c + t, f); columns: support, block, tensions."""
-        return self.block.whole(self.omega, self.terms, lossy=self.lossy)
+        return self._evaluate(self.block.whole).reshape(self.block.tree.size, -1, len(self.omega))
+
+    def _evaluate(self, elements: Elements) -> Inexact[np.ndarray, "element frequency"]:
+        return elements.at(self.omega, self.terms, lossy=self.lossy)
 
     def solve(
         self, moves: Float[np.ndarray, "6 input"], forces: Float[np.ndarray, "own input"]
     ) -> Inexact[np.ndarray, "own input frequency"]:
         """Solve for coordinates (c, i, f), given support motions (6, i) and forces (c, i)."""
-        count = len(forces)
-        forces = np.concatenate([forces, np.zeros((len(self.matrix) - count, forces.shape[1]))])
+        count, tree = len(forces), self.block.tree
+        forces = np.concatenate([forces, np.zeros((tree.size - count, forces.shape[1]))])
         right = np.broadcast_to(forces[..., None], (*forces.shape, len(self.omega)))
         if moves.any():
-            right = right - np.einsum("csf,si->cif", self.matrix[:, :6], moves)
-        tree = self.block.tree
-        return elimination.solve(self.matrix[:, 6:], right, tree if len(tree.nodes) > 1 else None)[
-            :count
-        ]
+            towards = self._evaluate(self.block.towards_support).reshape(tree.size, 6, -1)
+            right = right - np.einsum("csf,si->cif", towards, moves)
+        if len(tree.nodes) == 1:
+            return small_matrices.dense(self.matrix[:, 6:], right)[:count]
+        elements, start, parts = self._evaluate(self.block.by_body), 0, []
+        size = [len(node) for node in tree.nodes]
+        linked = [n for n, up in enumerate(tree.parent) if up >= 0]
+        shapes = [(n, n) for n in size] + [(size[tree.parent[n]], size[n]) for n in linked]
+        for shape in shapes:
+            start, first = start + shape[0] * shape[1], start
+            parts.append(elements[first:start].reshape(*shape, -1))
+        links: list[Any] = [None] * len(size)
+        for n, part in zip(linked, parts[len(size) :], strict=True):
+            links[n] = part
+        return elimination.solve_by_body(parts[: len(size)], links, right, tree)[:count]
 
 
 def _multiply(

@@ -256,7 +256,7 @@ class LossTerm:
         For example ``upper.blades``.
     temperature : float
         K.
-    matrix : (N, N) array
+    matrix : array
         K in N/m, or C in N s/m.
     angle : callable
         phi (f,) of omega (f,); omega itself for a damper.
@@ -268,7 +268,7 @@ class LossTerm:
 
     cause: str
     temperature: float
-    matrix: Float[np.ndarray, "coordinate coordinate"]
+    matrix: Float[np.ndarray, "*#batch coordinate coordinate"]
     angle: Callable[[Any], Any]
     elastic: bool = True
     storage: Callable[[Any], Any] | None = None

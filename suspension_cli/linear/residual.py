@@ -3,8 +3,9 @@
 The rounding errors of a solution v of D v = b follow from its residual b - D v, a small difference
 of large terms that needs more digits than the solution has (Higham, Accuracy and Stability of
 Numerical Algorithms, 2nd ed., chapter 12). With D = K + i omega C - omega^2 M and b a polynomial in
-omega it is one product of a constant matrix A = (-K, -iC, M, b_0, b_2) and the columns
-y = (v, omega v, omega^2 v, 1, omega^2). Both are cut into slices of few bits on a common scale,
+omega it is one product of a constant matrix A = (-K, b_0, -iC, b_1, M, b_2) and the columns
+y = (v, 1, omega v, omega, omega^2 v, omega^2). Both are cut into slices of few bits on a common
+scale, for example three,
 
     A = A_1 + A_2 + A_3,   y = y_1 + y_2 + y_3,
     A y = A_1 y_1 + (A_1 y_2 + A_2 y_1) + (A_1 y_3 + A_2 (y_2 + y_3) + A_3 y),
@@ -12,7 +13,7 @@ y = (v, omega v, omega^2 v, 1, omega^2). Both are cut into slices of few bits on
 so that all but the last bracket are free of rounding errors, whatever the order of summation, and
 ordinary matrix products compute them (Ozaki, Ogita, Oishi and Rump, Numer. Algorithms 59, 95
 (2012)). The scale of each column of A is the largest element of y at a few neighbouring
-frequencies; where all terms of a row are far below it, the frequency is computed with its own.
+frequencies; where all terms of a row are far below it, the error is relatively larger.
 """
 
 from __future__ import annotations
@@ -28,35 +29,47 @@ from suspension_cli.linear.double_double import DoubleDouble, two_product
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
 
-COARSE, FINE = 3, 4
-"""Number of slices: errors of some 2^-95 and 2^-115 of the largest terms."""
+FIRST, COARSE, FINE = 2, 3, 4
+"""Number of slices: errors of some 2^-75, 2^-95 and 2^-115 of the largest terms."""
+FEW = 12
+"""Coordinates up to which a first solution mostly has so many digits that two slices do."""
 WIDTH = 64
 """Neighbouring frequencies with common scales."""
 SMALL = 2.0**-15
 """Size of the terms of a row, relative to its scale, below which its frequency is computed with
 scales of its own."""
+SMALLEST = -900
+"""Power of 2 below which values count as 0."""
+LIMIT = 1e-10
+"""Relative correction of a first solution above which its square would matter."""
+MARGIN = 58
+"""Bits in all slices but the last with which the errors of the last would never matter."""
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Right-hand sides b, as polynomials in omega.
+    """Equations of motion with right-hand sides b, as products A y.
 
     Attributes
     ----------
-    terms : tuple of (int, DoubleDouble)
-        Power of omega and its coefficients (r, k).
+    high, low : (k, r, n) arrays
+        A for each of k inputs, in double-double.
+    powers : tuple of (int, (m,) int array)
+        Powers of omega in the order of y, and which of (v, 1) each multiplies.
     single : bool
         Whether k is the number of frequencies, each with one input, instead of that of inputs.
     """
 
-    terms: tuple[tuple[int, DoubleDouble], ...]
+    high: Float[np.ndarray, "input row column"]
+    low: Float[np.ndarray, "input row column"]
+    powers: tuple[tuple[int, Int[np.ndarray, " _"]], ...]
     single: bool = False
 
     def some(
         self, which: Int[np.ndarray, " some"] | Bool[np.ndarray, " frequency"] | slice
     ) -> Loads:
         """Select the inputs of single frequencies."""
-        return Loads(tuple((power, value[:, which]) for power, value in self.terms), single=True)
+        return Loads(self.high[which], self.low[which], self.powers, single=True)
 
 
 @dataclass(frozen=True)
@@ -67,16 +80,14 @@ class Equations:
 
     Attributes
     ----------
-    support : tuple of (int, DoubleDouble)
-        Power of omega, and its coefficients (r, 6) towards the support.
-    own : tuple of (int, (n,) int array, DoubleDouble)
-        Power of omega, the coordinates that it multiplies and its coefficients (r, n).
+    terms : tuple of (int, (n,) int array, DoubleDouble, DoubleDouble)
+        Power of omega, the coordinates that it multiplies (all for the power 0), its coefficients
+        (r, n), and those towards the support (r, 6).
     split : bool
         Whether v is complex.
     """
 
-    support: tuple[tuple[int, DoubleDouble], ...]
-    own: tuple[tuple[int, Int[np.ndarray, " _"], DoubleDouble], ...]
+    terms: tuple[tuple[int, Int[np.ndarray, " _"], DoubleDouble, DoubleDouble], ...]
     split: bool
 
     def loads(
@@ -86,21 +97,57 @@ class Equations:
         forces = (
             np.concatenate([np.real(forces), np.imag(forces)]) if self.split else np.real(forces)
         )
-        terms = []
-        for power, coupling in self.support:
-            value = -(coupling @ DoubleDouble.of(moves))
+        high, low, powers = [], [], []
+        for power, columns, own, support in self.terms:
+            load = -(support @ DoubleDouble.of(moves))
             if power == 0:
-                value = DoubleDouble.of(forces) + value
-            if value.high.any() or value.low.any():
-                terms.append((power, value))
-        return Loads(tuple(terms))
+                load = DoubleDouble.of(forces) + load
+            every = [(-own.high, -own.low)] * bool(len(columns))
+            if power == 0 or load.high.any():
+                every.append((load.high.T[..., None], load.low.T[..., None]))
+                columns = np.append(columns, len(forces))
+            for parts in every:
+                for found, part in zip((high, low), parts, strict=True):
+                    found.append(np.broadcast_to(part, (moves.shape[1], *part.shape[-2:])))
+            if every:
+                powers.append((power, columns))
+        return Loads(np.concatenate(high, -1), np.concatenate(low, -1), tuple(powers))
+
+    def first_residual(
+        self,
+        omega: Float[np.ndarray, " frequency"],
+        loads: Loads,
+        values: Inexact[np.ndarray, "coordinate input frequency"],
+    ) -> tuple[
+        Inexact[np.ndarray, "coordinate input frequency"], Float[np.ndarray, "input frequency"]
+    ]:
+        """Compute the residual b - D v of a first solution v; NaN where v is not finite.
+
+        Parameters
+        ----------
+        omega : (f,) array
+            rad/s.
+        loads : Loads
+            Of k inputs.
+        values : (c, k, f) array
+            v in doubles.
+
+        Returns
+        -------
+        residual : (c, k, f) array
+        limit : (k, f) array
+            Relative correction of v up to which the errors of the residual do not matter.
+        """
+        slices = FIRST if len(values) <= FEW else COARSE
+        result, size, bits = self._multiply(omega, loads, values, None, slices, WIDTH)
+        return result, np.minimum(2.0 ** (bits * (slices - 1) - MARGIN) * size, LIMIT)
 
     def residual(
         self,
         omega: Float[np.ndarray, " frequency"],
         loads: Loads,
         high: Inexact[np.ndarray, "coordinate input frequency"],
-        low: Inexact[np.ndarray, "coordinate input frequency"] | None = None,
+        low: Inexact[np.ndarray, "coordinate input frequency"],
         *,
         slices: int = COARSE,
     ) -> Inexact[np.ndarray, "coordinate input frequency"]:
@@ -113,20 +160,18 @@ class Equations:
         loads : Loads
             Of k inputs; if k = 1, also single ones.
         high, low : (c, k, f) arrays
-            v in double-double; without `low`, in doubles.
+            v in double-double.
         slices : {COARSE, FINE}
         """
-        count = len(high)
-        if self.split:
-            high = np.concatenate([np.real(high), np.imag(high)])
-            low = None if low is None else np.concatenate([np.real(low), np.imag(low)])
-        finite = np.isfinite(high).all(0)
-        if not finite.all():
-            high = np.where(finite, high, 0.0)
-            low = None if low is None else np.where(finite, low, 0.0)
-        result = self._multiply(omega, loads, high, low, slices, 1 if loads.single else WIDTH)
-        result[:, ~finite] = np.nan
-        return result[:count] + 1j * result[count:] if self.split else result
+        width = 1 if loads.single else WIDTH
+        result, size, _ = self._multiply(omega, loads, high, low, slices, width)
+        if width > 1:
+            i, f = np.nonzero(size < SMALL)
+            if len(i):
+                result[:, i, f] = self._multiply(
+                    omega[f], loads.some(i), high[:, None, i, f], low[:, None, i, f], slices, 1
+                )[0][:, 0]
+        return result
 
     def _multiply(
         self,
@@ -136,144 +181,147 @@ class Equations:
         low: Inexact[np.ndarray, "coordinate input frequency"] | None,
         slices: int,
         width: int,
-    ) -> Float[np.ndarray, "row input frequency"]:
-        """Compute the residual (r, k, f) with common scales of `width` frequencies."""
-        count = len(omega)
-        omegas, values = _grouped(omega[None, None], width), _grouped(high, width)
-        fastest, largest = _scale(omegas), _scale(values)
-        omegas, values = omegas / fastest[..., None], values * (1 / largest)[..., None]
-        values_low = None if low is None else _grouped(low, width) / largest[..., None]
-        rows, size = len(self.own[0][2].high), sum(len(columns) for _, columns, _ in self.own)
-        shape = (*values.shape[:2], size + len(loads.terms), width)
-        y, y_low = np.empty(shape), np.zeros(shape)
-        groups = len(values) if loads.single else 1
-        matrix, matrix_low = np.empty((2, groups, shape[1], rows, shape[2]))
-        scale = np.empty(shape[:3])
-        start = 0
-        for power, columns, part in self.own:
-            here = slice(start, start := start + len(columns))
-            matrix[..., here], matrix_low[..., here] = -part.high, -part.low
-            scale[..., here] = largest[..., columns] * fastest**power
-            few = values if len(columns) == values.shape[2] else values[:, :, columns]
-            y[:, :, here] = few
-            if values_low is not None:
-                y_low[:, :, here] = values_low[:, :, columns]
-            if power:
-                factor, factor_low = _power(omegas, power)
-                y[:, :, here], error = two_product(few, factor)
-                y_low[:, :, here] *= factor
-                y_low[:, :, here] += error
-                if power == 2:
-                    y_low[:, :, here] += few * factor_low
-        for here, (power, value) in enumerate(loads.terms, start):
-            each = (-1, 1, rows) if loads.single else (1, -1, rows)
-            matrix[..., here] = value.high.T.reshape(each)
-            matrix_low[..., here] = value.low.T.reshape(each)
-            scale[..., here] = fastest[..., 0] ** power
-            y[:, :, here, None], y_low[:, :, here, None] = _power(omegas, power)
-        # without low parts of v those of y are 0 in the first columns
-        used = slice(len(self.own[0][1]) if low is None else 0, None)
-        product, terms = _multiply_in_slices(
-            matrix * scale[..., None, :], matrix_low * scale[..., None, :], y, y_low, used, slices
-        )
-        result = _ungrouped(product, count)
-        if width > 1:
-            small = np.any((terms < SMALL) & (terms > 0), axis=2)
-            if small.any():
-                i, f = _ungrouped(small[:, :, None], count)[0].nonzero()
-                result[:, i, f] = self._multiply(
-                    omega[f],
-                    loads.some(i),
-                    high[:, None, i, f],
-                    None if low is None else low[:, None, i, f],
-                    slices,
-                    1,
-                )[:, 0]
-        return result
+    ) -> tuple[
+        Inexact[np.ndarray, "coordinate input frequency"], Float[np.ndarray, "input frequency"], int
+    ]:
+        """Compute the residual (c, k, f) with common scales of `width` frequencies.
+
+        Also returns the smallest sum (k, f) of the absolute terms of any row, relative to the scale
+        of its error, and the number of bits of a slice.
+        """
+        total, groups, inner = len(omega), -(-len(omega) // width), loads.high.shape[-1]
+        bits = (53 - math.ceil(math.log2((slices - 1) * inner))) // 2
+        finite = np.isfinite(high).all(0)
+        if not finite.all():
+            high = np.where(finite, high, 0.0)
+            low = None if low is None else np.where(finite, low, 0.0)
+        omega = np.concatenate([omega, np.full(groups * width - total, omega[-1])])
+        # from above: the remainders y_S, ..., y - y_1, y, then y_(S-1), ..., y_1
+        rows = np.empty(((2 * slices - 1) * inner, high.shape[1], groups * width))
+        y = rows[(slices - 1) * inner : slices * inner]
+        errors = self._write_columns(y, omega, loads, high, low)
+        sizes = np.abs(y)
+        scale = _power_of_two(sizes.reshape(*y.shape[:-1], groups, width).max(-1))
+        parts, unit = rows.reshape(2 * slices - 1, *y.shape), np.repeat(scale, width, axis=-1)
+        for n in range(1, slices):
+            _cut_to_grid(parts[slices - n], unit, bits * n, parts[-n])
+            np.subtract(parts[slices - n], parts[-n], out=parts[slices - 1 - n])
+        for where, error in errors:
+            parts[: slices - 1, where] += error
+
+        weights, relative = _cut_matrix(loads, scale.transpose(2, 1, 0)[:, :, None], slices, bits)
+        product = np.zeros((groups, high.shape[1], weights.shape[-2], width))
+        for n in range(1, slices):  # free of rounding errors; they cancel, so the largest first
+            product += weights[..., : n * inner] @ _stacked(rows[-n * inner :], width)
+        product += weights @ _stacked(rows[: slices * inner], width)
+        terms = relative @ _stacked(sizes, width)
+        idle = ~np.any(terms, axis=-1)
+        if idle.any():  # rows without terms have no error
+            terms[idle] = 1.0
+        size = terms.min(-2).swapaxes(0, 1).reshape(high.shape[1], -1)[:, :total]
+        result = product.transpose(2, 1, 0, 3).reshape(-1, high.shape[1], len(omega))[..., :total]
+        result[:, ~finite] = np.nan
+        if self.split:
+            result = result[: len(high)] + 1j * result[len(high) :]
+        return result, size, bits
+
+    def _write_columns(
+        self,
+        y: Float[np.ndarray, "row input frequency"],
+        omega: Float[np.ndarray, " frequency"],
+        loads: Loads,
+        high: Inexact[np.ndarray, "coordinate input _"],
+        low: Inexact[np.ndarray, "coordinate input _"] | None,
+    ) -> list[tuple[slice, Float[np.ndarray, "_ input frequency"]]]:
+        """Write y: v and the constant 1, then these times powers of omega.
+
+        Returns
+        -------
+        list of (slice, array)
+            Rows of y, and their low parts.
+        """
+        here, y_low = self._fill(y, high, 1.0), np.zeros(0)
+        errors = []
+        if low is not None:
+            y_low = np.empty((here, *y.shape[1:]))
+            self._fill(y_low, low, 0.0)
+            errors.append((slice(here), y_low))
+        for power, columns in loads.powers[1:]:
+            where = slice(here, here := here + len(columns))
+            which = slice(len(columns)) if columns[-1] == len(columns) - 1 else columns
+            factor, factor_low = _power(omega, power)
+            y[where], error = two_product(y[which], factor)
+            if power == 2:
+                error += y[which] * factor_low
+            if low is not None:
+                error += y_low[which] * factor
+            errors.append((where, error))
+        return errors
+
+    def _fill(
+        self,
+        rows: Float[np.ndarray, "row input _"],
+        values: Inexact[np.ndarray, "coordinate input frequency"],
+        constant: float,
+    ) -> int:
+        """Fill in v and a constant, repeating the last frequency; return the number of rows."""
+        parts = [np.real(values), np.imag(values)] if self.split else [values]
+        total = values.shape[-1]
+        for n, part in enumerate(parts):
+            rows[n * len(part) : (n + 1) * len(part), :, :total] = part
+        count = len(parts) * len(values)
+        rows[:count, :, total:] = rows[:count, :, total - 1 : total]
+        rows[count] = constant
+        return count + 1
 
 
-def _grouped(
-    values: Float[np.ndarray, "row input frequency"], width: int
-) -> Float[np.ndarray, "group input row width"]:
-    """Arrange (n, k, f) as (f / width, k, n, width), the last group filled up with its last."""
-    groups = -(-values.shape[-1] // width)
-    result = np.empty((groups, *values.shape[1::-1], width))
-    whole = values.shape[-1] // width
-    result[:whole] = (
-        values[..., : whole * width].reshape(*values.shape[:2], whole, width).transpose(2, 1, 0, 3)
-    )
-    if whole < groups:
-        rest = values[..., whole * width :].swapaxes(0, 1)
-        result[whole, ..., : rest.shape[-1]] = rest
-        result[whole, ..., rest.shape[-1] :] = rest[..., -1:]
-    return result
-
-
-def _ungrouped(
-    values: Float[np.ndarray, "group input row width"] | Bool[np.ndarray, "group input row width"],
-    count: int,
-) -> Float[np.ndarray, "row input count"] | Bool[np.ndarray, "row input count"]:
-    """Arrange (g, k, n, width) as (n, k, count)."""
-    return values.transpose(2, 1, 0, 3).reshape(*values.shape[2:0:-1], -1)[..., :count]
-
-
-def _multiply_in_slices(
-    left: Float[np.ndarray, "*#batch row inner"],
-    left_low: Float[np.ndarray, "*#batch row inner"],
-    right: Float[np.ndarray, "*#batch inner width"],
-    right_low: Float[np.ndarray, "*#batch inner width"],
-    used: slice,
+def _cut_matrix(
+    loads: Loads,
+    scale: Float[np.ndarray, "group input 1 column"],
     slices: int,
-) -> tuple[Float[np.ndarray, "*batch row width"], Float[np.ndarray, "*batch row width"]]:
-    """Multiply matrices (..., r, n) by columns (..., n, w) of at most 1, both in double-double.
+    bits: int,
+) -> tuple[Float[np.ndarray, "group input row _"], Float[np.ndarray, "group input row column"]]:
+    """Cut A, whose columns multiply numbers of at most `scale`, into slices side by side.
 
-    Parameters
-    ----------
-    used : slice
-        Where the low parts of the columns are not 0.
-
-    Returns
-    -------
-    product : (..., r, w) array
-        In doubles.
-    terms : (..., r, w) array
-        Sum of the absolute terms of each element, relative to the scale of the error.
+    Also returns its absolute elements relative to the scale of the error of each row.
     """
-    bits = (53 - math.ceil(math.log2(slices * right.shape[-2]))) // 2
-    row_scale = _scale(left)[..., None]
-    left, left_low = left / row_scale, left_low / row_scale
-    terms = np.abs(left) @ np.abs(right)
-    last = left[..., used] @ right_low[..., used, :] + left_low @ right
-    lefts, rights = [], []
-    for n in range(1, slices):
-        lefts.append(_first_bits(left, bits * n))
-        left = left - lefts[-1]
-        rights.append((_first_bits(right, bits * n), right))
-        right = right - rights[-1][0]
-    lefts.append(left)
-    rights.append((right, right))
-    product = 0.0
-    for n in range(slices - 1):  # these sums cancel, so the largest come first
-        for m in range(n + 1):
-            product += lefts[m] @ rights[n - m][0]
-    for n in range(slices):
-        last += lefts[n] @ rights[slices - 1 - n][1]
-    product += last
-    product *= row_scale
-    return product, terms
+    high, low = loads.high, loads.low
+    if loads.single:
+        high, low = high[:, None], low[:, None]
+    magnitude, inner = np.abs(high), high.shape[-1]
+    row_scale = _power_of_two((magnitude * scale).max(-1))[..., None]
+    result = np.empty((*row_scale.shape[:-1], slices * inner))
+    unit, remainder = row_scale / scale, high
+    for n in range(slices - 1):
+        begun = result[..., n * inner : (n + 1) * inner]
+        _cut_to_grid(remainder, unit, bits * (n + 1), begun)
+        remainder = remainder - begun
+    np.add(remainder, low, out=result[..., -inner:])
+    return result, magnitude / row_scale
 
 
-def _scale(values: Float[np.ndarray, "*batch last"]) -> Float[np.ndarray, "*shape"]:
-    """Powers of 2 above the absolute values of the last axis; 1 if all are 0."""
-    return np.ldexp(1.0, np.frexp(np.abs(values).max(-1))[1])
+def _stacked(
+    rows: Float[np.ndarray, "row input _"], width: int
+) -> Float[np.ndarray, "group input row _"]:
+    """View rows (n, k, f) as matrices (g, k, n, width) of neighbouring frequencies."""
+    return rows.reshape(*rows.shape[:-1], -1, width).transpose(2, 1, 0, 3)
 
 
-def _first_bits(values: Float[np.ndarray, "*batch"], bits: int) -> Float[np.ndarray, "*batch"]:
-    """Round values of at most 1 to so many bits behind the point."""
-    unit = 1.5 * 2.0 ** (52 - bits)  # its last digit is that of the result
-    result = values + unit
-    result -= unit
-    return result
+def _power_of_two(values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+    """Powers of 2 above values, at least 1e-270; 1 for 0."""
+    return np.ldexp(1.0, np.maximum(np.frexp(values)[1], SMALLEST))
+
+
+def _cut_to_grid(
+    values: Float[np.ndarray, "*#shape"],
+    unit: Float[np.ndarray, "*shape"],
+    bits: int,
+    out: Float[np.ndarray, "*shape"],
+) -> None:
+    """Round values of at most `unit`, a power of 2, to so many bits behind its point."""
+    shift = (1.5 * 2.0 ** (52 - bits)) * unit  # its last digit is that of the result
+    np.add(values, shift, out=out)
+    out -= shift
 
 
 def _power(omega: Float[np.ndarray, "*shape"], power: int) -> tuple[Any, Any]:
@@ -295,18 +343,16 @@ def equations(
 ) -> Equations:
     """Build equations of motion from K, M and C (c, 6 + c) and their low parts."""
     split = any(np.iscomplexobj(part) for part in (*high, *low)) or bool(high[2].any())
-    support, own = [], []
-    for power, number, factor in ((0, 0, 1.0), (2, 1, -1.0), (1, 2, 1j if split else 0.0)):
+    terms = []
+    for power, number, factor in ((0, 0, 1.0), (1, 2, 1j if split else 0.0), (2, 1, -1.0)):
         rows = DoubleDouble(
             *(_real_rows(factor * part[number], split=split) for part in (high, low))
         )
-        used = (rows.high != 0) | (rows.low != 0)
-        if power == 0 or used[:, :6].any():
-            support.append((power, rows[:, :6]))
-        columns = np.flatnonzero(used[:, 6:].any(0))
-        if power == 0 or len(columns):
-            own.append((power, columns, rows[:, 6 + columns]))
-    return Equations(tuple(support), tuple(own), split)
+        used = ((rows.high != 0) | (rows.low != 0)).any(0)
+        if power == 0 or used.any():
+            columns = np.flatnonzero(used[6:] | (power == 0))
+            terms.append((power, columns, rows[:, 6 + columns], rows[:, :6]))
+    return Equations(tuple(terms), split)
 
 
 def _real_rows(

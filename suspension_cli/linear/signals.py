@@ -15,7 +15,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.rotations import cross_matrix
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Inexact
 
 BETWEEN = "~"
 """Between the names of two bodies in a signal: ``test~reaction.force_x``."""
@@ -220,8 +220,8 @@ def _point(where: str, at: str, text: str, option: str) -> tuple[float, float, f
     return (x, y, z)
 
 
-def linear_form(signal: Signal, model: LinearSystem) -> Float[np.ndarray, "*batch coordinate"]:
-    """Compute the linear form (..., N) of a signal in the coordinates of a system.
+def linear_form(signal: Signal, model: LinearSystem) -> Inexact[np.ndarray, "*batch coordinate"]:
+    """Compute the linear form of a signal in the coordinates of a system.
 
     A point p of a body that moves by x and turns by t moves by x + t x p; a force at p acts on the
     coordinates by the same form (virtual work). Between two bodies it is the difference of their
@@ -260,8 +260,8 @@ def linear_form(signal: Signal, model: LinearSystem) -> Float[np.ndarray, "*batc
     return result
 
 
-def _relative_form(signal: Signal, model: LinearSystem) -> Float[np.ndarray, " coordinate"]:
-    """Linear form of a signal between two bodies."""
+def _relative_form(signal: Signal, model: LinearSystem) -> Inexact[np.ndarray, "*batch coordinate"]:
+    """Compute the linear form of a signal between two bodies."""
     own = linear_form(replace(signal, against=""), model)
     rigid = model.rigid
     if rigid is None:

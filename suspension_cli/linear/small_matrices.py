@@ -74,9 +74,10 @@ def dense(
 
 
 def solve_each(
-    matrix: Inexact[np.ndarray, "*batch size size"], right: Inexact[np.ndarray, "*shape"]
-) -> Inexact[np.ndarray, "*shape"]:
-    """Solve stacked systems (..., n, n) for (..., n, i); NaN where they are singular."""
+    matrix: Inexact[np.ndarray, "*batch size size"],
+    right: Inexact[np.ndarray, "*#batch size column"],
+) -> Inexact[np.ndarray, "*batch size column"]:
+    """Solve stacked systems; NaN where they are singular."""
     try:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:

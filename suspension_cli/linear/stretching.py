@@ -108,13 +108,13 @@ class Separated:
         The stiffness if wires kept their lengths, N/m, N and N m; with its losses.
     form : (p, w, N) array
         Elongation of each wire per coordinate.
-    stiffness : (p, w) array
+    stiffness : (p, w) or (w,) array
         Of the wires, with their losses, N/m: the rest of the stiffness is the sum of k a a^T.
     """
 
     soft: Inexact[np.ndarray, "build coordinate coordinate"]
     form: Float[np.ndarray, "build wire coordinate"]
-    stiffness: Inexact[np.ndarray, "build wire"]
+    stiffness: Inexact[np.ndarray, "*#build wire"]
 
 
 def distinct(

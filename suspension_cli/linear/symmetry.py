@@ -176,10 +176,10 @@ def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
 
 @dataclass(frozen=True)
 class _EqualParts:
-    """Pairs (..., b, b) of blades and (..., w, w) of wires that are equal but for position."""
+    """Pairs of blades and of wires that are equal but for position."""
 
-    blades: Bool[np.ndarray, "*batch blade blade"]
-    wires: Bool[np.ndarray, "*batch wire wire"]
+    blades: Bool[np.ndarray, "*#batch blade blade"]
+    wires: Bool[np.ndarray, "*#batch wire wire"]
 
 
 def _equal_parts(scene: Scene) -> _EqualParts:
@@ -335,16 +335,16 @@ def _equal_labels(*labels: Any) -> Bool[np.ndarray, "item item"]:
 
 
 def _equal(
-    values: Float[np.ndarray, "*batch item component"],
-    images: Float[np.ndarray, "*batch item component"],
+    values: Inexact[np.ndarray, "*batch item component"],
+    images: Inexact[np.ndarray, "*batch item component"],
 ) -> Bool[np.ndarray, "*batch item item"]:
     """Pair members (..., n, c) that equal the image of another exactly: (..., n, n)."""
     return (values[..., :, None, :] == images[..., None, :, :]).all(-1)
 
 
 def _close(
-    values: Float[np.ndarray, "*batch item component"],
-    images: Float[np.ndarray, "*batch item component"],
+    values: Inexact[np.ndarray, "*batch item component"],
+    images: Inexact[np.ndarray, "*batch item component"],
 ) -> Bool[np.ndarray, "*batch item item"]:
     """Pair members (..., n, c) that equal the image of another but for rounding: (..., n, n)."""
     scale = np.abs(values).max((-2, -1), initial=0.0)[..., None, None, None]

@@ -25,15 +25,15 @@ class Ground:
 
     Attributes
     ----------
-    stiffness, damping : (..., N, 6) arrays
+    stiffness, damping : array
         K (complex if lossy) and C; 0 in the rows of the support.
     terms : tuple
         These stand for the first terms of the system, with the coordinates of the ground in place
         of the support's.
     """
 
-    stiffness: Any
-    damping: Any
+    stiffness: Inexact[np.ndarray, "*#batch coordinate 6"]
+    damping: Inexact[np.ndarray, "*#batch coordinate 6"]
     terms: tuple[Any, ...] = ()
 
     def widened(self, count: int) -> Ground:
@@ -66,7 +66,8 @@ class LinearSystem:
     massless : (N,) bool array
         Whether each coordinate has no inertia (blade tips without tip mass).
     mass, stiffness, damping : (..., N, N) arrays
-        SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling.
+        SI; exactly symmetric; exactly 0 where a symmetry forbids a coupling. Complex while a design
+        is differentiated by complex steps.
     lossy : (..., N, N) complex array or None
         The stiffness with loss angles, k (1 + i phi); None if nothing is lossy.
     low : (N, N) array or None
@@ -97,14 +98,14 @@ class LinearSystem:
     coordinate: tuple[str, ...]
     basis: Float[np.ndarray, "coordinate coordinate"]
     massless: Bool[np.ndarray, " coordinate"]
-    mass: Float[np.ndarray, "*#batch coordinate coordinate"]
-    stiffness: Float[np.ndarray, "*#batch coordinate coordinate"]
-    damping: Float[np.ndarray, "*#batch coordinate coordinate"]
+    mass: Inexact[np.ndarray, "*#batch coordinate coordinate"]
+    stiffness: Inexact[np.ndarray, "*#batch coordinate coordinate"]
+    damping: Inexact[np.ndarray, "*#batch coordinate coordinate"]
     lossy: Complex[np.ndarray, "*#batch coordinate coordinate"] | None = None
     low: Inexact[np.ndarray, "coordinate coordinate"] | None = None
     stretched: Stretching | None = None
     separated: Separated | None = None
-    orientation: Float[np.ndarray, "*#batch _ 3 3"] | None = None
+    orientation: Inexact[np.ndarray, "*#batch _ 3 3"] | None = None
     residual: float = 0.0
     wire: tuple[str, ...] = ()
     terms: tuple[Term, ...] = ()
@@ -200,7 +201,7 @@ class LinearSystem:
 def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
     """Put the motion of the ground in place of that of the support, which stays at rest."""
 
-    def only(matrix: Any, columns: Any = None) -> Any:
+    def only(matrix: np.ndarray, columns: np.ndarray | None = None) -> np.ndarray:
         kind = matrix.dtype if columns is None else np.result_type(matrix, columns)
         result = matrix.astype(kind)
         result[..., :6, :], result[..., :, :6] = 0.0, 0.0
@@ -209,7 +210,7 @@ def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:
             result[..., :6, :] += np.swapaxes(columns, -1, -2)
         return result
 
-    def without(form: Any) -> Any:
+    def without(form: np.ndarray) -> np.ndarray:
         result = form.copy()
         result[..., :6] = 0.0
         return result

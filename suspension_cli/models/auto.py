@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -137,8 +138,8 @@ def decide(
     build = _Builder(design)
     if not (complete or highest.omits or explain_unsuitable(design, massive=True)):
         # without the frequencies, which the quantity has, no other model need be built
-        still = wire_mass.effect_on_response(design, 0.0).error > MARGIN * tolerance
-        bound = make(build(highest if still else base.model)).mass_bound(design)
+        still = build.wires().effect_on_response(0.0).error > MARGIN * tolerance
+        bound = make(build(highest if still else base.model)).mass_bound(build.wires)
         if bound > MARGIN * tolerance:
             why = f"{MASS} may change the result by up to {percent(bound)}"
             if not np.isfinite(bound):
@@ -151,7 +152,7 @@ def decide(
         if name == MASS and refinements[-1].taken and refinements[-1].indicator > CHANGED:
             left = replace(left, indicator=OTHER * left.indicator)
         if name == MASS and not np.isnan(left.indicator):
-            left = replace(left, indicator=quantity.mass_bound(design) or left.indicator)
+            left = replace(left, indicator=quantity.mass_bound(build.wires) or left.indicator)
         refinements.append(
             _weighed(left, quantity, build, _room(refinements, tolerance))
             if name not in highest.omits
@@ -349,11 +350,12 @@ def _error(refinements: list[Refinement], model: Model) -> float:
 
 
 class _Builder:
-    """Builds the linear system of each model once."""
+    """Builds the linear system of each model once, and estimates the mass of wires once."""
 
     def __init__(self, design: Design) -> None:
         self._design = design
         self._built: dict[str, LinearSystem] = {}
+        self.wires = cache(lambda: wire_mass.massive_wires(design))
 
     def __call__(self, model: Model) -> LinearSystem:
         if model.name not in self._built:

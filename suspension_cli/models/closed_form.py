@@ -217,8 +217,8 @@ def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Inexact[np.n
     return np.block([[(support + support.T) / 2, across.T], [across, own]])
 
 
-def _rigid_motion(offset: tuple[float, float, float]) -> Float[np.ndarray, "12 6"]:
-    """Motion (6, 6) of the body when it moves with the support as one rigid body."""
+def _rigid_motion(offset: tuple[float, float, float]) -> Float[np.ndarray, "6 6"]:
+    """Compute the motion of the body when it moves with the support as one rigid body."""
     result = np.eye(6)
     result[:3, 3:] = -cross_matrix(np.array(offset))
     return result

@@ -230,9 +230,15 @@ class _EndMotion:
         chord = (self.move[1] - self.move[0]) / wires.length[:, None]
         stretched = (chord * self.along).sum(-1) * wires.length
         twisted = ((self.turn[1] - self.turn[0]) * self.along).sum(-1)
-        angle = np.array(
-            [_angles(fibre, float(wires.tension[w])) for w, fibre in enumerate(made)]
-        ).T
+        of_kind: dict[Any, tuple[float, float, float]] = {}  # equal wires have equal angles
+        kinds = [
+            (fibre.sections, fibre.temperature, float(wires.tension[w]))
+            for w, fibre in enumerate(made)
+        ]
+        for kind, fibre in zip(kinds, made, strict=True):
+            if kind not in of_kind:
+                of_kind[kind] = _angles(fibre, kind[-1])
+        angle = np.array([of_kind[kind] for kind in kinds]).T
         torsion, sheared = (
             np.array([_torsion(fibre, float(wires.tension[w])) for w, fibre in enumerate(made)])
             .reshape(-1, 2)

@@ -6,22 +6,22 @@ with and without the refinement.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, GROUND, SUPPORT
-from suspension_cli.design.schema import Design
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.models import wire_mass
 from suspension_cli.models.base import BENDING, MASS
 from suspension_cli.models.estimates import HIGHER, Estimates, repulsion
+from suspension_cli.models.wire_mass import MassiveWires
 from suspension_cli.scene.arrays import Array
 
 SAMPLES = 12
@@ -50,7 +50,7 @@ class QuantityOfInterest(Protocol):
         """Estimate its relative change by bending and by mass of each stage's wires, (s,) each."""
         ...
 
-    def mass_bound(self, design: Design) -> float:
+    def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
         """Upper estimate of its change by wire mass, without modes; 0 where they are needed."""
         ...
 
@@ -77,9 +77,9 @@ class Frequencies:
             MASS: of.mass[of.mass.sum(1).argmax()],
         }
 
-    def mass_bound(self, design: Design) -> float:
+    def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
         """Return 0, as modes differ by far in what mass changes."""
-        del design
+        del wires
         return 0.0
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
@@ -121,9 +121,9 @@ class Transfer:
         bending = (2 * of.bending[touched] + of.loss[touched]).sum(0)
         return {BENDING: bending, MASS: 2 * of.mass[touched].sum(0) + curved}
 
-    def mass_bound(self, design: Design) -> float:
+    def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
         """Upper estimate for any response at these frequencies, without modes."""
-        return wire_mass.effect_on_response(design, float(np.max(self.frequency))).error
+        return wires().effect_on_response(float(np.max(self.frequency))).error
 
     def signals(self) -> list[Signal]:
         """List the signals whose blocks matter."""
@@ -193,9 +193,9 @@ class Several:
             for name in (BENDING, MASS)
         }
 
-    def mass_bound(self, design: Design) -> float:
+    def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
         """Return 0, as these may be modes."""
-        del design
+        del wires
         return 0.0
 
     def _estimate(self, item: Scalar, found: Modes, of: Estimates) -> dict[str, Array]:

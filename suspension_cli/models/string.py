@@ -6,15 +6,16 @@ Every matrix is summed from closed-form contributions of the elements and is exa
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import bar, bending, blade, spring, string, weight
-from suspension_cli.equilibrium.energy import gradient_and_stiffness, spring_stiffness
+from suspension_cli.elements import spring, string
+from suspension_cli.elements.registry import ELEMENTS
+from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
@@ -27,12 +28,13 @@ from suspension_cli.models.base import BENDING, MASS, Model
 from suspension_cli.models.batch_terms import LossBatchTerm, with_ground_terms
 from suspension_cli.models.loss_terms import spring_terms
 from suspension_cli.scene.arrays import inner_axes
-from suspension_cli.scene.pose import Layout, Pose, layout, point_jacobian, rigid_motion
+from suspension_cli.scene.pose import Layout, Pose, layout, rigid_motion
 from suspension_cli.scene.scene import Scene, Springs
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
+    from suspension_cli.elements.element import Matrix
     from suspension_cli.models.batch_terms import BatchTerm
 
 
@@ -87,7 +89,7 @@ def linear_model(
     else:
         stiffness, low, stretched = _stiffness(scene, numbering, balanced, adapted)
     lossy = None
-    if scene.wires.loss.any() or scene.blades.loss.any() or scene.springs.loss.any():
+    if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
         lossy, lossy_low = _loss(scene, numbering, pose, adapted, stretched)
         if separated is not None:
             stretching = scene.wires.stiffness * (1 + 1j * scene.wires.loss)
@@ -95,11 +97,6 @@ def linear_model(
             turned = np.swapaxes(separated.form, -1, -2) * stretching.imag[..., None, :]
             lossy = lossy + turned @ separated.form
         lossy, low = stiffness + 1j * lossy, None if low is None else low + 1j * lossy_low
-    damping = (
-        damping_matrix(scene, numbering, pose)
-        if scene.springs.damping.any()
-        else np.zeros((numbering.size,) * 2)
-    )
     terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
     model = LinearSystem(
         body=scene.bodies.name,
@@ -110,7 +107,7 @@ def linear_model(
             mass_matrix(scene, numbering, pose, wire_inertia=wire_inertia) if mass is None else mass
         ),
         stiffness=stiffness,
-        damping=adapted.apply(damping),
+        damping=adapted.apply(damping_matrix(scene, numbering, pose)),
         lossy=lossy,
         low=low,
         stretched=stretched,
@@ -128,10 +125,10 @@ def linear_model(
 
 @dataclass(frozen=True)
 class GroundCouplings:
-    """Matrices (..., N, N) between the ground, in the support's place, and all coordinates.
+    """Matrices (..., N, N) between the ground and all coordinates.
 
-    The elements of the springs and dampers on the ground in its six rows and columns: they stand in
-    those of the support while these springs count as attached to it.
+    A scene attaches the springs and dampers on the ground to the support. These are their elements
+    in the six rows and columns of the support, which belong to the ground.
     """
 
     stiffness: Any
@@ -154,21 +151,16 @@ def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCoupl
         spectrum=tuple(springs.spectrum[n] for n in which),
     )
     only = replace(scene, springs=own)
-    lossless = replace(
-        only,
-        wires=replace(scene.wires, loss=np.zeros_like(scene.wires.loss)),
-        blades=replace(scene.blades, loss=np.zeros_like(scene.blades.loss)),
-    )
 
-    def between(matrix: Any) -> Any:
-        result = np.array(matrix)
+    def between(part: Matrix) -> Any:
+        result = _sum_over(only, numbering, pose, [part])
         result[..., 6:, 6:] = 0.0
         return result
 
     return GroundCouplings(
-        between(spring_stiffness(only, numbering, pose)),
-        between(damping_matrix(only, numbering, pose)),
-        between(loss_matrix(lossless, numbering, pose)),
+        between(spring.stiffness_matrix),
+        between(spring.damping_matrix),
+        between(spring.loss_matrix),
     )
 
 
@@ -185,7 +177,7 @@ def without_ground(matrix: Any, coupling: Any) -> Any:
 def _on_ground(
     model: LinearSystem, coupling: GroundCouplings, adapted: Symmetry, terms: tuple[Any, ...]
 ) -> LinearSystem:
-    """Tell springs on the ground from those on the support, for which they stand so far."""
+    """Attach the springs on the ground to the ground, no longer to the support beside it."""
     stiffness, damping, loss = (
         adapted.apply(part) for part in (coupling.stiffness, coupling.damping, coupling.loss)
     )
@@ -273,44 +265,17 @@ def _loss(
 def mass_matrix(
     scene: Scene, numbering: Layout, pose: Pose, *, wire_inertia: bool = True
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Mass matrix (..., N, N): bodies as they are turned, tip masses, bars and heavy wires."""
-    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
-    for n in range(1, len(scene.bodies.name) + 1):
-        for axis in range(3):
-            result[..., 6 * n + axis, 6 * n + axis] = scene.bodies.mass[..., n - 1]
-        turn = pose.rotation[..., n, :, :]
-        result[..., 6 * n + 3 : 6 * n + 6, 6 * n + 3 : 6 * n + 6] = (
-            turn @ scene.bodies.inertia[..., n - 1, :, :] @ np.swapaxes(turn, -1, -2)
-        )
-    if scene.blades.tip_mass.any():
-        every = np.arange(len(scene.blades.label))
-        jacobian = point_jacobian(
-            numbering, pose, scene.blades.body, blade.tip_arms(scene, pose), every
-        )
-        flat = jacobian.reshape(*jacobian.shape[:-2], -1)
-        result = result + (
-            flat * np.repeat(scene.blades.tip_mass, 3, axis=-1)[..., None, :]
-        ) @ np.swapaxes(flat, -1, -2)
-    if wire_inertia and scene.wires.mass.any():
-        result = result + weight.wire_inertia(scene, numbering, pose)
-    if scene.bars.label:
-        result = result + bar.mass_matrix(scene, numbering, pose)
-    return (result + np.swapaxes(result, -1, -2)) / 2
+    """Mass matrix (..., N, N), with or without that of wires that have weight."""
+    if not wire_inertia:
+        scene = replace(scene, wires=replace(scene.wires, mass=np.zeros_like(scene.wires.mass)))
+    return _sum_over(scene, numbering, pose, [element.mass for element in ELEMENTS])
 
 
 def damping_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Viscous damping (..., N, N) of the springs."""
-    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
-    now = spring.state(scene, pose)
-    for number in range(len(scene.springs.label)):
-        jacobian = spring.strain_jacobian(scene, numbering, pose, now, number)
-        result = (
-            result
-            + np.swapaxes(jacobian, -1, -2) @ scene.springs.damping[..., number, :, :] @ jacobian
-        )
-    return (result + np.swapaxes(result, -1, -2)) / 2
+    """Viscous damping (..., N, N) of all elements, or (N, N) without any."""
+    return _sum_over(scene, numbering, pose, [element.damping for element in ELEMENTS])
 
 
 def loss_matrix(
@@ -318,49 +283,21 @@ def loss_matrix(
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Imaginary part (..., N, N) of the stiffness: each elastic constant times its loss angle.
 
-    With or without the stretching of wires.
-
-    Tension times geometry is not lossy: only the stretching of wires, their torsion where it is
-    given, the bending of blades and springs are.
+    With or without the stretching of wires. Tension times geometry is not lossy.
     """
-    result = np.zeros((*scene.batch, numbering.size, numbering.size), dtype=scene.kind)
-    if scene.wires.loss.any() and stretching:
-        now = string.state(scene, pose)
-        along = (
-            string.span_jacobian(scene, numbering, pose, now) * now.direction[..., None, :, :]
-        ).sum(-1)
-        result = result + (
-            along * (scene.wires.stiffness * scene.wires.loss)[..., None, :]
-        ) @ np.swapaxes(along, -1, -2)
-    if scene.wires.loss.any():
-        _add_twist_loss(scene, pose, result)
-    if scene.blades.loss.any():
-        rows = numbering.blade[scene.blades.axes]
-        result[..., rows, rows] += (scene.blades.stiffness * scene.blades.loss[:, None])[
-            ..., scene.blades.axes
-        ]
-    now = spring.state(scene, pose)
-    for number in np.flatnonzero(scene.springs.loss).tolist():
-        jacobian = spring.strain_jacobian(scene, numbering, pose, now, number)
-        matrix = scene.springs.stiffness[..., number, :, :] * scene.springs.loss[number]
-        result = result + np.swapaxes(jacobian, -1, -2) @ matrix @ jacobian
+    lossy = [item.loss for item in ELEMENTS if stretching or item is not string.ELEMENT]
+    return _sum_over(scene, numbering, pose, lossy)
+
+
+def _sum_over(
+    scene: Scene, numbering: Layout, pose: Pose, parts: Sequence[Matrix | None]
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+    """Sum the matrices of the elements, exactly symmetric; without batch axes if all are 0."""
+    result = np.zeros((numbering.size, numbering.size), dtype=scene.kind)
+    for part in parts:
+        if part is not None:
+            result = result + part(scene, numbering, pose)
     return (result + np.swapaxes(result, -1, -2)) / 2
-
-
-def _add_twist_loss(
-    scene: Scene, pose: Pose, result: Inexact[np.ndarray, "*batch coordinate coordinate"]
-) -> None:
-    """Add the loss of the torsion of wires."""
-    wires, flex = scene.wires, bending.wire_resistance(scene)
-    if flex is None:
-        return
-    turn = bending.twist_jacobian(scene, pose, flex)
-    lost = (flex.twist * wires.loss)[..., None, None] * turn[..., :, None] * turn[..., None, :]
-    for n in np.flatnonzero(wires.loss).tolist():
-        rows = np.concatenate(
-            [6 * body[n] + np.arange(3, 6) for body in (wires.upper, wires.lower)]
-        )
-        result[..., rows[:, None], rows] += lost[..., n, :, :]
 
 
 class SceneModel(Model):

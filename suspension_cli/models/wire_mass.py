@@ -85,28 +85,59 @@ class MassEffect:
 
 def effect_on_noise(design: Design, highest: float) -> MassEffect:
     """Estimate the largest change of thermal noise by wire mass, up to a frequency in Hz."""
-    return _effect(design, highest, NOISE)
+    return massive_wires(design).effect(highest, NOISE)
 
 
-def effect_on_response(design: Design, highest: float) -> MassEffect:
-    """Estimate the largest change of responses by wire mass, up to a frequency in Hz."""
-    return _effect(design, highest, FORCE)
+@dataclass(frozen=True)
+class MassiveWires:
+    """First violin modes of all wires of a design, and their inertia.
+
+    Attributes
+    ----------
+    label : tuple of str
+    lower : (w,) int array
+        Number of the body that hangs on each.
+    first : (w,) array
+        First violin modes, Hz.
+    inertia : float
+        Relative change of responses by the inertia of all wires, at most.
+    """
+
+    label: tuple[str, ...]
+    lower: Array
+    first: Array
+    inertia: float
+
+    def effect_on_response(self, highest: float) -> MassEffect:
+        """Estimate the largest change of responses by wire mass, up to a frequency in Hz."""
+        return self.effect(highest, FORCE)
+
+    def effect(self, highest: float, slope: float) -> MassEffect:
+        """Estimate the largest change of a result that waves change by `slope` (f/f1)^2."""
+        if not np.isfinite(self.first).any():
+            return MassEffect(0.0, 0.0, highest, np.inf, "")
+        near = np.array(
+            [
+                (highest / max(self.first[self.lower == body].min(), 1e-150)) ** 2
+                for body in sorted(set(self.lower.tolist()))
+            ]
+        )
+        waves = slope * float(near.sum()) if near.max() < VALID**2 else np.inf
+        lowest = int(np.argmin(self.first))
+        return MassEffect(
+            self.inertia, waves, highest, float(self.first[lowest]), self.label[lowest]
+        )
 
 
-def _effect(design: Design, highest: float, slope: float) -> MassEffect:
+def massive_wires(design: Design) -> MassiveWires:
+    """Compute what the effects of wire mass depend on, at any frequency."""
     scene, made = expand(design), fibres.compose(design).wire
-    tension = scene.wires.tension
+    lower, tension = scene.wires.lower, scene.wires.tension
     first = np.array([first_violin_of(one, float(t)) for one, t in zip(made, tension, strict=True)])
-    if not np.isfinite(first).any():
-        return MassEffect(0.0, 0.0, highest, np.inf, "")
-    hung = sorted(set(scene.wires.lower.tolist()))
-    near = np.array(
-        [(highest / max(first[scene.wires.lower == body].min(), 1e-150)) ** 2 for body in hung]
-    )
-    waves = slope * float(near.sum()) if near.max() < VALID**2 else np.inf
-    lowest = int(np.argmin(first))
-    inertia = len(hung) * _largest_load(scene, made)
-    return MassEffect(inertia, waves, highest, float(first[lowest]), made[lowest].label)
+    inertia = 0.0
+    if np.isfinite(first).any():
+        inertia = len(set(lower.tolist())) * _largest_load(scene, made)
+    return MassiveWires(tuple(one.label for one in made), lower, first, inertia)
 
 
 def _largest_load(scene: Scene, made: tuple[Fibre, ...]) -> float:

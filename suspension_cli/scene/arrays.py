@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_KEY = "inner axes"
+_KEY, _FRAME = "inner axes", "frame"
 
 
-def inner(count: int) -> dict[str, int]:
+def inner(count: int, frame: str | None = None) -> dict[str, Any]:
     """Metadata of a dataclass field that may carry batch axes in front of `count` axes of its own.
+
+    For points, `frame` is the field with the numbers of the bodies in whose frames they are.
 
     Examples
     --------
@@ -25,7 +27,7 @@ def inner(count: int) -> dict[str, int]:
     ...     label: tuple[str, ...]  # one for the whole batch
     ...     point: Array = field(metadata=inner(2))  # (..., n, 3)
     """
-    return {_KEY: count}
+    return {_KEY: count, _FRAME: frame}
 
 
 @cache
@@ -36,3 +38,9 @@ def inner_axes(kind: type[Any]) -> dict[str, int]:
     {'point': 2}
     """
     return {item.name: item.metadata[_KEY] for item in fields(kind) if _KEY in item.metadata}
+
+
+@cache
+def frames(kind: type[Any]) -> dict[str, str]:
+    """Field with the numbers of bodies, by the name of the field of points in their frames."""
+    return {item.name: item.metadata[_FRAME] for item in fields(kind) if item.metadata.get(_FRAME)}

@@ -17,7 +17,7 @@ from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.imperfections import perturbed, perturbed_part
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.rotations import rotation_matrix
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, frames
 from suspension_cli.scene.scene import Scene, spring_of_leg
 
 
@@ -144,35 +144,20 @@ def move_com(scene: Scene, number: int, offset: Any) -> Scene:
     offset : (..., 3) array
         m. The inertia is then about the new COM.
     """
-    shift = _numbers(offset)
-    bodies, wires, blades, springs = scene.bodies, scene.wires, scene.blades, scene.springs
+    shift, bodies = _numbers(offset), scene.bodies
     position = _with(bodies.position, number, bodies.position[..., number, :] + shift, 1)
-    return replace(
-        scene,
-        drawn=scene.drawn or scene,
-        bodies=replace(bodies, position=position),
-        wires=replace(
-            wires,
-            upper_point=_less(wires.upper_point, wires.upper == number, shift),
-            lower_point=_less(wires.lower_point, wires.lower == number, shift),
-        ),
-        blades=replace(blades, tip=_less(blades.tip, blades.body == number, shift)),
-        springs=replace(
-            springs,
-            upper_point=_less(springs.upper_point, springs.upper == number, shift),
-            lower_point=_less(springs.lower_point, springs.lower == number, shift),
-        ),
-        struts=replace(
-            scene.struts,
-            upper_point=_less(scene.struts.upper_point, scene.struts.upper == number, shift),
-            lower_point=_less(scene.struts.lower_point, scene.struts.lower == number, shift),
-        ),
-        bars=replace(
-            scene.bars,
-            point=scene.bars.point
-            - np.where((scene.bars.body == number)[..., None], shift[..., None, None, :], 0.0),
-        ),
-    )
+
+    def moved(part: Any) -> Any:
+        points = {}
+        for name, frame in frames(type(part)).items():
+            on = getattr(part, frame) == number
+            step = shift.reshape(*shift.shape[:-1], *(1,) * on.ndim, 3)
+            points[name] = getattr(part, name) - np.where(on[..., None], step, 0.0)
+        return replace(part, **points)
+
+    parts = {name: moved(part) for name, part in scene.parts.items()}
+    parts["bodies"] = replace(bodies, position=position)
+    return replace(scene, drawn=scene.drawn or scene, **parts)
 
 
 def turn_mass(scene: Scene, number: int, rotation: Any) -> Scene:
@@ -302,8 +287,3 @@ def _with(values: Array, number: int, item: Array, inner: int) -> Array:
     )
     result[(..., number, *(slice(None),) * inner)] = item
     return result
-
-
-def _less(points: Array, on: Array, shift: Array) -> Array:
-    """Subtract `shift` (..., 3) from those points (..., n, 3) that are `on` the body."""
-    return points - np.where(on[:, None], shift[..., None, :], 0.0)

@@ -87,14 +87,14 @@ class Wires:
     upper: Int[np.ndarray, " wire"]
     lower: Int[np.ndarray, " wire"]
     blade: Int[np.ndarray, " wire"]
-    upper_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
-    lower_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
+    upper_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2, "upper"))
+    lower_point: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2, "lower"))
     span: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
     length: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     tension: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     stiffness: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
     torsion: Inexact[np.ndarray, "... wire"] = field(metadata=inner(1))
-    loss: Float[np.ndarray, " wire"]
+    loss: Inexact[np.ndarray, " wire"]
     mass: Inexact[np.ndarray, "... wire 3"] = field(metadata=inner(2))
 
 
@@ -124,7 +124,7 @@ class Blades:
     label: tuple[str, ...]
     body: Int[np.ndarray, " blade"]
     axes: Bool[np.ndarray, "blade 3"]
-    tip: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
+    tip: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2, "body"))
     stiffness: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
     load: Inexact[np.ndarray, "... blade 3"] = field(metadata=inner(2))
     tip_mass: Inexact[np.ndarray, "... blade"] = field(metadata=inner(1))
@@ -177,8 +177,8 @@ class Springs:
     label: tuple[str, ...]
     upper: Int[np.ndarray, " spring"]
     lower: Int[np.ndarray, " spring"]
-    upper_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2))
-    lower_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2))
+    upper_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2, "upper"))
+    lower_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(2, "lower"))
     stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
     damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(3))
     preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(2))
@@ -232,7 +232,7 @@ class Bars:
     label: tuple[str, ...] = ()
     body: Int[np.ndarray, "bar 2"] = field(default_factory=lambda: np.zeros((0, 2), np.intp))
     point: Inexact[np.ndarray, "... bar 2 3"] = field(
-        default_factory=lambda: np.zeros((0, 2, 3)), metadata=inner(3)
+        default_factory=lambda: np.zeros((0, 2, 3)), metadata=inner(3, "body")
     )
     inertia: Inexact[np.ndarray, "... bar 3"] = field(
         default_factory=lambda: np.zeros((0, 3)), metadata=inner(2)

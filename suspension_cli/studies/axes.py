@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 @dataclass(frozen=True)
@@ -41,8 +44,8 @@ class Product:
         """Names of the datasets with the values of the axes."""
         return tuple(scale_name(axis.name) for axis in self.axes)
 
-    def values(self, start: int, stop: int) -> dict[str, Any]:
-        """Values (stop - start,) of every parameter at points start to stop - 1."""
+    def values(self, start: int, stop: int) -> dict[str, Float[np.ndarray, " stop-start"]]:
+        """Return the values of every parameter at points start to stop - 1."""
         chosen = np.unravel_index(np.arange(start, stop), self.shape)
         return {
             axis.name: np.array(axis.values)[pick]
@@ -51,7 +54,7 @@ class Product:
 
 
 def ends_and_middle(axes: tuple[Axis, ...], most: int = 3) -> tuple[Axis, ...]:
-    """Axes of the corners and the middles of a grid; of those after `most`, the middle alone.
+    """Reduce axes to the corners and middles of a grid; of those after `most`, the middle alone.
 
     >>> ends_and_middle((Axis("k", (1.0, 2.0, 3.0, 4.0, 5.0)),))
     (Axis(name='k', values=(1.0, 3.0, 5.0)),)
@@ -65,7 +68,7 @@ def ends_and_middle(axes: tuple[Axis, ...], most: int = 3) -> tuple[Axis, ...]:
 
 
 def of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
-    """Faults of the design with one value of an axis, attributed to the option that gave it."""
+    """Attribute faults of the design with one value of an axis to the option that gave it."""
     found = []
     for fault in error.faults:
         if fault.key.startswith("--") and fault.key != "--set":
@@ -87,5 +90,5 @@ def of_option(error: InputError, option: str, axis: Axis, value: float) -> Input
 
 
 def scale_name(axis: str) -> str:
-    """Name of the dataset with the values of an axis."""
+    """Return the name of the dataset with the values of an axis."""
     return f"axis {axis}".replace("/", "_")

@@ -67,6 +67,10 @@ class Column:
     axes: tuple[str, ...] = ()
 
 
+ColumnValues = dict[str, np.ndarray]
+"""Values of points, along the first axis, by the names of columns."""
+
+
 @dataclass(frozen=True)
 class Builds:
     """Balanced builds.
@@ -75,12 +79,12 @@ class Builds:
     ----------
     model : LinearModel
         With the builds as first axis; valid for builds with status `GOOD`.
-    status : (p,) uint8 array
-    wire : (p,) int16 array
+    status : uint8 array
+    wire : int16 array
         The first slack wire, or -1.
-    residual : (p,) array
+    residual : array
         Largest residual force, relative to the weight.
-    mirrors : (p, 2) bool array
+    mirrors : array
         Whether each build is symmetric when x, or y, is mirrored.
     terms : tuple of BatchTerm
         Frequency-dependent parts, where wires bend.
@@ -100,7 +104,7 @@ class Builds:
 
     @property
     def static(self) -> Float[np.ndarray, "build body 6"]:
-        """Static displacement (m) and rotation (rad) of the bodies, (p, n, 6), see `statics`."""
+        """Static displacement (m) and rotation (rad) of the bodies, see `statics`."""
         assert self.scene is not None and self.pose is not None
         return static_displacements(self.scene, self.pose)
 
@@ -165,7 +169,7 @@ def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:
 def _unstable(
     model: LinearSystem, found: Equilibrium, design: Design
 ) -> Bool[np.ndarray, " build"]:
-    """Find builds (p,) with an unstable mode.
+    """Find builds with an unstable mode.
 
     The pivots of the last step to an equilibrium tell most that are stable, unless the support
     structure moves too.
@@ -182,7 +186,7 @@ def _unstable(
 
 
 def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:
-    """Find models (p,) with an unstable mode: K + c M is not positive definite.
+    """Find models with an unstable mode: K + c M is not positive definite.
 
     The small c covers the rounding error of a rigid mode.
     """
@@ -200,12 +204,12 @@ def transfer(
     inputs: list[Signal],
     outputs: list[Signal],
 ) -> Complex[np.ndarray, "build frequency output input"]:
-    """Responses (p, f, o, i) of all builds: NaN where one failed, exactly 0 where symmetry demands.
+    """Responses of all builds: NaN where one failed, exactly 0 where symmetry demands.
 
     Parameters
     ----------
     builds : Builds
-    frequency : (f,) array
+    frequency : array
         Hz.
     inputs, outputs : list of Signal
     """
@@ -258,7 +262,7 @@ def driven_by_ground(builds: Builds) -> Builds:
 def forbidden(
     mirrors: Bool[np.ndarray, "*batch 2"], out: Signal, into: Signal
 ) -> Bool[np.ndarray, "*batch"]:
-    """Builds (p,) in which two signals have opposite parity under a mirror, so no response."""
+    """Builds in which two signals have opposite parity under a mirror, so no response."""
     result = np.zeros(mirrors.shape[:-1], dtype=bool)
     for axis, parity in enumerate((PARITY_X, PARITY_Y)):
         on_plane = out.point[axis] == 0 and into.point[axis] == 0

@@ -8,13 +8,18 @@ from collections.abc import Generator, Iterator
 from typing import Any
 
 from suspension_cli.errors import Fault, InputError, PendsusError, format_value
+from suspension_cli.studies.builds import ColumnValues
+from suspension_cli.studies.sweep_file import Job
+
+Client = Any
+"""A `distributed.Client`, of an optional dependency."""
 
 PATIENCE = 5.0
 """Seconds in which a scheduler must answer and have a worker."""
 
 
 @contextlib.contextmanager
-def connected(scheduler: str) -> Iterator[Any]:
+def connected(scheduler: str) -> Iterator[Client]:
     """Connect to a Dask scheduler that answers and has workers.
 
     Parameters
@@ -76,16 +81,16 @@ def connected(scheduler: str) -> Iterator[Any]:
 
 
 def on_cluster(
-    job: Any, ranges: list[tuple[int, int]], client: Any
-) -> Generator[tuple[tuple[int, int], dict[str, Any]], None, None]:
+    job: Job, ranges: list[tuple[int, int]], client: Client
+) -> Generator[tuple[tuple[int, int], ColumnValues], None, None]:
     """Compute ranges of a job on the workers of a cluster; results come as they are ready.
 
     Parameters
     ----------
-    job : sweep_file.Job
+    job : Job
         Sent to the workers once.
     ranges : list of (start, stop)
-    client : distributed.Client
+    client : Client
 
     Raises
     ------
@@ -112,8 +117,8 @@ def on_cluster(
 
 
 def _computed(
-    job: Any, ranges: list[tuple[int, int]], client: Any
-) -> Iterator[tuple[tuple[int, int], dict[str, Any]]]:
+    job: Job, ranges: list[tuple[int, int]], client: Client
+) -> Iterator[tuple[tuple[int, int], ColumnValues]]:
     from distributed import as_completed  # pyright: ignore[reportMissingImports]
 
     sent = client.scatter(job, broadcast=True, hash=False)
@@ -129,5 +134,5 @@ def _computed(
             running.add(client.submit(_compute, sent, part, pure=False))
 
 
-def _compute(job: Any, part: tuple[int, int]) -> tuple[tuple[int, int], dict[str, Any]]:
+def _compute(job: Job, part: tuple[int, int]) -> tuple[tuple[int, int], ColumnValues]:
     return part, job.compute(*part)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Array
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
 
 LEVEL = 0.95
 """Probability with which an interval contains the value that it is for."""
 
 
 def wilson_interval(count: int, builds: int) -> tuple[float, float]:
-    """Confidence interval of a fraction, from independent builds.
+    """Estimate the confidence interval of a fraction, from independent builds.
 
     The fractions p for which the observed one is within z sqrt(p (1 - p)/n) of p (Wilson, J. Am.
     Stat. Assoc. 22, 209 (1927)).
@@ -41,16 +42,13 @@ def wilson_interval(count: int, builds: int) -> tuple[float, float]:
     return low, 1.0 if count == builds else min(middle + half, 1.0)
 
 
-def replicate_interval(met: Any, replicate: Any) -> tuple[float, float]:
-    """Confidence interval of a fraction, from independent replicates of dependent builds.
+def replicate_interval(
+    met: Bool[np.ndarray, " build"], replicate: Int[np.ndarray, " build"]
+) -> tuple[float, float]:
+    """Estimate the confidence interval of a fraction from independent replicates.
 
     Student's t of the fractions of the replicates; where they are all 0 or all 1, that of
     independent builds, which is wider.
-
-    Parameters
-    ----------
-    met : (b,) bool array
-    replicate : (b,) int array
     """
     from scipy.special import stdtrit
 
@@ -63,12 +61,16 @@ def replicate_interval(met: Any, replicate: Any) -> tuple[float, float]:
     return max(count / builds - half, 0.0), min(count / builds + half, 1.0)
 
 
-def standard_error(values: Array, replicate: Any = None) -> float:
-    """Standard error of the mean of independent values, or of replicates; NaN of less than two."""
+def standard_error(
+    values: Float[np.ndarray, " build"], replicate: Int[np.ndarray, " build"] | None = None
+) -> float:
+    """Estimate the standard error of a mean of independent values or replicates; NaN of one."""
     parts = values if replicate is None else _means(values, replicate)
     return float(parts.std(ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.nan
 
 
-def _means(values: Array, replicate: Any) -> Array:
-    """Mean of the values of each replicate."""
+def _means(
+    values: Float[np.ndarray, " build"], replicate: Int[np.ndarray, " build"]
+) -> Float[np.ndarray, " replicate"]:
+    """Compute the mean of the values of each replicate."""
     return np.array([values[replicate == number].mean() for number in np.unique(replicate)])

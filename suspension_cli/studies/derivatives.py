@@ -40,7 +40,6 @@ from suspension_cli.models import registry
 from suspension_cli.models import string as string_model
 from suspension_cli.models.loss_terms import lossless
 from suspension_cli.models.surroundings import surrounded, with_frame
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.parameters import STEP, stepped
@@ -59,18 +58,17 @@ cannot change alone."""
 
 @dataclass(frozen=True)
 class Linear:
-    """A linear model, or its derivative, in the named coordinates: (N, N) arrays, the support's
-    coordinates included.
+    """A linear model, or its derivative, in the named coordinates, with those of the support.
 
     Attributes
     ----------
-    mass, stiffness, damping, loss : (N, N) arrays
+    mass, stiffness, damping, loss : array
         SI; `loss` is the imaginary part of the stiffness.
-    orientation : (n + 1, 3, 3) array
+    orientation : array
         Of each body, the support first.
     scene : Scene
         The scene of the model, with a complex step where this is a derivative.
-    beside : (3, N, 6) array or None
+    beside : array or None
         Columns of stiffness, damping and loss for the motion of the ground beside the support.
     """
 
@@ -102,7 +100,7 @@ class Linear:
 
     @property
     def matters(self) -> bool:
-        """True if any matrix is not 0."""
+        """Whether any matrix is not 0."""
         return any(
             value.any()
             for value in (self.mass, self.stiffness, self.damping, self.loss, self.orientation)
@@ -119,7 +117,7 @@ class Differentiable:
     scene : Scene
     numbering : Layout
     pose : Pose
-    stiffness : (N, N) array
+    stiffness : array
         Of the suspension alone, without dampers and a compliant support.
     model : LinearModel
         The complete model, without symmetry-adapted coordinates.
@@ -135,7 +133,7 @@ class Differentiable:
     scene: Scene
     numbering: Layout
     pose: Pose
-    stiffness: Array
+    stiffness: Float[np.ndarray, "coordinate coordinate"]
     model: LinearSystem
     linear: Linear
     bends: bool = False
@@ -222,7 +220,7 @@ class Moved:
     design: Design
     scene: Scene
     pose: Pose
-    stiffness: Any
+    stiffness: Inexact[np.ndarray, "coordinate coordinate"]
 
 
 def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
@@ -274,7 +272,7 @@ def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
 
 
 def _enlarged(scene: Scene) -> Scene:
-    """A scene with the derivatives as imaginary parts, for comparisons that allow for rounding."""
+    """Scale complex steps of a scene to derivatives, for comparisons that allow for rounding."""
 
     def grown(part: Any) -> Any:
         steps = {
@@ -288,12 +286,12 @@ def _enlarged(scene: Scene) -> Scene:
 
 
 def _searched(base: Differentiable) -> bool:
-    """True if the pose was solved for, and so depends on the design's numbers."""
+    """Whether the pose was solved for, and so depends on the design's numbers."""
     return base.scene.drawn is not None or solves_pose(base.design)
 
 
 def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
-    """True if a suspension that balances in its nominal pose no longer does after the step."""
+    """Whether a suspension that balances in its nominal pose no longer does after the step."""
     if gives_natural_lengths(design) or scene.field is not None:
         return False
     drawn = scene.drawn or scene  # straight wires: the loads of blades are those without bending
@@ -304,15 +302,23 @@ def _unbalanced(base: Differentiable, scene: Scene, design: Design) -> bool:
     return bool(left > MOVED * float(base.scene.weight))
 
 
-def _solved(matrix: Array, right: Array) -> Array:
-    """K^-1 f in scaled coordinates; the shortest solution where K is singular."""
+def _solved(
+    matrix: Float[np.ndarray, "coordinate coordinate"], right: Float[np.ndarray, " coordinate"]
+) -> Float[np.ndarray, " coordinate"]:
+    """Solve K x = f in scaled coordinates; the shortest solution where K is singular."""
     root = np.sqrt(np.abs(np.diag(matrix)))
     root[root == 0] = 1.0
     return np.linalg.lstsq(matrix / np.outer(root, root), right / root, rcond=1e-13)[0] / root
 
 
-def _linear(design: Design, scene: Scene, numbering: Layout, pose: Pose, stiffness: Any) -> Linear:
-    """All matrices in a pose, real or with complex steps."""
+def _linear(
+    design: Design,
+    scene: Scene,
+    numbering: Layout,
+    pose: Pose,
+    stiffness: Inexact[np.ndarray, "coordinate coordinate"],
+) -> Linear:
+    """Compute all matrices in a pose, real or with complex steps."""
     body = scene.bodies.name
     plain = LinearSystem(
         body=body,

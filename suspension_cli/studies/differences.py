@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,13 +24,15 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.models import registry
 from suspension_cli.scene import stack
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, derivatives, variants
 from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.derivatives import Differentiable, Linear
 from suspension_cli.studies.parameters import Parameter, shifted
 from suspension_cli.studies.systems import further_stiffness
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Int
 
 STEP = 1e-3
 """Step, relative to a number or to the change of it that would change a matrix by its own size:
@@ -47,32 +49,33 @@ class DispersiveLinear(Linear):
 
     Attributes
     ----------
-    dispersive : (f, N, N) complex array
+    dispersive : array
         Frequency-dependent part of the stiffness at each of the requested frequencies.
-    kept : (2,) bool array
+    kept : array
         See `mirrors`.
-    beside_dispersive : (f, N, 6) complex array or None
+    beside_dispersive : array or None
         The same for the motion of the ground beside the support.
     """
 
-    dispersive: Any
-    kept: Any
-    beside_dispersive: Any = None
+    dispersive: Complex[np.ndarray, "frequency coordinate coordinate"]
+    kept: Bool[np.ndarray, " 2"]
+    beside_dispersive: Complex[np.ndarray, "frequency coordinate 6"] | None = None
 
     @cached_property
-    def mirrors(self) -> Any:
-        """Symmetry (2,) under mirroring x and y, clamps and materials of wires included."""
+    def mirrors(self) -> Bool[np.ndarray, " 2"]:
+        """Whether mirroring x and y changes nothing, clamps and materials of wires included."""
         return self.kept
 
     @property
     def matters(self) -> bool:
-        """True if any matrix is not 0."""
+        """Whether any matrix is not 0."""
         return super().matters or bool(self.dispersive.any())
 
     def at(self, number: int) -> DispersiveLinear:
-        """The matrices at one of the frequencies."""
+        """Return the matrices at one of the frequencies."""
         more, beside = self.dispersive[number], self.beside
         if beside is not None:
+            assert self.beside_dispersive is not None
             own = self.beside_dispersive[number]
             beside = beside + np.stack([own.real, 0 * own.real, own.imag])
         return replace(
@@ -86,7 +89,7 @@ class DispersiveLinear(Linear):
 def changes(
     design: Design, numbers: Sequence[Parameter], level: str, omega: Sequence[float] = ()
 ) -> tuple[Differentiable, Mapping[str, Linear | None]]:
-    """The matrices of a design and their derivatives, exact where the model has them.
+    """Differentiate the matrices of a design, exactly where the model can.
 
     Static matrices are differentiated exactly in all models, those at frequencies `omega` only
     where they do not depend on frequency. See `derived`; `level` is the name of a model that
@@ -100,7 +103,7 @@ def changes(
 
 
 def at(linear: Linear, number: int) -> Linear:
-    """Matrices at one of the requested frequencies; those of exact derivatives are constant."""
+    """Return the matrices at a requested frequency; those of exact derivatives are constant."""
     return linear.at(number) if isinstance(linear, DispersiveLinear) else linear
 
 
@@ -110,7 +113,7 @@ def derived(
     level: str = registry.BEAM.name,
     omega: Sequence[float] = (),
 ) -> tuple[Differentiable, dict[str, DispersiveLinear | None]]:
-    """The matrices of a design and their derivatives, by differences.
+    """Differentiate the matrices of a design by differences.
 
     Parameters
     ----------
@@ -168,7 +171,7 @@ def derived(
 
 
 def _scale(linear: Linear, change: Linear, value: float) -> float:
-    """Change of a number that changes a matrix of the string model by about its own size.
+    """Estimate how far a number moves to change a matrix of strings by about its own size.
 
     At most the size of the number.
     """
@@ -190,9 +193,9 @@ def _scale(linear: Linear, change: Linear, value: float) -> float:
 
 
 def _solved(
-    designs: list[Design], omega: Array, scene: Scene, level: str
+    designs: list[Design], omega: Float[np.ndarray, " frequency"], scene: Scene, level: str
 ) -> list[DispersiveLinear | None]:
-    """Matrices of each design in its equilibrium; None where it has none."""
+    """Compute the matrices of each design in its equilibrium; None where it has none."""
     result: list[DispersiveLinear | None] = [None] * len(designs)
     for places, scenes, design in variants.alike(designs, level):
         found = builds.balance(stack.stack_scenes(scenes), design, level=level, allow_unstable=True)
@@ -201,8 +204,10 @@ def _solved(
     return result
 
 
-def _each(found: Builds, omega: Array, scene: Scene) -> list[DispersiveLinear | None]:
-    """Matrices of each build of a batch."""
+def _each(
+    found: Builds, omega: Float[np.ndarray, " frequency"], scene: Scene
+) -> list[DispersiveLinear | None]:
+    """Compute the matrices of each build of a batch."""
     model, count = found.model, len(found.status)
     size = model.size
     each, every = np.tile(omega, count), np.repeat(np.arange(count), len(omega))
@@ -239,8 +244,16 @@ def _each(found: Builds, omega: Array, scene: Scene) -> list[DispersiveLinear | 
     ]
 
 
-def _beside(found: Builds, every: Any, each: Any, shape: tuple[int, int, int]) -> tuple[Any, Any]:
-    """Columns (p, 3, N, 6) of the ground in each build, and their frequency-dependent parts."""
+def _beside(
+    found: Builds,
+    every: Int[np.ndarray, " system"],
+    each: Float[np.ndarray, " system"],
+    shape: tuple[int, int, int],
+) -> tuple[
+    Float[np.ndarray, "build 3 coordinate 6"] | None,
+    Complex[np.ndarray, "build frequency coordinate 6"] | None,
+]:
+    """Compute the columns of the ground in each build, and their frequency-dependent parts."""
     ground = found.model.ground
     if ground is None:
         return None, None
@@ -257,7 +270,7 @@ def _difference(around: list[DispersiveLinear | None], step: float) -> Dispersiv
         return None
     before, near, after, far = (one for one in around if one is not None)
 
-    def slope(name: str) -> Any:
+    def slope(name: str) -> np.ndarray:
         a, b, c, d = (getattr(one, name) for one in (before, near, after, far))
         return (8 * (c - b) - (d - a)) / (12 * step)
 

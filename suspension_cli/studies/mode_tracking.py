@@ -14,11 +14,15 @@ unbroken lines.
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.linear.mode_pairing import pair_by_shape
+
+if TYPE_CHECKING:
+    import h5py
+    from jaxtyping import Bool, Float, Int
 
 CLOSE = 0.1
 """Relative difference of omega^2 (5 % in frequency) within which the current shapes of two modes
@@ -26,28 +30,32 @@ do not identify them."""
 
 
 def follow(
-    omega_squared: Any, shapes: Any, good: Any, start: tuple[int, ...], nominal: Any
-) -> tuple[Any, Any]:
+    omega_squared: Float[np.ndarray, "*grid mode"],
+    shapes: Float[np.ndarray, "*grid mode coordinate"] | h5py.Dataset,
+    good: Bool[np.ndarray, "*grid"],
+    start: tuple[int, ...],
+    nominal: Float[np.ndarray, "mode coordinate"],
+) -> tuple[Int[np.ndarray, "*grid mode"], Float[np.ndarray, "*grid mode"]]:
     """Find which mode of every grid point each mode of the nominal design has become.
 
     Parameters
     ----------
-    omega_squared : (axis 1, axis 2, ..., m) array
+    omega_squared : array
         In ascending order at each point.
-    shapes : (axis 1, axis 2, ..., m, c) array
-        As in `linear.batch_modes`; an HDF5 dataset works too.
-    good : (axis 1, axis 2, ...) bool array
+    shapes : array or dataset
+        As in `linear.batch_modes`.
+    good : array
         Points that have modes.
     start : tuple of int
         The point nearest to the nominal design.
-    nominal : (m, c) array
+    nominal : array
         Shapes of the nominal design.
 
     Returns
     -------
-    rank : (axis 1, axis 2, ..., m) int16 array
+    rank : int16 array
         Rank of each mode among the point's modes; -1 where there are none.
-    overlap : (axis 1, axis 2, ..., m) array
+    overlap : array
         With the shape that it was followed from, 0 to 1; NaN where there are none.
     """
     rank = np.full((*good.shape, len(nominal)), -1, dtype=np.int16)
@@ -76,17 +84,19 @@ def follow(
     return rank, overlap
 
 
-def _close(squared: Any, shape: Any) -> Any:
-    """True for modes (m,) of one point that are close to another with which they can mix."""
+def _close(
+    squared: Float[np.ndarray, " mode"], shape: Float[np.ndarray, "mode coordinate"]
+) -> Bool[np.ndarray, " mode"]:
+    """Whether each mode of a point is close to another with which it can mix."""
     near = np.abs(squared[:, None] - squared) < CLOSE * np.maximum(
         np.abs(squared[:, None]), np.abs(squared)
     )
     mixing = np.abs(shape) @ np.abs(shape).T > 0
-    return (near & mixing & ~np.eye(len(squared), dtype=bool)).any(1)
+    return np.any(near & mixing & ~np.eye(len(squared), dtype=bool), axis=1)
 
 
-def _neighbours(here: tuple[int, ...], left: Any) -> list[tuple[int, ...]]:
-    """Neighbours of a point that are still to be visited."""
+def _neighbours(here: tuple[int, ...], left: Bool[np.ndarray, "*grid"]) -> list[tuple[int, ...]]:
+    """List the neighbours of a point that are still to be visited."""
     steps = [
         (*here[:axis], here[axis] + step, *here[axis + 1 :])
         for axis in range(left.ndim)
@@ -100,9 +110,9 @@ def _neighbours(here: tuple[int, ...], left: Any) -> list[tuple[int, ...]]:
 
 
 def _nearest(
-    left: Any, start: tuple[int, ...], reached: list[tuple[int, ...]]
+    left: Bool[np.ndarray, "*grid"], start: tuple[int, ...], reached: list[tuple[int, ...]]
 ) -> tuple[tuple[int, ...], tuple[int, ...] | None]:
-    """The next point to visit (at the start, or across a gap) and the one to follow modes from."""
+    """Find the next point to visit, at the start or across a gap, and one to follow modes from."""
     points = np.argwhere(left)
     if not reached:
         return tuple(points[np.abs(points - np.array(start)).sum(1).argmin()].tolist()), None

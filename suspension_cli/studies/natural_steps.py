@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from types import UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Union, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -20,7 +20,7 @@ STEPS = {"m": (1e-3, "mm"), "rad": (1e-3, "mrad")}
 
 
 def natural_step(path: str, value: float) -> tuple[float, str]:
-    """Step of a number of a design, in its own unit, and the name of the step.
+    """Choose the step of a number of a design, in its own unit, and name it.
 
     1 mm of a length and 1 mrad of an angle; 1 % of everything else, with the thickness of wires
     and blades and loss angles.
@@ -49,7 +49,7 @@ def natural_step(path: str, value: float) -> tuple[float, str]:
 
 
 @cache
-def unit_at(kind: Any, keys: tuple[str, ...]) -> str:
+def unit_at(kind: object, keys: tuple[str, ...]) -> str:
     """Read the unit of the number at a path below a type of the design file; "" if it has none.
 
     >>> unit_at(Design, ("stage", "test", "wires", "l"))

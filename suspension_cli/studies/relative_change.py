@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from jaxtyping import Inexact
 
-def relative_change(old: Any, new: Any) -> float:
-    """Largest change of the couplings over the largest; NaN if no build is known in both models."""
+
+def relative_change(
+    old: Inexact[np.ndarray, "*build"], new: Inexact[np.ndarray, "*build"]
+) -> float:
+    """Compute the largest change over the largest coupling; NaN if no build is known in both."""
     known = np.isfinite(old) & np.isfinite(new)
     if not known.any():
         return float("nan")

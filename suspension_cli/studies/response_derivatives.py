@@ -31,8 +31,8 @@ class Slope:
     ----------
     size : float
     outputs : list of (value, row, adjoint)
-        Complex value y, linear form r (N,), a (N - 6,).
-    state : (N,) array
+        Complex value y, linear form r, a.
+    state : array
         All coordinates for a unit input.
     omega : float
     base : Differentiable
@@ -79,7 +79,7 @@ class Slope:
         return Slope(float(size), outputs, state, omega, base, [*watched, item.input])
 
     def of_size(self, change: Linear) -> float:
-        """Derivative of the magnitude; NaN for a ratio to 0."""
+        """Compute the derivative of the magnitude; NaN for a ratio to 0."""
         *watched, drive = self.signals
         moved_by = change.driven_by_ground if drive.is_ground else change
         right = -_dynamic(moved_by, self.omega)[6:] @ self.state
@@ -117,14 +117,14 @@ def _solved(
 
 
 def _row(base: Differentiable, linear: Linear, signal: Signal) -> Float[np.ndarray, " coordinate"]:
-    """The linear form (N,) of a signal."""
+    """Compute the linear form of a signal."""
     return signals.linear_form(signal, replace(base.model, orientation=linear.orientation))
 
 
 def _turned(
     base: Differentiable, change: Linear, signal: Signal
 ) -> Float[np.ndarray, " coordinate"]:
-    """The derivative of that form: points move with their bodies."""
+    """Differentiate that form: points move with their bodies."""
     if not change.orientation.any():
         return np.zeros(base.model.size)
     whole = base.linear.orientation + 1j * parameters.STEP * change.orientation

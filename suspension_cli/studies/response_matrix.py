@@ -72,7 +72,7 @@ class Plant:
 
     @cached_property
     def modal_forces(self) -> Float[np.ndarray, "mode coordinate"]:
-        """Rows M v_k of the modes, (m, N - 6)."""
+        """Rows M v_k of the modes."""
         return self.modes.shape @ self.base.linear.mass[6:, 6:]
 
     def change(self, name: str) -> Linear | None:
@@ -86,7 +86,7 @@ class Plant:
         return {}
 
     def row(self, signal: Signal) -> Float[np.ndarray, " coordinate"]:
-        """Compute the linear form (N,) of a signal in the named coordinates."""
+        """Compute the linear form of a signal in the named coordinates."""
         model = replace(self.base.model, orientation=self.base.linear.orientation)
         return signals.linear_form(signal, model)
 
@@ -101,7 +101,7 @@ class Plant:
     def dispersive(
         self, omega: Float[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency coordinate coordinate"] | None:
-        """Frequency-dependent part of the stiffness (f, N, N) in the named coordinates, or None."""
+        """Frequency-dependent part of the stiffness in the named coordinates, or None."""
         if not self.system.terms:
             return None
         rows, columns, weights = self._dispersive_elements
@@ -142,12 +142,12 @@ class Plant:
 
         Parameters
         ----------
-        frequency : (f,) array
+        frequency : array
             Hz.
         inputs, outputs : sequences of Signal
-        damping : (m,) array, optional
+        damping : array, optional
             Added damping 1/Q of each mode.
-        stiffening : (m,) array, optional
+        stiffening : array, optional
             Relative change of omega^2 of each mode alone.
         """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
@@ -200,19 +200,19 @@ class Plant:
 
 @dataclass(frozen=True)
 class Responses:
-    """Responses of outputs to inputs, (f, o, i), with what their derivatives need.
+    """Responses of outputs to inputs, with all that their derivatives need.
 
     Attributes
     ----------
     plant : Plant
-    omega : (f,) array
+    omega : array
         rad/s.
     inputs, outputs : tuple of Signal
-    rows : (o, N) array
+    rows : array
         Linear forms of the outputs.
-    state : (f, N, i) complex array
+    state : array
         All coordinates for unit inputs.
-    adjoint : (f, N - 6, o) complex array
+    adjoint : array
         Solutions of the transposed equations for the outputs.
     """
 
@@ -226,11 +226,11 @@ class Responses:
 
     @cached_property
     def value(self) -> Complex[np.ndarray, "frequency output input"]:
-        """Responses (f, o, i), SI."""
+        """Responses, SI."""
         return self.rows @ self.state
 
     def derivative(self, change: Linear) -> Complex[np.ndarray, "frequency output input"]:
-        """Differentiate all responses, (f, o, i), with respect to the number of a change."""
+        """Differentiate all responses with respect to the number of a change."""
         w = self.omega[:, None, None]
         result = np.zeros((len(self.omega), len(self.outputs), len(self.inputs)), dtype=complex)
         parts = (
@@ -254,7 +254,7 @@ class Responses:
         return result
 
     def damping_derivative(self, mode: int) -> Complex[np.ndarray, "frequency output input"]:
-        """Differentiate all responses, (f, o, i), by the added damping of a mode."""
+        """Differentiate all responses by the added damping of a mode."""
         omega = float(np.sqrt(max(self.plant.modes.omega_squared[mode], 0.0)))
         force = self.plant.modal_forces[mode]
         seen = np.einsum("n,fno->fo", force, self.adjoint)
@@ -262,7 +262,7 @@ class Responses:
         return -1j * omega * self.omega[:, None, None] * seen[:, :, None] * moved[:, None, :]
 
     def stiffening_derivative(self, mode: int) -> Complex[np.ndarray, "frequency output input"]:
-        """Differentiate all responses, (f, o, i), by the relative change of omega^2 of a mode."""
+        """Differentiate all responses by the relative change of omega^2 of a mode."""
         squared = float(self.plant.modes.omega_squared[mode])
         force = self.plant.modal_forces[mode]
         seen = np.einsum("n,fno->fo", force, self.adjoint)

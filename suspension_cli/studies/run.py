@@ -19,13 +19,17 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import h5py
 
 from suspension_cli.errors import PendsusError
 from suspension_cli.files.hdf5 import Provenance
+from suspension_cli.studies.builds import ColumnValues
 from suspension_cli.studies.sweep_file import UNIT, After, Job, opened
+
+if TYPE_CHECKING:
+    from suspension_cli.studies.cluster import Client
 
 
 @dataclass(frozen=True)
@@ -91,11 +95,11 @@ def run(
         store.finish(after)
 
 
-Results = Generator[tuple[tuple[int, int], dict[str, Any]], None, None]
+Results = Generator[tuple[tuple[int, int], ColumnValues], None, None]
 
 
-def _connected(plan: Plan) -> contextlib.AbstractContextManager[Any]:
-    """The client of the plan's scheduler, if it has one."""
+def _connected(plan: Plan) -> contextlib.AbstractContextManager[Client | None]:
+    """Connect to the plan's scheduler, if it has one."""
     if plan.scheduler is None:
         return contextlib.nullcontext()
     from suspension_cli.studies.cluster import connected
@@ -103,7 +107,7 @@ def _connected(plan: Plan) -> contextlib.AbstractContextManager[Any]:
     return connected(plan.scheduler)
 
 
-def _results(job: Job, ranges: list[tuple[int, int]], workers: int, client: Any) -> Results:
+def _results(job: Job, ranges: list[tuple[int, int]], workers: int, client: Client) -> Results:
     if client is not None:
         from suspension_cli.studies.cluster import on_cluster
 
@@ -133,7 +137,7 @@ def _exit_with_parent() -> None:
         os._exit(1)
 
 
-def _work(part: tuple[int, int]) -> tuple[tuple[int, int], dict[str, Any]]:
+def _work(part: tuple[int, int]) -> tuple[tuple[int, int], ColumnValues]:
     assert _job is not None
     return part, _job.compute(*part)
 

@@ -13,11 +13,13 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Array
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
+    from scipy.stats.qmc import Sobol
 
 RANDOM, SOBOL = "random", "sobol"
 METHODS = (RANDOM, SOBOL)
@@ -68,27 +70,29 @@ class SamplePoints:
         """Number of first builds that are independent samples: A and B, or all."""
         return min(self.blocks, 2) * self.rows
 
-    def replicate(self, build: Any) -> Any:
+    def replicate(self, build: Int[np.ndarray, " build"]) -> Int[np.ndarray, " build"]:
         """Return the replicate, from 0 to `REPLICATES` - 1, of builds by number."""
-        return (np.asarray(build) % self.rows) * REPLICATES // self.rows
+        return (build % self.rows) * REPLICATES // self.rows
 
-    def of(self, start: int, stop: int, width: int) -> Array:
-        """Return the points (stop - start, width), in [0, 1), of builds start to stop - 1."""
+    def of(self, start: int, stop: int, width: int) -> Float[np.ndarray, "stop-start width"]:
+        """Return the points, in [0, 1), of builds start to stop - 1."""
         pieces = [
             self._of_block(block, first, last, width)
             for block, first, last in _split(start, stop, self.rows)
         ]
         return np.concatenate(pieces) if pieces else np.zeros((0, width))
 
-    def _of_block(self, block: int, start: int, stop: int, width: int) -> Array:
-        """Points of some rows of one matrix."""
+    def _of_block(
+        self, block: int, start: int, stop: int, width: int
+    ) -> Float[np.ndarray, "stop-start width"]:
+        """Return the points of some rows of one matrix."""
         both = self._sequence(start, stop, width * min(self.blocks, 2))
         if block < 2:
             return both[:, block * width : (block + 1) * width]
         from_b = np.array(self.groups) == block - 2
         return np.where(from_b, both[:, width:], both[:, :width])
 
-    def _sequence(self, start: int, stop: int, width: int) -> Array:
+    def _sequence(self, start: int, stop: int, width: int) -> Float[np.ndarray, "stop-start width"]:
         if self.method == RANDOM:
             return uniforms(self.seed, start, stop, width)
         pieces = [
@@ -99,7 +103,7 @@ class SamplePoints:
 
 
 def largest_count(wanted: int, method: str, groups: int = 0) -> int:
-    """Largest number of builds, at most `wanted`, that a method can use; 0 if there is none.
+    """Return the most builds, up to `wanted`, that a method can use; 0 if there is none.
 
     Sobol sequences take `REPLICATES` times a power of two; Sobol indices of k groups take that for
     each of k + 2 matrices, with either method.
@@ -114,12 +118,12 @@ def largest_count(wanted: int, method: str, groups: int = 0) -> int:
 
 
 def smallest_count(groups: int = 0) -> int:
-    """Smallest number of builds of Sobol sequences, or of the Sobol indices of k groups."""
+    """Return the fewest builds of Sobol sequences, or of the Sobol indices of k groups."""
     return REPLICATES * ((groups + 2) * LEAST_ROWS if groups else LEAST)
 
 
-def uniforms(seed: int, start: int, stop: int, width: int) -> Array:
-    """Uniform numbers in [0, 1) of builds start to stop - 1: (stop - start, width).
+def uniforms(seed: int, start: int, stop: int, width: int) -> Float[np.ndarray, "stop-start width"]:
+    """Draw uniform numbers in [0, 1) of builds start to stop - 1.
 
     Each build takes a whole number of Philox blocks (four numbers each), so its numbers depend on
     nothing but seed and build.
@@ -130,8 +134,10 @@ def uniforms(seed: int, start: int, stop: int, width: int) -> Array:
     return np.random.Generator(stream).random((stop - start, 4 * blocks))[:, :width]
 
 
-def scrambled_sobol(seed: int, replicate: int, start: int, stop: int, width: int) -> Array:
-    """Points start to stop - 1 of one scrambled Sobol sequence, (stop - start, width).
+def scrambled_sobol(
+    seed: int, replicate: int, start: int, stop: int, width: int
+) -> Float[np.ndarray, "stop-start width"]:
+    """Return points start to stop - 1 of one scrambled Sobol sequence.
 
     They are in the middle of the intervals that their binary digits stand for.
     """
@@ -146,8 +152,8 @@ def scrambled_sobol(seed: int, replicate: int, start: int, stop: int, width: int
 
 
 @lru_cache(maxsize=REPLICATES)
-def _engine(seed: int, replicate: int, width: int) -> Any:
-    """One scrambled Sobol sequence; scrambling takes as long as some hundred builds."""
+def _engine(seed: int, replicate: int, width: int) -> Sobol:
+    """Make one scrambled Sobol sequence; scrambling takes as long as some hundred builds."""
     from scipy.stats import qmc
 
     return qmc.Sobol(width, bits=BITS, rng=np.random.default_rng([seed, replicate]))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,8 +17,10 @@ from suspension_cli.design.imperfections import AXES, PARTS, Imperfection, scatt
 from suspension_cli.design.schema import Design, Distribution
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import imperfections
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 SMALLEST = 1e-3
 """Factors (on k, mass, ...) are kept above this: a normal distribution has tails."""
@@ -99,7 +101,7 @@ def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
 
 
 def _of_part(
-    part: str, item: Any, number: int, label: str, hold: str = "loaded-length"
+    part: str, item: Distribution, number: int, label: str, hold: str = "loaded-length"
 ) -> Iterator[ScatteredNumber]:
     """List the numbers of one part to which a table gives a distribution."""
     for row in scattered(part):
@@ -113,13 +115,15 @@ def _of_part(
                 yield ScatteredNumber(full, number, row, axis, spread, hold, group)
 
 
-def deviations(chosen: tuple[ScatteredNumber, ...], u: Array) -> Array:
-    """Deviations (p, factors) of every number from nominal, m or fractions.
+def deviations(
+    chosen: tuple[ScatteredNumber, ...], u: Float[np.ndarray, "build factor"]
+) -> Float[np.ndarray, "build factor"]:
+    """Compute the deviations of every number from nominal, m or fractions.
 
     Parameters
     ----------
     chosen : tuple of ScatteredNumber
-    u : (p, factors) array
+    u : array
         Points of the unit cube, see `sample_points`; normal deviations are their inverse
         distribution function.
     """
@@ -142,12 +146,14 @@ def deviations(chosen: tuple[ScatteredNumber, ...], u: Array) -> Array:
     return result
 
 
-def imperfect(scene: Scene, chosen: tuple[ScatteredNumber, ...], values: Array) -> Scene:
-    """Apply deviations (p, factors) to a scene; the builds become its first axis.
+def imperfect(
+    scene: Scene, chosen: tuple[ScatteredNumber, ...], values: Float[np.ndarray, "build factor"]
+) -> Scene:
+    """Apply deviations to a scene; the builds become its first axis.
 
     Deviations of one number by several tables add.
     """
-    table: dict[tuple[str, int, str], dict[Imperfection, Array]] = {}
+    table: dict[tuple[str, int, str], dict[Imperfection, np.ndarray]] = {}
     for n, factor in enumerate(chosen):
         row = factor.imperfection
         here = table.setdefault((row.part, factor.number, factor.hold), {})
@@ -161,7 +167,9 @@ def imperfect(scene: Scene, chosen: tuple[ScatteredNumber, ...], values: Array) 
     return scene
 
 
-def _amount(row: Imperfection, errors: Array) -> Array:
-    """Convert deviations (p, 1 or 3) to values of an imperfection, (p,) or (p, 3)."""
+def _amount(
+    row: Imperfection, errors: Float[np.ndarray, "build axis"]
+) -> Float[np.ndarray, " build"] | Float[np.ndarray, "build 3"]:
+    """Convert deviations to values of an imperfection."""
     values = np.maximum(1.0 + errors, SMALLEST) if row.relative else errors
     return values if row.vector else values[:, 0]

@@ -17,11 +17,11 @@ class SobolIndices:
 
     Attributes
     ----------
-    first : (k, q) array
+    first : array
         Fraction of the variance that each group causes alone.
-    total : (k, q) array
+    total : array
         Fraction that it causes alone or together with others.
-    first_error, total_error : (k, q) arrays
+    first_error, total_error : array
         Standard errors. NaN where a result does not vary.
     """
 
@@ -43,9 +43,9 @@ def sobol_indices(
 
     Parameters
     ----------
-    values : (k + 2, N, q) array
+    values : array
         Results by block, see `sample_points.SamplePoints`.
-    replicate : (N,) int array
+    replicate : array
         Batch of each row.
 
     Examples
@@ -58,7 +58,7 @@ def sobol_indices(
     first, total = _estimate(values)
     parts = np.array(
         [_estimate(values[:, replicate == number]) for number in np.unique(replicate)]
-    )  # (r, 2, k, q)
+    )  # replicate, first or total, group, result
     with np.errstate(all="ignore"):
         first_error, total_error = parts.std(0, ddof=1) / np.sqrt(len(parts))
     return SobolIndices(first, total, first_error, total_error)
@@ -67,7 +67,7 @@ def sobol_indices(
 def _estimate(
     values: Float[np.ndarray, "group+2 sample result"],
 ) -> tuple[Float[np.ndarray, "group result"], Float[np.ndarray, "group result"]]:
-    """First-order and total indices (k, q) of results (k + 2, N, q)."""
+    """Estimate first-order and total indices."""
     plain = values[:2].reshape(-1, values.shape[-1])
     known = np.isfinite(plain)
     count = known.sum(0)
@@ -85,6 +85,6 @@ def _estimate(
 
 
 def _mean(products: Float[np.ndarray, "group sample result"]) -> Float[np.ndarray, "group result"]:
-    """Mean over the rows (k, N, q) in which nothing failed."""
+    """Average over the rows in which nothing failed."""
     known = np.isfinite(products)
     return np.where(known, products, 0.0).sum(1) / known.sum(1)

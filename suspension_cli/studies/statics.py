@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def static_displacements(scene: Scene, pose: Pose) -> Float[np.ndarray, "build body 6"]:
-    """Static displacements and rotations (p, n, 6) of n bodies in the equilibria of p builds.
+    """Compute the static displacements and rotations of bodies in the equilibria of builds.
 
     The displacement (x, y, z, m) is that of the point of a body where its COM is as drawn: where
     an imperfection moves the COM by c in a body that turns by R, u - (R - 1) c with u that of the

@@ -15,16 +15,19 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import h5py
 import numpy as np
 
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.files.atomic import writing_to
-from suspension_cli.files.hdf5 import Provenance, write_root_attributes
-from suspension_cli.studies.builds import Column
+from suspension_cli.files.hdf5 import Provenance, Stored, write_root_attributes
+from suspension_cli.studies.builds import Column, ColumnValues
 from suspension_cli.version import __version__
+
+if TYPE_CHECKING:
+    from jaxtyping import Int
 
 UNIT = 64
 """Points per entry of the journal; chunks are multiples of it."""
@@ -32,6 +35,8 @@ SYNC_SECONDS = 2.0
 """Interval at which results are forced to disk and entered into the journal, s."""
 
 
+Place = tuple[int, np.dtype, tuple[int, ...]]
+"""Offset of a column in the file, its type, and the shape of one point."""
 Fill = Callable[[h5py.Group], None]
 """Writes the rest of the group beside the columns into a new file."""
 After = Callable[[Path], None]
@@ -61,8 +66,8 @@ class Job(Protocol):
         """The results stored for each point."""
         ...
 
-    def compute(self, start: int, stop: int) -> dict[str, Any]:
-        """Results of points start to stop - 1, by column name."""
+    def compute(self, start: int, stop: int) -> ColumnValues:
+        """Compute the results of points start to stop - 1."""
         ...
 
 
@@ -75,9 +80,9 @@ class Store:
     """Of the finished file."""
     handle: int
     record: int
-    done: Any
-    """(units,) uint8: 1 for each unit of points that is safely on disk."""
-    place: dict[str, tuple[int, np.dtype[Any], tuple[int, ...]]]
+    done: Int[np.ndarray, " unit"]
+    """uint8: 1 for each unit of points that is safely on disk."""
+    place: dict[str, Place]
     pending: list[tuple[int, int]]
     synced: float
 
@@ -92,7 +97,7 @@ class Store:
                 ranges.append((start, stop))
         return ranges
 
-    def put(self, start: int, stop: int, values: dict[str, Any]) -> None:
+    def put(self, start: int, stop: int, values: ColumnValues) -> None:
         """Write the results of one chunk in place."""
         with writing_to(self.path):
             for name, (offset, dtype, shape) in self.place.items():
@@ -197,8 +202,10 @@ ANEW = "start anew without --resume"
 """Remedy for an unfinished file that cannot be resumed."""
 
 
-def _resumed(job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Fill) -> Any:
-    """The journal of an interrupted run; None if there is nothing to resume."""
+def _resumed(
+    job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Fill
+) -> Int[np.ndarray, " unit"] | None:
+    """Read the journal of an interrupted run; None if there is nothing to resume."""
     head = os.pread(record, JOURNAL_HEAD + _units(job) + 1, 0)
     if len(head) < JOURNAL_HEAD or not _part(path).exists():
         return None
@@ -214,7 +221,7 @@ def _resumed(job: Job, path: Path, group: str, origin: Provenance, record: int, 
 
 
 def _unlike(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) -> str:
-    """Why an unfinished file with this job's journal is not its file; "" if it is.
+    """Return why an unfinished file with this job's journal is not its file; "" if it is.
 
     Everything is compared with the file that the job would begin, but of columns only the place and
     size.
@@ -226,8 +233,8 @@ def _unlike(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) ->
             h5py.File(part, "r") as file,
             h5py.File("expected", "w", driver="core", backing_store=False) as expected,
         ):
-            home: Any
-            drawn: Any
+            home: Stored
+            drawn: Stored
             write_root_attributes(expected, origin)
             fill(expected.create_group(group))
             names = [
@@ -254,12 +261,12 @@ def _unlike(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) ->
     return f"is of another run, or was changed since ({names[0]})" if names else ""
 
 
-def _same(found: Any, expected: Any, name: str) -> bool:
+def _same(found: h5py.AttributeManager, expected: h5py.AttributeManager, name: str) -> bool:
     return name in found and bool(found[name] == expected[name])
 
 
-def _whole(found: Any, column: Column, shape: tuple[int, ...], part: Path) -> bool:
-    """True if a column has its place, type and size in the file."""
+def _whole(found: Stored, column: Column, shape: tuple[int, ...], part: Path) -> bool:
+    """Whether a column has its place, type and size in the file."""
     if (
         not isinstance(found, h5py.Dataset)
         or found.shape != (*shape, *column.shape)
@@ -272,7 +279,9 @@ def _whole(found: Any, column: Column, shape: tuple[int, ...], part: Path) -> bo
     )
 
 
-def _begun(job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Fill) -> Any:
+def _begun(
+    job: Job, path: Path, group: str, origin: Provenance, record: int, fill: Fill
+) -> Int[np.ndarray, " unit"]:
     """Make a new file with its journal; an older journal is emptied first."""
     try:
         os.ftruncate(record, 0)
@@ -307,7 +316,7 @@ def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) ->
             fill(home)
             made = [_contiguous(home, column, job.shape) for column in job.columns]
             for name in job.scales:
-                axis: Any = home[name]
+                axis: Stored = home[name]
                 if not axis.is_scale:
                     axis.make_scale(name)
             for column, values in zip(job.columns, made, strict=True):
@@ -328,7 +337,7 @@ def _create(job: Job, part: Path, group: str, origin: Provenance, fill: Fill) ->
 
 
 def _estimate(job: Job) -> int:
-    """Approximate size of the file, bytes: columns, scales, and their descriptions."""
+    """Estimate the size of the file, bytes: columns, scales, and their descriptions."""
     each = sum(
         np.dtype(column.dtype).itemsize * int(np.prod(column.shape, dtype=int))
         for column in job.columns
@@ -360,12 +369,10 @@ def _contiguous(home: h5py.Group, column: Column, shape: tuple[int, ...]) -> h5p
     return h5py.Dataset(h5py.h5d.create(home.id, column.name.encode(), kind, space, dcpl=layout))
 
 
-def _places(
-    job: Job, part: Path, group: str
-) -> dict[str, tuple[int, np.dtype[Any], tuple[int, ...]]]:
-    """Offset, type and shape of each column in the file."""
+def _places(job: Job, part: Path, group: str) -> dict[str, Place]:
+    """Find the place of each column in the file."""
     with h5py.File(part, "r") as file:
-        home: Any = file[group]
+        home: Stored = file[group]
         return {
             column.name: (home[column.name].id.get_offset(), np.dtype(column.dtype), column.shape)
             for column in job.columns

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from suspension_cli.linear.small_matrices import solve_each
 from suspension_cli.linear.static_condensation import condense
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.batch_terms import BatchTerm
+from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
@@ -26,12 +27,12 @@ class Systems:
 
     Attributes
     ----------
-    keep, drop : (c,) and (m,) int arrays
+    keep, drop : array
         Coordinates of the model without the support's; bodies from the top down, blades with the
         stage that hangs on them.
-    stiffness, mass, damping : (p, c, 6 + c) arrays
+    stiffness, mass, damping : array
         With respect to the support's coordinates and their own.
-    yielding, follow : (p, m, m), (p, m, 6 + c) arrays
+    yielding, follow : array
         K_bb^-1 of the eliminated coordinates b, and K_bb^-1 times their stiffness against the rest.
     """
 
@@ -49,7 +50,7 @@ class Systems:
         which: Int[np.ndarray, " system"],
         dispersive: Complex[np.ndarray, "system coordinate coordinate"] | None = None,
     ) -> Systems:
-        """The systems of some builds, with an added stiffness (p, N, N) if wires are dispersive."""
+        """Set up the systems of some builds, with an added stiffness if wires are dispersive."""
         owner, known = (
             [name.split(".", 1)[0] for name in model.coordinate],
             (SUPPORT, FRAME, *model.body),
@@ -60,13 +61,13 @@ class Systems:
         keep, drop = order[~light], order[light]
         both = np.concatenate([np.arange(6), keep])
 
-        def some(matrix: Any, rows: Any, columns: Any) -> Any:
+        def some(matrix: np.ndarray, rows: Index, columns: Index) -> np.ndarray:
             whole = np.broadcast_to(matrix, (*model.batch, model.size, model.size))
             return whole[which[:, None, None], rows[:, None], columns]
 
         full = model.stiffness if model.lossy is None else model.lossy
 
-        def stiff(rows: Any, columns: Any) -> Any:
+        def stiff(rows: Index, columns: Index) -> np.ndarray:
             constant = some(full, rows, columns)
             return (
                 constant if dispersive is None else constant + dispersive[:, rows[:, None], columns]
@@ -84,8 +85,7 @@ class Systems:
         moves: Float[np.ndarray, "system 6 input"],
         forces: Float[np.ndarray, "system coordinate input"],
     ) -> Inexact[np.ndarray, "system frequency coordinate input"]:
-        """Coordinates (p, f, n, i), in the model's order, for motions (p, 6, i) of the support and
-        forces (p, n, i).
+        """Solve for the coordinates, in the model's order, for motions of the support and forces.
 
         The frequencies are (f,) for all builds, or (p, f).
         """
@@ -121,7 +121,7 @@ def respond(
     moves: Float[np.ndarray, "every 6 input"],
     forces: Float[np.ndarray, "every coordinate input"],
 ) -> Inexact[np.ndarray, "build frequency coordinate input"]:
-    """Coordinates (q, f, n, i) of some builds (q,) for motions of the support and forces on bodies.
+    """Solve for the coordinates of some builds for motions of the support and forces on bodies.
 
     Parameters
     ----------
@@ -129,11 +129,12 @@ def respond(
         Of p builds.
     terms : tuple of BatchTerm
         Its frequency-dependent parts.
-    which : (q,) int array
+    which : array
         Builds.
-    omega : (f,) array
+    omega : array
         rad/s.
-    moves, forces : (p, 6, i) and (p, n, i) arrays
+    moves, forces : array
+        Of all builds of the model.
     """
     every, each = np.repeat(which, len(omega)), np.tile(omega, len(which))
     added, compliance = _terms(model, terms, every, each)
@@ -161,8 +162,8 @@ def _terms(
 ) -> tuple[
     Complex[np.ndarray, "system coordinate coordinate"] | None, Inexact[np.ndarray, "system wire"]
 ]:
-    """Further stiffness (q, N, N) of builds at a frequency each, or None; compliance of wires."""
-    compliance: Any = np.zeros((len(which), 0))
+    """Compute the further stiffness of builds at a frequency each, and the compliance of wires."""
+    compliance: np.ndarray = np.zeros((len(which), 0))
     if model.separated is not None:
         stiffness = np.broadcast_to(model.separated.stiffness, (*model.batch, len(model.wire)))
         compliance = 1 / stiffness[which]
@@ -181,16 +182,16 @@ def further_stiffness(
     which: Int[np.ndarray, " system"],
     omega: Float[np.ndarray, " system"],
 ) -> Complex[np.ndarray, "system coordinate coordinate"]:
-    """Frequency-dependent parts (q, N, N) of builds at a frequency each, the stretching included.
+    """Compute the frequency-dependent parts of builds at a frequency each, with the stretching.
 
     Parameters
     ----------
     model : LinearSystem
         Of p builds.
     terms : tuple of BatchTerm
-    which : (q,) int array
+    which : array
         Builds.
-    omega : (q,) array
+    omega : array
         rad/s.
     """
     added, compliance = _terms(model, terms, which, omega)
@@ -213,7 +214,7 @@ def _respond_compiled(
     moves: Float[np.ndarray, "every 6 input"],
     forces: Float[np.ndarray, "every coordinate input"],
 ) -> tuple[Inexact[np.ndarray, "system coordinate input"], Bool[np.ndarray, " system"]]:
-    """Coordinates (q, n, i) of systems by compiled loops, and whether these could solve each."""
+    """Solve for the coordinates of systems by compiled loops; also, whether these could."""
     from suspension_cli.linear import compiled  # takes half a second
 
     separated = model.separated

@@ -6,9 +6,9 @@ them are then computed for arrays of designs of one topology.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,20 +22,23 @@ from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.surroundings import surrounded, surroundings_key
 from suspension_cli.scene import stack
-from suspension_cli.scene.arrays import Array, inner_axes
+from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds
 from suspension_cli.studies.builds import Builds
 
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
+
 
 def overridden(text: str, values: dict[str, float]) -> Design:
-    """The design of a TOML text with numbers replaced at dotted paths."""
+    """Parse a design with numbers replaced at dotted paths."""
     return reader.parse_with_overrides(text, paths.settings(values))
 
 
 def scenes(
-    text: str, values: dict[str, Array], level: str = registry.STRING.name
-) -> Iterator[tuple[Scene, Design, Any]]:
+    text: str, values: dict[str, Float[np.ndarray, " point"]], level: str = registry.STRING.name
+) -> Iterator[tuple[Scene, Design, Int[np.ndarray, " place"]]]:
     """Expand the designs given by values at dotted paths, in batches of one topology.
 
     Designs of a batch differ in nothing but the arrays of their scenes.
@@ -44,7 +47,7 @@ def scenes(
     ----------
     text : str
         The design as TOML.
-    values : dict of (p,) arrays
+    values : dict of arrays
         By dotted path.
     level : str
         Name of a model that supports builds; `SceneModel.wire_properties` are the same in a batch.
@@ -55,7 +58,7 @@ def scenes(
         With the points as its first axis.
     design : Design
         One of them.
-    here : (p,) int array
+    here : array
         Numbers of the points. Points with an invalid design are in no batch.
     """
     rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
@@ -69,7 +72,7 @@ def scenes(
 
 
 def _valid(text: str, values: dict[str, float]) -> Design | None:
-    """The design with these numbers; None if it is invalid."""
+    """Parse a design with these numbers; None if it is invalid."""
     try:
         return overridden(text, values)
     except InputError:
@@ -90,7 +93,7 @@ def alike(
         One of them.
     """
     model = registry.scene_model(level)
-    kinds: dict[tuple[Any, ...], list[tuple[int, Scene, Design]]] = {}
+    kinds: dict[Hashable, list[tuple[int, Scene, Design]]] = {}
     for n, design in enumerate(designs):
         try:
             scene = None if design is None else expand(design)
@@ -105,8 +108,12 @@ def alike(
 
 
 def balanced(
-    text: str, values: dict[str, Array], level: str, *, allow_unstable: bool = False
-) -> Iterator[tuple[Builds, Any]]:
+    text: str,
+    values: dict[str, Float[np.ndarray, " point"]],
+    level: str,
+    *,
+    allow_unstable: bool = False,
+) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
     """Balance the designs given by values at dotted paths, and build their linear models.
 
     Parameters
@@ -122,7 +129,7 @@ def balanced(
     ------
     Builds
         With the points as first axis of the linear model; mirror symmetries are used.
-    here : (p,) int array
+    here : array
         Numbers of the points.
     """
     model = registry.by_name(level)
@@ -135,9 +142,12 @@ def balanced(
 
 
 def _balanced_scenes(
-    text: str, values: dict[str, Array], level: str, allow_unstable: bool
-) -> Iterator[tuple[Builds, Any]]:
-    """Batches of one topology and the same mirror symmetries."""
+    text: str,
+    values: dict[str, Float[np.ndarray, " point"]],
+    level: str,
+    allow_unstable: bool,
+) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
+    """Balance batches of one topology and the same mirror symmetries."""
     for scene, design, here in scenes(text, values, level):
         flags = is_mirror_symmetric(scene)
         for mirrors in np.unique(flags, axis=0):
@@ -153,10 +163,13 @@ def _balanced_scenes(
 
 
 def _balanced_designs(
-    text: str, values: dict[str, Array], model: Model, allow_unstable: bool
-) -> Iterator[tuple[Builds, Any]]:
-    """Batches of symmetric designs of one key; in these the nominal pose is the equilibrium."""
-    kinds: dict[Any, list[tuple[int, Design]]] = {}
+    text: str,
+    values: dict[str, Float[np.ndarray, " point"]],
+    model: Model,
+    allow_unstable: bool,
+) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
+    """Build batches of symmetric designs of one key; their nominal pose is the equilibrium."""
+    kinds: dict[Hashable, list[tuple[int, Design]]] = {}
     for n, row in enumerate(np.stack(list(values.values()), axis=1)):
         design = _valid(text, dict(zip(values, row, strict=True)))
         if design is None or model.unsuitable(design):
@@ -170,7 +183,7 @@ def _balanced_designs(
 
 
 def _in_nominal_pose(model: LinearSystem, allow_unstable: bool) -> Builds:
-    """Builds of symmetric designs, which balance in their nominal pose."""
+    """Make builds of symmetric designs, which balance in their nominal pose."""
     count = model.stiffness.shape[0]
     status = np.full(count, builds.GOOD, dtype=np.uint8)
     if not allow_unstable:
@@ -180,8 +193,8 @@ def _in_nominal_pose(model: LinearSystem, allow_unstable: bool) -> Builds:
     return Builds(replace(model, orientation=upright), status, wire, np.zeros(count), mirrors)
 
 
-def _topology(scene: Scene, design: Design) -> tuple[Any, ...]:
-    """Properties that scenes of one batch share."""
+def _topology(scene: Scene, design: Design) -> tuple[Hashable, ...]:
+    """Collect the properties that scenes of one batch share."""
     static = [
         value
         for part in scene.parts.values()

@@ -137,7 +137,8 @@ KINDS = {
 def test_a_result_that_replaces_that_of_another_design_says_so(command, tmp_path):
     """The same design again does not; the file written is that of the new one."""
     plot = () if command == "export" else ("--no-plot",)
-    options = (*KINDS[command], *plot, "--out", tmp_path / "out")
+    model = () if command == "thermal" else ("--fidelity", "string")
+    options = (*KINDS[command], *plot, *model, "--out", tmp_path / "out")
     first = CONFIGS / "double.toml"
     other = written(tmp_path, first.read_text() + "\n[analysis.modes]\nplot = true\n", "other.toml")
     reported = [run(command, file, *options) for file in (first, first, other)]

@@ -49,7 +49,9 @@ class Wire:
     def below(self, omega):
         with np.errstate(all="raise", under="ignore"):
             return beam.resonances_below(
-                self.rigidity, self.tension, self.mass, self.length / 2, omega
+                beam.waves(
+                    self.rigidity, self.tension, self.mass, self.length / 2, np.asarray(omega)
+                )
             )
 
 

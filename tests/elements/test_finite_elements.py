@@ -240,7 +240,9 @@ def exactly_below(scene, frequency):
             for (i, j), value in zip(beam.ELEMENT_PLACES, found, strict=True):
                 product = value * even[i].T @ even[j]
                 z = z + (product if i == j else product + product.T)
-            count += beam.resonances_below(one.rigidity[plane], tension, one.mass, half, omega)[0]
+            count += beam.resonances_below(
+                beam.waves(one.rigidity[plane], tension, one.mass, half, omega)
+            )[0]
         for row, stiffness, mass in (
             (4, one.stretching, one.mass),
             (5, finite_elements.twisting(one, tension), one.polar),

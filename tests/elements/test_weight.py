@@ -13,7 +13,7 @@ from suspension_cli.equilibrium import energy as tangent
 from suspension_cli.equilibrium.residual_scale import residual_scale
 from suspension_cli.models.string import mass_matrix
 from suspension_cli.scene.gravity import Field
-from suspension_cli.scene.pose import displace, layout, nominal_pose
+from suspension_cli.scene.pose import displace, layout, nominal_pose, point_jacobian
 from suspension_cli.scene.stack import stack_scenes
 from tests.support import scenes
 from tests.support.derivatives import complex_gradient, hessian
@@ -37,7 +37,8 @@ def loaded(kind, seed):
     mass = np.stack([(beads * share).sum(-1) for share in moments], axis=-1)
     slope = rng.normal(size=(3, 3)) * 0.3
     field = Field(np.array([1.0, -0.6, -9.0]), (slope + slope.T) / 2)
-    return replace(scene, field=field, wires=replace(scene.wires, mass=mass)), beads, rng
+    wires, strength = replace(scene.wires, mass=mass), float(np.linalg.norm(field.vector))
+    return replace(scene, gravity=strength, field=field, wires=wires), beads, rng
 
 
 def random_pose(scene, rng):
@@ -104,7 +105,9 @@ def test_kinetic_energy_is_that_of_the_points(kind):
     numbering, pose = random_pose(scene, rng)
     bare = replace(scene, wires=replace(scene.wires, mass=0 * scene.wires.mass))
     extra = mass_matrix(scene, numbering, pose) - mass_matrix(bare, numbering, pose)
-    upper, lower = weight.end_jacobians(scene, numbering, pose, string.state(scene, pose))
+    now, wires = string.state(scene, pose), scene.wires
+    upper = point_jacobian(numbering, pose, wires.upper, now.upper_arm, wires.blade)
+    lower = point_jacobian(numbering, pose, wires.lower, now.lower_arm)
     speed = rng.normal(size=numbering.size)
     v_upper, v_lower = (np.einsum("a,awi->wi", speed, j) for j in (upper, lower))
     expected = sum(

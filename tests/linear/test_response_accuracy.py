@@ -22,7 +22,6 @@ REQUIRED = 1e-15
 MODELS = [
     ("triple", "force"),
     ("triple", "string"),
-    ("quadruple", "force"),
     ("quadruple", "string"),
     ("five", "string"),
 ]

@@ -10,6 +10,7 @@ import pytest
 
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.analyses.tolerance import solve as random_builds
 from suspension_cli.analyses.tolerance.solve import RandomBuilds, follow_modes
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
@@ -147,11 +148,11 @@ def test_batches_of_builds(ratio, tip_mass, level):
 
 @pytest.mark.parametrize("tip_mass", [0.0, 0.02])
 @pytest.mark.parametrize("ratio", RATIOS)
-def test_modes_of_batches(ratio, tip_mass):
+def test_modes_of_batches(ratio, tip_mass, monkeypatch):
     """`tolerance` finds the modes of a design without imperfections, from one matrix in doubles."""
     design = geo(ratio, tip_mass=tip_mass)
-    job = RandomBuilds("", 1, 0, None)
-    job.__dict__["design"] = design
+    monkeypatch.setattr(random_builds, "_parse", lambda _: design)
+    job = RandomBuilds(f"{ratio} {tip_mass}", 1, 0, None)
     found = builds.balance(stack_scenes([expand(design)] * 2), design)
     start = job._start
     squared = follow_modes(found, start[1], start[2])

@@ -140,13 +140,10 @@ def _exact_joined(length: float) -> Any:
 def _joined(length: float) -> Any:
     """The same by `elements.joined_sections`."""
     sections = _sections(length)
-    parts = [
-        beam.chord_stiffness(ei, TENSION, beam.waves(ei, TENSION, mass, own / 2, _OMEGA))
-        for ei, mass, own in sections
-    ]
-    lengths = [own for _, _, own in sections]
-    whole = joined_sections.join(parts, lengths)[0]
-    return joined_sections.to_ends(joined_sections.chord_to_even_odd(whole, sum(lengths)))[..., 0]
+    ei, mass, lengths = (np.array(column)[:, None] for column in zip(*sections, strict=True))
+    wave = beam.waves(ei, TENSION, mass, lengths / 2, _OMEGA)
+    whole = joined_sections.join(beam.chord_stiffness(ei, TENSION, wave), lengths)[0]
+    return joined_sections.to_ends(joined_sections.chord_to_even_odd(whole, lengths.sum()))[..., 0]
 
 
 def _eliminated(length: float) -> Any:

@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number, plain
+from suspension_cli.analyses.analysis import (
+    Analysis,
+    Document,
+    Result,
+    Run,
+    Settings,
+    as_number,
+    plain,
+)
 from suspension_cli.analyses.options import option
 from suspension_cli.errors import escape_unprintable
 
@@ -130,7 +138,7 @@ class BudgetAnalysis(Analysis):
         """Return nothing: `damp` parses the signals of the loops."""
         return iter(())
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return the budget of the first output flat, and those of the others."""
         budgets: list[Budget] = result.data
         first, *others = [_document(one) for one in budgets]
@@ -174,7 +182,7 @@ class BudgetAnalysis(Analysis):
                 lines.append(f"  {describe_requirement(one.requirement)}")
         return "\n".join(lines)
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw a panel per output."""
         from suspension_cli.analyses.budget import picture
         from suspension_cli.drawing.style import name_neglected
@@ -193,10 +201,10 @@ def _rms(value: float) -> float | str:
     return "infinite" if value == math.inf else float(value)
 
 
-def _document(one: Budget) -> dict[str, Any]:
+def _document(one: Budget) -> Document:
     """One output as JSON, but for its frequencies."""
     pairs = [*zip(one.cause, one.square, one.square_velocity, strict=True)]
-    result: dict[str, Any] = {
+    result: Document = {
         "output": one.output,
         "unit": f"{one.unit}/sqrt(Hz)",
         "displacement_asd": one.amplitude.tolist(),
@@ -253,7 +261,7 @@ def describe_ground(names: dict[str, str], highest: float) -> str:
     )
 
 
-def _ground(setting: dict[str, Any], folder: Path) -> tuple[dict[str, Motion], Array, list[str]]:
+def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Motion], Array, list[str]]:
     """Return the motions of the support, the grid within the range of all of them, and warnings."""
     import numpy as np
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import h5py
 import numpy as np
 
 from suspension_cli.analyses.budget.solve import Budget, Requirement
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 
 ASD = "SI/sqrt(Hz), see unit"
 RMS = {"square": "SI^2, see unit", "square_velocity": "SI^2/s^2, see unit"}
@@ -55,7 +53,7 @@ def _fill_requirement(group: h5py.Group, required: Requirement) -> None:
     add_dataset(group, "exceeded", np.reshape(required.exceeded, (-1, 2)), "Hz", number, end)
 
 
-def load(group: Any) -> list[Budget]:
+def load(group: Stored) -> list[Budget]:
     """Read the budget of each motion from a group."""
     cause = tuple(str(name) for name in group["cause"].asstr()[:])
     outputs = zip(group["output"].asstr()[:], group["unit"].asstr()[:], strict=True)
@@ -75,7 +73,7 @@ def load(group: Any) -> list[Budget]:
     ]
 
 
-def _load_requirement(group: Any) -> Requirement:
+def _load_requirement(group: Stored) -> Requirement:
     return Requirement(
         str(group.attrs["name"]),
         group["frequency"][:],

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import tables
-from suspension_cli.analyses.analysis import Log, Report
+from suspension_cli.analyses.analysis import Document, Log, Report
 from suspension_cli.errors import Fault, InputError, escape_unprintable
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class Check(Report):
         for item in self.warnings:
             log.warn(f"{self.name}: {item.line}")
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """Return the JSON document that ``pendsus check --json`` prints."""
         from suspension_cli.analyses.check import towers
 
@@ -103,9 +103,9 @@ class Check(Report):
             ],
         } | self._wire_details()
 
-    def _wire_details(self) -> dict[str, Any]:
+    def _wire_details(self) -> Document:
         """Weight of wires where it is included, and measured profiles where there are any."""
-        result: dict[str, Any] = {}
+        result: Document = {}
         own = self.weights
         if own is not None and own.included:
             result["wire_weight"] = {
@@ -228,7 +228,7 @@ def solve(source: Source) -> Check:
     return Check(source, choice, loads, stable, level, found, weights, reduced)
 
 
-def _stressed(part: WireLoad | BladeLoad) -> dict[str, Any]:
+def _stressed(part: WireLoad | BladeLoad) -> Document:
     return {
         "stress_pa": part.stress,
         "strength_pa": part.strength,

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from suspension_cli.analyses import tables
+from suspension_cli.analyses.analysis import Document
 from suspension_cli.design.filters import filter_statics
 from suspension_cli.design.inverted_pendulum import leg_inertia, leg_statics
 from suspension_cli.design.keystones import Keystone
 from suspension_cli.design.plausibility import ImplausibleNumber
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
-from suspension_cli.equilibrium.energy import with_struts
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import Fault, format_value
 from suspension_cli.scene.scene import Scene
@@ -112,7 +111,7 @@ def leg_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[LegL
     """Loads of all inverted pendulums in an equilibrium."""
     if not scene.struts.label:
         return ()
-    thrust = -string.state(with_struts(scene), balanced.pose).tension
+    thrust = -string.state(string.with_struts(scene), balanced.pose).tension
     nominal, gravity = scene.drawn or scene, float(scene.gravity)
     found = []
     for number, stage in enumerate(design.stage, 1):
@@ -187,9 +186,9 @@ def _weight_below(scene: Scene, number: int) -> float:
     return float(carried_weights(scene)[number - 1])
 
 
-def documents(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> dict[str, Any]:
+def documents(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> Document:
     """JSON lists of inverted pendulums and filters, where there are any."""
-    result: dict[str, Any] = {}
+    result: Document = {}
     if legs:
         result["inverted_pendulums"] = [
             {

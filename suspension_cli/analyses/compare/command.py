@@ -6,10 +6,10 @@ import dataclasses
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
 from suspension_cli.analyses.options import argument, option
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class CompareAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def read(self, ask: Callable[..., Run], files: dict[str, Any]) -> Sequence[Run]:
+    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
         """Read all items for one run, whose options come from the first design."""
         from suspension_cli.analyses.compare import items
 
@@ -94,11 +94,11 @@ class CompareAnalysis(Analysis):
         choice = Choice(", ".join(models), "as the designs need it")
         return Result(self, run.source, choice, found, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return changes of the designs, paired modes, and curves with their ratios."""
         found: Comparison = result.data
         kinds = zip(found.name, found.kind, found.model, strict=True)
-        document: dict[str, Any] = {
+        document: Document = {
             "designs": list(found.name),
             "items": [{"name": n, "kind": k, "fidelity": m or None} for n, k, m in kinds],
             "changes": {
@@ -129,7 +129,7 @@ class CompareAnalysis(Analysis):
 
         return text.describe(result.data)
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the changes of modes, and every response and noise with its ratio."""
         from suspension_cli.analyses.compare import picture
 
@@ -149,18 +149,23 @@ class CompareAnalysis(Analysis):
         return folder / f"{names[0]}-and-{names[1]}{more}-{self.stem}.h5"
 
 
-def _overlay(found: Comparison, overlay: Overlay) -> dict[str, Any]:
+def _overlay(found: Comparison, overlay: Overlay) -> Document:
+    import numpy as np
+
     response = overlay.kind == "response"
     curves = []
     for curve in overlay.curves:
-        one: dict[str, Any] = {"name": found.name[curve.item]}
+        one: Document = {"name": found.name[curve.item]}
         one["frequency_hz"] = plain(curve.frequency)
         if response:
-            one |= {"real": plain(curve.value.real), "imag": plain(curve.value.imag)}
+            one |= {"real": plain(np.real(curve.value)), "imag": plain(np.imag(curve.value))}
         else:
-            one["displacement_asd"] = plain(curve.value.real)
-        ratio = {"frequency_hz": plain(curve.ratio_frequency), "real": plain(curve.ratio.real)}
-        one["ratio"] = ratio | ({"imag": plain(curve.ratio.imag)} if response else {})
+            one["displacement_asd"] = plain(np.real(curve.value))
+        ratio = {
+            "frequency_hz": plain(curve.ratio_frequency),
+            "real": plain(np.real(curve.ratio)),
+        }
+        one["ratio"] = ratio | ({"imag": plain(np.imag(curve.ratio))} if response else {})
         curves.append(one)
     head = {"output": overlay.output} | ({"input": overlay.input} if response else {})
     reference = found.name[overlay.curves[0].item]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
+from suspension_cli.analyses.analysis import Document
 from suspension_cli.design.path_units import format_with_unit
 
 OTHER_TABLES = ("design", "analysis")
@@ -61,22 +61,22 @@ def find_changes(before: str, after: str) -> list[Change]:
     ]
 
 
-def _with_whole_stages(document: dict[str, Any], common: set[str]) -> dict[str, Any]:
-    """Values by dotted path; of a stage that the other design lacks, its name alone."""
+def _with_whole_stages(document: Document, common: set[str]) -> dict[str, object]:
+    """Collect values by dotted path; of a stage that the other design lacks, its name alone."""
     alone = [s["name"] for s in document.get("stage", ()) if s["name"] not in common]
     shared = [s for s in document.get("stage", ()) if s["name"] in common]
     values = dict(_values(document | {"stage": shared}))
     return values | {f"stage.{name}": "a stage" for name in alone}
 
 
-def _values(document: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+def _values(document: Document, path: str = "") -> Iterator[tuple[str, object]]:
     """List dotted paths and values; members of lists of tables by their name or number."""
     for key, value in document.items():
         if path or key not in OTHER_TABLES:
             yield from _below(f"{path}.{key}" if path else key, value)
 
 
-def _below(path: str, value: Any) -> Iterator[tuple[str, Any]]:
+def _below(path: str, value: object) -> Iterator[tuple[str, object]]:
     if isinstance(value, dict):
         yield from _values(value, path)
     elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
@@ -87,7 +87,7 @@ def _below(path: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield path, value
 
 
-def _format(path: str, value: Any) -> str:
+def _format(path: str, value: object) -> str:
     if value is None:
         return MISSING
     if isinstance(value, list):

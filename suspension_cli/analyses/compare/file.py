@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import h5py
 
 from suspension_cli.analyses.compare.design_changes import Change
 from suspension_cli.analyses.compare.solve import Comparison, Curve, Overlay, PairedModes
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 
 SHORT = ("frequency", "value", "uncertainty", "ratio_frequency", "ratio")
 """Arrays of a curve."""
@@ -42,7 +40,7 @@ def fill(group: h5py.Group, found: Comparison) -> None:
                 add_dataset(own, name, getattr(curve, name), units.get(name, overlay.unit))
 
 
-def load(group: Any) -> Comparison:
+def load(group: Stored) -> Comparison:
     """Read a comparison from a group."""
     names = tuple(group["item"].asstr()[:])
     changes: list[list[Change]] = [[] for _ in names]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.errors import Fault, InputError, format_value
 
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from suspension_cli.design.measured import Measured, Mode
     from suspension_cli.design.reader import Source
     from suspension_cli.measurements.transfer_function import MeasuredResponse
+
+    Given = str | Path | Result | Source
 
 COMPARED = ("modes", "response", "thermal")
 """Results whose contents are compared."""
@@ -54,7 +56,7 @@ class Item:
         return "design" if self.run else "result" if self.result else "measurement"
 
 
-def read(ask: Callable[..., Run], given: Sequence[Any]) -> list[Item]:
+def read(ask: Callable[..., Run], given: Sequence[Given]) -> list[Item]:
     """Read everything that is compared, and give it names of its own.
 
     Parameters
@@ -62,7 +64,7 @@ def read(ask: Callable[..., Run], given: Sequence[Any]) -> list[Item]:
     ask : callable
         Reads one design, as `Analysis.read` has it.
     given : sequence
-        Paths of files; `Result` and designs of the Python API, too.
+        Paths of files; results and designs of the Python API, too.
 
     Raises
     ------
@@ -80,7 +82,7 @@ def read(ask: Callable[..., Run], given: Sequence[Any]) -> list[Item]:
     return _with_own_names(items, given)
 
 
-def _read(ask: Callable[..., Run], given: Any) -> Item:
+def _read(ask: Callable[..., Run], given: Given) -> Item:
     from suspension_cli.analyses.analysis import Result
     from suspension_cli.design import measured, reader
 
@@ -165,14 +167,15 @@ def _of_result(result: Result) -> Item:
     return Item(result.name, result.source, result=result)
 
 
-def _with_own_names(items: list[Item], given: Sequence[Any]) -> list[Item]:
+def _with_own_names(items: list[Item], given: Sequence[Given]) -> list[Item]:
     """Name things of equal name after their files, then by numbers."""
     import dataclasses
 
     def name(n: int, item: Item) -> str:
         if [other.name for other in items].count(item.name) == 1:
             return item.name
-        path = given[n] if isinstance(given[n], (str, Path)) else item.source and item.source.file
+        one = given[n]
+        path = one if isinstance(one, (str, Path)) else item.source and item.source.file
         return Path(path).stem if path else item.name
 
     names = [name(n, item) for n, item in enumerate(items)]

@@ -23,8 +23,6 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
 """Line styles of the items, so that equal curves do not hide each other."""
 MARKERS = ("o", "D", "s", "^", "v")
 """Markers of the items."""
-LINEAR = 1e-4
-"""Change of a frequency, relative, below which the axis of changes is linear."""
 
 
 def draw_modes(found: Comparison, modes: PairedModes) -> Figure:

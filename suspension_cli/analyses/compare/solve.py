@@ -10,8 +10,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,11 +19,16 @@ from suspension_cli.analyses import registry, settings
 from suspension_cli.analyses.analysis import Log, Result, Run
 from suspension_cli.analyses.compare.design_changes import Change, find_changes
 from suspension_cli.analyses.compare.items import Item
+from suspension_cli.design.measured import Mode
+from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.grids import parse_grid
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
 
 LEAST_OVERLAP = 0.1
 """Overlap of two shapes below which modes are not taken for the same."""
@@ -36,17 +41,17 @@ class PairedModes:
     Attributes
     ----------
     label : tuple of str
-        Of each row (m), from the first item that has the mode.
-    frequency, q : (m, items) arrays
+        Of each row, from the first item that has the mode.
+    frequency, q : array
         Hz, and quality factors; NaN where an item has no such mode (or it is unstable).
-    overlap : (m, items) array
+    overlap : array
         Of the shape with that of the first design; NaN where there is none.
     """
 
     label: tuple[str, ...]
-    frequency: Any
-    q: Any
-    overlap: Any
+    frequency: Float[np.ndarray, "mode item"]
+    q: Float[np.ndarray, "mode item"]
+    overlap: Float[np.ndarray, "mode item"]
 
 
 @dataclass(frozen=True)
@@ -57,22 +62,22 @@ class Curve:
     ----------
     item : int
         Number of the item, from 0.
-    frequency : (f,) array
+    frequency : array
         Hz.
-    value : (f,) complex array
+    value : array
         Response; amplitude spectral density of a noise.
-    uncertainty : (f,) array
+    uncertainty : array
         Of measured real and imaginary parts; NaN where unknown.
-    ratio_frequency, ratio : (r,) arrays
+    ratio_frequency, ratio : array
         Value over that of the reference; empty for the reference.
     """
 
     item: int
-    frequency: Any
-    value: Any
-    uncertainty: Any
-    ratio_frequency: Any = dataclasses.field(default_factory=lambda: np.zeros(0))
-    ratio: Any = dataclasses.field(default_factory=lambda: np.zeros(0, dtype=complex))
+    frequency: Float[np.ndarray, " frequency"]
+    value: Complex[np.ndarray, " frequency"]
+    uncertainty: Float[np.ndarray, " frequency"]
+    ratio_frequency: Float[np.ndarray, " ratio"] = field(default_factory=lambda: np.zeros(0))
+    ratio: Complex[np.ndarray, " ratio"] = field(default_factory=lambda: np.zeros(0, dtype=complex))
 
 
 @dataclass(frozen=True)
@@ -167,7 +172,7 @@ def solve(items: Sequence[Item], run: Run) -> Comparison:
 
 
 def _results(
-    name: str, items: Sequence[Item], run: Run, models: list[str], **given: Any
+    name: str, items: Sequence[Item], run: Run, models: list[str], **given: object
 ) -> dict[int, Result]:
     """Run an analysis for every design, all with the most complete model that one needs."""
     from suspension_cli.models import registry as known
@@ -213,7 +218,7 @@ def _modes(items: Sequence[Item], run: Run, models: list[str]) -> PairedModes | 
     )
 
 
-def pair_modes(found: dict[int, tuple[Modes, Any]], items: Sequence[Item]) -> PairedModes:
+def pair_modes(found: dict[int, tuple[Modes, Design]], items: Sequence[Item]) -> PairedModes:
     """Pair the modes of designs by shape, and measured ones by label or frequency.
 
     Parameters
@@ -270,13 +275,13 @@ def pair_modes(found: dict[int, tuple[Modes, Any]], items: Sequence[Item]) -> Pa
     )
 
 
-def _first_finite(row: Any) -> float:
-    """First finite number of a row; -inf if there is none, as of an unstable mode."""
+def _first_finite(row: Float[np.ndarray, " item"]) -> float:
+    """Find the first finite number of a row; -inf if there is none, as of an unstable mode."""
     return float(next((value for value in row if np.isfinite(value)), -np.inf))
 
 
-def _measured_row(table: PairedModes, mode: Any, n: int, reference: int, base: Modes) -> int:
-    """Row of a measured mode: of its label, else the nearest in frequency that is free."""
+def _measured_row(table: PairedModes, mode: Mode, n: int, reference: int, base: Modes) -> int:
+    """Find the row of a measured mode: of its label, else the nearest in frequency that is free."""
     free = np.isnan(table.frequency[:, n])
     labelled = np.array([label == mode.label for label in table.label]) & free
     if mode.dof and not mode.label:
@@ -292,7 +297,7 @@ def _measured_row(table: PairedModes, mode: Any, n: int, reference: int, base: M
 class _Bodies:
     """Shapes of modes in the motion of bodies, of unit norm where only bodies move."""
 
-    def __init__(self, modes: Modes, design: Any) -> None:
+    def __init__(self, modes: Modes, design: Design) -> None:
         bodies = expand(design).bodies
         self.names = modes.body
         self.shape = np.zeros((len(modes.q), len(self.names), 6))
@@ -302,8 +307,8 @@ class _Bodies:
             self.shape[:, b, :3] = np.sqrt(bodies.mass[b]) * part[:, :3]
             self.shape[:, b, 3:] = part[:, 3:] @ root
 
-    def overlap(self, other: _Bodies) -> Any:
-        """Overlaps (m, n) in bodies of the same name, or in order if none has the same name."""
+    def overlap(self, other: _Bodies) -> Float[np.ndarray, "mode other"]:
+        """Compute overlaps in bodies of the same name, or in order if none has the same name."""
         common = [name for name in self.names if name in other.names]
         if common:
             mine = [self.names.index(name) for name in common]
@@ -316,8 +321,13 @@ class _Bodies:
         return np.abs(rows @ columns.T)
 
 
+def _exact(item: int, frequency: np.ndarray, value: np.ndarray) -> Curve:
+    """Make the curve of a model, which has no uncertainty."""
+    return Curve(item, frequency, value, np.full(len(frequency), np.nan))
+
+
 def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]:
-    """Responses that a result, a measurement or the setting has, one overlay for each pair."""
+    """Collect the responses of results, measurements and the setting, an overlay per pair."""
     data: dict[tuple[str, str], dict[int, Curve]] = {}
     units: dict[tuple[str, str], str] = {}
     for n, item in enumerate(items):
@@ -329,8 +339,7 @@ def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overl
             found = item.result.data
             for o, out in enumerate(found.output):
                 for i, into in enumerate(found.input):
-                    nothing = np.full(len(found.frequency), np.nan)
-                    curve = Curve(n, found.frequency, found.value[:, o, i], nothing)
+                    curve = _exact(n, found.frequency, found.value[:, o, i])
                     data.setdefault((out, into), {})[n] = curve
                     units[out, into] = found.unit[o][i]
     wanted_in, wanted_out = run.setting["inputs"], run.setting["outputs"]
@@ -348,8 +357,7 @@ def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overl
             "response", items, run, models, inputs=(into,), outputs=(out,), frequency=grid
         )
         for n, result in solved.items():
-            nothing = np.full(len(result.frequency), np.nan)
-            curves[n] = Curve(n, result.frequency, result.value[:, 0, 0], nothing)
+            curves[n] = _exact(n, result.frequency, result.value[:, 0, 0])
             units[out, into] = result.unit[0][0]
         if curves:
             unit = units.get((out, into), "")
@@ -358,14 +366,13 @@ def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overl
 
 
 def _noises(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]:
-    """Thermal noise that a result has or the setting asks for, one overlay for each output."""
+    """Collect the thermal noise of results and the setting, an overlay per output."""
     data: dict[str, dict[int, Curve]] = {}
     units: dict[str, str] = {}
     for n, item in enumerate(items):
         if item.result is not None and item.result.analysis.name == "thermal":
             for noise in item.result.data:
-                nothing = np.full(len(noise.frequency), np.nan)
-                curve = Curve(n, noise.frequency, noise.amplitude.astype(complex), nothing)
+                curve = _exact(n, noise.frequency, noise.amplitude.astype(complex))
                 data.setdefault(noise.output, {})[n] = curve
                 units[noise.output] = f"{noise.unit}/sqrt(Hz)"
     for out in run.setting["noises"]:
@@ -378,8 +385,7 @@ def _noises(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]
             )
         for n, result in solved.items():
             noise = result.data[0]
-            nothing = np.full(len(noise.frequency), np.nan)
-            curves[n] = Curve(n, noise.frequency, noise.amplitude.astype(complex), nothing)
+            curves[n] = _exact(n, noise.frequency, noise.amplitude.astype(complex))
             units[out] = f"{noise.unit}/sqrt(Hz)"
         overlays.append(Overlay("noise", out, "", units[out], _with_ratios(items, curves)))
     return overlays
@@ -400,8 +406,9 @@ def _option_named(option: str) -> Iterator[None]:
 
 
 def _grid(items: Sequence[Item], curves: dict[int, Curve], run: Run) -> str:
-    """Frequencies at which designs are computed: those of all data, between which the picture
-    needs the grid of the command where the data are measured.
+    """List the frequencies at which designs are computed: those of all data.
+
+    Where the data are measured, the picture needs the grid of the command between them.
     """
     points = [curve.frequency for curve in curves.values()]
     if all(items[n].kind == "measurement" for n in curves):
@@ -421,8 +428,8 @@ def _with_ratios(items: Sequence[Item], curves: dict[int, Curve]) -> tuple[Curve
     )
 
 
-def _ratio(curve: Curve, reference: Curve) -> dict[str, Any]:
-    """Ratio at the frequencies that both have; the reference is interpolated if these are few."""
+def _ratio(curve: Curve, reference: Curve) -> dict[str, np.ndarray]:
+    """Compute the ratio at the frequencies that both have; if few, interpolate the reference."""
     common, mine, theirs = np.intersect1d(curve.frequency, reference.frequency, return_indices=True)
     if 2 * len(common) >= min(len(curve.frequency), len(reference.frequency)):
         frequency, value, below = common, curve.value[mine], reference.value[theirs]
@@ -436,7 +443,9 @@ def _ratio(curve: Curve, reference: Curve) -> dict[str, Any]:
         return {"ratio_frequency": frequency, "ratio": value / below}
 
 
-def _interpolate(frequency: Any, curve: Curve) -> Any:
+def _interpolate(
+    frequency: Float[np.ndarray, " point"], curve: Curve
+) -> Complex[np.ndarray, " point"]:
     """Interpolate the logarithm of magnitude, and the phase, in the logarithm of frequency."""
     with np.errstate(divide="ignore"):
         x, at = np.log(curve.frequency), np.log(frequency)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from suspension_cli.analyses import tables
@@ -62,7 +60,7 @@ def _table(found: Comparison) -> str:
     first = shown[0]
     few = (modes.overlap < MIXED).sum() <= len(modes.label) / 2
     for m, label in enumerate(modes.label):
-        row: list[Any] = []
+        row: list[object] = []
         for n in shown:
             row.append(modes.frequency[m, n])
             if n != first:

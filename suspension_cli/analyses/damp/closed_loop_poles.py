@@ -26,8 +26,9 @@ of x.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -36,8 +37,10 @@ from suspension_cli.analyses.damp import control, control_statespace
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.design import loop_filters
 from suspension_cli.design.schema import Loop
+from suspension_cli.linear.frequency_terms import Term
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.quality import NOTHING
+from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -97,20 +100,21 @@ def refine(found: Poles, plant: Plant) -> Poles:
         starts = values[here]
         pairs = zip(starts, block.dispersive(np.imag(starts)), strict=True)
         solved = [_find_root(complex(start), block, lossy) for start, lossy in pairs]
-        roots: Any = np.array([root for root, *_ in solved])
+        roots = np.array([root for root, *_ in solved], dtype=complex)
         if block.delays.any():
             own = _first_of_each(starts, roots, np.array([moved for *_, moved in solved]))
             spurious[here] = ~own  # poles of the approximation of the delay
         else:  # a root nearer to another start has converged to another pole
             own = np.abs(roots[:, None] - starts).argmin(1) == np.arange(len(here))
         values[here[own]] = _drop_rounding(roots, found.rounding)[own]
-        slow = np.flatnonzero(own & (roots.imag > 0) & (np.abs(roots.real) <= SLOW * np.abs(roots)))
+        lasting = (np.imag(roots) > 0) & (np.abs(np.real(roots)) <= SLOW * np.abs(roots))
+        slow = np.flatnonzero(own & lasting)
         if len(slow):
             shapes = np.array([_solve_shape(solved[n][0], block, solved[n][1]) for n in slow])
             decay = _compute_decays(roots[slow], block, shapes.T)
             # a larger change: two poles at one frequency, whose shapes mix
-            alone = np.abs(decay - roots[slow].real) <= NEAR * np.abs(roots[slow])
-            values[here[slow[alone]]] = decay[alone] + 1j * roots[slow[alone]].imag
+            alone = np.abs(decay - np.real(roots[slow])) <= NEAR * np.abs(roots[slow])
+            values[here[slow[alone]]] = decay[alone] + 1j * np.imag(roots[slow[alone]])
     order = np.argsort(np.abs(values), kind="stable")
     order = order[~spurious[order]]
     return Poles(values[order], tuple(found.state[n] for n in order))
@@ -121,7 +125,7 @@ def _first_of_each(
     roots: Complex[np.ndarray, " pole"],
     converged: Bool[np.ndarray, " pole"],
 ) -> Bool[np.ndarray, " pole"]:
-    """Mark (p,) one start, the nearest, of those that have converged to each root."""
+    """Mark one start, the nearest, of those that have converged to each root."""
     own = np.zeros(len(starts), dtype=bool)
     for n in np.argsort(np.abs(roots - starts) / np.abs(starts).clip(1e-300)):
         again = np.abs(roots[own] - roots[n]) <= SAME * np.abs(roots[n])
@@ -132,13 +136,13 @@ def _first_of_each(
 def _drop_rounding(
     values: Complex[np.ndarray, " pole"], rounding: float
 ) -> Complex[np.ndarray, " pole"]:
-    """Set real parts of poles (p,) that may be rounding errors to 0."""
+    """Set real parts of poles that may be rounding errors to 0."""
     return np.where(
         np.abs(np.real(values)) <= rounding * np.abs(values), 1j * np.imag(values), values
     )
 
 
-def _find_block(state: str, known: dict[str, int], groups: Any) -> int:
+def _find_block(state: str, known: dict[str, int], groups: Sequence[Index]) -> int:
     """Find the block of a state, such as ``upper.x``, ``frame.x momentum`` or ``loop roll 2``."""
     place = known[state if state in known else state.rpartition(" ")[0]]
     return next(n for n, group in enumerate(groups) if place in group)
@@ -146,23 +150,23 @@ def _find_block(state: str, known: dict[str, int], groups: Any) -> int:
 
 @dataclass(frozen=True)
 class _Block:
-    """A block: coordinates (c,) uncoupled from all others, with the loops that act on them.
+    """A block: coordinates uncoupled from all others, with the loops that act on them.
 
     Attributes
     ----------
     plant : Plant
         These loops alone, with `sensed` and `pushed` (l, c).
-    mass, stiffness, damping, lossy : (c, c) arrays
+    mass, stiffness, damping, lossy : array
         M, K, C and the K'' of constant loss angles.
     terms : tuple of Term
         Losses that depend on frequency.
     filters : tuple of (q, q), (q, l), (l, q), (l, l) arrays
         A_f, B_f, C_f, D_f of all filters, without velocity dampers.
-    resisting : (c, c) array
+    resisting : array
         C with velocity dampers.
-    delays : (l,) array
+    delays : array
         s.
-    delayed_dampers : (l,) array
+    delayed_dampers : array
         N s/m or N m s/rad; 0 for all other loops.
     """
 
@@ -171,15 +175,15 @@ class _Block:
     stiffness: Float[np.ndarray, "coordinate coordinate"]
     damping: Float[np.ndarray, "coordinate coordinate"]
     lossy: Float[np.ndarray, "coordinate coordinate"]
-    terms: tuple[Any, ...]
-    filters: tuple[Any, ...]
+    terms: tuple[Term, ...]
+    filters: tuple[np.ndarray, ...]
     resisting: Float[np.ndarray, "coordinate coordinate"]
     delays: Float[np.ndarray, " loop"]
     delayed_dampers: Float[np.ndarray, " loop"]
 
     @staticmethod
     def of(plant: Plant, group: Int[np.ndarray, " coordinate"]) -> _Block:
-        """Cut a block of coordinates (c,) out of a plant."""
+        """Cut a block of coordinates out of a plant."""
         model, rows = plant.model, np.ix_(group, group)
         keep = [
             n
@@ -201,8 +205,7 @@ class _Block:
             damping,
             np.zeros(damping.shape) if model.lossy is None else np.imag(model.lossy[rows]),
             tuple(term.within(group) for term in model.terms),
-            # the first, empty block: block_diag() of nothing has a row
-            tuple(block_diag(np.zeros((0, 0)), *(one[n] for one in filters)) for n in range(4)),
+            tuple(_join([one[n] for one in filters]) for n in range(4)),
             resisting,
             np.array([loop.delay for loop in acting.loops]),
             np.array([_delayed_damper(loop) for loop in acting.loops]),
@@ -211,7 +214,7 @@ class _Block:
     def dispersive(
         self, omega: Float[np.ndarray, " pole"]
     ) -> Complex[np.ndarray, "pole coordinate coordinate"]:
-        """i K'' (p, c, c) of all losses at frequencies (p,), rad/s; 0 at 0, without oscillation."""
+        """i K'' of all losses at frequencies, rad/s; 0 at 0, without oscillation."""
         result = np.zeros((len(omega), *self.mass.shape), dtype=complex)
         moving = omega > 0
         result[moving] = 1j * self.lossy
@@ -224,7 +227,7 @@ class _Block:
     def dissipated(
         self, x: Complex[np.ndarray, "coordinate pole"], omega: Float[np.ndarray, " pole"]
     ) -> Float[np.ndarray, " pole"]:
-        """x^H K'' x + omega x^H C x (p,) of motions x (c, p) at frequencies omega (p,), rad/s."""
+        """x^H K'' x + omega x^H C x of motions x at frequencies omega, rad/s."""
         lost = (
             np.einsum("ip,ij,jp->p", x.conj(), self.lossy, x).real
             + omega * np.einsum("ip,ij,jp->p", x.conj(), self.damping, x).real
@@ -243,7 +246,7 @@ def _delayed_damper(loop: Loop) -> float:
 def _find_root(
     start: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
 ) -> tuple[complex, Complex[np.ndarray, "coordinate coordinate"], bool]:
-    """Find a root of T(s) near a start, with the losses (c, c) there, from those at the start.
+    """Find a root of T(s) near a start, with the losses there, from those at the start.
 
     The start itself, and False, where Newton's method does not converge.
     """
@@ -263,7 +266,7 @@ def _find_root(
 def _iterate_newton(
     s: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
 ) -> complex:
-    """Find a root of T(s) with given losses (c, c) by Newton's method; NaN without convergence."""
+    """Find a root of T(s) with given losses by Newton's method; NaN without convergence."""
     a, b, c, d = block.filters
     size, count = len(block.mass), len(block.mass) + len(a)
     pushed, sensed = block.plant.pushed, block.plant.sensed
@@ -307,8 +310,15 @@ def _iterate_newton(
     return complex(np.nan)
 
 
-def _equilibrate(matrix: Any) -> tuple[Any, Any]:
-    """Factors (c,) of rows and columns that bring their largest elements near 1."""
+def _join(blocks: list[Array]) -> np.ndarray:
+    # the first, empty block: block_diag() of nothing has a row
+    return np.asarray(block_diag(np.zeros((0, 0)), *blocks))
+
+
+def _equilibrate(
+    matrix: Complex[np.ndarray, "row column"],
+) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " column"]]:
+    """Compute factors of rows and columns that bring their largest elements near 1."""
     size = np.abs(matrix)
     row, column = np.ones(len(size)), np.ones(len(size))
     for _ in range(3):
@@ -317,8 +327,8 @@ def _equilibrate(matrix: Any) -> tuple[Any, Any]:
     return row, column
 
 
-def _largest(size: Any, axis: int) -> Any:
-    """Largest element along an axis; 1 where all are 0."""
+def _largest(size: Array, axis: int) -> Array:
+    """Find the largest element along an axis; 1 where all are 0."""
     largest = size.max(axis, initial=0.0)
     return np.where(largest > 0, largest, 1.0)
 
@@ -326,7 +336,7 @@ def _largest(size: Any, axis: int) -> Any:
 def _solve_shape(
     s: complex, block: _Block, lossy: Complex[np.ndarray, "coordinate coordinate"]
 ) -> Complex[np.ndarray, " coordinate"]:
-    """Solve for the shape (c,) of a pole s by inverse iteration."""
+    """Solve for the shape of a pole s by inverse iteration."""
     pushed, sensed = block.plant.pushed, block.plant.sensed
     root = np.sqrt(np.abs(np.diag(block.stiffness)) + abs(s) ** 2 * np.diag(block.mass))
     near = s * (1 + ASIDE)
@@ -344,8 +354,10 @@ def _solve_shape(
     return shape / root
 
 
-def _filter_responses(s: Any, block: _Block) -> Any:
-    """H (l, p) of all loops at complex s (p,), rad/s."""
+def _filter_responses(
+    s: Complex[np.ndarray, " pole"], block: _Block
+) -> Complex[np.ndarray, "loop pole"]:
+    """Evaluate H of all loops at complex s, rad/s."""
     return np.array(
         [control.evaluate_filter(loop, s / (2j * np.pi)) for loop in block.plant.loops],
         dtype=complex,
@@ -355,7 +367,7 @@ def _filter_responses(s: Any, block: _Block) -> Any:
 def _compute_decays(
     s: Complex[np.ndarray, " pole"], block: _Block, x: Complex[np.ndarray, "coordinate pole"]
 ) -> Float[np.ndarray, " pole"]:
-    """Compute the real parts (p,) of poles (p,) from their shapes (c, p)."""
+    """Compute the real parts of poles from their shapes."""
     weight = np.einsum("ip,ij,jp->p", x.conj(), block.mass, x).real
     gain = (
         (_filter_responses(s, block) * (block.plant.pushed @ x.conj()) * (block.plant.sensed @ x))

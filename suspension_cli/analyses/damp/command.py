@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, as_number
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ class DampAnalysis(Analysis):
             yield partial(control.parse_sensor, loop, stages, known)
             yield partial(control.parse_actuator, loop, known)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return poles, margins and sensor noise."""
         answer: LocalControl = result.data
         closed = answer.closed
@@ -214,7 +214,7 @@ class DampAnalysis(Analysis):
         }
         return "\n".join([*lines, tables.render(columns, rows), *_all_at_once(answer)])
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw poles, impulse response, sensor noise, loop gains and their Nichols chart."""
         from suspension_cli.analyses.damp import fine, picture
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from suspension_cli.linear import response, signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact
@@ -44,7 +43,7 @@ class Plant:
     model : LinearSystem
     loops : tuple of Loop
     sensor, actuator : list of Signal
-    sensed, pushed : (l, N) arrays
+    sensed, pushed : array
         Sensed motions and actuator forces as linear forms of the coordinates.
     """
 
@@ -135,9 +134,12 @@ def parse_actuator(loop: Loop, known: tuple[str, ...]) -> Signal:
 
 
 def _relative_form(
-    signal: Signal, model: LinearSystem, positions: dict[str, Any], reference: str
+    signal: Signal,
+    model: LinearSystem,
+    positions: dict[str, tuple[float, float, float]],
+    reference: str,
 ) -> Float[np.ndarray, " coordinate"]:
-    """Linear form (N,) of a signal, relative to the support structure if that is the reference.
+    """Compute the linear form of a signal, relative to its reference.
 
     A frame moves with the structure.
     """
@@ -158,9 +160,9 @@ def _relative_form(
 
 
 def evaluate_filter(
-    loop: Loop, frequency: Inexact[np.ndarray, " frequency"]
-) -> Complex[np.ndarray, " frequency"]:
-    """Evaluate a loop's factor (f,) from motion to -force at frequencies (f,) in Hz.
+    loop: Loop, frequency: Inexact[np.ndarray, "*frequency"] | complex
+) -> Complex[np.ndarray, "*frequency"]:
+    """Evaluate a loop's factor from motion to -force at frequencies in Hz.
 
     Filter, sensor response and delay; N/m or N m/rad.
     """
@@ -179,7 +181,7 @@ def evaluate_filter(
 def evaluate_noise(
     loop: Loop, frequency: Float[np.ndarray, " frequency"]
 ) -> Float[np.ndarray, " frequency"]:
-    """Evaluate the sensor noise (f,) of a loop, as motion, at frequencies (f,) in Hz.
+    """Evaluate the sensor noise of a loop, as motion, at frequencies in Hz.
 
     Flat; flat with a corner below which the power rises as 1/f; or interpolated on logarithmic
     axes.
@@ -200,25 +202,25 @@ class ClosedLoopResponse:
 
     Attributes
     ----------
-    frequency : (f,) array
+    frequency : array
         Hz.
-    value : (f, o, i) complex array
+    value : array
         Outputs over external inputs.
-    noise : (f, o, l) array
+    noise : array
         Amplitude spectral density at each output from each sensor's noise, m/sqrt(Hz) or
         rad/sqrt(Hz).
-    actuator_noise : (f, o, l) array
+    actuator_noise : array
         Of the noise of each actuator, added to the force that the loop commands.
-    loop_gain : (f, l) complex array
+    loop_gain : array
         H G of each loop broken at its actuator, the others closed; a closed-loop pole on the
         imaginary axis has 1 + H G = 0.
     """
 
-    frequency: Array
-    value: Any
-    noise: Array
-    actuator_noise: Array
-    loop_gain: Any
+    frequency: Float[np.ndarray, " frequency"]
+    value: Complex[np.ndarray, "frequency output input"]
+    noise: Float[np.ndarray, "frequency output loop"]
+    actuator_noise: Float[np.ndarray, "frequency output loop"]
+    loop_gain: Complex[np.ndarray, "frequency loop"]
 
 
 def solve_responses(
@@ -232,7 +234,7 @@ def solve_responses(
     Parameters
     ----------
     plant : Plant
-    frequency : (f,) array
+    frequency : array
         Hz.
     inputs, outputs : list of Signal
         External drives (i) and observed motions (o).
@@ -261,16 +263,20 @@ def solve_responses(
     return ClosedLoopResponse(frequency, value, noise, actuator_noise, _loop_gains(h, g[:, o:, i:]))
 
 
-def compute_loop_gains(plant: Plant, frequency: Float[np.ndarray, " frequency"]) -> Any:
-    """Compute the gain (f, l) of each loop with the others closed, at frequencies (f,) in Hz.
+def compute_loop_gains(
+    plant: Plant, frequency: Float[np.ndarray, " frequency"]
+) -> Complex[np.ndarray, "frequency loop"]:
+    """Compute the gain of each loop with the others closed, at frequencies in Hz.
 
     Each loop is broken at its actuator. At a resonance without loss the gain is taken beside it.
     """
     return _from_open_loop(plant, frequency, _loop_gains, (len(plant.loops),))
 
 
-def compute_sensitivity(plant: Plant, frequency: Float[np.ndarray, " frequency"]) -> Any:
-    """Compute the sensitivity S = (1 + H G)^-1 (f, l, l) at the actuators, all loops broken there.
+def compute_sensitivity(
+    plant: Plant, frequency: Float[np.ndarray, " frequency"]
+) -> Complex[np.ndarray, "frequency loop loop"]:
+    """Compute the sensitivity S = (1 + H G)^-1 at the actuators, all loops broken there.
 
     From disturbances at the actuators to their total forces, SI.
     """
@@ -286,10 +292,10 @@ def compute_sensitivity(plant: Plant, frequency: Float[np.ndarray, " frequency"]
 def _from_open_loop(
     plant: Plant,
     frequency: Float[np.ndarray, " frequency"],
-    compute: Callable[[Any, Any], Any],
+    compute: Callable[[np.ndarray, np.ndarray], np.ndarray],
     shape: tuple[int, ...],
-) -> Any:
-    """Compute values (f, *shape) from H (f, l) and G (f, l, l), beside resonances without loss."""
+) -> Complex[np.ndarray, "frequency ..."]:
+    """Compute values of a shape from H (f, l) and G (f, l, l), beside resonances without loss."""
     result = np.full((len(frequency), *shape), np.nan, dtype=complex)
     left = np.arange(len(frequency))
     with np.errstate(all="ignore"):
@@ -311,8 +317,10 @@ def _from_open_loop(
     return result
 
 
-def evaluate_filters(plant: Plant, frequency: Float[np.ndarray, " frequency"]) -> Any:
-    """Evaluate H (f, l) of all loops at frequencies in Hz."""
+def evaluate_filters(
+    plant: Plant, frequency: Float[np.ndarray, " frequency"]
+) -> Inexact[np.ndarray, "frequency loop"]:
+    """Evaluate H of all loops at frequencies in Hz."""
     return (
         np.array([evaluate_filter(loop, frequency) for loop in plant.loops])
         .reshape(len(plant.loops), len(frequency))
@@ -320,8 +328,10 @@ def evaluate_filters(plant: Plant, frequency: Float[np.ndarray, " frequency"]) -
     )
 
 
-def _loop_gains(h: Any, g: Any) -> Any:
-    """Gain (f, l) of each loop, the others closed, from H (f, l) and the open-loop G (f, l, l)."""
+def _loop_gains(
+    h: Inexact[np.ndarray, "frequency loop"], g: Complex[np.ndarray, "frequency loop loop"]
+) -> Complex[np.ndarray, "frequency loop"]:
+    """Compute the gain of each loop, the others closed, from H and the open-loop G."""
     count = h.shape[1]
     result = np.zeros(h.shape, dtype=complex)
     for k in range(count):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from math import factorial
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,12 @@ from suspension_cli.linear import signals, statespace
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
+
+Realisation = tuple[Array, Array, Array, Array]
+"""State space A, B, C, D of real matrices."""
 
 PADE = 8
 """Order of Pade's approximation of a delay T in state spaces: right to 5e-4 up to omega T = 8."""
@@ -96,7 +102,7 @@ def _add_dampers(plant: Plant) -> LinearSystem:
     return replace(plant.model, damping=damping)
 
 
-def realise_filter(loop: Loop) -> tuple[Array, Array, Array, Array]:
+def realise_filter(loop: Loop) -> Realisation:
     """Realise filter and sensor of a loop, without its delay, as a state space A, B, C, D (rad/s).
 
     Empty for a delayed damper, which has no state space of its own.
@@ -113,7 +119,7 @@ def realise_filter(loop: Loop) -> tuple[Array, Array, Array, Array]:
     return zpk2ss(zeros, poles, gain)
 
 
-def realise_delayed_filter(loop: Loop) -> tuple[Array, Array, Array, Array]:
+def realise_delayed_filter(loop: Loop) -> Realisation:
     """Realise the filter of a loop with its delay, approximated by Pade's fraction.
 
     Of order `PADE` over `PADE`; for a damper, whose gain grows with frequency, of order `PADE` - 1
@@ -134,8 +140,8 @@ def realise_delayed_filter(loop: Loop) -> tuple[Array, Array, Array, Array]:
 
 
 @cache
-def _pade_roots(m: int, n: int) -> tuple[Any, Any]:
-    """Zeros (m,) and poles (n,) of Pade's approximation of exp(-x), of order m over n.
+def _pade_roots(m: int, n: int) -> tuple[Complex[np.ndarray, " m"], Complex[np.ndarray, " n"]]:
+    """Compute the zeros and poles of Pade's approximation of exp(-x), of order m over n.
 
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 9.3.1.
     """
@@ -150,8 +156,11 @@ def _pade_roots(m: int, n: int) -> tuple[Any, Any]:
 
 
 def _realise_sections(
-    zeros: Array, poles: Array, gain: float, delay: float
-) -> tuple[Array, Array, Array, Array]:
+    zeros: Complex[np.ndarray, " zero"],
+    poles: Complex[np.ndarray, " pole"],
+    gain: float,
+    delay: float,
+) -> Realisation:
     """Realise a delay as a chain of sections of second order with states of similar size.
 
     Parameters
@@ -183,14 +192,14 @@ def _realise_sections(
 
 
 def _feed_back(
-    a: Array,
-    b: Array,
-    c: Array,
-    d: Array,
+    a: Float[np.ndarray, "state state"],
+    b: Float[np.ndarray, "state input"],
+    c: Float[np.ndarray, "output state"],
+    d: Float[np.ndarray, "output input"],
     into: int,
     out: int,
-    filtered: tuple[Array, Array, Array, Array],
-) -> tuple[Array, Array, Array, Array]:
+    filtered: Realisation,
+) -> Realisation:
     """Close the loop u = -H y from output `out` to input `into` of a state space.
 
     With y = C x + D e + d u (d is 0 unless the actuator pushes a massless coordinate) and H in

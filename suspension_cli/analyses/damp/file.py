@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import h5py
 import numpy as np
 
 from suspension_cli.analyses.damp.margins import Margins
 from suspension_cli.analyses.damp.sensitivity import SensitivityPeak
 from suspension_cli.analyses.damp.solve import LocalControl
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.linear.poles import Poles
 
 UNITS = {
@@ -55,7 +53,7 @@ def fill(group: h5py.Group, damped: LocalControl) -> None:
     add_dataset(group, "loop_gain", damped.gain, "1", frequency, loop)
 
 
-def load(group: Any) -> LocalControl:
+def load(group: Stored) -> LocalControl:
     """Read the local control of one design from a group."""
     loop = tuple(group["loop"].asstr()[:])
     rows = {name: group[_dataset(name)][:] for name in UNITS if _dataset(name) in group}

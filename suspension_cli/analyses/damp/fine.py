@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,22 +10,25 @@ from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.damp.solve import LocalControl
 from suspension_cli.drawing.added_points import add_points
 from suspension_cli.errors import InputError
-from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
+
     from suspension_cli.analyses.analysis import Result
 
 
-def refine_gains(result: Result) -> tuple[Array, Any]:
+def refine_gains(
+    result: Result,
+) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]:
     """Add the frequencies at which resonances are resolved to the loop gains of a result.
 
     The gains there are those of the result's model, built from its design.
 
     Returns
     -------
-    frequency : (f,) array
+    frequency : array
         Hz.
-    gain : (f, l) complex array
+    gain : array
         Of each loop, the others closed.
     """
     damped: LocalControl = result.data

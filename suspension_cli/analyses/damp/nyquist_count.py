@@ -11,7 +11,6 @@ section 10.2).
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -69,7 +68,7 @@ def count_growing(plant: Plant, closed: Poles, opened: Poles) -> int | None:
     corners = np.concatenate([every / (2 * np.pi), roots[np.abs(roots) > 0]])
     corners = np.unique(np.concatenate([np.abs(corners), np.abs(corners.imag)]))
 
-    def gain(frequency: Any) -> Any:
+    def gain(frequency: np.ndarray) -> np.ndarray:
         return 1 / np.linalg.det(control.compute_sensitivity(plant, frequency))[:, None] - 1
 
     frequency, value = margins.refine_grid(gain, corners[corners > 0], faint=FAINT)

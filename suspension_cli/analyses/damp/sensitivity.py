@@ -16,13 +16,15 @@ value, the structured singular value of Doyle (IEE Proc. D 129, 242 (1982)).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.damp import control, margins
 from suspension_cli.analyses.damp.control import Plant
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Inexact
 
 SWEEPS = 200
 """Most sweeps of balancing; about 5 are enough."""
@@ -65,8 +67,10 @@ class SensitivityPeak:
         return float(np.degrees(2 * np.arcsin(min(1 / (2 * self.size), 1.0))))
 
 
-def balance(matrix: Any) -> Any:
-    """Scale matrices (f, l, l) to D A D^-1 whose off-diagonal rows and columns have equal norms.
+def balance(
+    matrix: Inexact[np.ndarray, "frequency loop loop"],
+) -> Complex[np.ndarray, "frequency loop loop"]:
+    """Scale matrices to D A D^-1 whose off-diagonal rows and columns have equal norms.
 
     Elements that no other balances, which D can make as small as one likes, become 0.
     """
@@ -91,31 +95,33 @@ def balance(matrix: Any) -> Any:
     return matrix
 
 
-def compute_largest(plant: Plant, frequency: Array) -> Array:
-    """Compute the largest singular value (f,) of the scaled sensitivity at frequencies in Hz."""
+def compute_largest(
+    plant: Plant, frequency: Float[np.ndarray, " frequency"]
+) -> Float[np.ndarray, " frequency"]:
+    """Compute the largest singular value of the scaled sensitivity at frequencies in Hz."""
     sensitivity = control.compute_sensitivity(plant, frequency)
     return np.linalg.norm(balance(sensitivity), ord=2, axis=(1, 2))
 
 
-def find_peak(plant: Plant, frequency: Array) -> SensitivityPeak:
+def find_peak(plant: Plant, frequency: Float[np.ndarray, " given"]) -> SensitivityPeak:
     """Find the largest singular value of the scaled sensitivity over all frequencies.
 
     Parameters
     ----------
     plant : Plant
         Whose closed loops are stable.
-    frequency : (n,) array
+    frequency : array
         Hz, as of `margins.compute_margins`.
     """
 
-    def gain(at: Array) -> Any:
+    def gain(at: np.ndarray) -> np.ndarray:
         # S - 1 turns and changes where S does
         found = control.compute_sensitivity(plant, at)
         largest = np.linalg.norm(balance(found), ord=2, axis=(1, 2))
         return np.column_stack([np.diagonal(found, axis1=1, axis2=2) - 1, largest - 1])
 
     grid, value = margins.refine_grid(gain, frequency, faint=FAINT)
-    size = np.maximum(1 + value[:, -1:].real, np.finfo(float).tiny)
+    size = np.maximum(1 + np.real(value[:, -1:]), np.finfo(float).tiny)
     smallest, where = margins.search_smallest(
         lambda at, _: 1 / _in_order(plant, at),
         grid,
@@ -125,8 +131,8 @@ def find_peak(plant: Plant, frequency: Array) -> SensitivityPeak:
     return SensitivityPeak(float(1 / smallest[0]), float(where[0]))
 
 
-def _in_order(plant: Plant, frequency: Array) -> Array:
-    """Largest singular values (c,) at frequencies (c,) in any order."""
+def _in_order(plant: Plant, frequency: Float[np.ndarray, " point"]) -> Float[np.ndarray, " point"]:
+    """Compute the largest singular values at frequencies in any order."""
     order = np.argsort(frequency, kind="stable")
     result = np.empty(len(frequency))
     result[order] = compute_largest(plant, frequency[order])

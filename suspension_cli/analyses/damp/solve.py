@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,7 +26,9 @@ from suspension_cli.linear import poles, signals
 from suspension_cli.linear.constant_loss import with_constant_loss
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
 
 STILL = 1e-6
 """Fraction of the lowest frequency of a pole or zero at which gains are static, to 1e-12."""
@@ -49,15 +52,15 @@ class LocalControl:
         Of each loop, the others closed; None if the closed loop is unstable.
     output, drive : str
         The observed motion, and the signal that gets the impulse.
-    time : (t,) array
+    time : array
         s.
-    impulse, undamped : (t,) arrays
+    impulse, undamped : array
         Response of the output to a unit impulse, with the loops closed and open; SI.
-    frequency : (f,) array
+    frequency : array
         Hz.
-    noise : (f, l) array
+    noise : array
         Noise of each sensor at the output, m/sqrt(Hz) or rad/sqrt(Hz).
-    gain : (f, l) complex array
+    gain : array
         Loop gains, the other loops closed.
     sensitivity : SensitivityPeak or None
         Margin of all loops at once; None if the closed loop is unstable.
@@ -69,12 +72,12 @@ class LocalControl:
     margin: tuple[Margins, ...] | None
     output: str
     drive: str
-    time: Array
-    impulse: Array
-    undamped: Array
-    frequency: Array
-    noise: Array
-    gain: Array
+    time: Float[np.ndarray, " time"]
+    impulse: Float[np.ndarray, " time"]
+    undamped: Float[np.ndarray, " time"]
+    frequency: Float[np.ndarray, " frequency"]
+    noise: Float[np.ndarray, "frequency loop"]
+    gain: Complex[np.ndarray, "frequency loop"]
     sensitivity: SensitivityPeak | None = None
 
     @property
@@ -88,7 +91,7 @@ def solve(
     model: LinearSystem,
     output: str,
     drive: str,
-    frequency: Array,
+    frequency: Float[np.ndarray, " frequency"],
     duration: float,
     samples: int = 4001,
 ) -> LocalControl:
@@ -105,7 +108,7 @@ def solve(
         Without wire mass.
     output, drive : str
         Signals: a motion, and the force (or motion of the support) that gets a unit impulse.
-    frequency : (f,) array
+    frequency : array
         For noise and loop gains, Hz.
     duration : float
         Of the impulse response, s.
@@ -215,8 +218,8 @@ def _all_motions(model: LinearSystem) -> list[signals.Signal]:
     ]
 
 
-def find_corner_frequencies(plant: Plant, closed: Poles) -> Array:
-    """Find frequencies (n,) in Hz where loop gains L have poles or zeros, or 1 + L has zeros.
+def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
+    """Find frequencies in Hz where loop gains L have poles or zeros, or 1 + L has zeros.
 
     Each comes with its width to either side. They are the poles and zeros of the mechanics of each
     loop (the other loops closed), those of its filter, and the closed-loop poles.
@@ -247,8 +250,8 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Array:
     )
 
 
-def _static_gains(plant: Plant, lowest: float) -> Array:
-    """Loop gains (l,) far below the lowest pole and zero (Hz); infinite where they are not real.
+def _static_gains(plant: Plant, lowest: float) -> Float[np.ndarray, " loop"]:
+    """Loop gains far below the lowest pole and zero (Hz); infinite where they are not real.
 
     Loss angles do not act there and are left out.
     """

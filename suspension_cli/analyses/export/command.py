@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Result, Run, as_number
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, as_number
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ class ExportAnalysis(Analysis):
         extra = {"format": setting["form"]}
         return Result(self, run.source, choice, made, extra, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return names and the band of agreement."""
         made: Exported = result.data
         system = made.system

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -24,6 +24,9 @@ from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
 
 GAIN, DELAY, MIX = "gain", "delay", "mix"
 
@@ -105,15 +108,15 @@ class Channels:
         )
 
     def names(self, side: int) -> tuple[str, ...]:
-        """Names of the sensors (side 0) or the actuators (1)."""
+        """List the names of the sensors (side 0) or the actuators (1)."""
         return tuple(self.transducer[side])
 
     def pair(self, n: int) -> tuple[int, int]:
-        """Sensor and actuator of a function."""
+        """Return the numbers of the sensor and the actuator of a function."""
         item = self.function[n]
         return self.names(0).index(item.output), self.names(1).index(item.input)
 
-    def with_transducer(self, side: int, name: str, **change: Any) -> Channels:
+    def with_transducer(self, side: int, name: str, **change: object) -> Channels:
         """Replace properties of a sensor or an actuator."""
         both = [dict(items) for items in self.transducer]
         both[side][name] = msgspec.structs.replace(both[side][name], **change)
@@ -127,9 +130,12 @@ class Channels:
         return one.with_transducer(side, second, signal=a.signal, mix=a.mix)
 
     def matrices(
-        self, omega: Array, values: dict[Nuisance, float]
-    ) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-        """Contents of each channel: (channel, signal) matrices, and factors (channel, f).
+        self, omega: Float[np.ndarray, " frequency"], values: dict[Nuisance, float]
+    ) -> tuple[
+        tuple[Float[np.ndarray, "sensor output"], Complex[np.ndarray, "sensor frequency"]],
+        tuple[Float[np.ndarray, "actuator input"], Complex[np.ndarray, "actuator frequency"]],
+    ]:
+        """Compute the signals that each channel contains, and its factor.
 
         For the sensors and for the actuators.
         """
@@ -154,8 +160,13 @@ class Channels:
             found.append((content, factor))
         return found[0], found[1]
 
-    def combine(self, response: Any, omega: Array, values: dict[Nuisance, float]) -> Any:
-        """Readings per drive (f, sensor, actuator) from responses (f, o, i) of the signals."""
+    def combine(
+        self,
+        response: Complex[np.ndarray, "frequency output input"],
+        omega: Float[np.ndarray, " frequency"],
+        values: dict[Nuisance, float],
+    ) -> Complex[np.ndarray, "frequency sensor actuator"]:
+        """Compute readings per drive from responses of the signals."""
         (sensors, read), (actuators, drive) = self.matrices(omega, values)
         inner = response
         if not _plain(sensors):
@@ -165,9 +176,13 @@ class Channels:
         return inner * read.T[:, :, None] * drive.T[:, None, :]
 
     def differentiate(
-        self, response: Any, omega: Array, values: dict[Nuisance, float], nuisance: Nuisance
-    ) -> Any:
-        """Differentiate readings per drive (f, sensor, actuator) by a nuisance parameter."""
+        self,
+        response: Complex[np.ndarray, "frequency output input"],
+        omega: Float[np.ndarray, " frequency"],
+        values: dict[Nuisance, float],
+        nuisance: Nuisance,
+    ) -> Complex[np.ndarray, "frequency sensor actuator"]:
+        """Differentiate readings per drive by a nuisance parameter."""
         (sensors, read), (actuators, drive) = self.matrices(omega, values)
         side, row = nuisance.side, self.names(nuisance.side).index(nuisance.channel)
         own = (slice(None), row) if side == 0 else (slice(None), slice(None), row)
@@ -189,7 +204,7 @@ class Channels:
         return result
 
 
-def _plain(content: Any) -> bool:
+def _plain(content: Float[np.ndarray, "channel signal"]) -> bool:
     """Whether every channel is one signal, in the order of the signals."""
     return content.shape[0] == content.shape[1] and bool((content == np.eye(len(content))).all())
 

@@ -5,18 +5,19 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, plain
+from suspension_cli.analyses.analysis import Analysis, Document, Log, Result, Run, Settings, plain
 from suspension_cli.analyses.fit import report
 from suspension_cli.analyses.options import argument, option
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from suspension_cli.analyses.analysis import Progress
     from suspension_cli.analyses.fit.solve import Fit
     from suspension_cli.design.measured import Measured
     from suspension_cli.design.reader import Source
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from suspension_cli.measurements.transfer_function import MeasuredResponse
     from suspension_cli.models.auto import Decision
     from suspension_cli.models.registry import Choice
+    from suspension_cli.scene.arrays import Array
 
 
 REFITS = 2
@@ -74,7 +76,7 @@ class FitAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def read(self, ask: Callable[..., Run], files: dict[str, Any]) -> Sequence[Run]:
+    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
         """Read the measurements, and all designs that were measured, for one run.
 
         Options come from the first design, where defaults stand in the designs.
@@ -146,7 +148,7 @@ class FitAnalysis(Analysis):
         extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
         return Result(self, run.source, choice, data, extra, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return what was learned and how modes lie.
 
         Null stands for an uncertainty that is infinite or that of a number at its bound.
@@ -154,7 +156,7 @@ class FitAnalysis(Analysis):
         found: Fit = result.data
         who = found.experiment
         files = result.extra.get("designs", [None] * len(who))
-        document: dict[str, Any] = {
+        document: Document = {
             "experiments": [
                 {"name": name, "design": file} for name, file in zip(who, files, strict=True)
             ],
@@ -193,7 +195,7 @@ class FitAnalysis(Analysis):
             lines += [part, ""]
         return "\n".join([*lines, *report.search_ends(found)])
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw modes before and after, and what was learned."""
         from suspension_cli.analyses.fit import picture
         from suspension_cli.drawing import style
@@ -245,12 +247,12 @@ def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list
     ]
 
 
-def _fit(run: Run, level: str, begin: Any, bar: Any) -> Fit:
+def _fit(run: Run, level: str, begin: Array | None, bar: Progress) -> Fit:
     """Fit to modes, or to transfer functions (and modes)."""
     from suspension_cli.analyses.fit import solve as fit
 
     runs: list[Run] = run.inputs["runs"]
-    settings: dict[str, Any] = {
+    settings: Settings = {
         "level": level,
         "starts": run.setting["starts"],
         "seed": run.setting["seed"],

@@ -7,10 +7,11 @@ import copy
 import tomllib
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.analysis import Document
 from suspension_cli.analyses.sensitivity.solve import differentiate_frequencies
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Mode
@@ -22,6 +23,9 @@ from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import differences
 from suspension_cli.studies.parameters import Parameter
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 FORBIDDEN = 1e6
 """Cost, in the assignment of modes, of one that a measurement cannot belong to; others cost the
@@ -40,7 +44,7 @@ class Experiment:
         The measurements.
     free : list of str
         Dotted paths of the free numbers.
-    start : (q,) array
+    start : array
         Their values where the search starts, SI.
     where : str
         Prefix of the key paths of the modes in errors.
@@ -55,14 +59,14 @@ class Experiment:
     text: str
     mode: list[Mode]
     free: list[str]
-    start: Array
+    start: Float[np.ndarray, " number"]
     where: str = ""
     file: str = ""
     level: str = registry.STRING.name
     cache: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
 
     @cached_property
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         """Parsed TOML of the design."""
         return tomllib.loads(self.text)
 
@@ -83,37 +87,39 @@ class Experiment:
         return [dof for _, dof in self.nominal_modes.home]
 
     @cached_property
-    def shape(self) -> Array:
-        """Mass-normalised shapes (m, c) of the nominal modes, with which others are paired."""
+    def shape(self) -> Float[np.ndarray, "mode coordinate"]:
+        """Mass-normalised shapes of the nominal modes, with which others are paired."""
         return batch_modes.solve_one(self.nominal_system).shape[0]
 
     @property
-    def frequency(self) -> Array:
-        """Measured frequencies (k,), Hz."""
+    def frequency(self) -> Float[np.ndarray, " measured"]:
+        """Measured frequencies, Hz."""
         return np.array([item.frequency for item in self.mode])
 
     @property
-    def uncertainty(self) -> Array:
-        """Standard deviations of the measured frequencies (k,), Hz."""
+    def uncertainty(self) -> Float[np.ndarray, " measured"]:
+        """Standard deviations of the measured frequencies, Hz."""
         return np.array([item.uncertainty for item in self.mode])
 
     def faults(self) -> contextlib.AbstractContextManager[None]:
         """Attribute errors in the design to its file."""
         return attribute_faults_to(self.file)
 
-    def document(self, x: Array) -> dict[str, Any]:
-        """Parsed TOML of the design with the free numbers x (q,)."""
+    def document(self, x: Float[np.ndarray, " number"]) -> Document:
+        """Return the parsed TOML of the design with the free numbers x."""
         raw = copy.deepcopy(self.table)
         values = {name: float(value) for name, value in zip(self.free, x, strict=True)}
         reader.apply_overrides(raw, paths.symmetric_settings(values))
         return raw
 
-    def design(self, x: Array) -> Design:
-        """Design with the free numbers x (q,)."""
+    def design(self, x: Float[np.ndarray, " number"]) -> Design:
+        """Return the design with the free numbers x."""
         return reader.convert(self.document(x))
 
-    def evaluate(self, x: Array) -> tuple[Array, Array]:
-        """Solve for all frequencies (m,), Hz, and their derivatives (m, q); both are cached.
+    def evaluate(
+        self, x: Float[np.ndarray, " number"]
+    ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "mode number"]]:
+        """Solve for all frequencies, Hz, and their derivatives; both are cached.
 
         Modes are in the order of `nominal_modes`; NaN for an unstable mode.
         """
@@ -123,7 +129,9 @@ class Experiment:
                 self.cache[key] = self._solve(x)
         return self.cache[key]
 
-    def _solve(self, x: Array) -> tuple[Array, Array]:
+    def _solve(
+        self, x: Float[np.ndarray, " number"]
+    ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "mode number"]]:
         design = self.design(x)
         model = replace(registry.by_name(self.level).system(design), terms=())
         found, shape = eigenmodes.solve(model), batch_modes.solve_one(model).shape[0]
@@ -146,15 +154,17 @@ class Experiment:
             slope[:, n] = differentiate_frequencies(found, change)[order]
         return found.frequency[order], slope
 
-    def predict(self, x: Array) -> tuple[Array, Array]:
-        """Model frequencies (k,) of the measured modes, Hz, and their derivatives (k, q).
+    def predict(
+        self, x: Float[np.ndarray, " number"]
+    ) -> tuple[Float[np.ndarray, " measured"], Float[np.ndarray, "measured number"]]:
+        """Model frequencies of the measured modes, Hz, and their derivatives.
 
         Both are 0 for an unstable mode.
         """
         (frequency, slope), places = self.evaluate(x), self.assign_modes(x)
         return np.nan_to_num(frequency[places], nan=0.0), np.nan_to_num(slope[places])
 
-    def assign_modes(self, x: Array) -> list[int]:
+    def assign_modes(self, x: Float[np.ndarray, " number"]) -> list[int]:
         """Assign a mode to each measurement.
 
         Labelled measurements take their modes; the others share the remaining modes such that

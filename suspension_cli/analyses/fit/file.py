@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -14,7 +13,7 @@ from suspension_cli.analyses.fit.solve import Fit
 from suspension_cli.analyses.fit.swapped_labels import Exchange
 from suspension_cli.errors import escape_unprintable
 from suspension_cli.files.atomic import write_bytes
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.version import __version__
 
 
@@ -61,7 +60,7 @@ def fill(group: h5py.Group, found: Fit) -> None:
         response_file.fill(group.create_group("responses"), found.responses)
 
 
-def load(group: Any) -> Fit:
+def load(group: Stored) -> Fit:
     """Read a fit from the group `fit`."""
     experiments, names, labels, before, designs = (
         response_file.read_names(group[name])

@@ -9,12 +9,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from suspension_cli.analyses.fit import search
+from suspension_cli.analyses.fit.resonances import stack_parts
 from suspension_cli.analyses.fit.response_fit import Candidate, SingleChange, Solution, refine
 from suspension_cli.analyses.fit.response_problem import ResponseProblem
 from suspension_cli.conventions import DOFS, SUPPORT
@@ -22,9 +23,11 @@ from suspension_cli.design.measured import Free, Measured
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
-from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import parameters
 from suspension_cli.studies.response_matrix import Plant
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 WEAK = 10.0
 """Factor on priors (and on a tenth of numbers without) in statements on what the data determine."""
@@ -59,14 +62,18 @@ LISTED = 6
 """Candidates that are reported."""
 
 
-def information(problem: ResponseProblem, z: Array) -> Array:
-    """Information (P, P) of all data and priors on the unknowns over their `scale`."""
+def information(
+    problem: ResponseProblem, z: Float[np.ndarray, " unknown"]
+) -> Float[np.ndarray, "unknown unknown"]:
+    """Compute the information of all data and priors on the unknowns over their `scale`."""
     slope = problem.jacobian(z) * problem.scale
     return slope.T @ slope
 
 
-def covariance(problem: ResponseProblem, z: Array) -> Array:
-    """Covariance (P, P) of the unknowns; infinite where nothing determines a number."""
+def covariance(
+    problem: ResponseProblem, z: Float[np.ndarray, " unknown"]
+) -> Float[np.ndarray, "unknown unknown"]:
+    """Compute the covariance of the unknowns; infinite where nothing determines a number."""
     whole = information(problem, z)
     root = np.sqrt(np.where(np.diag(whole) > 0, np.diag(whole), 1.0))
     values, vectors = np.linalg.eigh(whole / np.outer(root, root))
@@ -81,8 +88,10 @@ def covariance(problem: ResponseProblem, z: Array) -> Array:
     return result
 
 
-def data_information(problem: ResponseProblem, z: Array) -> Array:
-    """Information (p, p) of the data alone on the numbers over their `scale`."""
+def data_information(
+    problem: ResponseProblem, z: Float[np.ndarray, " unknown"]
+) -> Float[np.ndarray, "number number"]:
+    """Compute the information of the data alone on the numbers over their `scale`."""
     p = problem.numbers
     whole = information(problem, z)
     sigma = problem.prior[1][:p]
@@ -112,7 +121,7 @@ LENGTHS = (
 
 
 def unit_of(name: str, value: float) -> tuple[str, float]:
-    """Unit in which a change of a number is printed, and the factor to it from SI.
+    """Choose the unit in which a change of a number is printed, and the factor to it from SI.
 
     >>> unit_of("stage.test.wires.d", 0.001), unit_of("stage.test.body.mass", 40.0)
     (('mm', 1000.0), ('%', 2.5))
@@ -137,7 +146,9 @@ def short(name: str) -> str:
     return ".".join(keys)
 
 
-def describe(problem: ResponseProblem, z: Array, names: Sequence[str]) -> tuple[str, ...]:
+def describe(
+    problem: ResponseProblem, z: Float[np.ndarray, " unknown"], names: Sequence[str]
+) -> tuple[str, ...]:
     """Say what the data determine and what they do not, one sentence per statement."""
     p = problem.numbers
     if not p:
@@ -175,7 +186,10 @@ def describe(problem: ResponseProblem, z: Array, names: Sequence[str]) -> tuple[
 
 
 def combinations(
-    spread: Array, scale: Array, value: Array, numbers: list[NumberName]
+    spread: Float[np.ndarray, "number number"],
+    scale: Float[np.ndarray, " number"],
+    value: Float[np.ndarray, " number"],
+    numbers: list[NumberName],
 ) -> tuple[list[str], set[int]]:
     """Sentences on combinations of two or three numbers that alone are determined."""
     sigma = np.sqrt(np.diag(spread))
@@ -209,7 +223,9 @@ def combinations(
     return lines, taken
 
 
-def _sentence(group: list[NumberName], weight: Array, error: float, *, lengths: bool) -> str:
+def _sentence(
+    group: list[NumberName], weight: Float[np.ndarray, " number"], error: float, *, lengths: bool
+) -> str:
     names = [one.name for one in group]
     if lengths:
         words = f"{error * np.abs(weight).max() * 1e3:.2g} mm"
@@ -237,7 +253,7 @@ def _listed(names: list[str]) -> str:
 
 
 def single_changes(
-    found: Solution, text: str, measured: Measured, file: str, start: Array
+    found: Solution, text: str, measured: Measured, file: str, start: Float[np.ndarray, " unknown"]
 ) -> tuple[float, tuple[SingleChange, ...]]:
     """Fit the measurements with one number of the design at a time; the best first.
 
@@ -303,7 +319,7 @@ def _restricted(
     names: Sequence[str],
     changes: dict[str, float] | None = None,
 ) -> ResponseProblem:
-    """The same measurements with other free numbers, without priors on them."""
+    """Set up the problem of the same measurements with other free numbers, without priors."""
     values = {item.name: item.value for item in parameters.every(text, problem.level)}
     given = {item.name: item for item in measured.parameter}
     free = []
@@ -341,8 +357,10 @@ def _refit(
         return None
 
 
-def least_known(problem: ResponseProblem, spread: Array) -> list[int]:
-    """The numbers whose standard deviations are largest for their scale, worst first."""
+def least_known(
+    problem: ResponseProblem, spread: Float[np.ndarray, "unknown unknown"]
+) -> list[int]:
+    """List the numbers whose standard deviations are largest for their scale, worst first."""
     p = problem.numbers
     ratio = np.sqrt(np.diag(spread)[:p]) / problem.scale[:p]
     ratio = np.where(np.isnan(ratio), -1.0, ratio)
@@ -396,7 +414,7 @@ def next_measurements(
     own = np.diag(spread)[list(numbers)]
     if not len(here):
         return None, ()
-    result: list[tuple[Array, str, str, int]] = []
+    result: list[tuple[np.ndarray, str, str, int]] = []
     size = np.abs(value)
     for band in range(len(BANDS) - 1):
         span = slice(band * PER_BAND, (band + 1) * PER_BAND)
@@ -405,8 +423,8 @@ def next_measurements(
         live = typical > ZERO * np.sqrt(np.outer(typical.max(1), typical.max(0)))
         for o, i in zip(*np.nonzero(live), strict=True):
             weight = 1 / sigma[:, o, i]
-            rows = _real(slope[span, o, i] * weight[:, None])
-            gain = _real((value[span, o, i] * weight)[:, None])[:, 0] * GAIN
+            rows = stack_parts(slope[span, o, i] * weight[:, None])
+            gain = stack_parts((value[span, o, i] * weight)[:, None])[:, 0] * GAIN
             rows = rows - np.outer(gain, gain @ rows) * _shrink(float(gain @ gain))
             # Woodbury's identity for the one variance of interest
             part = spread[np.ix_(places, places)]
@@ -434,7 +452,7 @@ def _every_signal(plant: Plant) -> tuple[list[Signal], list[Signal]]:
 
 
 def _best(
-    result: list[tuple[Array, str, str, int]], chosen: int, scale: float
+    result: list[tuple[np.ndarray, str, str, int]], chosen: int, scale: float
 ) -> tuple[Candidate, ...]:
     """The best candidates for one number, each drive and sensor once."""
     best: list[Candidate] = []
@@ -448,9 +466,5 @@ def _best(
 
 
 def _shrink(norm: float) -> float:
-    """Factor c with (1 - c g g^T)^2 = (1 + g g^T)^-1: whitens rows with an unknown gain."""
+    """Compute c with (1 - c g g^T)^2 = (1 + g g^T)^-1: whitens rows with an unknown gain."""
     return (1 - 1 / np.sqrt(1 + norm)) / norm if norm else 0.0
-
-
-def _real(rows: Any) -> Array:
-    return np.concatenate([rows.real, rows.imag])

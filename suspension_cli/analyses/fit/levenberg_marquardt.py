@@ -7,11 +7,15 @@ normal equations of scaled unknowns; unknowns at a bound against which they push
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.errors import InputError
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 LARGEST_DAMPING = 1e12
 
@@ -19,33 +23,27 @@ LARGEST_DAMPING = 1e12
 def minimise(
     residual: Callable[[Array], Array],
     jacobian: Callable[[Array], Array],
-    start: Array,
-    scale: Array,
+    start: Float[np.ndarray, " unknown"],
+    scale: Float[np.ndarray, " unknown"],
     bounds: tuple[Array, Array],
     *,
     tolerance: float = 1e-5,
     relative: float = 1e-8,
     steps: int = 60,
-) -> tuple[Array, float]:
-    """Minimise the sum of squares of residuals.
+) -> tuple[Float[np.ndarray, " unknown"], float]:
+    """Minimise the sum of squares of residuals; return the unknowns and the sum.
 
     Parameters
     ----------
     residual, jacobian : callable
         Of the unknowns (P,): residuals (r,), and their derivatives (r, P). An `InputError` of
         `residual` makes the search take a smaller step.
-    start, scale : (P,) arrays
-    bounds : pair of (P,) arrays
+    start, scale : array
+    bounds : pair of arrays
     tolerance, relative : float
         Expected decrease of the sum of squares, and relative to it, below which the search ends.
     steps : int
         Most Gauss-Newton steps.
-
-    Returns
-    -------
-    (P,) array
-    float
-        Sum of squares there.
     """
     low, high = bounds
     x = np.clip(start, low, high)

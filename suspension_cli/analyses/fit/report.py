@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import tables
-from suspension_cli.analyses.analysis import plain
+from suspension_cli.analyses.analysis import Document, plain
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.fit.solve import Fit
@@ -18,7 +18,7 @@ LARGEST = 6
 """Numbers of a combination that are printed."""
 
 
-def learned_numbers(found: Fit) -> list[dict[str, Any]]:
+def learned_numbers(found: Fit) -> list[Document]:
     """Return the JSON rows of the fitted numbers."""
     return [
         {
@@ -35,7 +35,7 @@ def learned_numbers(found: Fit) -> list[dict[str, Any]]:
     ]
 
 
-def mode_rows(found: Fit) -> list[dict[str, Any]]:
+def mode_rows(found: Fit) -> list[Document]:
     """Return the JSON rows of the measured modes, in Hz."""
     columns = {
         "measured_hz": found.measured,
@@ -51,7 +51,7 @@ def mode_rows(found: Fit) -> list[dict[str, Any]]:
     ]
 
 
-def exchanged_labels(found: Fit) -> dict[str, Any] | None:
+def exchanged_labels(found: Fit) -> Document | None:
     """Return the JSON entry of two labels that seem exchanged; None if none do."""
     if found.exchange is None:
         return None

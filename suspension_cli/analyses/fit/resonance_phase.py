@@ -9,7 +9,7 @@ numbers of the design are fitted to these frequencies alone.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from suspension_cli.analyses.fit import levenberg_marquardt, resonances
 from suspension_cli.analyses.fit.resonances import Peak
 from suspension_cli.analyses.fit.response_problem import ResponseProblem, residues
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 FAR = 0.2
 """Largest ln of measured over computed frequency of a peak that may belong to a mode."""
@@ -48,21 +51,21 @@ class Resonances:
 
     Attributes
     ----------
-    mode : (k,) int array
+    mode : array
         Mode of the design at the start.
-    frequency, sigma : (k,) arrays
+    frequency, sigma : array
         Hz.
-    damping : (k,) array
+    damping : array
         1/Q.
-    functions : (k,) int array
+    functions : array
         Number of measured functions that have it.
     """
 
-    mode: Any
-    frequency: Array
-    sigma: Array
-    damping: Array
-    functions: Any
+    mode: Int[np.ndarray, " mode"]
+    frequency: Float[np.ndarray, " mode"]
+    sigma: Float[np.ndarray, " mode"]
+    damping: Float[np.ndarray, " mode"]
+    functions: Int[np.ndarray, " mode"]
 
 
 def find(problem: ResponseProblem) -> list[list[Peak]]:
@@ -73,7 +76,9 @@ def find(problem: ResponseProblem) -> list[list[Peak]]:
     ]
 
 
-def assign(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> Resonances:
+def assign(
+    problem: ResponseProblem, z: Float[np.ndarray, " unknown"], peaks: list[list[Peak]]
+) -> Resonances:
     """Assign the peaks of all functions to modes, and combine those of one mode."""
     from scipy.optimize import linear_sum_assignment
 
@@ -133,14 +138,16 @@ def assign(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> Reson
 
 
 def _center(several: list[Peak]) -> float:
-    """Weighted median of the frequencies."""
+    """Compute the weighted median of the frequencies."""
     order = np.argsort([one.frequency for one in several])
     weight = np.array([1 / (several[n].sigma / several[n].frequency + 1e-4) for n in order])
     place = int(np.searchsorted(weight.cumsum(), weight.sum() / 2))
     return several[order[place]].frequency
 
 
-def search(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> tuple[Array, Resonances]:
+def search(
+    problem: ResponseProblem, z: Float[np.ndarray, " unknown"], peaks: list[list[Peak]]
+) -> tuple[Float[np.ndarray, " unknown"], Resonances]:
     """Fit the numbers of the design to the resonances, and take their widths as dampings."""
     p = problem.numbers
     center, width = problem.prior[0][:p].copy(), problem.prior[1][:p].copy()
@@ -176,10 +183,12 @@ def search(problem: ResponseProblem, z: Array, peaks: list[list[Peak]]) -> tuple
 
 def _fit(
     problem: ResponseProblem,
-    x: Array,
-    measured: tuple[Any, Array, Array],
-    prior: tuple[Array, Array],
-) -> Array:
+    x: Float[np.ndarray, " number"],
+    measured: tuple[
+        Int[np.ndarray, " mode"], Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]
+    ],
+    prior: tuple[Float[np.ndarray, " number"], Float[np.ndarray, " number"]],
+) -> Float[np.ndarray, " number"]:
     """Fit numbers to logarithms of frequencies: modes, values and standard deviations."""
     (modes, target, sigma), (center, width), p = measured, prior, len(x)
 

@@ -12,11 +12,12 @@ Autom. Control 8, 56 (1963)).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Array
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Inexact, Int
 
 PROMINENCE = 0.6
 """Height of a peak in ln |H| above the saddles beside it, below which it is none."""
@@ -49,15 +50,19 @@ class Peak:
     residue: complex
 
 
-def find_peaks(frequency: Array, value: Any, uncertainty: Array) -> list[Peak]:
+def find_peaks(
+    frequency: Float[np.ndarray, " frequency"],
+    value: Complex[np.ndarray, " frequency"],
+    uncertainty: Float[np.ndarray, " frequency"],
+) -> list[Peak]:
     """Find the resonances of a measured function.
 
     Parameters
     ----------
-    frequency : (f,) array
+    frequency : array
         Hz, ascending.
-    value : (f,) complex array
-    uncertainty : (f,) array
+    value : array
+    uncertainty : array
         Standard deviation of the real and of the imaginary part.
     """
     size = np.maximum(np.abs(value), uncertainty)
@@ -72,8 +77,10 @@ def find_peaks(frequency: Array, value: Any, uncertainty: Array) -> list[Peak]:
     return result
 
 
-def _maxima(level: Array) -> tuple[Any, Array]:
-    """Places of the local maxima that are high enough, and their heights above their saddles."""
+def _maxima(
+    level: Float[np.ndarray, " frequency"],
+) -> tuple[Int[np.ndarray, " maximum"], Float[np.ndarray, " maximum"]]:
+    """Find the local maxima that are high enough, and their heights above their saddles."""
     inner = (level[1:-1] > level[:-2]) & (level[1:-1] >= level[2:])
     places, heights = [], []
     for place in np.flatnonzero(inner) + 1:
@@ -88,7 +95,12 @@ def _maxima(level: Array) -> tuple[Any, Array]:
     return np.array(places, dtype=int), np.array(heights)
 
 
-def _fit(frequency: Array, value: Any, uncertainty: Array, at: float) -> Peak | None:
+def _fit(
+    frequency: Float[np.ndarray, " frequency"],
+    value: Complex[np.ndarray, " frequency"],
+    uncertainty: Float[np.ndarray, " frequency"],
+    at: float,
+) -> Peak | None:
     """Fit one resonance around a frequency; None if there is none."""
     distance = np.abs(np.log(frequency / at))
     near = distance < WINDOW
@@ -106,8 +118,8 @@ def _fit(frequency: Array, value: Any, uncertainty: Array, at: float) -> Peak | 
     solution, covariance, rest = np.zeros(8), np.zeros((8, 8)), np.zeros(1)
     for _ in range(PASSES):
         weight = (1 / (sigma * denominator))[:, None]
-        left = _real(columns * weight)
-        right = _real(((w2 * h)[:, None]) * weight)[:, 0]
+        left = stack_parts(columns * weight)
+        right = stack_parts((w2 * h)[:, None] * weight)[:, 0]
         solution = np.linalg.lstsq(left, right, rcond=1e-14)[0]
         covariance = np.linalg.pinv(left.T @ left, rcond=1e-14)
         rest = left @ solution - right
@@ -126,5 +138,6 @@ def _fit(frequency: Array, value: Any, uncertainty: Array, at: float) -> Peak | 
     return Peak(float(at * found), float(at * error), damping, residue)
 
 
-def _real(rows: Any) -> Array:
-    return np.concatenate([rows.real, rows.imag])
+def stack_parts(rows: Inexact[np.ndarray, "row ..."]) -> Float[np.ndarray, "2*row ..."]:
+    """Stack real parts over imaginary parts, so that complex equations become real ones."""
+    return np.concatenate([np.real(rows), np.imag(rows)])

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import h5py
 import numpy as np
 
 from suspension_cli.analyses.fit.response_fit import Candidate, ResponseFit, SingleChange
 from suspension_cli.analyses.fit.wrong_channels import Correction
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 
 VALUES = ("measured", "uncertainty", "before", "after")
 RESONANCE = ("measured", "sigma", "before", "after", "q", "functions")
@@ -55,7 +53,7 @@ def _texts(group: h5py.Group, name: str, texts: list[str]) -> None:
     group.attrs[name] = "\n".join(texts)
 
 
-def _words(*parts: Any) -> str:
+def _words(*parts: object) -> str:
     return "\t".join(repr(float(one)) if isinstance(one, float) else str(one) for one in parts)
 
 
@@ -72,12 +70,12 @@ def _join(one: Correction) -> str:
     )
 
 
-def read_names(dataset: Any) -> tuple[str, ...]:
+def read_names(dataset: Stored) -> tuple[str, ...]:
     """Read a list of texts, which may be empty."""
     return tuple(dataset.asstr()[:]) if len(dataset) else ()
 
 
-def load(group: Any) -> ResponseFit:
+def load(group: Stored) -> ResponseFit:
     """Read what `fill` wrote."""
 
     def rows(name: str) -> list[list[str]]:

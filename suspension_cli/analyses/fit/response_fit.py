@@ -10,9 +10,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +26,9 @@ from suspension_cli.analyses.fit.resonances import Peak
 from suspension_cli.analyses.fit.response_problem import ResponseProblem
 from suspension_cli.analyses.fit.wrong_channels import BETTER, Correction
 from suspension_cli.linear import named_results
-from suspension_cli.scene.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
 
 LOSSY = 3.0
 """Damping of a mode, over that which a quarter of the modes have, from which something may rub."""
@@ -87,18 +88,18 @@ class ResponseFit:
     ----------
     function, input, output : (k,) tuples of str
         Names of the functions and of their channels.
-    of : (n,) int array
+    of : array
         Function of each value.
-    frequency, uncertainty : (n,) arrays
-    measured, before, after : (n,) complex arrays
+    frequency, uncertainty : array
+    measured, before, after : array
         Readings per drive, as measured and as predicted before and after the fit.
     nuisance : tuple of str
         Fitted properties of sensors and actuators.
-    nuisance_value, nuisance_sigma, nuisance_prior : (q,) arrays
+    nuisance_value, nuisance_sigma, nuisance_prior : array
         Relative for gains, s for delays; prior standard deviations.
     mode : (m,) tuple of str
         Labels of the modes with a measured resonance.
-    resonance : (m, 6) array
+    resonance : array
         Measured frequency, its standard deviation, before, after (Hz), measured Q, number of
         functions that have it.
     corrections : tuple of Correction
@@ -120,18 +121,18 @@ class ResponseFit:
     function: tuple[str, ...]
     input: tuple[str, ...]
     output: tuple[str, ...]
-    of: Index
-    frequency: Array
-    uncertainty: Array
-    measured: Any
-    before: Any
-    after: Any
+    of: Int[np.ndarray, " point"]
+    frequency: Float[np.ndarray, " point"]
+    uncertainty: Float[np.ndarray, " point"]
+    measured: Complex[np.ndarray, " point"]
+    before: Complex[np.ndarray, " point"]
+    after: Complex[np.ndarray, " point"]
     nuisance: tuple[str, ...]
-    nuisance_value: Array
-    nuisance_sigma: Array
-    nuisance_prior: Array
+    nuisance_value: Float[np.ndarray, " nuisance"]
+    nuisance_sigma: Float[np.ndarray, " nuisance"]
+    nuisance_prior: Float[np.ndarray, " nuisance"]
     mode: tuple[str, ...]
-    resonance: Array
+    resonance: Float[np.ndarray, "mode 6"]
     corrections: tuple[Correction, ...] = ()
     stiffened: tuple[tuple[str, float, float], ...] = ()
     chi_squared_before: float = float("nan")
@@ -141,14 +142,14 @@ class ResponseFit:
     candidates: tuple[Candidate, ...] = ()
 
     @property
-    def chi_squared(self) -> Array:
-        """chi^2 of each function after the fit, (k,)."""
+    def chi_squared(self) -> Float[np.ndarray, " function"]:
+        """chi^2 of each function after the fit."""
         off = np.abs((self.after - self.measured) / self.uncertainty) ** 2
         return np.bincount(self.of, off, len(self.function)).astype(float)
 
     @property
-    def points(self) -> Index:
-        """Number of residuals of each function: two per value, (k,)."""
+    def points(self) -> Int[np.ndarray, " function"]:
+        """Number of residuals of each function: two per value."""
         return 2 * np.bincount(self.of, minlength=len(self.function))
 
 
@@ -160,14 +161,15 @@ class Solution:
     ----------
     problem : ResponseProblem
         With corrected channels.
-    z : (P,) array
+    z : array
+        The unknowns.
     chi_squared : float
     matched : Resonances
     corrections : tuple of Correction
     """
 
     problem: ResponseProblem
-    z: Array
+    z: Float[np.ndarray, " unknown"]
     chi_squared: float
     matched: Resonances
     corrections: tuple[Correction, ...] = field(default=())
@@ -185,7 +187,7 @@ class Solution:
         return self.freedom > 0 and float(chdtrc(self.freedom, self.chi_squared)) < 1e-3
 
 
-def solve(problem: ResponseProblem, start: Array | None = None) -> Solution:
+def solve(problem: ResponseProblem, start: Float[np.ndarray, " unknown"] | None = None) -> Solution:
     """Fit the unknowns of a problem; wrong channels are found and corrected."""
     z = problem.start if start is None else start
     corrections, channels = wrong_channels.guess(problem, z)
@@ -226,8 +228,10 @@ def _free_rubbing(found: Solution) -> Solution:
     return again if again.chi_squared < BETTER * found.chi_squared else found
 
 
-def stiffened(found: Solution, spread: Array) -> tuple[tuple[str, float, float], ...]:
-    """Modes that are stiffer than the design explains: label, excess of frequency, Q."""
+def stiffened(
+    found: Solution, spread: Float[np.ndarray, "unknown unknown"]
+) -> tuple[tuple[str, float, float], ...]:
+    """Find the modes that are stiffer than the design explains: label, excess of frequency, Q."""
     problem, names = found.problem, labels(found.problem)
     first = len(found.z) - len(problem.stiff)
     damping = dict(zip(problem.damped.tolist(), problem.added(found.z)[0], strict=True))
@@ -239,8 +243,10 @@ def stiffened(found: Solution, spread: Array) -> tuple[tuple[str, float, float],
     return tuple(result)
 
 
-def onto(old: ResponseProblem, new: ResponseProblem, z: Array) -> Array:
-    """Values of the unknowns of a problem with more unknowns, which begin at 0."""
+def onto(
+    old: ResponseProblem, new: ResponseProblem, z: Float[np.ndarray, " unknown"]
+) -> Float[np.ndarray, " more"]:
+    """Convert the values of the unknowns to a problem with more unknowns, which begin at 0."""
     values = {
         (item.side, item.channel, item.kind, item.other): value
         for item, value in old.nuisance_values(z).items()
@@ -274,7 +280,9 @@ def _rated(found: Solution, corrections: list[Correction]) -> tuple[Correction, 
     return tuple(rated)
 
 
-def refine(problem: ResponseProblem, z: Array, *, quick: bool = False) -> Solution:
+def refine(
+    problem: ResponseProblem, z: Float[np.ndarray, " unknown"], *, quick: bool = False
+) -> Solution:
     """Fit to the resonances, then to the complex values.
 
     In a misfit the search starts again without the former; a quick fit takes fewer steps and does
@@ -292,7 +300,7 @@ def refine(problem: ResponseProblem, z: Array, *, quick: bool = False) -> Soluti
 
 
 def _peaks(problem: ResponseProblem) -> list[list[Peak]]:
-    """Peaks of all functions, which changes of channels and of free numbers do not change."""
+    """Find the peaks of all functions, which depend on neither channels nor free numbers."""
     store = problem.nominal.__dict__.setdefault("peaks", {})
     key = tuple(id(item.value) for item in problem.channels.function)
     if key not in store:
@@ -300,7 +308,9 @@ def _peaks(problem: ResponseProblem) -> list[list[Peak]]:
     return store[key]
 
 
-def _descend(problem: ResponseProblem, z: Array, steps: int) -> tuple[Array, float]:
+def _descend(
+    problem: ResponseProblem, z: Float[np.ndarray, " unknown"], steps: int
+) -> tuple[Float[np.ndarray, " unknown"], float]:
     """Minimise chi^2 from some values."""
     return levenberg_marquardt.minimise(
         problem.residual,
@@ -318,15 +328,20 @@ def labels(problem: ResponseProblem) -> list[str]:
     return named_results.labels(problem.nominal.modes)
 
 
-def collect(found: Solution, start: Array, covariance: Array, **findings: Any) -> ResponseFit:
+def collect(
+    found: Solution,
+    start: Float[np.ndarray, " unknown"],
+    covariance: Float[np.ndarray, "unknown unknown"],
+    **findings: Any,
+) -> ResponseFit:
     """Collect what a fit found.
 
     Parameters
     ----------
     found : Solution
-    start : (P,) array
+    start : array
         Where the search started.
-    covariance : (P, P) array
+    covariance : array
     findings : object
         Further attributes of the result.
     """
@@ -365,6 +380,3 @@ def collect(found: Solution, start: Array, covariance: Array, **findings: Any) -
         stiffened=stiffened(found, covariance),
         **findings,
     )
-
-
-Progress = Callable[[int, int, float], None]

@@ -12,13 +12,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from suspension_cli.analyses.fit import search
 from suspension_cli.analyses.fit.channels import Channels, Nuisance
+from suspension_cli.analyses.fit.resonances import stack_parts
 from suspension_cli.analyses.fit.search import Problem
 from suspension_cli.analyses.sensitivity.solve import differentiate_frequencies
 from suspension_cli.design.measured import Measured
@@ -26,12 +27,12 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models import registry
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.studies import response_matrix
 from suspension_cli.studies.response_matrix import Plant, Responses
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Int
+    from jaxtyping import Bool, Complex, Float, Int
 
 DAMPING = 1e-3
 """Prior median of the added damping 1/Q of a mode."""
@@ -55,18 +56,18 @@ class Prediction:
     ----------
     plant : Plant
         The design with these values.
-    order : (m,) int array
+    order : array
         Its mode for each mode of the design at the start.
     response : tuple of Responses
         Of all signals, for each grid of frequencies.
-    reading : list of (f,) complex arrays
+    reading : list of arrays
         One per measured function.
     """
 
     plant: Plant
     order: Int[np.ndarray, " mode"]
     response: tuple[Responses, ...]
-    reading: list[Complex[np.ndarray, ...]]
+    reading: list[Complex[np.ndarray, " _"]]
 
 
 @dataclass
@@ -79,11 +80,11 @@ class ResponseProblem:
         Free numbers, measured modes and priors; one experiment.
     channels : Channels
         Sensors, actuators and measured functions.
-    damped : (r,) int array
+    damped : array
         Modes (of the design at the start) with an added damping.
     level : str
         Name of a model that supports derivatives.
-    stiff : (s,) int array
+    stiff : array
         Modes with a change of omega^2 of their own.
     """
 
@@ -185,7 +186,7 @@ class ResponseProblem:
     def added(
         self, z: Float[np.ndarray, " unknown"]
     ) -> tuple[Float[np.ndarray, " damped"], Float[np.ndarray, " stiff"]]:
-        """Added dampings (r,) and changes of omega^2 (s,) of modes."""
+        """Added dampings and changes of omega^2 of modes."""
         own = z[self.numbers + len(self.nuisances) :]
         return np.exp(own[: len(self.damped)]), own[len(self.damped) :]
 
@@ -210,7 +211,7 @@ class ResponseProblem:
         damping[order[self.damped]], stiffening[order[self.stiff]] = self.added(z)
         values = self.nuisance_values(z)
         inputs, outputs = self.channels.signal[1], self.channels.signal[0]
-        reading: list[Any] = [None] * len(self.channels.function)
+        reading = [np.zeros(0, dtype=complex)] * len(self.channels.function)
         found = []
         for frequency, own in self.channels.grids:
             response = plant.respond(frequency, inputs, outputs, damping, stiffening)
@@ -220,8 +221,10 @@ class ResponseProblem:
             found.append(response)
         return Prediction(plant, order, tuple(found), reading)
 
-    def differentiate(self, z: Float[np.ndarray, " unknown"]) -> list[Any]:
-        """Differentiate the reading of each measured function, (f, P) each."""
+    def differentiate(
+        self, z: Float[np.ndarray, " unknown"]
+    ) -> list[Complex[np.ndarray, "_ unknown"]]:
+        """Differentiate the reading of each measured function."""
         now, values = self.predict(z), self.nuisance_values(z)
         item = self.base.experiment[0]
         changes = [now.plant.change(name) for name in item.free]
@@ -236,11 +239,11 @@ class ResponseProblem:
                         )
                     ]
                 )
-        result: list[Any] = [None] * len(self.channels.function)
+        result = [np.zeros((0, 0), dtype=complex)] * len(self.channels.function)
         for response, (_, own) in zip(now.response, self.channels.grids, strict=True):
             columns, omega = [], response.omega
 
-            def read(part: Any, omega: Array = omega) -> Any:
+            def read(part: np.ndarray, omega: Array = omega) -> np.ndarray:
                 return self.channels.combine(part, omega, values)
 
             for change in changes:
@@ -268,7 +271,7 @@ class ResponseProblem:
             n for n, name in enumerate(free) if set(name.split(".")) & {*response_matrix.LOSSES}
         ]
 
-    def _add_losses(self, z: Float[np.ndarray, " unknown"], result: list[Any]) -> None:
+    def _add_losses(self, z: Float[np.ndarray, " unknown"], result: list[np.ndarray]) -> None:
         for n in self._loses():
             step = STEP * (abs(z[n]) or self.scale[n])
             move = np.zeros(len(z))
@@ -287,7 +290,7 @@ class ResponseProblem:
         """Residuals of all measured functions, real parts then imaginary parts of each."""
         return np.concatenate(
             [
-                _parts((reading - item.value) / s)
+                stack_parts((reading - item.value) / s)
                 for reading, item, s in zip(
                     self.predict(z).reading, self.channels.function, sigma, strict=True
                 )
@@ -311,10 +314,10 @@ class ResponseProblem:
     def jacobian(
         self, z: Float[np.ndarray, " unknown"], sigma: Sequence[Array] | None = None
     ) -> Float[np.ndarray, "residual unknown"]:
-        """Differentiate `residual`, (r, P)."""
+        """Differentiate `residual`."""
         sigma = self.uncertainties() if sigma is None else sigma
         rows = [
-            _parts(slope / s[:, None])
+            stack_parts(slope / s[:, None])
             for slope, s in zip(self.differentiate(z), sigma, strict=True)
         ]
         if self.base.experiment[0].mode:
@@ -326,7 +329,7 @@ class ResponseProblem:
         return np.concatenate(rows)
 
     def frequencies(self, z: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " mode"]:
-        """Frequencies (m,) of the modes in the order of the start, Hz.
+        """Frequencies of the modes in the order of the start, Hz.
 
         Without changes of omega^2 that the design does not explain.
         """
@@ -336,7 +339,7 @@ class ResponseProblem:
     def frequency_slopes(
         self, z: Float[np.ndarray, " unknown"]
     ) -> Float[np.ndarray, "mode number"]:
-        """Derivatives of `frequencies` by the numbers of the design, (m, p)."""
+        """Derivatives of `frequencies` by the numbers of the design."""
         plant = self._plant(z[: self.numbers])
         order = self._order(plant)
         slope = np.zeros((len(order), self.numbers))
@@ -357,7 +360,7 @@ class ResponseProblem:
         return made
 
 
-def with_stiff_modes(problem: ResponseProblem, modes: Any) -> ResponseProblem:
+def with_stiff_modes(problem: ResponseProblem, modes: Sequence[int] | Index) -> ResponseProblem:
     """Give some modes a change of omega^2 of their own."""
     made = replace(problem, stiff=np.asarray(modes, dtype=int), _cache={}, _plants={})
     made.__dict__["nominal"] = problem.nominal
@@ -372,7 +375,7 @@ def build(
     level: str = registry.STRING.name,
 ) -> ResponseProblem:
     """Set up the least-squares problem of a design with measured transfer functions."""
-    base = search.build_problem([text], replace_experiment(measured), [file], level)
+    base = search.build_problem([text], measured, [file], level)
     made = ResponseProblem(base, channels, np.zeros(0, dtype=int), level)
     frequency = made.nominal.modes.frequency
     every = np.concatenate([grid for grid, _ in channels.grids])
@@ -383,19 +386,14 @@ def build(
     return result
 
 
-def replace_experiment(measured: Measured) -> Measured:
-    """The measurements of one design."""
-    return measured
-
-
-def _visible(problem: ResponseProblem) -> Any:
-    """Whether each mode appears in any measured function, (m,) bool."""
+def _visible(problem: ResponseProblem) -> Bool[np.ndarray, " mode"]:
+    """Whether each mode appears in any measured function."""
     seen = residues(problem.nominal, problem.channels)
     return (seen != 0).any(0)
 
 
-def residues(plant: Plant, channels: Channels) -> Any:
-    """Residues (functions, modes) of the measured functions: H has residue/(w_k^2 - w^2)."""
+def residues(plant: Plant, channels: Channels) -> Float[np.ndarray, "function mode"]:
+    """Compute the residues of the measured functions: H has residue/(w_k^2 - w^2)."""
     rows = [
         np.array([plant.row(signal) for signal in channels.signal[side]]).reshape(
             -1, plant.base.model.size
@@ -409,10 +407,7 @@ def residues(plant: Plant, channels: Channels) -> Any:
         if not signal.acts:
             pushed[:, n] = -shape @ stiffness[6:, :6] @ rows[1][n, :6]
     (sensors, read), (actuators, drive) = channels.matrices(np.zeros(1), {})
-    seen, pushed = seen @ sensors.T * read[:, 0].real, pushed @ actuators.T * drive[:, 0].real
+    seen = seen @ sensors.T * np.real(read[:, 0])
+    pushed = pushed @ actuators.T * np.real(drive[:, 0])
     pairs = [channels.pair(n) for n in range(len(channels.function))]
     return np.array([seen[:, one] * pushed[:, other] for one, other in pairs])
-
-
-def _parts(value: Any) -> Array:
-    return np.concatenate([value.real, value.imag])

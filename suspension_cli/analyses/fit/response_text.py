@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from suspension_cli.analyses import tables
-from suspension_cli.analyses.analysis import plain
+from suspension_cli.analyses.analysis import Document, plain
 from suspension_cli.analyses.fit.findings import short, unit_of
 from suspension_cli.analyses.fit.response_fit import Candidate, ResponseFit, SingleChange
 from suspension_cli.analyses.fit.solve import Fit
@@ -181,7 +180,7 @@ def describe_candidate(one: Candidate) -> str:
     return f"drive {one.input}, sense {one.output}, {one.band[0]:.2g} to {one.band[1]:.2g} Hz"
 
 
-def document(found: ResponseFit) -> dict[str, Any]:
+def document(found: ResponseFit) -> Document:
     """Findings as JSON."""
     ratio = found.chi_squared
     return {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import parameters
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
 
 CONVERGED = 1e-9
 """Relative change of chi^2, numbers and gradient at which a search ends."""
@@ -34,24 +37,26 @@ class Problem:
     Attributes
     ----------
     experiment : list of Experiment
-    shared : (p, e) bool array
+    shared : array
         Whether a number belongs to an experiment.
-    start, low, high : (p,) arrays
+    start, low, high : array
         Starting values and bounds, SI.
-    prior, prior_sigma : (p,) arrays
+    prior, prior_sigma : array
         Earlier knowledge and its standard deviation, infinite where there is none.
     """
 
     experiment: list[Experiment]
-    shared: Any
-    start: Array
-    low: Array
-    high: Array
-    prior: Array
-    prior_sigma: Array
+    shared: Bool[np.ndarray, "number experiment"]
+    start: Float[np.ndarray, " number"]
+    low: Float[np.ndarray, " number"]
+    high: Float[np.ndarray, " number"]
+    prior: Float[np.ndarray, " number"]
+    prior_sigma: Float[np.ndarray, " number"]
 
-    def predict(self, x: Array) -> tuple[Array, Array]:
-        """Model frequencies (k,) of all measured modes, Hz, and their derivatives (k, p)."""
+    def predict(
+        self, x: Float[np.ndarray, " number"]
+    ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "mode number"]]:
+        """Solve for the frequencies of all measured modes, Hz, and their derivatives."""
         rows, slopes = [], []
         for item, own in zip(self.experiment, self.shared.T, strict=True):
             frequency, slope = item.predict(x[own])
@@ -62,12 +67,14 @@ class Problem:
         return np.concatenate(rows), np.concatenate(slopes)
 
     @property
-    def logarithmic(self) -> Any:
-        """Whether each number is searched on a logarithmic scale, (p,)."""
+    def logarithmic(self) -> Bool[np.ndarray, " number"]:
+        """Whether each number is searched on a logarithmic scale."""
         return (self.low > 0) & (self.start > 0)
 
-    def weighted(self, x: Array) -> tuple[Array, Array]:
-        """Residuals over standard deviations (r,), modes then priors, and derivatives (r, p)."""
+    def weighted(
+        self, x: Float[np.ndarray, " number"]
+    ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, "row number"]]:
+        """Compute residuals over standard deviations, modes then priors, and derivatives."""
         frequency, slope = self.predict(x)
         target, sigma = (
             np.concatenate([getattr(item, name) for item in self.experiment])
@@ -141,8 +148,13 @@ def build_problem(
     return Problem(experiments, shared, start, low, high, prior, prior_sigma)
 
 
-def _start(texts: Sequence[str], measured: Measured, shared: Any, level: str) -> Array:
-    """Starting values (p,): those requested, else those of the designs, else the priors."""
+def _start(
+    texts: Sequence[str],
+    measured: Measured,
+    shared: Bool[np.ndarray, "number experiment"],
+    level: str,
+) -> Float[np.ndarray, " number"]:
+    """Choose starting values: those requested, else those of the designs, else the priors."""
     known = [{item.name: item.value for item in parameters.every(text, level)} for text in texts]
     found, bad = [], []
     for n, (item, own) in enumerate(zip(measured.parameter, shared, strict=True), 1):
@@ -184,7 +196,9 @@ def _start(texts: Sequence[str], measured: Measured, shared: Any, level: str) ->
     return np.array(found, dtype=float)
 
 
-def _check_starts(experiments: list[Experiment], shared: Any) -> None:
+def _check_starts(
+    experiments: list[Experiment], shared: Bool[np.ndarray, "number experiment"]
+) -> None:
     """Attribute errors in starting values to the file of measurements that gives them."""
     bad: dict[Fault, None] = {}
     for experiment, own in zip(experiments, shared.T, strict=True):
@@ -209,8 +223,10 @@ def _check_starts(experiments: list[Experiment], shared: Any) -> None:
         raise InputError(list(bad))
 
 
-def starts(problem: Problem, count: int, seed: int, begin: Array | None = None) -> Iterator[Array]:
-    """Yield starting values (p,): first `begin` (by default the given ones), then random ones.
+def starts(
+    problem: Problem, count: int, seed: int, begin: Float[np.ndarray, " number"] | None = None
+) -> Iterator[Float[np.ndarray, " number"]]:
+    """Yield starting values: first `begin` (by default the given ones), then random ones.
 
     Numbers with a prior are drawn from it, others evenly between their bounds (evenly in the
     logarithm where bounds are positive); numbers without either keep their starting value.
@@ -245,8 +261,10 @@ def starts(problem: Problem, count: int, seed: int, begin: Array | None = None) 
             break
 
 
-def least_squares(problem: Problem, start: Array) -> tuple[Array, float]:
-    """Minimise chi^2 from starting values (p,); return the numbers (p,) and their chi^2."""
+def least_squares(
+    problem: Problem, start: Float[np.ndarray, " number"]
+) -> tuple[Float[np.ndarray, " number"], float]:
+    """Minimise chi^2 from starting values; return the numbers and their chi^2."""
     from scipy import optimize
 
     scale = np.where(
@@ -275,15 +293,15 @@ def least_squares(problem: Problem, start: Array) -> tuple[Array, float]:
             np.where(positive, np.log(edge / scale), edge / scale)
             for edge in (start, problem.low, problem.high)
         )
-    settings: dict[str, Any] = {
-        "x_scale": "jac",
-        "xtol": CONVERGED,
-        "ftol": CONVERGED,
-        "gtol": CONVERGED,
-        "max_nfev": 200,
-    }
-    solver: Any = optimize.least_squares
-    found = solver(
-        residual, np.clip(begin, low, high), jac=jacobian, bounds=(low, high), **settings
+    found = optimize.least_squares(
+        residual,
+        np.clip(begin, low, high),
+        jac=jacobian,  # pyright: ignore[reportArgumentType]
+        bounds=(low, high),
+        x_scale="jac",
+        xtol=CONVERGED,
+        ftol=CONVERGED,
+        gtol=CONVERGED,
+        max_nfev=200,
     )
     return number(found.x), 2 * float(found.cost)

@@ -14,13 +14,14 @@ combinations the data determine.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
+from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.fit import (
     channels,
     default_numbers,
@@ -39,9 +40,10 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import named_results
 from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.models import registry
-from suspension_cli.scene.arrays import Array, Index
 
-Progress = Callable[[int, int, float], None]
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
+
 SIGNIFICANCE = 1e-3
 """Probability of a chi^2 this large by chance, below which a fit is a misfit."""
 UNDETERMINED = 1e-10
@@ -58,32 +60,31 @@ class Fit:
         Names of the experiments; for a single design, the name of the design.
     name : tuple of str
         Dotted paths of the fitted numbers; several experiments may share one.
-    shared : (p, e) bool array
+    shared : array
         Whether a number belongs to an experiment.
-    start, value, sigma : (p,) arrays
+    start, value, sigma : array
         Values before and after the fit, and standard deviations (infinite where the data do not
         determine a number, NaN at a bound), SI. `sigma` assumes the given uncertainties of the
         measurements; multiply it by `scale` in a misfit.
-    covariance : (p, p) array
-    at_bound : (p,) bool array
-    of : (k,) int array
+    covariance, at_bound : array
+    of : array
         Experiment of each measured mode, from 0.
     label : tuple of str
         Labels of the measured modes.
-    measured, uncertainty, before, after : (k,) arrays
+    measured, uncertainty, before, after : array
         Frequencies, Hz; NaN for an unstable mode.
     chi_squared : float
         Sum over modes and priors.
     freedom : int
         Degrees of freedom: modes and priors less numbers that are not at a bound.
-    singular : (s,) array
+    singular : array
         Singular values of the derivatives of the weighted mode frequencies, for relative changes
         of the numbers: 1/singular is the relative uncertainty of a combination.
-    direction : (s, p) array
+    direction : array
         The combinations, as relative changes.
     design : tuple of str
         The fitted designs as TOML.
-    ends : (n,) array
+    ends : array
         chi^2 at the end of the search from each start, ascending; the first is that of this fit.
     exchange : Exchange or None
         In a misfit, the two labels that fit better exchanged.
@@ -99,24 +100,24 @@ class Fit:
 
     experiment: tuple[str, ...]
     name: tuple[str, ...]
-    shared: Any
-    start: Array
-    value: Array
-    sigma: Array
-    covariance: Array
-    at_bound: Any
-    of: Index
+    shared: Bool[np.ndarray, "number experiment"]
+    start: Float[np.ndarray, " number"]
+    value: Float[np.ndarray, " number"]
+    sigma: Float[np.ndarray, " number"]
+    covariance: Float[np.ndarray, "number number"]
+    at_bound: Bool[np.ndarray, " number"]
+    of: Int[np.ndarray, " mode"]
     label: tuple[str, ...]
-    measured: Array
-    uncertainty: Array
-    before: Array
-    after: Array
+    measured: Float[np.ndarray, " mode"]
+    uncertainty: Float[np.ndarray, " mode"]
+    before: Float[np.ndarray, " mode"]
+    after: Float[np.ndarray, " mode"]
     chi_squared: float
     freedom: int
-    singular: Array
-    direction: Array
+    singular: Float[np.ndarray, " combination"]
+    direction: Float[np.ndarray, "combination number"]
     design: tuple[str, ...]
-    ends: Array
+    ends: Float[np.ndarray, " start"]
     exchange: Exchange | None = None
     design_before: tuple[str, ...] = ()
     measurements: str = ""
@@ -139,8 +140,8 @@ class Fit:
         return float(np.sqrt(self.chi_squared / self.freedom)) if self.misfit else 1.0
 
     @property
-    def residual(self) -> Array:
-        """Residuals after the fit over the uncertainties, (k,)."""
+    def residual(self) -> Float[np.ndarray, " mode"]:
+        """Residuals after the fit over the uncertainties."""
         return (self.after - self.measured) / self.uncertainty
 
     @property
@@ -170,7 +171,7 @@ def solve(
     level: str = registry.STRING.name,
     starts: int = 1,
     seed: int = 1,
-    begin: Array | None = None,
+    begin: Float[np.ndarray, " number"] | None = None,
     tell: Progress | None = None,
 ) -> Fit:
     """Fit numbers of designs to measured modes.
@@ -187,7 +188,7 @@ def solve(
     starts, seed : int
         Number of searches, all but the first from random numbers, and the seed of these; the best
         fit is returned.
-    begin : (p,) array, optional
+    begin : array, optional
         Where the first search begins instead of at the starting values, to whose modes labels
         refer.
     tell : callable, optional
@@ -226,7 +227,7 @@ def solve_responses(
     level: str = registry.STRING.name,
     starts: int = 1,
     seed: int = 1,
-    begin: Array | None = None,
+    begin: Float[np.ndarray, " number"] | None = None,
     explain: bool = True,
     tell: Progress | None = None,
 ) -> Fit:
@@ -314,8 +315,8 @@ def _with_responses(
     measured: Measured,
     problem: response_problem.ResponseProblem,
     found: Solution,
-    spread: Array,
-    ends: Array,
+    spread: Float[np.ndarray, "unknown unknown"],
+    ends: Float[np.ndarray, " start"],
     responses: ResponseFit,
 ) -> Fit:
     p, item = problem.numbers, problem.base.experiment[0]
@@ -357,7 +358,9 @@ def _with_responses(
     )
 
 
-def _positive(direction: Array) -> Array:
+def _positive(
+    direction: Float[np.ndarray, "combination number"],
+) -> Float[np.ndarray, "combination number"]:
     """Combinations (s, p) with the sign that makes their largest coefficient positive."""
     if not direction.size:
         return direction
@@ -365,7 +368,12 @@ def _positive(direction: Array) -> Array:
     return direction * np.where(largest < 0, -1.0, 1.0)[:, None]
 
 
-def _summarise(problem: Problem, measured: Measured, value: Array, ends: Array) -> Fit:
+def _summarise(
+    problem: Problem,
+    measured: Measured,
+    value: Float[np.ndarray, " number"],
+    ends: Float[np.ndarray, " start"],
+) -> Fit:
     residual, slope = problem.weighted(value)
     scale = np.where(value != 0, np.abs(value), 1.0)
     at_bound = np.zeros(len(value), dtype=bool)
@@ -420,8 +428,8 @@ def _summarise(problem: Problem, measured: Measured, value: Array, ends: Array) 
     )
 
 
-def _inverse(slope: Array) -> Array:
-    """(J^T J)^-1 of J (r, p); infinite on the diagonal for numbers that J does not determine."""
+def _inverse(slope: Float[np.ndarray, "row number"]) -> Float[np.ndarray, "number number"]:
+    """(J^T J)^-1 of J; infinite on the diagonal for numbers that J does not determine."""
     if not slope.shape[1]:
         return np.zeros((0, 0))
     _, singular, direction = np.linalg.svd(slope, full_matrices=True)

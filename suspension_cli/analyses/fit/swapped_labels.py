@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -16,7 +17,10 @@ from suspension_cli.analyses.fit import search
 from suspension_cli.analyses.fit.search import Problem
 from suspension_cli.design.measured import Measured, Mode
 from suspension_cli.errors import InputError
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
 
 MAX_REFITS = 3
 """Exchanges that are fitted again."""
@@ -48,7 +52,7 @@ def find_exchange(
     texts: Sequence[str],
     files: Sequence[str],
     level: str,
-    end: Array,
+    end: Float[np.ndarray, " number"],
     chi_squared: float,
 ) -> Exchange | None:
     """Find the exchange of two labels that reduces chi^2 most; None if none does enough.
@@ -61,7 +65,7 @@ def find_exchange(
         Designs as TOML, and their files.
     level : str
         Name of a model that supports derivatives.
-    end : (p,) array
+    end : array
         The fitted numbers.
     chi_squared : float
         chi^2 of the fit.
@@ -82,9 +86,9 @@ def find_exchange(
 
 
 def _candidates(
-    problem: Problem, measured: Measured, end: Array
+    problem: Problem, measured: Measured, end: Float[np.ndarray, " number"]
 ) -> list[tuple[float, int, int, int]]:
-    """Change of chi^2 by each exchange: (change, experiment, first mode, second mode).
+    """Estimate the change of chi^2 by each exchange: (change, experiment, first mode, second mode).
 
     The change is the smaller of those at the start and at the end of the fit.
     """
@@ -107,7 +111,7 @@ def _candidates(
 
 
 def _exchange(measured: Measured, experiment: int, first: int, second: int) -> Measured:
-    """Measurements with the labels of two modes of one experiment exchanged."""
+    """Exchange the labels of two measured modes of one experiment."""
     modes: list[Mode] = list(measured.modes[experiment])
     for here, there in ((first, second), (second, first)):
         modes[here] = msgspec.structs.replace(

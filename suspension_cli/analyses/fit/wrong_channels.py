@@ -12,13 +12,15 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.fit.channels import Channels
 from suspension_cli.analyses.fit.response_problem import ResponseProblem
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
 
 SIGN, EXCHANGE, FACTOR = "sign", "exchange", "factor"
 TABLES = ("sensor", "actuator")
@@ -94,7 +96,7 @@ class Correction:
             return channels.with_exchange(self.side, *self.channel)
         name = self.channel[0]
         item = channels.transducer[self.side][name]
-        change: dict[str, Any] = {"gain": item.gain * self.factor}
+        change: dict[str, object] = {"gain": item.gain * self.factor}
         if self.kind == FACTOR:
             change["gain_uncertainty"] = FACTOR_KNOWN
         return channels.with_transducer(self.side, name, **change)
@@ -135,7 +137,9 @@ def name_factor(factor: float) -> str:
     return text
 
 
-def guess(problem: ResponseProblem, z: Array) -> tuple[list[Correction], Channels]:
+def guess(
+    problem: ResponseProblem, z: Float[np.ndarray, " unknown"]
+) -> tuple[list[Correction], Channels]:
     """Find exchanged, scaled and inverted channels before a fit."""
     found: list[Correction] = []
     channels = problem.channels
@@ -160,22 +164,22 @@ class _Comparison:
 
     Attributes
     ----------
-    measured : (n, k) array
+    measured : array
         Averaged ln magnitudes of the functions.
-    computed : (n, o, i, k) array
+    computed : array
         The same of every pair of channels, at the frequencies of each function.
-    agreement : (n,) array
+    agreement : array
         Mean cosine of the phase between the measured and the computed function.
     """
 
     channels: Channels
-    pairs: Any
-    measured: Array
-    computed: Array
-    agreement: Array
+    pairs: list[tuple[int, int]]
+    measured: Float[np.ndarray, "function place"]
+    computed: Float[np.ndarray, "function sensor actuator place"]
+    agreement: Float[np.ndarray, " function"]
 
     @staticmethod
-    def of(problem: ResponseProblem, z: Array) -> _Comparison:
+    def of(problem: ResponseProblem, z: Float[np.ndarray, " unknown"]) -> _Comparison:
         channels, now = problem.channels, problem.predict(z)
         values = problem.nuisance_values(z)
         heavy = np.full(len(now.order), HEAVY)
@@ -281,8 +285,8 @@ class _Comparison:
             left = np.where(mine, -left, left)
         return found
 
-    def _also(self, side: int, functions: Any) -> str:
-        """Channel of the other side that is in the same functions alone; "" if there is none."""
+    def _also(self, side: int, functions: Bool[np.ndarray, " function"]) -> str:
+        """Name the channel of the other side that is in the same functions alone; "" if none is."""
         others = {self.pairs[n][1 - side] for n in np.flatnonzero(functions)}
         if len(others) != 1:
             return ""
@@ -294,8 +298,8 @@ class _Comparison:
         return f"{TABLES[1 - side]} {self.channels.names(1 - side)[other]}"
 
 
-def _averaging(frequency: Array) -> Array:
-    """Gaussian averages over ln frequency at `POINTS` frequencies, (k, f)."""
+def _averaging(frequency: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, "place frequency"]:
+    """Compute the weights of Gaussian averages over ln frequency at `POINTS` frequencies."""
     place = np.log(frequency)
     centers = np.linspace(place[0], place[-1], POINTS)
     width = max(SMOOTH, float(place[-1] - place[0]) / POINTS / 2)
@@ -304,7 +308,7 @@ def _averaging(frequency: Array) -> Array:
     return weight / np.maximum(weight.sum(1, keepdims=True), 1e-300)
 
 
-def alternatives(problem: ResponseProblem, z: Array) -> list[Correction]:
+def alternatives(problem: ResponseProblem, z: Float[np.ndarray, " unknown"]) -> list[Correction]:
     """Changes of one channel, or exchanges of two, with their chi^2 at the values z, best first.
 
     `chi_squared` is that with the change.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses import tables
-from suspension_cli.analyses.analysis import Log, Report, as_number
+from suspension_cli.analyses.analysis import Document, Log, Report, Settings, as_number
 
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
@@ -48,13 +48,13 @@ class Info(Report):
     refinements: dict[str, tuple[Refinement, ...]]
 
     @property
-    def change(self) -> dict[str, Any]:
+    def change(self) -> Document:
         """Largest relative change of a mode by each refinement of each stage's wires, (s,) each."""
         from suspension_cli.models.base import BENDING, MASS
 
         return {BENDING: self.estimates.bending.max(0), MASS: self.estimates.mass.max(0)}
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """Return the JSON document that ``pendsus info --json`` prints."""
         choices = [
             {
@@ -119,7 +119,7 @@ class Info(Report):
         return "\n".join(lines)
 
 
-def solve(source: Source, setting: dict[str, Any], log: Log) -> Info:
+def solve(source: Source, setting: Settings, log: Log) -> Info:
     """Choose the models of a design.
 
     Parameters

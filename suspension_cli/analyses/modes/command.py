@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Result, Run, reading_all
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, reading_all
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class ModesAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def read(self, ask: Callable[..., Run], files: dict[str, Any]) -> Sequence[Run]:
+    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
         """Read any number of designs."""
         return reading_all(ask, files["designs"])
 
@@ -95,7 +95,7 @@ class ModesAnalysis(Analysis):
         extra = {"without_loss": [part.part for part in lossless]}
         return Result(self, run.source, choice, modes, extra, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return the modes, ascending."""
         import numpy as np
 
@@ -108,7 +108,7 @@ class ModesAnalysis(Analysis):
             modes.fractions,
         )
         for n, (body, dof) in enumerate(modes.home):
-            row: dict[str, Any] = {
+            row: Document = {
                 "frequency_hz": float(frequency[n]) if np.isfinite(frequency[n]) else None,
                 "dof": dof,
                 "stage": body,
@@ -172,7 +172,7 @@ class ModesAnalysis(Analysis):
         title = result.title + (f"  [{result.name}]" if result.title != result.name else "")
         return "\n".join([title, result.choice.line, "", tables.render(columns, rows)])
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw every mode, and where wires have mass the Q of all."""
         from suspension_cli.analyses.modes import picture, quality_picture
         from suspension_cli.equilibrium.nominal import expand
@@ -183,7 +183,7 @@ class ModesAnalysis(Analysis):
             figures["-wires"] = quality_picture.draw(result.data, result.design)
         return figures
 
-    def animations(self, result: Result, setting: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
+    def animations(self, result: Result, setting: Settings) -> Iterator[tuple[str, bytes]]:
         """Draw one period of every mode of --animate."""
         chosen = _animated(result.data, setting)
         if chosen:
@@ -195,7 +195,7 @@ class ModesAnalysis(Analysis):
                 yield f"-{n + 1}.gif", animation.animate(result.data, n, result.design, scene)
 
 
-def _animated(modes: Modes, setting: dict[str, Any]) -> list[int]:
+def _animated(modes: Modes, setting: Settings) -> list[int]:
     """Return the modes (from 0) that --animate names."""
     if not setting.get("animate"):
         return []

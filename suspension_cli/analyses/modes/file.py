@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import h5py
 import numpy as np
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.linear.eigenmodes import Modes, decay_rates
 
 
@@ -58,7 +56,7 @@ def fill(group: h5py.Group, modes: Modes) -> None:
     add_dataset(group, "label", modes.label, "name", mode)
 
 
-def load(group: Any) -> Modes:
+def load(group: Stored) -> Modes:
     """Read the modes of one design from a group."""
     count = len(group["q"])
     squared, q = group["omega_squared"][:], group["q"][:]

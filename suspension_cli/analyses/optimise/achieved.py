@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,7 +36,10 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import auto, registry
 from suspension_cli.models.quantity_of_interest import Frequencies, QuantityOfInterest, Transfer
 from suspension_cli.models.registry import Choice
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 
 @dataclass(frozen=True)
@@ -45,9 +48,9 @@ class Achieved:
 
     Attributes
     ----------
-    value : (q,) array
+    value : array
         In the units of the quantities; NaN for a mode that is unstable or cannot be followed.
-    place : (q,) int array
+    place : array
         Number of the mode that each refers to, from 0; -1 for other quantities.
     modes : Modes
     ranked : list of int arrays
@@ -58,10 +61,10 @@ class Achieved:
         Whether wires bend in the model of any quantity.
     """
 
-    value: Array
-    place: Any
+    value: Float[np.ndarray, " quantity"]
+    place: Int[np.ndarray, " quantity"]
     modes: Modes
-    ranked: list[Any]
+    ranked: list[Int[np.ndarray, " _"]]
     choice: Choice
     bends: bool
 
@@ -72,7 +75,7 @@ def evaluate(
     families: Families,
     level: str,
     tolerance: float,
-    follow: Callable[[Modes, Array], Any],
+    follow: Callable[[Modes, Array], Index],
 ) -> Achieved:
     """Compute quantities of a design.
 
@@ -124,8 +127,8 @@ def evaluate(
     return Achieved(value, place, found, ranked, choice, bends)
 
 
-def _ranked(places: Any, rank: int) -> int:
-    """Number of the mode of a rank in a family; -1 if there is none."""
+def _ranked(places: Int[np.ndarray, " place"], rank: int) -> int:
+    """Return the number of the mode of a rank in a family; -1 if there is none."""
     return int(places[rank]) if rank < len(places) else -1
 
 

@@ -6,12 +6,20 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, as_number
+from suspension_cli.analyses.analysis import (
+    Analysis,
+    Document,
+    Log,
+    Result,
+    Run,
+    Settings,
+    as_number,
+)
 from suspension_cli.analyses.options import argument, option
 
 if TYPE_CHECKING:
@@ -58,7 +66,7 @@ class OptimiseAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def read(self, ask: Callable[..., Run], files: dict[str, Any]) -> Sequence[Run]:
+    def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
         """Read the design and the goals."""
         from suspension_cli.design import goals, reader
         from suspension_cli.errors import Fault, InputError, format_value
@@ -111,7 +119,7 @@ class OptimiseAnalysis(Analysis):
         data = replace(found, goals=run.inputs["text"])
         return Result(self, run.source, choice, data, {"goals_file": file}, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return numbers, limits, quantities and modes; null for what there is none of."""
         found: Optimum = result.data
         return {
@@ -162,7 +170,7 @@ class OptimiseAnalysis(Analysis):
         lines += [f"UNKNOWN  {what}" for what in found.unknown]
         return "\n".join([*lines, "", _verdict(found), *_starts(found)])
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw modes and limits before and after."""
         from suspension_cli.analyses.optimise import picture
         from suspension_cli.drawing import style
@@ -211,8 +219,8 @@ def _warn(found: Optimum, log: Log) -> None:
         )
     if found.rounds >= ROUNDS:
         log.warn(
-            f"after {found.rounds} corrections search and check may still differ: limits are told"
-            " as checked, but a better design may be near"
+            f"after {found.rounds} corrections search and check may still differ: limits are"
+            " reported as checked, but a better design may be near"
         )
 
 
@@ -223,7 +231,7 @@ def _goals(found: Optimum) -> Goals:
     return goals.read("", found.goals)
 
 
-def _numbers(found: Optimum) -> list[dict[str, Any]]:
+def _numbers(found: Optimum) -> list[Document]:
     numbers = found.numbers
     return [
         {
@@ -240,7 +248,7 @@ def _numbers(found: Optimum) -> list[dict[str, Any]]:
     ]
 
 
-def _limits(found: Optimum, goals: Goals) -> list[dict[str, Any]]:
+def _limits(found: Optimum, goals: Goals) -> list[Document]:
     limits, names = found.limits, [goal.name or goal.kind for goal in goals.goal]
     return [
         {
@@ -257,7 +265,7 @@ def _limits(found: Optimum, goals: Goals) -> list[dict[str, Any]]:
     ]
 
 
-def _quantities(found: Optimum) -> list[dict[str, Any]]:
+def _quantities(found: Optimum) -> list[Document]:
     quantities = found.quantities
     return [
         {
@@ -270,7 +278,7 @@ def _quantities(found: Optimum) -> list[dict[str, Any]]:
     ]
 
 
-def _modes(found: Optimum) -> list[dict[str, Any]]:
+def _modes(found: Optimum) -> list[Document]:
     modes = found.modes
     return [
         {
@@ -294,11 +302,11 @@ def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
     order = sorted(
         mine, key=lambda n: limits.margin[n] if math.isfinite(limits.margin[n]) else -math.inf
     )
-    told = [n for n in order if not limits.met[n] or limits.active[n]]
-    told += [n for n in order if n not in told][: max(NEAREST - len(told), 0)]
+    shown = [n for n in order if not limits.met[n] or limits.active[n]]
+    shown += [n for n in order if n not in shown][: max(NEAREST - len(shown), 0)]
     word = "met" if all(limits.met[n] for n in mine) else "NOT MET"
     lines = [f"{word:7}  {name}" + (f", {len(mine)} limits" if len(mine) > 1 else "")]
-    for n in told:
+    for n in shown:
         state = "NOT MET" if not limits.met[n] else "active" if limits.active[n] else ""
         was = (
             f", was {_size(float(quantities.before[limits.quantity[n]]))}"
@@ -310,8 +318,8 @@ def _goal(found: Optimum, numbers: list[int], name: str) -> list[str]:
             f"         {limits.name[n]}: {_size(limits.value[n])}{was}"
             f" ({', '.join([*room, *([state] if state else [])])})"
         )
-    if len(told) < len(mine):
-        lines.append(f"         and {len(mine) - len(told)} with more room")
+    if len(shown) < len(mine):
+        lines.append(f"         and {len(mine) - len(shown)} with more room")
     return lines
 
 

@@ -49,9 +49,9 @@ class Point:
 
     Attributes
     ----------
-    fraction : (p,) array
+    fraction : array
         Free numbers as fractions of the ranges between their bounds.
-    log : (q,) array
+    log : array
         Logarithms of the quantities.
     violation : float
         Largest violation of a limit, as a logarithm.
@@ -88,15 +88,15 @@ class ActiveSet:
 
     Attributes
     ----------
-    active : (k,) bool array
-    multiplier : (k,) array
+    active : array
+    multiplier : array
         Multipliers of the limits: decrease of the objective (of the largest violation, where
         limits are violated) per unit of margin given up.
-    bound : (p,) int array
+    bound : array
         -1 at the lower bound, 1 at the upper one, 0 between them.
-    bound_multiplier : (p,) array
+    bound_multiplier : array
         Multipliers of the bounds, per range between the bounds.
-    tied_multiplier : (b,) array
+    tied_multiplier : array
         Multipliers of the bounds of dependent numbers, see `Freed.ties`.
     stationarity : float
         Norm of the objective's gradient that the multipliers do not balance, relative to its norm.
@@ -118,7 +118,7 @@ class Search:
     ----------
     values : Evaluator
     goals : Goals
-    offset : (q,) array
+    offset : array
         Added to all logarithms: difference of a more complete model at the last checked design.
     seen : dict
         Cache of `value`.
@@ -147,7 +147,7 @@ class Search:
 
     @property
     def begin(self) -> Float[np.ndarray, " number"]:
-        """Fractions (p,) of the starting design."""
+        """Fractions of the starting design."""
         return self.freed.fractions(self.freed.start)
 
     @property
@@ -156,7 +156,7 @@ class Search:
         return (*self.requirements.limits, *self.pairs)
 
     def order(self, log: Float[np.ndarray, " quantity"]) -> tuple[Limit, ...]:
-        """Limits between modes that have to lie apart, neighbours at the logarithms (q,)."""
+        """Limits between modes that have to lie apart, neighbours at the logarithms."""
         found = []
         for goal, places, value, hertz in self.requirements.separations:
             ranked = sorted(places, key=lambda n: log[n])
@@ -166,7 +166,7 @@ class Search:
         return tuple(found)
 
     def value(self, fraction: Float[np.ndarray, " number"]) -> Evaluation | None:
-        """Evaluate logarithms and derivatives by fractions (p,); None without a valid design."""
+        """Evaluate logarithms and derivatives by fractions; None without a valid design."""
         key = fraction.tobytes()
         if key not in self.seen:
             number = self.freed.numbers(fraction)
@@ -183,8 +183,15 @@ class Search:
                 )
         return self.seen[key]
 
-    def margins(self, now: Evaluation) -> tuple[Array, Array, Array, Array]:
-        """Margins c (k,) less the margin of the goals, their slopes, equalities e and theirs."""
+    def margins(
+        self, now: Evaluation
+    ) -> tuple[
+        Float[np.ndarray, " inequality"],
+        Float[np.ndarray, "inequality number"],
+        Float[np.ndarray, " equality"],
+        Float[np.ndarray, "equality number"],
+    ]:
+        """Compute margins less the margin of the goals, their slopes, equalities and theirs."""
         c, dc, e, de = [], [], [], []
         for limit in self.limits:
             value, slope = margin(limit, now.log, now.slope)
@@ -202,16 +209,18 @@ class Search:
             np.array(de).reshape(-1, size),
         )
 
-    def within(self, fraction: Array) -> tuple[Array, Array]:
-        """Relative margins b (b,) of dependent numbers within their bounds, and slopes (b, p)."""
+    def within(
+        self, fraction: Float[np.ndarray, " number"]
+    ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, "row number"]]:
+        """Compute the relative margins of dependent numbers within their bounds, and slopes."""
         rows, sides = self.freed.ties()
         number = self.freed.numbers(fraction)
         return rows @ number + sides, rows * self.freed.rate(number)
 
     def objective(
         self, now: Evaluation, fraction: Float[np.ndarray, " number"]
-    ) -> tuple[float, Array]:
-        """Objective to be minimised and its gradient (p,)."""
+    ) -> tuple[float, Float[np.ndarray, " number"]]:
+        """Compute the objective to be minimised and its gradient."""
         if self.requirements.terms:
             weight = np.array([term.weight for term in self.requirements.terms])
             places = [term.quantity for term in self.requirements.terms]
@@ -244,7 +253,7 @@ class Search:
         return found
 
     def run(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
-        """Search from fractions (p,); return the best point, None for an invalid start."""
+        """Search from fractions; return the best point, None for an invalid start."""
         self.best, now = None, self.value(fraction)
         if now is None:
             return None
@@ -263,10 +272,10 @@ class Search:
 
         # s, the violation common to all limits, is one more variable
         extra = phase == 1 or self.maximises_margin
-        last: list[Any] = []
+        last: list[tuple[float, Array, Array, Array, Array, Array]] = []
 
-        def evaluate(x: Array) -> tuple[Any, ...]:
-            """Objective, gradient, c, its slopes, e, its slopes; penalised without a design."""
+        def evaluate(x: Array) -> tuple[float, Array, Array, Array, Array, Array]:
+            """Return objective, gradient, c, slopes, e, slopes; with a penalty if invalid."""
             u = np.clip(x[: len(fraction)], 0.0, 1.0)
             now = self.value(u)
             if now is None:
@@ -411,9 +420,11 @@ class Search:
 
 
 def margin(
-    limit: Limit, log: Float[np.ndarray, " quantity"], slope: Array | None = None
-) -> tuple[float, Any]:
-    """Margin of a limit and its slope (p,), for logarithms (q,) of quantities and slopes (q, p).
+    limit: Limit,
+    log: Float[np.ndarray, " quantity"],
+    slope: Float[np.ndarray, "quantity number"] | None = None,
+) -> tuple[float, Float[np.ndarray, " number"] | float]:
+    """Compute the margin of a limit and its slope.
 
     For an equality, the logarithm of value over limit.
     """
@@ -429,6 +440,6 @@ def margin(
 
 
 def signed_margin(limit: Limit, log: Float[np.ndarray, " quantity"]) -> float:
-    """Margin of a limit for logarithms (q,); minus the deviation for an equality."""
+    """Compute the margin of a limit for logarithms; minus the deviation for an equality."""
     value, _ = margin(limit, log)
     return -abs(value) if limit.sense == "equals" else value

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -19,10 +18,10 @@ from suspension_cli.analyses.optimise.optimum import (
 )
 from suspension_cli.errors import escape_unprintable
 from suspension_cli.files.atomic import write_bytes
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.version import __version__
 
-PARTS: dict[str, tuple[str, Any]] = {
+PARTS: dict[str, tuple[str, type]] = {
     "numbers": ("number", Numbers),
     "quantities": ("quantity", Quantities),
     "limits": ("limit", Limits),
@@ -69,7 +68,7 @@ def fill(group: h5py.Group, found: Optimum) -> None:
                 )
 
 
-def load(group: Any) -> Optimum:
+def load(group: Stored) -> Optimum:
     """Read an optimised design from the group `optimise`."""
     parts = {}
     for part, (word, kind) in PARTS.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,8 +14,10 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.design.goals import Equal, Free, Goals
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import parameters
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,7 @@ class FreeDesign:
         Free numbers, with their bounds.
     equal : tuple of Equal
         Dependent numbers, linear in free and fixed ones.
-    start : (p,) array
+    start : array
         Starting values of the free numbers, SI.
     fixed : dict of float
         Fixed numbers that others depend on, by dotted path, SI.
@@ -38,7 +41,7 @@ class FreeDesign:
     text: str
     free: tuple[Free, ...]
     equal: tuple[Equal, ...]
-    start: Array
+    start: Float[np.ndarray, " number"]
     fixed: dict[str, float]
 
     @staticmethod
@@ -110,21 +113,21 @@ class FreeDesign:
             ) from None
 
     @property
-    def lower(self) -> Array:
-        """Lower bounds (p,), SI."""
+    def lower(self) -> Float[np.ndarray, " number"]:
+        """Lower bounds, SI."""
         return np.array([item.lower for item in self.free])
 
     @property
-    def upper(self) -> Array:
-        """Upper bounds (p,), SI."""
+    def upper(self) -> Float[np.ndarray, " number"]:
+        """Upper bounds, SI."""
         return np.array([item.upper for item in self.free])
 
     @cached_property
-    def _log(self) -> Array:
+    def _log(self) -> Bool[np.ndarray, " number"]:
         return np.array([item.scale == "log" for item in self.free])
 
-    def numbers(self, fraction: Array) -> Array:
-        """Free numbers (p,) at fractions (p,) of the ranges from the lower to the upper bounds."""
+    def numbers(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
+        """Compute free numbers from fractions of the ranges from the lower to the upper bounds."""
         low, high = self.lower, self.upper
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.where(
@@ -136,8 +139,8 @@ class FreeDesign:
             )
         return np.clip(found, low, high)
 
-    def fractions(self, number: Array) -> Array:
-        """Fractions (p,) of the ranges between the bounds; the inverse of `numbers`."""
+    def fractions(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
+        """Compute the fractions of the ranges between the bounds; the inverse of `numbers`."""
         low, high = self.lower, self.upper
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(
@@ -146,14 +149,14 @@ class FreeDesign:
                 (number - low) / (high - low),
             )
 
-    def rate(self, number: Array) -> Array:
-        """Derivative (p,) of `numbers` by the fractions, at free numbers (p,)."""
+    def rate(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
+        """Differentiate `numbers` by the fractions, at free numbers."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(
                 self._log, number * np.log(np.abs(self.upper / self.lower)), self.upper - self.lower
             )
 
-    def values(self, number: Array) -> dict[str, float]:
+    def values(self, number: Float[np.ndarray, " number"]) -> dict[str, float]:
         """Free numbers, then dependent ones, by dotted path."""
         free = {item.name: float(value) for item, value in zip(self.free, number, strict=True)}
         known = free | self.fixed
@@ -171,7 +174,7 @@ class FreeDesign:
             for item in self.free
         ]
 
-    def ties(self) -> tuple[Array, Array]:
+    def ties(self) -> tuple[Float[np.ndarray, "tied number"], Float[np.ndarray, " tied"]]:
         """Bounds of dependent numbers as A (b, p) and b (b,), with A x + b >= 0.
 
         x are the free numbers (p,); rows are relative to the bounds.
@@ -191,13 +194,13 @@ class FreeDesign:
                     sides.append(sign * (side - bound) / size)
         return np.array(rows).reshape(-1, len(self.free)), np.array(sides)
 
-    def toml(self, number: Array) -> str:
+    def toml(self, number: Float[np.ndarray, " number"]) -> str:
         """Design as TOML; raises `InputError` if it is invalid."""
         raw = tomllib.loads(self.text)
         reader.apply_overrides(raw, paths.symmetric_settings(self.values(number)))
         reader.convert(raw)
         return reader.write_toml(raw)
 
-    def design(self, number: Array) -> Design:
+    def design(self, number: Float[np.ndarray, " number"]) -> Design:
         """Parsed design; raises `InputError` if it is invalid."""
         return reader.parse(self.toml(number))

@@ -72,7 +72,7 @@ def parts(design: Design) -> list[Part]:
 
 
 def _tables(stage: Stage, blade: bool) -> tuple[Any, list[Any]]:
-    """Symmetric set of a stage, and its single wires or blades."""
+    """Return the symmetric set of a stage, and its single wires or blades."""
     return (stage.blades, stage.blade) if blade else (stage.wires, stage.wire)
 
 
@@ -98,18 +98,18 @@ def _unknown_strength(design: Design, names: set[str], key: str) -> str:
 
 
 def _materials(wire: WireSet | Wire) -> set[str]:
-    """Materials of a wire and its sections."""
+    """Name the materials of a wire and its sections."""
     named = [wire.material, *(piece.material for piece in wire.sections or ())]
     return {name for name in named if name}
 
 
-def _strength(design: Design, names: set[str]) -> Any:
+def _strength(design: Design, names: set[str]) -> complex:
     known = [materials.resolve(design, name).tensile_strength or np.nan for name in sorted(names)]
     return min(known, key=np.real)
 
 
 def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> Any:
-    """Stress of a part as a fraction of its tensile strength, NaN if that is unknown.
+    """Compute the stress of a part as a fraction of its tensile strength, NaN if that is unknown.
 
     Parameters
     ----------
@@ -140,6 +140,6 @@ def stress(design: Design, scene: Scene, pose: Pose, part: Part) -> Any:
 
 
 def depth(scene: Scene, pose: Pose, stage: str) -> Any:
-    """Depth of the COM of a stage below the suspension point, m."""
+    """Compute the depth of the COM of a stage below the suspension point, m."""
     n = scene.bodies.name.index(stage) + 1
     return -(scene.bodies.position[n, 2] + pose.shift[n, 2])

@@ -10,7 +10,7 @@ label is followed by shape along the straight line between the two designs (`mod
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,8 +18,10 @@ from suspension_cli.conventions import DOF_NAMES, DOFS, PARITY_X, PARITY_Y
 from suspension_cli.linear import batch_modes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap, pair_by_shape
-from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, mode_tracking, variants
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
 
 PATH_STEPS = 24
 """Steps on the line from one design to another at which shapes are compared."""
@@ -31,24 +33,24 @@ class Families:
 
     Attributes
     ----------
-    member : (6,) int array
+    member : array
         Family of each degree of freedom.
-    size : (k,) int array
+    size : array
         Number of modes of each family.
     """
 
-    member: Any
-    size: Any
+    member: Int[np.ndarray, " 6"]
+    size: Int[np.ndarray, " family"]
 
     @staticmethod
-    def of(mirrors: Any, energy: Any) -> Families:
-        """Families of a design, from its mirror symmetries and modes.
+    def of(mirrors: Bool[np.ndarray, " 2"], energy: Float[np.ndarray, "mode body 6"]) -> Families:
+        """Find the families of a design, from its mirror symmetries and modes.
 
         Parameters
         ----------
-        mirrors : (2,) bool array
+        mirrors : array
             Whether the design is symmetric in x and in y.
-        energy : (m, n, 6) array
+        energy : array
             Fractions of the kinetic energy of each mode, by body and degree of freedom.
         """
         parity = [
@@ -62,13 +64,13 @@ class Families:
         )
 
     def name(self, family: int) -> str:
-        """Name of a family, ``longitudinal-pitch``."""
+        """Name a family, ``longitudinal-pitch``."""
         return "-".join(
             DOF_NAMES[dof] for dof, own in zip(DOFS, self.member, strict=True) if own == family
         )
 
-    def ranked(self, energy: Any) -> list[Any]:
-        """Numbers of the modes of each family, in ascending order of frequency.
+    def ranked(self, energy: Float[np.ndarray, "mode body 6"]) -> list[Int[np.ndarray, " _"]]:
+        """List the numbers of the modes of each family, in ascending order of frequency.
 
         Families keep their numbers of modes where imperfections mix them.
         """
@@ -81,14 +83,18 @@ class Families:
         return [np.flatnonzero(own == family) for family in range(len(self.size))]
 
 
-def _family_energy(member: Any, energy: Any) -> Array:
-    """Fraction of the kinetic energy of each mode in each family (m, k)."""
-    return np.asarray(energy).sum(-2) @ np.eye(int(member.max()) + 1)[member]
+def _family_energy(
+    member: Int[np.ndarray, " 6"], energy: Float[np.ndarray, "mode body 6"]
+) -> Float[np.ndarray, "mode family"]:
+    """Compute the fraction of the kinetic energy of each mode in each family."""
+    return energy.sum(-2) @ np.eye(int(member.max()) + 1)[member]
 
 
-def energy_fractions(found: batch_modes.Spectrum, bodies: int) -> Any:
-    """Fractions of kinetic energy (p, m, n, 6) of a batch, by mode, body and motion."""
-    squares = np.asarray(found.shape)[..., : 6 * bodies] ** 2
+def energy_fractions(
+    found: batch_modes.Spectrum, bodies: int
+) -> Float[np.ndarray, "build mode body 6"]:
+    """Compute the fractions of kinetic energy of a batch, by mode, body and motion."""
+    squares = found.shape[..., : 6 * bodies] ** 2
     return squares.reshape(*squares.shape[:-1], bodies, 6)
 
 
@@ -96,11 +102,11 @@ def follow_modes(
     text: str,
     start: dict[str, float],
     end: dict[str, float],
-    nominal: Array,
+    nominal: Float[np.ndarray, "mode coordinate"],
     found: Modes,
-    mass: Any,
+    mass: Float[np.ndarray, "6+coordinate 6+coordinate"],
     level: str,
-) -> Any:
+) -> Int[np.ndarray, " mode"]:
     """Follow the modes of a design to another one, along the straight line between the two.
 
     Parameters
@@ -109,18 +115,18 @@ def follow_modes(
         Either design as TOML, for all numbers that do not change.
     start, end : dict of float
         The numbers that change, by dotted path, at both ends.
-    nominal : (m, c) array
+    nominal : array
         Shapes at the start, as in `batch_modes.Spectrum`.
     found : Modes
         Modes at the end.
-    mass : (N, N) array
+    mass : array
         Mass matrix at the end.
     level : str
         Name of a model that supports builds.
 
     Returns
     -------
-    place : (m,) int array
+    place : array
         Number among the modes at the end of each mode at the start; -1 where it is unknown.
     """
     fraction = np.linspace(0, 1, PATH_STEPS + 1)

@@ -16,9 +16,10 @@ contribute to D and E.
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -31,6 +32,7 @@ from suspension_cli.analyses.optimise.quantities import (
     OfMode,
     OfPart,
     OfResponse,
+    Quantity,
     Requirements,
 )
 from suspension_cli.analyses.sensitivity.solve import differentiate_omega_squared
@@ -43,7 +45,7 @@ from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing
 from suspension_cli.linear.eigenmodes import DEGENERATE, Modes
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.pose import Pose, nominal_pose
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, derivatives, variants
@@ -51,6 +53,9 @@ from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.derivatives import Differentiable, Linear, Moved
 from suspension_cli.studies.parameters import STEP
 from suspension_cli.studies.response_derivatives import Slope
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
 
 TINY = 1e-30
 """Smallest energy fraction or response; it replaces 0, which has no logarithm."""
@@ -63,10 +68,10 @@ LINEAR_BELOW_HZ = 1e-3
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Logarithms (q,) of quantities, and their derivatives (q, p) by the free numbers."""
+    """Logarithms of quantities, and their derivatives by the free numbers."""
 
-    log: Array
-    slope: Array
+    log: Float[np.ndarray, " quantity"]
+    slope: Float[np.ndarray, "quantity number"]
 
 
 @dataclass(frozen=True)
@@ -88,22 +93,22 @@ class Evaluator:
     level: str = registry.STRING.name
 
     @cached_property
-    def nominal(self) -> Array:
-        """Shapes (m, N - 6) of the modes of the starting design, as in `batch_modes.Spectrum`."""
+    def nominal(self) -> Float[np.ndarray, "mode coordinate"]:
+        """Shapes of the modes of the starting design, as in `batch_modes.Spectrum`."""
         return batch_modes.solve_one(
             static_system(self.freed.design(self.freed.start), self.level)
         ).shape[0]
 
     @cached_property
-    def floors(self) -> Array:
-        """omega^2 (q,), (rad/s)^2, below which logarithms of frequencies continue linearly."""
+    def floors(self) -> Float[np.ndarray, " quantity"]:
+        """omega^2, (rad/s)^2, below which logarithms of frequencies continue linearly."""
         lowest = np.full(len(self.requirements.quantities), np.inf)
         for limit in self.requirements.limits:
             lowest[limit.quantity] = min(lowest[limit.quantity], limit.value)
         return (2 * np.pi * np.where(np.isinf(lowest), LINEAR_BELOW_HZ, LINEAR_BELOW * lowest)) ** 2
 
-    def at(self, number: Array) -> Evaluation:
-        """Evaluate logarithms and derivatives for free numbers (p,).
+    def at(self, number: Float[np.ndarray, " number"]) -> Evaluation:
+        """Evaluate logarithms and derivatives for free numbers.
 
         Raises `InputError` if the design is invalid.
         """
@@ -134,18 +139,28 @@ class Evaluator:
                 log[n], slope[n] = own.load(item)
         return Evaluation(log, slope)
 
-    def places(self, found: Modes, mass: Array, number: Array) -> list[int]:
-        """Numbers of the modes that the quantities refer to; -1 for other quantities.
+    def places(
+        self,
+        found: Modes,
+        mass: Float[np.ndarray, "coordinate coordinate"],
+        number: Float[np.ndarray, " number"],
+    ) -> list[int]:
+        """Find the modes that the quantities refer to; -1 for other quantities.
 
-        `found` are the modes of the design with the free numbers (p,), `mass` its mass matrix.
+        `found` are the modes of the design with the free numbers, `mass` its mass matrix.
         """
         ranked = self.families.ranked(found.energy)
         return _places(
             self.requirements.quantities, ranked, lambda: self._follow(found, mass, number)
         )
 
-    def _follow(self, found: Modes, mass: Array, number: Array) -> Any:
-        """Numbers (m,) of the modes that those of the starting design become."""
+    def _follow(
+        self,
+        found: Modes,
+        mass: Float[np.ndarray, "coordinate coordinate"],
+        number: Float[np.ndarray, " number"],
+    ) -> Int[np.ndarray, " mode"]:
+        """Find the modes that those of the starting design become."""
         start, end = self.freed.values(self.freed.start), self.freed.values(number)
         place = mode_families.follow_modes(
             self.freed.text, start, end, self.nominal, found, mass, self.level
@@ -156,8 +171,10 @@ class Evaluator:
             )
         return place
 
-    def batch(self, numbers: Array) -> Array:
-        """Logarithms (s, q) for a batch of free numbers (s, p); NaN for invalid designs.
+    def batch(
+        self, numbers: Float[np.ndarray, "start number"]
+    ) -> Float[np.ndarray, "start quantity"]:
+        """Compute the logarithms for a batch of free numbers; NaN for invalid designs.
 
         Approximate, to choose starts: modes that are followed by shape are those that overlap
         most with the modes of the starting design, and loads are those of the nominal pose.
@@ -178,14 +195,16 @@ class Evaluator:
             ]
             for found, here in variants.balanced(text, values, self.level, allow_unstable=True):
                 good = found.status == builds.GOOD
-                result[np.ix_(here[good], some)] = self._of_batch(found, good, some)
+                result[np.ix_(here[good], np.array(some))] = self._of_batch(found, good, some)
         for n, row in enumerate(numbers):
             if np.isfinite(result[n]).any():
                 result[n] = self._with_loads(row, result[n])
         return result
 
-    def _of_batch(self, found: Builds, good: Any, some: list[int]) -> Array:
-        """Logarithms (g, k) of some quantities of the valid designs of a batch."""
+    def _of_batch(
+        self, found: Builds, good: Bool[np.ndarray, " point"], some: list[int]
+    ) -> Float[np.ndarray, "build some"]:
+        """Compute the logarithms of some quantities of the valid designs of a batch."""
         quantities = [self.requirements.quantities[n] for n in some]
         result = np.zeros((int(good.sum()), len(some)))
         solved = batch_modes.solve(select_models(found.model, good))
@@ -212,8 +231,10 @@ class Evaluator:
                 )
         return result
 
-    def _with_loads(self, number: Array, row: Array) -> Array:
-        """Fill in the logarithms of stresses and heights of a row (q,)."""
+    def _with_loads(
+        self, number: Float[np.ndarray, " number"], row: Float[np.ndarray, " quantity"]
+    ) -> Float[np.ndarray, " quantity"]:
+        """Fill in the logarithms of stresses and heights of a row."""
         design = self.freed.design(number)
         scene = expand(design)
         pose = nominal_pose(scene)
@@ -261,8 +282,8 @@ class _Built:
             [derivatives.linear(base, now) for now in moves],
         )
 
-    def response(self, item: OfResponse) -> tuple[float, Array]:
-        """Logarithm of the magnitude of a response, and its derivatives (p,)."""
+    def response(self, item: OfResponse) -> tuple[float, Float[np.ndarray, " number"]]:
+        """Compute the logarithm of the magnitude of a response, and its derivatives."""
         slope = Slope.of(self.base, self.model, item.ratio)
         if slope.size <= TINY:
             return np.log(TINY), np.zeros(len(self.changes))
@@ -271,8 +292,8 @@ class _Built:
             np.array([slope.of_size(change) for change in self.changes]) / slope.size,
         )
 
-    def load(self, item: OfPart | OfDepth) -> tuple[float, Array]:
-        """Logarithm of a stress or a height, and its derivatives (p,)."""
+    def load(self, item: OfPart | OfDepth) -> tuple[float, Float[np.ndarray, " number"]]:
+        """Compute the logarithm of a stress or a height, and its derivatives."""
         value = float(np.real(_load(item, self.base.design, self.base.scene, self.base.pose)))
         rates = [np.imag(_load(item, now.design, now.scene, now.pose)) / STEP for now in self.moves]
         return np.log(value), np.array(rates) / value
@@ -285,8 +306,10 @@ class _TopFractions:
     found: Modes
     linear: Linear
 
-    def _parts(self, mass: Array, shape: Array) -> tuple[Array, Array]:
-        """Products with a shape (c,) of the top mass's block of a mass matrix and of all blocks."""
+    def _parts(
+        self, mass: Array, shape: Float[np.ndarray, " coordinate"]
+    ) -> tuple[Float[np.ndarray, " coordinate"], Float[np.ndarray, " coordinate"]]:
+        """Multiply a shape by the top mass's block of a mass matrix and by all blocks."""
         result, bodies = np.zeros(len(shape)), 6 * len(self.found.body)
         for n in range(0, bodies, 6):
             own = slice(n, n + 6)
@@ -296,8 +319,10 @@ class _TopFractions:
         top[:6] = result[:6]
         return top, result
 
-    def logarithm(self, place: int, changes: list[Linear]) -> tuple[float, Array]:
-        """Logarithm of the fraction of one mode, and its derivatives (p,)."""
+    def logarithm(
+        self, place: int, changes: list[Linear]
+    ) -> tuple[float, Float[np.ndarray, " number"]]:
+        """Compute the logarithm of the fraction of one mode, and its derivatives."""
         shape, squared = self.found.shape, self.found.omega_squared
         own = shape[place]
         top, every = self._parts(self.linear.mass, own)
@@ -318,8 +343,10 @@ class _TopFractions:
         return np.log(a / b), rates
 
 
-def _places(quantities: Any, ranked: list[Any], follow: Any) -> list[int]:
-    """Numbers of the modes that the quantities refer to; -1 for other quantities."""
+def _places(
+    quantities: Sequence[Quantity], ranked: list[Index], follow: Callable[[], Index]
+) -> list[int]:
+    """Find the modes that the quantities refer to; -1 for other quantities."""
     followed = (
         follow()
         if any(isinstance(item, OfMode) and item.number >= 0 for item in quantities)
@@ -339,13 +366,13 @@ def _places(quantities: Any, ranked: list[Any], follow: Any) -> list[int]:
     ]
 
 
-def _of_square(squared: Any, rate: Any, floor: float) -> tuple[Any, Any]:
-    """Logarithm of the frequency (Hz) of an omega^2, and its derivative; linear below `floor`."""
+def _of_square(squared: float, rate: Array | float, floor: float) -> tuple[float, Array | float]:
+    """Compute the log of the frequency (Hz) of an omega^2, linear below `floor`, and its rate."""
     size = max(squared, floor)
     return np.log(size) / 2 - np.log(2 * np.pi) + (squared - size) / (2 * floor), rate / (2 * size)
 
 
-def _load(item: OfPart | OfDepth, design: Design, scene: Scene, pose: Pose) -> Any:
+def _load(item: OfPart | OfDepth, design: Design, scene: Scene, pose: Pose) -> complex:
     return (
         loads.stress(design, scene, pose, item.part)
         if isinstance(item, OfPart)

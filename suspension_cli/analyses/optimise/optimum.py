@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Array
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """Numbers that changed: the free ones, then the dependent ones; (n,) arrays.
+    """Numbers that changed: the free ones, then the dependent ones.
 
     Attributes
     ----------
     name : tuple of str
         Dotted paths.
-    tied : bool array
+    tied : array
         Whether a number depends on others.
     before, after, lower, upper : arrays
         Values and bounds, SI; NaN where there is no bound.
-    bound : int array
+    bound : array
         -1 at the lower bound, 1 at the upper one, 0 between them.
     multiplier : array
         Decrease of the objective per relaxation of the bound, in units of the range between the
@@ -30,18 +31,18 @@ class Numbers:
     """
 
     name: tuple[str, ...]
-    tied: Any
-    before: Array
-    after: Array
-    lower: Array
-    upper: Array
-    bound: Any
-    multiplier: Array
+    tied: Bool[np.ndarray, " number"]
+    before: Float[np.ndarray, " number"]
+    after: Float[np.ndarray, " number"]
+    lower: Float[np.ndarray, " number"]
+    upper: Float[np.ndarray, " number"]
+    bound: Int[np.ndarray, " number"]
+    multiplier: Float[np.ndarray, " number"]
 
 
 @dataclass(frozen=True)
 class Quantities:
-    """Quantities that goals refer to; (q,) arrays.
+    """Quantities that goals refer to.
 
     Attributes
     ----------
@@ -50,7 +51,7 @@ class Quantities:
         Values by the ordinary analyses; NaN for an unstable mode.
     searched : array
         Values in the search, on the model `searched_on`.
-    mode : int array
+    mode : array
         Number of the mode of the optimised design that each refers to, from 0; -1 for others.
     weight : array
         Weight in the objective: positive for quantities to minimise, negative for those to
@@ -59,24 +60,24 @@ class Quantities:
 
     name: tuple[str, ...]
     unit: tuple[str, ...]
-    before: Array
-    after: Array
-    searched: Array
-    mode: Any
-    weight: Array
+    before: Float[np.ndarray, " quantity"]
+    after: Float[np.ndarray, " quantity"]
+    searched: Float[np.ndarray, " quantity"]
+    mode: Int[np.ndarray, " quantity"]
+    weight: Float[np.ndarray, " quantity"] | Int[np.ndarray, " quantity"]
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits on the quantities; (k,) arrays.
+    """Limits on the quantities.
 
     Attributes
     ----------
     name : tuple of str
         ``yaw 3 <= 5 Hz``.
-    goal : int array
+    goal : array
         Number of the goal in its file, from 1.
-    quantity, other : int arrays
+    quantity, other : array
         Number of the quantity, and of the one that it has to lie apart from (-1: none).
     sense : tuple of str
         ``at_least``, ``at_most`` or ``equals``.
@@ -85,26 +86,26 @@ class Limits:
     margin : array
         Logarithm of value over limit, or of limit over value, negative if the limit is not met;
         minus the absolute value for an equality.
-    met, active : bool arrays
+    met, active : array
         Active limits constrain the optimum.
     multiplier : array
         Decrease of the objective per unit of margin given up.
     """
 
     name: tuple[str, ...]
-    goal: Any
-    quantity: Any
-    other: Any
+    goal: Int[np.ndarray, " limit"]
+    quantity: Int[np.ndarray, " limit"]
+    other: Int[np.ndarray, " limit"]
     sense: tuple[str, ...]
-    asked: Array
-    value: Array
-    margin: Array
-    met: Any
-    active: Any
-    multiplier: Array
+    asked: Float[np.ndarray, " limit"]
+    value: Float[np.ndarray, " limit"]
+    margin: Float[np.ndarray, " limit"]
+    met: Bool[np.ndarray, " limit"]
+    active: Bool[np.ndarray, " limit"]
+    multiplier: Float[np.ndarray, " limit"]
 
     @property
-    def room(self) -> Array:
+    def room(self) -> Float[np.ndarray, " limit"]:
         """Distance of each value from its limit relative to the limit, negative if it is not met.
 
         Never positive for an equality.
@@ -120,7 +121,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class ModeTable:
-    """All modes by family and rank; (m,) arrays.
+    """All modes by family and rank.
 
     Attributes
     ----------
@@ -132,36 +133,36 @@ class ModeTable:
         Frequencies, Hz; NaN for an unstable mode.
     fraction_before, fraction_after : arrays
         Fraction of the kinetic energy in the top mass.
-    number : int array
+    number : array
         Number among the modes of the optimised design, from 0.
     """
 
     name: tuple[str, ...]
     label: tuple[str, ...]
-    before: Array
-    after: Array
-    fraction_before: Array
-    fraction_after: Array
-    number: Any
+    before: Float[np.ndarray, " mode"]
+    after: Float[np.ndarray, " mode"]
+    fraction_before: Float[np.ndarray, " mode"]
+    fraction_after: Float[np.ndarray, " mode"]
+    number: Int[np.ndarray, " mode"]
 
 
 @dataclass(frozen=True)
 class Starts:
-    """Starts of the search; (s,) arrays, the first is the given design.
+    """Starts of the search, the first is the given design.
 
     Attributes
     ----------
     before, after : arrays
         Largest violation of a limit (logarithm); NaN for an invalid design.
     objective : array
-    place : int array
+    place : array
         Number of the design that each start led to, from 1, equal for equal designs; 0 if none.
     """
 
-    before: Array
-    after: Array
-    objective: Array
-    place: Any
+    before: Float[np.ndarray, " start"]
+    after: Float[np.ndarray, " start"]
+    objective: Float[np.ndarray, " start"]
+    place: Int[np.ndarray, " start"]
 
 
 @dataclass(frozen=True)

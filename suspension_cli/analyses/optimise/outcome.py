@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from suspension_cli.analyses.optimise.achieved import Achieved
@@ -21,7 +23,9 @@ from suspension_cli.analyses.optimise.optimum import (
     Starts,
 )
 from suspension_cli.analyses.optimise.quantities import Limit, OfMode, Quantity, Requirements
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 EQUAL = 1e-6
 """Relative deviation up to which an equality counts as met."""
@@ -89,14 +93,14 @@ OBJECTIVE = {
 }
 
 
-def _numbers(freed: FreeDesign, number: Array, active: ActiveSet) -> Numbers:
+def _numbers(freed: FreeDesign, number: Float[np.ndarray, " number"], active: ActiveSet) -> Numbers:
     before, after = freed.values(freed.start), freed.values(number)
     lower, upper = (
         [getattr(item, name) for item in (*freed.free, *freed.equal)] for name in ("lower", "upper")
     )
     count, ties = len(freed.free), len(freed.equal)
 
-    def known(values: list[float | None]) -> Array:
+    def known(values: list[float | None]) -> np.ndarray:
         return np.array([np.nan if value is None else value for value in values])
 
     bound = np.concatenate([active.bound, np.zeros(ties, dtype=int)])
@@ -122,7 +126,7 @@ def _numbers(freed: FreeDesign, number: Array, active: ActiveSet) -> Numbers:
     )
 
 
-def _dependent_multipliers(freed: FreeDesign, active: ActiveSet) -> Array:
+def _dependent_multipliers(freed: FreeDesign, active: ActiveSet) -> Float[np.ndarray, " tied"]:
     """Multipliers of the bounds of dependent numbers, per range between them.
 
     NaN for a number with only one bound.
@@ -163,7 +167,7 @@ def _limits(search: Search, made: Achieved, active: ActiveSet) -> Limits:
     )
 
 
-def _value(limit: Limit, value: Array) -> float:
+def _value(limit: Limit, value: Float[np.ndarray, " quantity"]) -> float:
     if limit.other < 0:
         return float(value[limit.quantity])
     high, low = value[limit.quantity], value[limit.other]

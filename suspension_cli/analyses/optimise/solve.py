@@ -13,10 +13,11 @@ met in the more complete model.
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.optimise import achieved, mode_families
 from suspension_cli.analyses.optimise.achieved import Achieved
 from suspension_cli.analyses.optimise.constrained_search import (
@@ -40,7 +41,10 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import auto, registry
 from suspension_cli.models.quantity_of_interest import Frequencies
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 STARTS, SEED = 6, 1
 """Number of starts, and seed of those besides the design itself."""
@@ -62,7 +66,7 @@ def solve(
     starts: int = STARTS,
     seed: int = SEED,
     tolerance: float = auto.TOLERANCE,
-    report: Any = None,
+    report: Progress | None = None,
 ) -> Optimum:
     """Optimise the free numbers of a design to meet goals.
 
@@ -187,7 +191,7 @@ def _bound_faults(freed: FreeDesign, value: dict[str, float]) -> list[Fault]:
 
 
 def _search_all(
-    search: Search, starts: int, seed: int, report: Any
+    search: Search, starts: int, seed: int, report: Progress | None
 ) -> tuple[list[Point | None], list[float]]:
     """Search from every start; return the points reached and the violations at the starts."""
     begins = [search.begin, *_choose_starts(search, starts - 1, seed)]
@@ -204,7 +208,7 @@ def _search_all(
     return points, before
 
 
-def _choose_starts(search: Search, count: int, seed: int) -> list[Array]:
+def _choose_starts(search: Search, count: int, seed: int) -> list[Float[np.ndarray, " number"]]:
     """Choose the designs of a Sobol sequence between the bounds that violate limits least."""
     from scipy.stats import qmc
 
@@ -253,13 +257,13 @@ def _correct(
         best = search.run(best.fraction) or best
 
 
-def _all_limits(search: Search, log: Array) -> tuple[Limit, ...]:
-    """Limits of the goals, then of separations between modes at the logarithms (q,)."""
+def _all_limits(search: Search, log: Float[np.ndarray, " quantity"]) -> tuple[Limit, ...]:
+    """List the limits of the goals, then of separations between modes at the logarithms."""
     return (*search.requirements.limits, *search.order(log))
 
 
 def _violation(search: Search, made: Achieved) -> float:
-    """Largest violation of a limit by a checked design, as a logarithm; 0 if it meets all."""
+    """Find the largest violation of a limit by a checked design, as a logarithm; 0 if none."""
     with np.errstate(invalid="ignore", divide="ignore"):
         log = np.log(made.value)
         margins = np.array([signed_margin(limit, log) for limit in _all_limits(search, log)])
@@ -267,11 +271,13 @@ def _violation(search: Search, made: Achieved) -> float:
     return worst if worst > EQUAL else 0.0
 
 
-def _achieved(search: Search, number: Array, level: str, tolerance: float) -> Achieved:
-    """Quantities of a design by the ordinary analyses."""
+def _achieved(
+    search: Search, number: Float[np.ndarray, " number"], level: str, tolerance: float
+) -> Achieved:
+    """Compute the quantities of a design by the ordinary analyses."""
     freed, values = search.freed, search.values
 
-    def follow(found: Modes, mass: Array) -> Any:
+    def follow(found: Modes, mass: Array) -> Index:
         return mode_families.follow_modes(
             freed.text,
             freed.values(freed.start),
@@ -306,7 +312,7 @@ def _starts(points: list[Point | None], before: list[float]) -> Starts:
             seen.append(point)
         place[n] = near[0] if near else len(seen)
 
-    def each(name: str) -> Array:
+    def each(name: str) -> np.ndarray:
         return np.array([np.nan if point is None else getattr(point, name) for point in points])
 
     return Starts(np.array(before), each("worst"), each("objective"), place)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,7 +69,7 @@ class SensitivityAnalysis(Analysis):
             )
         return Result(self, source, choice, found, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return derivatives, parameters first; null where there is no derivative."""
         found: Sensitivity = result.data
         numbers = [
@@ -140,7 +140,7 @@ class SensitivityAnalysis(Analysis):
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw a coloured table."""
         from suspension_cli.analyses.sensitivity import picture
         from suspension_cli.drawing import style

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import h5py
 
 from suspension_cli.analyses.sensitivity.solve import Sensitivity
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 
 
 def fill(group: h5py.Group, found: Sensitivity) -> None:
@@ -46,7 +44,7 @@ def fill(group: h5py.Group, found: Sensitivity) -> None:
     )
 
 
-def load(group: Any) -> Sensitivity:
+def load(group: Stored) -> Sensitivity:
     """Read derivatives from the group `sensitivity`."""
     return Sensitivity(
         parameter=tuple(group["parameter"].asstr()[:]),

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ class SweepAnalysis(Analysis):
             )
         return Result(self, source, choice, found, file=path, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return axes and results, first axis first; null for an unstable mode or failed point."""
         answer: SweepResult = result.data
         results = [
@@ -157,7 +157,7 @@ class SweepAnalysis(Analysis):
 
         return stored.read(file["sweep"])
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
         from suspension_cli.analyses.sweep import crossing_shapes, crossings, picture
         from suspension_cli.drawing.style import name_neglected

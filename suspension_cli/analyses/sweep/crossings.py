@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from suspension_cli.analyses.sweep.file import SweepResult
+from suspension_cli.files.hdf5 import Stored
 
 NEAR, NEAR_MIXED = 0.05, 0.5
 """Largest relative distance in frequency of two modes that meet, unmixed or mixed."""
@@ -73,7 +73,7 @@ class Crossing:
         return f"{first} and {second} mix: {100 - part:.0f} % + {part:.0f} %"
 
 
-def find_crossings(group: Any, swept: SweepResult) -> list[Crossing]:
+def find_crossings(group: Stored, swept: SweepResult) -> list[Crossing]:
     """Find where modes among the results of a sweep over one parameter meet, most mixed first.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -16,14 +16,16 @@ from suspension_cli.analyses.sweep.solve import (
     evaluate_results,
     has_modes,
 )
-from suspension_cli.files.hdf5 import add_dataset, add_scale, open_results
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale, open_results
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar, labels
 from suspension_cli.linear.response import solve
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import mode_tracking
 from suspension_cli.studies.axes import Axis, scale_name
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 MAX_BYTES = 1 << 28
 """Largest set of mode shapes that is read into memory; larger ones are read point by point."""
@@ -45,11 +47,11 @@ class SweepResult:
         Names and units of the results; ``Hz`` for modes.
     degree : tuple of str
         Dominant motion of each mode in the nominal design, ``test.pitch``; empty for responses.
-    nominal : (r,) array
+    nominal : array
         Results of the nominal design.
-    value : (axis 1, axis 2, ..., r) array
+    value : array
         Results; NaN where there is none.
-    status : (axis 1, axis 2, ...) array
+    status : array
         See `solve.STATUS`.
     overlap : float
         Smallest overlap of shapes by which a mode among the results was followed from one point
@@ -62,9 +64,9 @@ class SweepResult:
     result: tuple[str, ...]
     unit: tuple[str, ...]
     degree: tuple[str, ...]
-    nominal: Array
-    value: Array
-    status: Any
+    nominal: Float[np.ndarray, " result"]
+    value: Float[np.ndarray, "*axes result"]
+    status: Int[np.ndarray, "*axes"]
     overlap: float
 
     @property
@@ -73,8 +75,8 @@ class SweepResult:
         return count_failures(self.status, STATUS)
 
     @property
-    def change(self) -> Array:
-        """Relative change of each result over the grid, largest over smallest less 1, (r,).
+    def change(self) -> Float[np.ndarray, " result"]:
+        """Relative change of each result over the grid, largest over smallest less 1.
 
         0 where a result has no value; the largest value itself where the smallest is 0.
         """
@@ -84,7 +86,7 @@ class SweepResult:
 
 
 def nominal_parameters(job: ParameterSweep) -> tuple[float, ...]:
-    """Nominal value of each swept parameter; NaN where the design does not give it."""
+    """Read the nominal value of each swept parameter; NaN where the design does not give it."""
     import tomllib
 
     from suspension_cli.design.paths import value_at
@@ -98,7 +100,7 @@ def nominal_parameters(job: ParameterSweep) -> tuple[float, ...]:
 
 
 def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
-    """Grid point nearest to the nominal design, 0 along axes without a nominal value."""
+    """Find the grid point nearest to the nominal design, 0 along axes without a nominal value."""
     return tuple(
         0 if np.isnan(at) else int(np.abs(np.array(axis.values) - at).argmin())
         for axis, at in zip(job.axes, nominal_parameters(job), strict=True)
@@ -131,8 +133,8 @@ def _home(job: ParameterSweep, item: Scalar) -> str:
     return ".".join(job.nominal.home[item.number]) if isinstance(item, Mode) else ""
 
 
-def nominal_results(job: ParameterSweep, model: LinearSystem) -> Array:
-    """Results (r,) of the nominal design, a system with its frequency-dependent terms."""
+def nominal_results(job: ParameterSweep, model: LinearSystem) -> Float[np.ndarray, " result"]:
+    """Evaluate the results of the nominal design, a system with its frequency-dependent terms."""
     return np.array(
         [
             job.nominal.frequency[item.number]
@@ -157,7 +159,7 @@ def _magnitude(model: LinearSystem, item: Ratio) -> float:
 def complete(part: Path, job: ParameterSweep) -> None:
     """Track modes over the grid of a file with all points computed, and fill in the results."""
     with h5py.File(part, "r+") as file:
-        group: Any = file["sweep"]
+        group: Stored = file["sweep"]
         squared = rank = None
         if "shape" in group:
             stored = group["shape"]
@@ -182,7 +184,7 @@ def load(path: Path | str) -> SweepResult:
         return read(file["sweep"])
 
 
-def read(group: Any) -> SweepResult:
+def read(group: Stored) -> SweepResult:
     """Read a finished sweep from the group `sweep`."""
     names = [str(name) for name in group.attrs["axis_order"]]
     result = tuple(group["result"].asstr()[:])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +20,12 @@ from suspension_cli.models import auto
 from suspension_cli.models.base import Model
 from suspension_cli.models.quantity_of_interest import Several
 from suspension_cli.models.registry import Choice
-from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds
 from suspension_cli.studies.axes import ends_and_middle
 from suspension_cli.studies.variants import overridden
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Int
 
 POINTS = 5
 """Largest number of points at which the effect of wire mass on modes is estimated."""
@@ -32,13 +34,13 @@ ONE_MODEL_ONLY = "some points have an equilibrium in only one of the models"
 
 @dataclass(frozen=True)
 class _Points:
-    """Results of p points in one model: status, modes (in coordinates of bodies), magnitudes."""
+    """Results in one model: status, modes (in coordinates of bodies), magnitudes."""
 
-    status: Any
-    omega_squared: Any
-    shape: Any
-    nominal: Any
-    response: Any
+    status: Int[np.ndarray, " point"]
+    omega_squared: Float[np.ndarray, "point mode"]
+    shape: Float[np.ndarray, "point mode coordinate"]
+    nominal: Float[np.ndarray, "mode coordinate"]
+    response: Float[np.ndarray, "point response"]
 
 
 def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, str]]:
@@ -62,11 +64,14 @@ def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, 
         results = job.ratios if model.has_wire_mass else job.results
         one = replace(sample, level=model.name, results=results)
         found = one.compute(0, one.count)
-        shape, response = found.get("shape"), found.get("response", np.zeros((sample.count, 0)))
-        bodies = None if shape is None else np.asarray(shape, dtype=float)[..., :count]
-        nominal = None if shape is None else one.nominal_shape[:, :count]
-        squares = found.get("omega_squared")
-        return _Points(found["status"], squares, bodies, nominal, np.abs(response))
+        none = np.zeros((sample.count, 0, 1))
+        return _Points(
+            found["status"],
+            found.get("omega_squared", none[..., 0]),
+            found.get("shape", none)[..., :count].astype(float),
+            one.nominal_shape[:, :count] if "shape" in found else none[0],
+            np.abs(found.get("response", none[..., 0])),
+        )
 
     def change(simple: Model, refined: Model) -> tuple[float, str]:
         changes: list[tuple[float, str]] = []
@@ -86,8 +91,10 @@ def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, 
     return change
 
 
-def _relative(old: Array, new: Array, name: str) -> tuple[float, str]:
-    """Largest relative change of magnitudes (p,); NaN counts as no change."""
+def _relative(
+    old: Float[np.ndarray, " point"], new: Float[np.ndarray, " point"], name: str
+) -> tuple[float, str]:
+    """Find the largest relative change of magnitudes; NaN counts as no change."""
     with np.errstate(all="ignore"):
         changes = np.abs(old - new) / new
     most = float(np.where(np.isnan(changes), 0.0, changes).max(initial=0.0))
@@ -95,9 +102,12 @@ def _relative(old: Array, new: Array, name: str) -> tuple[float, str]:
 
 
 def _shifts(
-    nominal: Array, modes: tuple[Mode, ...], old: _Points, new: _Points
+    nominal: Float[np.ndarray, "mode coordinate"],
+    modes: tuple[Mode, ...],
+    old: _Points,
+    new: _Points,
 ) -> list[tuple[float, str]]:
-    """Largest relative changes of frequencies at each point; infinite where a sign changes.
+    """Find the largest changes of frequencies at each point; infinite where a sign changes.
 
     A mode of one model is paired with that of the other whose shape overlaps it most at this point,
     or in the nominal design: the smaller change of the two, as shapes mix where frequencies meet.
@@ -111,20 +121,22 @@ def _shifts(
         for mode in modes:
             number = here[start_old[mode.number]]
             partners = there[number], along[start_new[mode.number]]
-            squares = old.omega_squared[n, number], new.omega_squared[n, list(partners)]
-            change = float(_frequency_change(*squares).min())
+            squared = float(old.omega_squared[n, number])
+            change = float(_frequency_change(squared, new.omega_squared[n, list(partners)]).min())
             text = f"it decides whether {mode.text} is stable" if np.isinf(change) else mode.text
             changes.append((change, text))
     return changes
 
 
-def _pair(rows: Array, columns: Array) -> Any:
+def _pair(
+    rows: Float[np.ndarray, "row coordinate"], columns: Float[np.ndarray, "column coordinate"]
+) -> Int[np.ndarray, " row"]:
     """Pair modes by their shapes."""
     return pair_by_overlap((rows @ columns.T) ** 2)
 
 
-def _frequency_change(old: Any, new: Array) -> Array:
-    """Relative changes of frequency from omega^2; infinite where only one mode is stable."""
+def _frequency_change(old: float, new: Float[np.ndarray, " mode"]) -> Float[np.ndarray, " mode"]:
+    """Compute relative changes of frequency from omega^2; infinite where one mode is unstable."""
     change = np.abs(np.sqrt(np.abs(old) / np.where(new > 0, new, 1.0)) - 1)
     return np.where(np.sign(old) != np.sign(new), np.inf, np.where(new > 0, change, 0.0))
 
@@ -132,7 +144,7 @@ def _frequency_change(old: Any, new: Array) -> Array:
 def _mass_effects(
     sample: ParameterSweep, modes: tuple[Mode, ...], simple: Model
 ) -> list[tuple[float, str]]:
-    """Estimated changes of mode frequencies by wire mass, at some points."""
+    """Estimate the changes of mode frequencies by wire mass, at some points."""
     base, changes = sample.nominal, []
     for n in np.unique(np.linspace(0, sample.count - 1, min(POINTS, sample.count)).astype(int)):
         here = {name: float(value[0]) for name, value in sample.values(n, n + 1).items()}
@@ -149,7 +161,7 @@ def _mass_effects(
 
 
 def _renumbered(modes: tuple[Mode, ...], base: Modes, system: LinearSystem) -> Several:
-    """Modes of one design, given by their numbers in another."""
+    """Find the modes of one design that are given by their numbers in another."""
     found = eigenmodes.solve(system.constant)
     count = 6 * len(system.body)
     mass = system.mass[6 : 6 + count, 6 : 6 + count]

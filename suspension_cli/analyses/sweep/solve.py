@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +15,12 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.axes import Axis, Product, of_option
-from suspension_cli.studies.builds import Builds, Column
+from suspension_cli.studies.builds import Builds, Column, ColumnValues
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Int
 
 OTHER_COORDINATES = len(builds.STATUS)
 STATUS = (*builds.STATUS, "the design has other coordinates than the one swept")
@@ -51,7 +53,7 @@ class ParameterSweep(Product):
 
     @property
     def identity(self) -> str:
-        """Text that differs between different sweeps of one design."""
+        """Text that differs between sweeps of one design."""
         return repr((self.axes, self.level, self.results, self.allow_unstable))
 
     @property
@@ -115,8 +117,8 @@ class ParameterSweep(Product):
         return eigenmodes.solve(self._model)
 
     @cached_property
-    def nominal_shape(self) -> Array:
-        """Shapes (m, N - 6) of the nominal modes, as in `batch_modes.Spectrum`."""
+    def nominal_shape(self) -> Float[np.ndarray, "mode coordinate"]:
+        """Shapes of the nominal modes, as in `batch_modes.Spectrum`."""
         return batch_modes.solve_one(self._model).shape[0]
 
     def check(self) -> None:
@@ -137,8 +139,8 @@ class ParameterSweep(Product):
             if len(errors) == len(tried):
                 raise errors[0]
 
-    def compute(self, start: int, stop: int) -> dict[str, Any]:
-        """Compute points start to stop - 1: arrays of that length by the names of `columns`."""
+    def compute(self, start: int, stop: int) -> ColumnValues:
+        """Compute the `columns` of points start to stop - 1."""
         values = self.values(start, stop)
         result = {column.name: blank_values(column, stop - start) for column in self.columns}
         for found, here in variants.balanced(
@@ -161,23 +163,23 @@ class ParameterSweep(Product):
         return result
 
 
-def has_modes(status: Any) -> Any:
+def has_modes(status: Int[np.ndarray, "*build"]) -> Bool[np.ndarray, "*build"]:
     """Whether builds have an equilibrium on taut wires, stable or not, from their status."""
     return (status == builds.GOOD) | (status == builds.UNSTABLE)
 
 
-def select_models(model: LinearSystem, which: Any) -> LinearSystem:
-    """Select the models of a batch by a mask `which` (p,), without their losses."""
+def select_models(model: LinearSystem, which: Bool[np.ndarray, " build"]) -> LinearSystem:
+    """Select the models of a batch by a mask `which`, without their losses."""
     count = len(which)
 
-    def cut(matrix: Any) -> Any:
+    def cut(matrix: np.ndarray) -> np.ndarray:
         return np.broadcast_to(matrix, (count, *matrix.shape[-2:]))[which]
 
     return replace(model, mass=cut(model.mass), stiffness=cut(model.stiffness), lossy=None)
 
 
-def evaluate_ratio(found: Builds, ratio: Ratio) -> Any:
-    """Evaluate a response, or a ratio of two, for a batch of builds: (p,), complex, SI."""
+def evaluate_ratio(found: Builds, ratio: Ratio) -> Complex[np.ndarray, " build"]:
+    """Evaluate a response, or a ratio of two, for a batch of builds, SI."""
     outputs = [ratio.over] + ([] if ratio.under is None else [ratio.under])
     with np.errstate(all="ignore"):
         value = builds.transfer(found, np.array([ratio.frequency]), [ratio.input], outputs)[
@@ -188,19 +190,23 @@ def evaluate_ratio(found: Builds, ratio: Ratio) -> Any:
         return divide(value[:, 0], value[:, 1])
 
 
-def divide(over: Any, under: Any) -> Any:
+def divide(
+    over: Complex[np.ndarray, "*shape"], under: Complex[np.ndarray, "*shape"]
+) -> Complex[np.ndarray, "*shape"]:
     """Divide complex responses; exactly 0 where a symmetry makes `over` vanish."""
     with np.errstate(all="ignore"):
         return np.where((over == 0) & (np.abs(under) > 0), 0.0, over / under)
 
 
-def blank_values(column: Column, count: int) -> Any:
-    """Values (count, ...) of a column for points that are not valid designs or not yet computed."""
+def blank_values(column: Column, count: int) -> np.ndarray:
+    """Make the values of a column for `count` points that are invalid or not yet computed."""
     blank = {"u1": builds.IMPOSSIBLE, "i2": -1, "c16": builds.NOTHING}.get(column.dtype, np.nan)
     return np.full((count, *column.shape), blank, dtype=column.dtype)
 
 
-def count_failures(status: Any, meaning: tuple[str, ...] = builds.STATUS) -> dict[str, int]:
+def count_failures(
+    status: Int[np.ndarray, "*build"], meaning: tuple[str, ...] = builds.STATUS
+) -> dict[str, int]:
     """Count builds by reason of failure.
 
     >>> count_failures(np.zeros(3, dtype=int))
@@ -214,29 +220,29 @@ def count_failures(status: Any, meaning: tuple[str, ...] = builds.STATUS) -> dic
 
 
 def evaluate_results(
-    results: tuple[Scalar, ...], omega_squared: Any, rank: Any, response: Any
-) -> Array:
-    """Evaluate results (..., r): frequencies in Hz and magnitudes of responses in SI units.
+    results: tuple[Scalar, ...],
+    omega_squared: Float[np.ndarray, "*point mode"] | None,
+    rank: Int[np.ndarray, "*point nominal"] | None,
+    response: Complex[np.ndarray, "*point response"] | None,
+) -> Float[np.ndarray, "*point result"]:
+    """Evaluate results: frequencies in Hz and magnitudes of responses in SI units.
 
     NaN for an unstable mode.
 
     Parameters
     ----------
     results : tuple of Scalar
-    omega_squared : (..., m) array or None
+    omega_squared : array or None
         In ascending order, (rad/s)^2.
-    rank : (..., m) int array or None
+    rank : array or None
         Position in `omega_squared` of each nominal mode; -1 where there is none.
-    response : (..., k) complex array or None
+    response : array or None
         Responses among the results, in their order.
-
-    Returns
-    -------
-    (..., r) array
     """
     columns, responses = [], 0
     for result in results:
         if isinstance(result, Mode):
+            assert rank is not None and omega_squared is not None
             place = rank[..., result.number]
             squared = np.take_along_axis(
                 omega_squared, np.maximum(place, 0)[..., None].astype(np.intp), -1
@@ -245,6 +251,7 @@ def evaluate_results(
                 np.sqrt(np.where((place < 0) | ~(squared >= 0), np.nan, squared)) / (2 * np.pi)
             )
         else:
+            assert response is not None
             columns.append(np.abs(response[..., responses]))
             responses += 1
     return np.stack(columns, axis=-1)

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, only_one
+from suspension_cli.analyses.analysis import (
+    Analysis,
+    Document,
+    Log,
+    Result,
+    Run,
+    Settings,
+    only_one,
+)
 from suspension_cli.analyses.options import option
 from suspension_cli.grids import decade_points
 
@@ -78,7 +86,7 @@ class ThermalAnalysis(Analysis):
         extra = {"without_loss": [part.part for part in lossless]}
         return Result(self, run.source, choice, noises, extra, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return the noise of one output flat, that of several in a list."""
         noises: list[Thermal] = result.data
         each = [
@@ -118,7 +126,7 @@ class ThermalAnalysis(Analysis):
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw amplitude spectral densities, with the points that resolve resonances added."""
         from suspension_cli.analyses.thermal import fine, picture
 
@@ -126,7 +134,7 @@ class ThermalAnalysis(Analysis):
         return {"": picture.draw(fine.refine(result), result.subtitle, stages)}
 
 
-def _solved(source: Source, setting: dict[str, Any], log: Log) -> tuple[Choice, list[Thermal]]:
+def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[Thermal]]:
     from dataclasses import replace
 
     import numpy as np

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import h5py
 import numpy as np
 
 from suspension_cli.analyses.thermal.solve import Thermal, sort_sources
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 
 UNITS = "SI/sqrt(Hz), see unit"
 
@@ -35,7 +33,7 @@ def fill(group: h5py.Group, noises: list[Thermal]) -> None:
     add_dataset(group, "contribution", parts, UNITS, frequency, output, source)
 
 
-def load(group: Any) -> list[Thermal]:
+def load(group: Stored) -> list[Thermal]:
     """Read the noise of each motion from a group."""
     source, parts = group["source"].asstr()[:], group["contribution"][:]
     noises = []

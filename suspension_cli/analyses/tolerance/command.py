@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Log, Result, Run
+from suspension_cli.analyses.analysis import Analysis, Document, Log, Result, Run, Settings
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.tolerance.solve import RandomBuilds
     from suspension_cli.analyses.tolerance.statistics import Summary
     from suspension_cli.design.schema import Design
+    from suspension_cli.files.hdf5 import Stored
     from suspension_cli.linear.eigenmodes import Modes
 
 
@@ -149,7 +150,7 @@ class ToleranceAnalysis(Analysis):
         for n, item in enumerate(design.tolerance.require if design.tolerance else (), 1):
             yield partial(names.parse, item.quantity, f"tolerance.require.{n}.quantity", {})
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return statistics of every mode, of the coupling and of statics, and yields."""
         from suspension_cli.analyses.tolerance import report
 
@@ -165,11 +166,11 @@ class ToleranceAnalysis(Analysis):
         """Sum up the group `tolerance`."""
         from suspension_cli.analyses.tolerance import file as stored
 
-        group: Any = file["tolerance"]
+        group: Stored = file["tolerance"]
         job = stored.reconstruct_job(group, str(file.attrs["design"]), str(file.attrs["fidelity"]))
         return stored.summarise_group(group, job, float(group.attrs["limit"]))
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw required quantities with limits and yields, causes, and what else varies."""
         from suspension_cli.analyses.tolerance import picture
         from suspension_cli.drawing.style import name_neglected

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -29,7 +29,7 @@ from suspension_cli.analyses.tolerance.statistics import (
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import FRAME, GROUND, SUPPORT
 from suspension_cli.design.reader import parse as parse_design
-from suspension_cli.files.hdf5 import add_dataset, add_scale, open_results
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale, open_results
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.studies import builds
@@ -40,6 +40,9 @@ from suspension_cli.studies.confidence import (
 )
 from suspension_cli.studies.sample_points import RANDOM, SOBOL, SamplePoints
 from suspension_cli.studies.sobol_indices import SobolIndices, sobol_indices
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Int
 
 MAX_POINTS = 4000
 """Builds, and points of the cumulative curve, that figures show at most."""
@@ -94,7 +97,7 @@ def _add_empty(group: h5py.Group, name: str, units: str, *axes: h5py.Dataset) ->
 def complete(path: Path, job: RandomBuilds, limit: float) -> None:
     """Write the statistics into a file that has all its builds."""
     with h5py.File(path, "r+") as file:
-        group: Any = file["tolerance"]
+        group: Stored = file["tolerance"]
         found = summarise_group(group, job, limit)
         shape = (len(job.scene.bodies.name), len(STATIC))
         static = found.static
@@ -120,7 +123,7 @@ def indexed(job: RandomBuilds) -> tuple[Quantity, ...]:
     return tuple(dict.fromkeys((*names.every_mode(), coupling, *names.every_static(), *required)))
 
 
-def reconstruct_job(group: Any, text: str, level: str) -> RandomBuilds:
+def reconstruct_job(group: Stored, text: str, level: str) -> RandomBuilds:
     """Reconstruct the job of a group from the text of its design and the name of its model."""
     known = (SUPPORT, *(stage.name for stage in parse_design(text).stage), FRAME, GROUND)
     drive, over, under = (
@@ -152,7 +155,7 @@ def summarise(path: Path | str, job: RandomBuilds, limit: float) -> Summary:
         return summarise_group(file["tolerance"], job, limit)
 
 
-def summarise_group(group: Any, job: RandomBuilds, limit: float) -> Summary:
+def summarise_group(group: Stored, job: RandomBuilds, limit: float) -> Summary:
     """Compute the statistics of a group, with one column of results in memory at a time."""
     points, nominal = job.points, job.nominal
     status = group["status"][:]
@@ -226,7 +229,7 @@ def summarise_group(group: Any, job: RandomBuilds, limit: float) -> Summary:
 class _View:
     """The independent builds of a group, and the deviations of those that are ranked."""
 
-    def __init__(self, group: Any, job: RandomBuilds, rows: slice) -> None:
+    def __init__(self, group: Stored, job: RandomBuilds, rows: slice) -> None:
         self.group, self.rows, self.points = group, rows, job.points
         self.good = group["status"][rows] == builds.GOOD
         self.kept = self.good[:RANKED]
@@ -263,9 +266,9 @@ class _View:
 
 
 def _yields(
-    group: Any, requirements: tuple[Requirement, ...], points: SamplePoints
+    group: Stored, requirements: tuple[Requirement, ...], points: SamplePoints
 ) -> tuple[tuple[Yield, ...], Yield | None]:
-    """Fractions of the independent builds that meet each requirement, and all together."""
+    """Estimate the fractions of independent builds that meet each requirement, and all."""
     rows = slice(0, points.independent)
     every = np.ones(points.independent, dtype=bool)
     found = []
@@ -276,20 +279,22 @@ def _yields(
     return tuple(found), _yield_of("all together", every, points) if found else None
 
 
-def _yield_of(name: str, met: Any, points: SamplePoints) -> Yield:
+def _yield_of(name: str, met: Bool[np.ndarray, " build"], points: SamplePoints) -> Yield:
     interval = _interval(met, points, np.arange(len(met)))
     return Yield(name, float(met.mean()), *interval)
 
 
-def _interval(met: Any, points: SamplePoints, build: Any) -> tuple[float, float]:
-    """Confidence interval of the fraction of builds (b,), given by number, that meet something."""
+def _interval(
+    met: Bool[np.ndarray, " build"], points: SamplePoints, build: Int[np.ndarray, " build"]
+) -> tuple[float, float]:
+    """Estimate the confidence interval of the fraction of builds, given by number, that count."""
     if points.method == SOBOL:
         return replicate_interval(met, points.replicate(build))
     return wilson_interval(int(met.sum()), len(met))
 
 
-def _indices(group: Any, points: SamplePoints, quantities: tuple[Quantity, ...]) -> SobolIndices:
-    """Sobol indices of quantities, one of them in memory at a time."""
+def _indices(group: Stored, points: SamplePoints, quantities: tuple[Quantity, ...]) -> SobolIndices:
+    """Estimate the Sobol indices of quantities, one of them in memory at a time."""
     replicate = points.replicate(np.arange(points.rows))
     found = [
         sobol_indices(one.read(group).reshape(points.blocks, points.rows, 1), replicate)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from suspension_cli.models.base import Model
 from suspension_cli.models.quantity_of_interest import Frequencies
 from suspension_cli.models.registry import Choice
 from suspension_cli.scene.arrays import Array
+from suspension_cli.studies.builds import ColumnValues
 from suspension_cli.studies.relative_change import relative_change
 
 SEARCHED = 1000
@@ -54,7 +54,7 @@ def build_change(job: RandomBuilds) -> Callable[[Model, Model], tuple[float, str
     """
 
     @cache
-    def solved(level: str) -> tuple[_Extremes, dict[str, Any]]:
+    def solved(level: str) -> tuple[_Extremes, ColumnValues]:
         fields = (job.text, job.count, job.seed, job.question, job.allow_unstable)
         extremes = _Extremes(*fields, level, job.requirements)
         return extremes, extremes.compute(0, *extremes.shape)

@@ -15,7 +15,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,7 +25,11 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import named_results
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
+
+    from suspension_cli.files.hdf5 import Stored
 
 COUPLING = "coupling"
 """Name of the cross-coupling of the analysis."""
@@ -64,8 +68,8 @@ class Quantity:
         """Unit in which it is shown, and its number per SI unit."""
         return SHOWN.get(self.unit, (self.unit, 1.0)) if self.column == "static" else (self.unit, 1)
 
-    def read(self, group: Any, rows: slice = slice(None)) -> Array:
-        """Read its values in builds, (b,); magnitudes of complex ones, NaN where a build failed."""
+    def read(self, group: Stored, rows: slice = slice(None)) -> Float[np.ndarray, " build"]:
+        """Read its values in builds; magnitudes of complex ones, NaN where a build failed."""
         values = group[self.column][(rows, *self.place)]
         return np.abs(values) if np.iscomplexobj(values) else values
 
@@ -111,8 +115,8 @@ class Requirement:
             else (f"{name} {sign} {limit:g}{end}")
         )
 
-    def is_met(self, values: Array) -> Any:
-        """Whether builds meet it, bool (b,), by the values (b,); those that failed do not."""
+    def is_met(self, values: Float[np.ndarray, " build"]) -> Bool[np.ndarray, " build"]:
+        """Whether builds meet it, by their values; those that failed do not."""
         if self.magnitude:
             size = np.abs(values)
             return (size > self.low) & (size < self.high)

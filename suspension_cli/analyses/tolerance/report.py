@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from suspension_cli.analyses import tables
-from suspension_cli.analyses.analysis import as_number, plain
+from suspension_cli.analyses.analysis import Document, as_number, plain
 from suspension_cli.analyses.tolerance.quantities import SHOWN
 from suspension_cli.analyses.tolerance.statistics import (
     QUANTILES,
@@ -26,7 +25,7 @@ NEGLIGIBLE = 1e-7
 LOW, MEDIAN, HIGH = (QUANTILES.index(level) for level in (0.05, 0.5, 0.95))
 
 
-def document(summary: Summary) -> dict[str, Any]:
+def document(summary: Summary) -> Document:
     """Return the JSON document but for its head."""
     modes = [
         {
@@ -63,7 +62,7 @@ def document(summary: Summary) -> dict[str, Any]:
         }
         for n, name in enumerate(static.name)
     ]
-    found: dict[str, Any] = {
+    found: Document = {
         "builds": summary.builds,
         "good": summary.good,
         "failures": summary.failures,
@@ -86,7 +85,7 @@ def document(summary: Summary) -> dict[str, Any]:
     return found
 
 
-def _yield(one: Yield) -> dict[str, Any]:
+def _yield(one: Yield) -> Document:
     return {
         "requirement": one.name,
         "yield": as_number(one.fraction),

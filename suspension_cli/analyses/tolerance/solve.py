@@ -6,14 +6,15 @@ Each nominal mode is paired with the mode of the build whose shape overlaps it m
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.tolerance.quantities import Names, Requirement
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, quotient_unit
 from suspension_cli.design import reader
+from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes, graded_eigenvalues, signals
 from suspension_cli.linear.mode_pairing import pair_by_overlap
@@ -25,8 +26,45 @@ from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, sampling
-from suspension_cli.studies.builds import Column
+from suspension_cli.studies.builds import Column, ColumnValues
 from suspension_cli.studies.sample_points import RANDOM, SamplePoints
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
+
+
+# Jobs of one design, which differ in model or requirements, share what follows from its text.
+@lru_cache(maxsize=4)
+def _parse(text: str) -> Any:
+    """Parsed design."""
+    return reader.parse(text)
+
+
+@lru_cache(maxsize=4)
+def _expand(text: str) -> Scene:
+    """Scene without random imperfections."""
+    return expand(_parse(text))
+
+
+@lru_cache(maxsize=4)
+def _bodies_with_signals(text: str) -> Any:
+    """Names of the bodies that signals may name."""
+    return signals.bodies_with_signals(registry.STRING.system(_parse(text)))
+
+
+@lru_cache(maxsize=8)
+def _solve_nominal(text: str, level: str) -> tuple[eigenmodes.Modes, Array, Index]:
+    """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
+    # symmetry blocks give the degenerate nominal modes stable labels
+    model, design = registry.by_name(level), _parse(text)
+    found = eigenmodes.solve(model.system(design))
+    plain = surrounded(
+        string.linear_model(_expand(text), split=False, wire_inertia=not model.has_wire_mass),
+        design,
+    )
+    keep = np.flatnonzero(~plain.massless[6:]) + 6  # coordinates with inertia
+    root = np.linalg.cholesky(plain.mass[np.ix_(keep, keep)])
+    return found, found.shape[:, keep - 6] @ root, keep
 
 
 @dataclass(frozen=True)
@@ -100,14 +138,14 @@ class RandomBuilds:
         )
 
     @cached_property
-    def design(self) -> Any:
+    def design(self) -> Design:
         """Parsed design."""
-        return reader.parse(self.text)
+        return _parse(self.text)
 
     @cached_property
     def scene(self) -> Scene:
         """Scene without random imperfections."""
-        return expand(self.design)
+        return _expand(self.text)
 
     @cached_property
     def factors(self) -> tuple[sampling.ScatteredNumber, ...]:
@@ -136,16 +174,7 @@ class RandomBuilds:
     @cached_property
     def _start(self) -> tuple[eigenmodes.Modes, Array, Index]:
         """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
-        # symmetry blocks give the degenerate nominal modes stable labels
-        model = registry.by_name(self.level)
-        found = eigenmodes.solve(model.system(self.design))
-        plain = surrounded(
-            string.linear_model(self.scene, split=False, wire_inertia=not model.has_wire_mass),
-            self.design,
-        )
-        keep = np.flatnonzero(~plain.massless[6:]) + 6  # coordinates with inertia
-        root = np.linalg.cholesky(plain.mass[np.ix_(keep, keep)])
-        return found, found.shape[:, keep - 6] @ root, keep
+        return _solve_nominal(self.text, self.level)
 
     @property
     def nominal(self) -> eigenmodes.Modes:
@@ -155,8 +184,7 @@ class RandomBuilds:
     @cached_property
     def names(self) -> Names:
         """Names that quantities of the builds may have."""
-        model = registry.STRING.system(self.design)
-        return Names(self.nominal, self.scene.bodies.name, signals.bodies_with_signals(model))
+        return Names(self.nominal, self.scene.bodies.name, _bodies_with_signals(self.text))
 
     def requiring(self, requirements: tuple[Requirement, ...]) -> RandomBuilds:
         """The job with requirements."""
@@ -166,12 +194,12 @@ class RandomBuilds:
         """Raise `InputError` if there is no table of tolerances, or a signal is invalid."""
         self.compute(0, 1)
 
-    def deviations(self, start: int, stop: int) -> Array:
-        """Random deviations (p, factors) of builds start to stop - 1."""
+    def deviations(self, start: int, stop: int) -> Float[np.ndarray, "stop-start factor"]:
+        """Draw the random deviations of builds start to stop - 1."""
         return sampling.deviations(self.factors, self.points.of(start, stop, len(self.factors)))
 
-    def compute(self, start: int, stop: int) -> dict[str, Any]:
-        """Compute builds start to stop - 1: arrays of that length by the names of `columns`."""
+    def compute(self, start: int, stop: int) -> ColumnValues:
+        """Compute the `columns` of builds start to stop - 1."""
         scene = sampling.imperfect(self.scene, self.factors, self.deviations(start, stop))
         found = builds.balance(
             scene, self.design, level=self.level, allow_unstable=self.allow_unstable
@@ -208,22 +236,26 @@ def _ratio(
     into: Signal,
     over: Signal,
     under: Signal | None,
-) -> Any:
-    """Response (p, f) of builds, or ratio of two."""
+) -> Complex[np.ndarray, "build frequency"]:
+    """Compute the response of builds, or the ratio of two."""
     outputs = [over] if under is None else [over, under]
     value = builds.transfer(found, np.array(frequency), [into], outputs)[..., 0]
     return value[..., 0] if under is None else value[..., 0] / value[..., 1]
 
 
-def follow_modes(found: builds.Builds, shapes: Array, keep: Any) -> Array:
-    """Solve for omega^2 (p, m), (rad/s)^2, of every build in the order of the nominal modes.
+def follow_modes(
+    found: builds.Builds,
+    shapes: Float[np.ndarray, "mode coordinate"],
+    keep: Int[np.ndarray, " coordinate"],
+) -> Float[np.ndarray, "build mode"]:
+    """Solve for omega^2, (rad/s)^2, of every build in the order of the nominal modes.
 
     Parameters
     ----------
     found : Builds
-    shapes : (m, c) array
+    shapes : array
         Nominal modes in coordinates scaled by the root of the mass matrix: orthonormal.
-    keep : (c,) int array
+    keep : array
         Coordinates with inertia, which the shapes refer to.
     """
     from suspension_cli.linear import compiled  # takes half a second

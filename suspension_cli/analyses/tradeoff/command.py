@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class TradeoffAnalysis(Analysis):
         choice = Choice("all", "every valid model is compared")
         return Result(self, run.source, choice, found, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return every comparison with its times, errors and fronts, and the answers."""
         from suspension_cli.analyses.tradeoff import summary
 
@@ -110,7 +110,7 @@ class TradeoffAnalysis(Analysis):
 
         return summary.text(result.data)
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw advice on the models, and all errors against times."""
         from suspension_cli.analyses.tradeoff import headline, picture
 
@@ -157,7 +157,7 @@ def _demand_stable(design: Design) -> None:
         )
 
 
-def _comparison(panel: Panel) -> dict[str, Any]:
+def _comparison(panel: Panel) -> Document:
     fronts = [
         {
             "title": view.title,
@@ -184,7 +184,7 @@ def _comparison(panel: Panel) -> dict[str, Any]:
     }
 
 
-def _waits(each: ResponseTimes) -> dict[str, Any]:
+def _waits(each: ResponseTimes) -> Document:
     from suspension_cli.analyses.analysis import as_number
     from suspension_cli.analyses.tradeoff.result import COUNTS, OCCASIONS
 
@@ -205,14 +205,14 @@ def _waits(each: ResponseTimes) -> dict[str, Any]:
     }
 
 
-def _answer(answer: Answer) -> dict[str, Any]:
-    found: dict[str, Any] = {"compares": answer.compares, "question": answer.question}
+def _answer(answer: Answer) -> Document:
+    found: Document = {"compares": answer.compares, "question": answer.question}
     for key, one in (("best", answer.best), ("other", answer.other)):
         found[key] = one and {"name": one.name, "time_s": one.time, "error": one.error}
     return found
 
 
-def _entry(panel: Panel, entry: Entry) -> dict[str, Any]:
+def _entry(panel: Panel, entry: Entry) -> Document:
     return {
         "model": entry.model,
         "method": entry.method,

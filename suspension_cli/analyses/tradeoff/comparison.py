@@ -11,9 +11,12 @@ import numpy as np
 from suspension_cli.analyses.tradeoff.result import View
 from suspension_cli.analyses.tradeoff.subject import Subject
 
-Once = Callable[[Subject], Any]
+Once = Callable[[Subject], object]
+"""Computes a quantity, or its reference."""
 Batch = Callable[[Subject], Callable[[], object]]
+"""Prepares the computation of a batch."""
 Error = Callable[[Subject, Any, Any], dict[str, float]]
+"""Errors by component, of the quantity and its reference."""
 
 TOP = "top"
 """In place of a model: the most complete one that is valid for the design."""
@@ -47,7 +50,7 @@ class Method:
     unsuited: Callable[[Subject], str] = suits
 
     def on(self, subject: Subject) -> str:
-        """Name of the model that is used for a subject."""
+        """Return the name of the model that is used for a subject."""
         return subject.top if self.model == TOP else self.model
 
 
@@ -88,7 +91,7 @@ class Comparison:
     unsuited: Callable[[Subject], str] = suits
 
     def select_views(self, components: tuple[str, ...]) -> tuple[View, ...]:
-        """Views of these components."""
+        """Return the views of these components."""
         if not self.views:
             return (View(self.title, tuple(range(len(components)))),)
         return tuple(
@@ -105,7 +108,7 @@ def hertz(frequency: float) -> str:
 def relative(frequencies: tuple[float, ...]) -> Error:
     """Return the error |found - true| / |true| at frequencies (Hz); |found| where true is 0."""
 
-    def error(_: Subject, found: Any, wanted: Any) -> dict[str, float]:
+    def error(_: Subject, found: np.ndarray, wanted: np.ndarray) -> dict[str, float]:
         values = np.abs(found - wanted) / np.where(wanted == 0, 1.0, np.abs(wanted))
         return dict(zip(map(hertz, frequencies), values.tolist(), strict=True))
 

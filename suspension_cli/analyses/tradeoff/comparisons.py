@@ -109,7 +109,7 @@ RESPONSES = (
         item="frequency",
         count=transfer_functions.SWEEP,
         against=lambda s: f"the {s.top} model, solved in 50 digits",
-        reference=transfer_functions.reference,
+        reference=lambda s: transfer_functions.reference(s, s.top),
         error=relative(FREQUENCIES),
         methods=tuple(
             Method(model, "chain", *transfer_functions.with_model(model)) for model in MODEL_NAMES
@@ -124,7 +124,7 @@ RESPONSES = (
         item="frequency",
         count=transfer_functions.SWEEP,
         against=exact_string,
-        reference=transfer_functions.digits_reference,
+        reference=lambda s: transfer_functions.reference(s, STRING),
         error=relative(FREQUENCIES),
         methods=tuple(
             Method(STRING, f"{name}{end}", *timed(prepare))
@@ -199,7 +199,7 @@ IMPERFECT = (
         item="build",
         count=imperfect_builds.BUILDS,
         against=lambda s: f"the {s.imperfect.top} model in its equilibrium, solved in 50 digits",
-        reference=imperfect_builds.reference,
+        reference=lambda s: imperfect_builds.reference(s, s.imperfect.top),
         error=relative((COUPLING,)),
         methods=tuple(
             Method(
@@ -222,7 +222,7 @@ IMPERFECT = (
         item="build",
         count=imperfect_builds.BUILDS,
         against=lambda _: "the string model in its equilibrium, solved in 50 digits",
-        reference=imperfect_builds.string_reference,
+        reference=lambda s: imperfect_builds.reference(s, STRING),
         error=relative((COUPLING,)),
         methods=tuple(
             Method(STRING, name, imperfect_builds.one(solve), imperfect_builds.batch(solve))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models import closed_form, force, registry
 from suspension_cli.scene import imperfections
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 KINDS = {
     "longitudinal-pitch": ("x", "pitch"),
@@ -39,26 +42,28 @@ class Reference:
 
     Attributes
     ----------
-    frequency : (m,) array
+    frequency : array
         Hz; negative for unstable modes.
     kind : tuple of str
         The kind of each mode, see `KINDS`.
-    shape : (m, 6 n) array
-        Mass-normalised motions of the n bodies.
+    shape : array
+        Mass-normalised motions of the bodies, see `body_shapes`.
     """
 
-    frequency: Array
+    frequency: Float[np.ndarray, " mode"]
     kind: tuple[str, ...]
-    shape: Array
+    shape: Float[np.ndarray, "mode coordinate"]
 
 
-def signed_frequency(omega_squared: Any) -> Any:
-    """Frequencies in Hz from omega^2; minus the growth rate over 2 pi if unstable."""
+def signed_frequency(
+    omega_squared: Float[np.ndarray, "*shape"],
+) -> Float[np.ndarray, "*shape"]:
+    """Compute frequencies in Hz from omega^2; minus the growth rate over 2 pi if unstable."""
     return np.sign(omega_squared) * np.sqrt(np.abs(omega_squared)) / (2 * np.pi)
 
 
 def mode_kinds(found: Modes) -> tuple[str, ...]:
-    """Kind of each mode: the one of `KINDS` with most kinetic energy."""
+    """Find the kind of each mode: the one of `KINDS` with most kinetic energy."""
     energy = np.stack(
         [
             found.energy[:, :, [DOFS.index(dof) for dof in dofs]].sum((1, 2))
@@ -69,15 +74,15 @@ def mode_kinds(found: Modes) -> tuple[str, ...]:
     return tuple(np.array(list(KINDS))[energy.argmax(1)].tolist())
 
 
-def body_shapes(subject: Subject, found: Modes) -> Array:
-    """Mass-normalised motions (m, 6 n) of the bodies; those of one design are orthonormal."""
+def body_shapes(subject: Subject, found: Modes) -> Float[np.ndarray, "mode coordinate"]:
+    """Compute the mass-normalised motions of the bodies; those of one design are orthonormal."""
     model, size = subject.model(STRING), 6 * len(found.body)
     mass = model.mass[6 : 6 + size, 6 : 6 + size]
     return found.shape[:, :size] @ np.linalg.cholesky(mass)
 
 
 def reference(subject: Subject) -> Reference:
-    """Modes of the most complete valid model, without violin modes."""
+    """Solve for the modes of the most complete valid model, without violin modes."""
     found = subject.modes.get(subject.top) or (
         solve_with_wire_mass(subject)
         if registry.by_name(subject.top).has_wire_mass
@@ -91,8 +96,10 @@ def reference(subject: Subject) -> Reference:
     )
 
 
-def error(subject: Subject, found: Modes | dict[str, Array], wanted: Reference) -> dict[str, float]:
-    """Largest relative error of the frequencies of each kind.
+def error(
+    subject: Subject, found: Modes | dict[str, Float[np.ndarray, " _"]], wanted: Reference
+) -> dict[str, float]:
+    """Compute the largest relative error of the frequencies of each kind.
 
     Modes are paired by shape, frequencies without shapes by rank within a kind.
     """
@@ -121,14 +128,14 @@ def error(subject: Subject, found: Modes | dict[str, Array], wanted: Reference) 
 
 
 def solve_blocks(subject: Subject, level: str) -> Modes:
-    """Modes of a model, built and solved block by block, as in `pendsus modes`."""
+    """Solve for the modes of a model, built and solved block by block, as in `pendsus modes`."""
     found = eigenmodes.solve(registry.by_name(level).system(subject.design))
     subject.modes[level] = found
     return found
 
 
 def solve_with_wire_mass(subject: Subject) -> Modes:
-    """Modes with wire mass: counted, bisected, then solved for their shapes."""
+    """Solve for the modes with wire mass: counted, bisected, then solved for their shapes."""
     model = registry.VIOLIN.system(subject.design)
     highest = eigenmodes.solve(model.constant).frequency[-1]
     found = wire_modes.solve(model, HIGHEST * float(highest))
@@ -136,8 +143,10 @@ def solve_with_wire_mass(subject: Subject) -> Modes:
     return found
 
 
-def formulas(subject: Subject, factor: Any = 1.0) -> dict[str, Array]:
-    """Frequencies by kind from the equations of Husman et al., with masses times `factor`."""
+def formulas(
+    subject: Subject, factor: Float[np.ndarray, " build"] | float = 1.0
+) -> dict[str, np.ndarray]:
+    """Compute frequencies by kind (Husman et al. 2000), with masses times `factor`."""
     p = closed_form.four_wires(subject.design)
     p = replace(p, mass=p.mass * factor)
     pairs = [
@@ -154,8 +163,8 @@ def formulas(subject: Subject, factor: Any = 1.0) -> dict[str, Array]:
     return {kind: signed_frequency(values) for kind, values in zip(KINDS, every, strict=True)}
 
 
-def _eigenvalues(matrix: Any) -> Any:
-    """omega^2 (..., 2), ascending, of (..., 2, 2) matrices A with x'' = A x.
+def _eigenvalues(matrix: Float[np.ndarray, "*batch 2 2"]) -> Float[np.ndarray, "*batch 2"]:
+    """Compute omega^2, ascending, of matrices A with x'' = A x.
 
     The smaller one is the determinant over the larger one, so that nothing cancels.
     """
@@ -164,18 +173,18 @@ def _eigenvalues(matrix: Any) -> Any:
     return np.stack([(a * d - b * c) / larger, larger], axis=-1)
 
 
-def scatter_factors() -> Array:
-    """Factors (p,) between the members of a batch and the design."""
+def scatter_factors() -> Float[np.ndarray, " build"]:
+    """Draw the factors between the members of a batch and the design."""
     return 1 + SCATTER * np.random.default_rng(0).standard_normal(DESIGNS)
 
 
-def formulas_batch(subject: Subject) -> Any:
+def formulas_batch(subject: Subject) -> Callable[[], object]:
     """Prepare the equations of Husman et al. for a batch."""
     factor = scatter_factors()
     return lambda: formulas(subject, factor)
 
 
-def force_batch(subject: Subject) -> Any:
+def force_batch(subject: Subject) -> Callable[[], object]:
     """Prepare the force model for a batch."""
     chain, factor = force.chain(subject.design), scatter_factors()
     last = chain.stages[-1]
@@ -183,13 +192,13 @@ def force_batch(subject: Subject) -> Any:
     return lambda: force.eigenvalues(many)
 
 
-def string_batch(subject: Subject) -> Any:
+def string_batch(subject: Subject) -> Callable[[], object]:
     """Prepare the string model for a batch, as in `pendsus sweep`: balanced, solved by blocks."""
     scene = _scenes(subject)
     return lambda: batch_modes.solve(builds.balance(scene, subject.design, split=True).model)
 
 
-def beam_batch(subject: Subject) -> Any:
+def beam_batch(subject: Subject) -> Callable[[], object]:
     """Prepare the beam model for a batch, as in `pendsus xcouple`, without symmetry blocks."""
     scene = _scenes(subject)
     return lambda: batch_modes.solve(
@@ -198,7 +207,7 @@ def beam_batch(subject: Subject) -> Any:
 
 
 def _scenes(subject: Subject) -> Scene:
-    """Scenes of a batch, with different masses of the last body."""
+    """Build the scenes of a batch, with different masses of the last body."""
     return imperfections.scale_mass(
         subject.scene, len(subject.scene.bodies.name), scatter_factors()
     )

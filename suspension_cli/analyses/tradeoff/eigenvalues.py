@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.tradeoff import eigenmodes_compared, high_precision
+from suspension_cli.analyses.tradeoff.comparison import Batch
 from suspension_cli.analyses.tradeoff.subject import STRING, Subject
 from suspension_cli.conventions import DOFS
 from suspension_cli.linear import batch_modes, eigenmodes, mode_count, signals, statespace
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 def reference(subject: Subject) -> eigenmodes_compared.Reference:
-    """Eigenvalues of the string model in 50 digits, and the kinds of its modes."""
+    """Compute the eigenvalues of the string model in 50 digits, and the kinds of its modes."""
     model = subject.model(STRING)
     found = eigenmodes.solve(model)
     return eigenmodes_compared.Reference(
@@ -26,8 +30,10 @@ def reference(subject: Subject) -> eigenmodes_compared.Reference:
     )
 
 
-def error(_: Subject, found: Array, wanted: eigenmodes_compared.Reference) -> dict[str, float]:
-    """Largest relative error of the frequencies of each kind, paired by rank."""
+def error(
+    _: Subject, found: Float[np.ndarray, " mode"], wanted: eigenmodes_compared.Reference
+) -> dict[str, float]:
+    """Compute the largest relative error of the frequencies of each kind, paired by rank."""
     ours = np.sort(eigenmodes_compared.signed_frequency(found))
     off = {
         kind: [n for n, name in enumerate(wanted.kind) if name == kind and wanted.frequency[n] != 0]
@@ -39,31 +45,31 @@ def error(_: Subject, found: Array, wanted: eigenmodes_compared.Reference) -> di
     }
 
 
-def by_block(subject: Subject) -> Array:
-    """omega^2 block by block, soft modes separately, as in `pendsus modes`."""
+def by_block(subject: Subject) -> Float[np.ndarray, " mode"]:
+    """Solve for omega^2 block by block, soft modes separately, as in `pendsus modes`."""
     return eigenmodes.solve(subject.fresh(STRING)).omega_squared
 
 
-def whole(subject: Subject) -> Array:
-    """omega^2 as in `by_block`, but with all coordinates in one block."""
+def whole(subject: Subject) -> Float[np.ndarray, " mode"]:
+    """Solve for omega^2 as in `by_block`, but with all coordinates in one block."""
     model = subject.fresh(STRING)
     # overrides the cached property
     vars(model)["blocks"] = (np.arange(6, model.size),)
     return eigenmodes.solve(model).omega_squared
 
 
-def symmetric(subject: Subject) -> Array:
-    """omega^2 as eigenvalues of M^(-1/2) K M^(-1/2), by LAPACK."""
+def symmetric(subject: Subject) -> Float[np.ndarray, " mode"]:
+    """Solve for omega^2 as eigenvalues of M^(-1/2) K M^(-1/2), by LAPACK."""
     return _symmetric(subject.fresh(STRING))
 
 
-def unsymmetric(subject: Subject) -> Array:
-    """omega^2 as eigenvalues of the unsymmetric M^-1 K, by LAPACK."""
+def unsymmetric(subject: Subject) -> Float[np.ndarray, " mode"]:
+    """Solve for omega^2 as eigenvalues of the unsymmetric M^-1 K, by LAPACK."""
     return _unsymmetric(subject.fresh(STRING))
 
 
-def poles(subject: Subject) -> Array:
-    """omega^2 from the poles of the state space."""
+def poles(subject: Subject) -> Float[np.ndarray, " mode"]:
+    """Solve for omega^2 from the poles of the state space."""
     model = subject.fresh(STRING)
     known = signals.bodies_with_signals(model)
     inputs = [signals.parse_input(f"support.{dof}", known) for dof in DOFS]
@@ -79,8 +85,8 @@ def poles(subject: Subject) -> Array:
     return (squares[::2] + squares[1::2]) / 2  # each mode has two poles
 
 
-def bisected(subject: Subject) -> Array:
-    """omega^2 by counting modes and bisection, as in the violin model."""
+def bisected(subject: Subject) -> Float[np.ndarray, " mode"]:
+    """Solve for omega^2 by counting modes and bisection, as in the violin model."""
     model = subject.fresh(STRING)
     found = eigenmodes.solve(model).omega_squared
     omega = np.sqrt(found[found > 0])
@@ -97,35 +103,35 @@ def bisected(subject: Subject) -> Array:
     )
 
 
-def _scaled(model: LinearSystem) -> Any:
-    """M^(-1/2) K M^(-1/2)."""
+def _scaled(model: LinearSystem) -> Float[np.ndarray, "*batch mode mode"]:
+    """Compute M^(-1/2) K M^(-1/2)."""
     _, mass, stiffness, _ = eigenmodes.condense_block(model, np.arange(6, model.size))
     inverse = np.linalg.inv(np.linalg.cholesky(mass))
     dynamic = inverse @ stiffness @ np.swapaxes(inverse, -1, -2)
     return (dynamic + np.swapaxes(dynamic, -1, -2)) / 2
 
 
-def _symmetric(model: LinearSystem) -> Any:
+def _symmetric(model: LinearSystem) -> Float[np.ndarray, "*batch mode"]:
     return np.linalg.eigvalsh(_scaled(model))
 
 
-def _unsymmetric(model: LinearSystem) -> Any:
+def _unsymmetric(model: LinearSystem) -> Float[np.ndarray, "*batch mode"]:
     _, mass, stiffness, _ = eigenmodes.condense_block(model, np.arange(6, model.size))
     return np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
 
 
 def _many(subject: Subject) -> LinearSystem:
-    """String model with a batch of stiffnesses."""
+    """Build the string model with a batch of stiffnesses."""
     model = subject.model(STRING)
     return replace(
         model, stiffness=model.stiffness * eigenmodes_compared.scatter_factors()[:, None, None]
     )
 
 
-def batch(solve: Any) -> Any:
+def batch(solve: Callable[[LinearSystem], object]) -> Batch:
     """Prepare a batched solver."""
 
-    def prepared(subject: Subject) -> Any:
+    def prepared(subject: Subject) -> Callable[[], object]:
         model = _many(subject)
         return lambda: solve(model)
 

@@ -7,32 +7,46 @@ the error some 1e10 times, so a few steps suffice. Forces follow from the defini
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.tradeoff.high_precision import context
+from suspension_cli.analyses.tradeoff.high_precision import Number, context
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.scene.pose import layout
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.pose import Layout, layout
 from suspension_cli.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+EquilibriumArrays = tuple[Array, Array, Array]
+"""Displacements, rotation matrices less the unit matrix, and tensions, see `solve`."""
+Mp = Number
+"""A vector or matrix of mpmath."""
 
 MAX_STEPS = 12
 CONVERGED = 1e-30
 """Step (m or rad) at which the iteration ends."""
 
 
-def solve(scene: Scene) -> tuple[Any, Any, Any] | None:
+def solve(
+    scene: Scene,
+) -> (
+    tuple[Float[np.ndarray, "body 3"], Float[np.ndarray, "body 3 3"], Float[np.ndarray, " wire"]]
+    | None
+):
     """Solve for the equilibrium of a scene without batch axes, rounded to double precision.
 
     None if there is no equilibrium, or a body can turn freely.
 
     Returns
     -------
-    displacement : (n + 1, 3) array
+    displacement : array
         Displacements of the COMs from their nominal positions, m.
-    turn : (n + 1, 3, 3) array
+    turn : array
         Rotation matrices less the unit matrix.
-    tension : (w,) array
+    tension : array
         Tensions of the wires, N.
     """
     mp, start = context(), equilibrium.solve(scene)
@@ -68,9 +82,9 @@ def solve(scene: Scene) -> tuple[Any, Any, Any] | None:
 
 
 def _gradient(
-    scene: Scene, numbering: Any, shift: Any, turn: Any, bent: Any
-) -> tuple[list[Any], list[Any]]:
-    """Gradient (N,) of the energy, and tensions (w,)."""
+    scene: Scene, numbering: Layout, shift: list[Mp], turn: list[Mp], bent: list[Mp]
+) -> tuple[list[Number], list[Number]]:
+    """Compute the gradient of the energy by coordinate, and the tensions."""
     mp, wires, blades = context(), scene.wires, scene.blades
     force = [
         mp.matrix([0, 0, mp.mpf(scene.gravity) * mp.mpf(float(m))])
@@ -120,22 +134,22 @@ def _gradient(
     return gradient, tension
 
 
-def _numbers(values: Any) -> Any:
+def _numbers(values: Float[np.ndarray, " _"]) -> Mp:
     return context().matrix([context().mpf(float(value)) for value in values])
 
 
-def _norm(vector: Any) -> Any:
+def _norm(vector: Mp) -> Number:
     return context().sqrt(sum(x * x for x in vector))
 
 
-def _cross(a: Any, b: Any) -> Any:
+def _cross(a: Mp, b: Mp) -> Mp:
     return context().matrix(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )
 
 
-def _rotation(vector: Any) -> Any:
-    """Rotation matrix of a rotation vector (Rodrigues)."""
+def _rotation(vector: Mp) -> Mp:
+    """Compute the rotation matrix of a rotation vector (Rodrigues)."""
     mp, angle = context(), _norm(vector)
     if angle == 0:
         return mp.eye(3)
@@ -144,7 +158,7 @@ def _rotation(vector: Any) -> Any:
     return mp.eye(3) + mp.sin(angle) * skew + 2 * mp.sin(angle / 2) ** 2 * skew * skew
 
 
-def _orthogonal(matrix: Any) -> Any:
+def _orthogonal(matrix: Float[np.ndarray, "3 3"]) -> Mp:
     """Orthonormalise a rotation matrix of doubles to all digits (Gram and Schmidt)."""
     mp = context()
     first = _numbers(matrix[:, 0])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import h5py
 import numpy as np
@@ -21,7 +20,7 @@ from suspension_cli.analyses.tradeoff.result import (
     Tradeoff,
     View,
 )
-from suspension_cli.files.hdf5 import add_dataset, add_scale
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 
 TEXTS = ("quantity", "compares", "title", "start", "item", "reference")
 """Attributes of a comparison that are text."""
@@ -55,85 +54,44 @@ def _fill_waits(home: h5py.Group, each: ResponseTimes) -> None:
     add_dataset(home, "time", np.array([e.time for e in entries]), "s", *scales)
 
 
-def _words(values: Iterable[str]) -> Any:
-    """Array of strings, also if it is empty."""
+def _words(values: Iterable[str]) -> np.ndarray:
+    """Make an array of strings, also if it is empty."""
     return np.array(list(values), dtype=str)
 
 
 def _fill(home: h5py.Group, panel: Panel) -> None:
+    def scale(name: str, values: Iterable[str]) -> h5py.Dataset:
+        return add_scale(home, name, _words(values), "name")
+
+    def add(name: str, values: list, kind: type, units: str, *axes: h5py.Dataset) -> None:
+        shape = [len(axis) for axis in axes]
+        add_dataset(home, name, np.array(values, dtype=kind).reshape(shape), units, *axes)
+
     for name in TEXTS:
         home.attrs[name] = getattr(panel, name)
     home.attrs["count"] = panel.count
-    left = add_scale(
-        home, "left_out", _words(f"{item.model}, {item.method}" for item in panel.left), "name"
-    )
+    entries, views = panel.entries, panel.views
+    left = scale("left_out", (f"{item.model}, {item.method}" for item in panel.left))
     for name in ("model", "method", "reason"):
-        add_dataset(
-            home,
-            f"left_out_{name}",
-            _words(getattr(item, name) for item in panel.left),
-            "name",
-            left,
-        )
-    entry = add_scale(home, "entry", _words(item.label for item in panel.entries), "name")
-    component = add_scale(home, "component", _words(panel.component), "name")
-    quartile = add_scale(home, "quartile", list(QUARTILES), "name")
-    view = add_scale(home, "view", _words(item.title for item in panel.views), "name")
+        add(f"left_out_{name}", [getattr(item, name) for item in panel.left], str, "name", left)
+    entry = scale("entry", (item.label for item in entries))
+    component = scale("component", panel.component)
+    quartile = scale("quartile", QUARTILES)
+    view = scale("view", (item.title for item in views))
     for name in ("model", "method"):
-        add_dataset(
-            home, name, _words(getattr(item, name) for item in panel.entries), "name", entry
-        )
-    add_dataset(
-        home,
-        "error",
-        np.array([item.error for item in panel.entries]).reshape(
-            len(panel.entries), len(panel.component)
-        ),
-        "1",
-        entry,
-        component,
-    )
+        add(name, [getattr(item, name) for item in entries], str, "name", entry)
+    add("error", [item.error for item in entries], float, "1", entry, component)
     for name in ("once", "batch"):
-        add_dataset(
-            home,
-            name,
-            np.array([getattr(item, name) for item in panel.entries]).reshape(
-                len(panel.entries), 3
-            ),
-            "s",
-            entry,
-            quartile,
-        )
-    add_dataset(
-        home,
-        "vectorised",
-        np.array([item.vectorised for item in panel.entries], dtype=bool),
-        "1",
-        entry,
-    )
-    judged = np.array(
-        [[n in item.components for n in range(len(panel.component))] for item in panel.views],
-        dtype=bool,
-    )
-    add_dataset(
-        home, "judged", judged.reshape(len(panel.views), len(panel.component)), "1", view, component
-    )
+        add(name, [getattr(item, name) for item in entries], float, "s", entry, quartile)
+    add("vectorised", [item.vectorised for item in entries], bool, "1", entry)
+    judged = [[n in item.components for n in range(len(panel.component))] for item in views]
+    add("judged", judged, bool, "1", view, component)
     for kind in ("once", "batch"):
-        on = [
-            [n in panel.front(kind, item) for n in range(len(panel.entries))]
-            for item in panel.views
-        ]
-        add_dataset(
-            home,
-            f"front_{kind}",
-            np.array(on, dtype=bool).reshape(len(panel.views), len(panel.entries)),
-            "1",
-            view,
-            entry,
-        )
+        front = [[n in panel.front(kind, item) for n in range(len(entries))] for item in views]
+        add(f"front_{kind}", front, bool, "1", view, entry)
 
 
-def load(group: Any) -> Tradeoff:
+def load(group: Stored) -> Tradeoff:
     """Read the comparisons of a design from the group `tradeoff`."""
     return Tradeoff(
         tuple(_load(group[name]) for name in group.attrs["order"]),
@@ -143,7 +101,7 @@ def load(group: Any) -> Tradeoff:
     )
 
 
-def _load_waits(home: Any) -> ResponseTimes:
+def _load_waits(home: Stored) -> ResponseTimes:
     rows = zip(
         home["model"].asstr()[:],
         home["method"].asstr()[:],
@@ -161,7 +119,7 @@ def _load_waits(home: Any) -> ResponseTimes:
     )
 
 
-def _load(home: Any) -> Panel:
+def _load(home: Stored) -> Panel:
     def names(key: str) -> list[str]:
         return [str(value) for value in home[key].asstr()[:]]
 

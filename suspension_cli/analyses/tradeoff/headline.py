@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
 
 from suspension_cli.analyses.tradeoff.result import ROUNDING, Tradeoff, front
@@ -25,6 +25,7 @@ from suspension_cli.drawing.style import (
     with_opacity,
     write_text,
 )
+from suspension_cli.scene.arrays import Array
 
 LEFT, WIDTH = 0.86, COLUMN - 1.0
 """Left edge and width of a chart, in."""
@@ -46,13 +47,13 @@ def draw(found: Tradeoff, title: str) -> Figure:
     title : str
         Title of the design.
     """
-    asked = choices(found)
+    questions = choices(found)
     left_out = [
         (panel.title, panel.left[0].reason if panel.left else "nothing to compare")
         for panel in found.panels
         if panel.compares == "models" and not panel.entries
     ]
-    rows = len(asked) + len(left_out)
+    rows = len(questions) + len(left_out)
     key = textwrap.wrap(
         f"Errors against {reference(found)}. Steps: none is both faster and more accurate.",
         int(COLUMN / 0.058),
@@ -67,13 +68,13 @@ def draw(found: Tradeoff, title: str) -> Figure:
         write_heading(figure, "Which model to use: error against time", title)
         for n, line in enumerate(key):
             write_text(figure, 0.1, 0.43 + LINE * n, line, 7.5, NOTE)
-        for n, (answer, options) in enumerate(asked):
+        for n, (answer, options) in enumerate(questions):
             left, top = place(n)
             _write_advice(figure, left, top, answer, options)
             axes = add_axes(figure, left, top + ABOVE, WIDTH, HIGH)
             _draw_chart(axes, options, answer)
             axes.set_ylabel("relative error")
-        for n, (name, reason) in enumerate(left_out, len(asked)):
+        for n, (name, reason) in enumerate(left_out, len(questions)):
             left, top = place(n)
             write_text(figure, left - LEFT + 0.1, top, name, 9, bold=True)
             for k, line in enumerate(textwrap.wrap(f"left out: {reason}", 70)):
@@ -175,8 +176,7 @@ def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
             zorder=4,
             clip_on=False,
         )
-    figure: Any = axes.get_figure()
-    box = note.get_window_extent(figure.canvas.get_renderer())
+    box = note.get_window_extent()
     corners = axes.transData.transform(path)
     annotate(
         axes,
@@ -205,7 +205,7 @@ def _choose_ticks(low: float, high: float) -> list[float]:
     return ticks
 
 
-def _name_band(axes: Axes, path: Any) -> Any:
+def _name_band(axes: Axes, path: Array) -> Annotation:
     """Name the band of accurate models at its upper edge, where the front does not cross it."""
     falls = path[:-1, 0][(path[:-1, 1] >= MODEL_TOLERANCE) & (path[1:, 1] < MODEL_TOLERANCE)]
     crossing = axes.transAxes.inverted().transform(

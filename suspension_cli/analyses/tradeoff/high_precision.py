@@ -6,16 +6,21 @@ A few frequencies of blocks of a dozen coordinates take tens of milliseconds.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.linear import frequency_dependent, rigid_motion_invariance
 from suspension_cli.linear.graded_eigenvalues import RIGID
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Inexact, Int
 
 DIGITS = 50
+Number = Any
+"""A number of mpmath, which has no types."""
+Matrix = list[list[Number]]
 
 
 @cache
@@ -28,8 +33,8 @@ def context() -> Any:
     return numbers
 
 
-def eliminate(matrix: list[list[Any]], right: list[list[Any]]) -> list[list[Any]]:
-    """Solve linear systems (n, n) and (n, k) by elimination with partial pivoting, skipping zeros.
+def eliminate(matrix: Matrix, right: Matrix) -> Matrix:
+    """Solve linear systems by elimination with partial pivoting, skipping zeros.
 
     Overwrites both arguments.
     """
@@ -63,16 +68,20 @@ def eliminate(matrix: list[list[Any]], right: list[list[Any]]) -> list[list[Any]
 
 
 def dynamic(
-    stiffness: Any, mass: Any, damping: Any, omega: float, low: tuple[Any, Any]
-) -> list[list[Any]]:
-    """Dynamic stiffness K + i omega C - omega^2 M (n, n), omega in rad/s, in 50 digits.
+    stiffness: Inexact[np.ndarray, "row column"],
+    mass: Float[np.ndarray, "row column"],
+    damping: Float[np.ndarray, "row column"],
+    omega: float,
+    low: tuple[Complex[np.ndarray, "row column"], Float[np.ndarray, "row column"]],
+) -> Matrix:
+    """Compute the dynamic stiffness K + i omega C - omega^2 M, omega in rad/s, in 50 digits.
 
     `low` are the low parts of K and C, which rounding to doubles took from their elements.
     """
     mp = context()
     w = mp.mpf(float(omega))
 
-    def element(k: complex, m: float, c: float, k_low: complex, c_low: float) -> Any:
+    def element(k: complex, m: float, c: float, k_low: complex, c_low: float) -> Number:
         if not k and not m and not c:
             return mp.zero
         real, imag = (
@@ -89,8 +98,10 @@ def dynamic(
     ]
 
 
-def _low_parts(model: LinearSystem, keep: Any) -> tuple[Any, Any]:
-    """Low parts (n, 6 + n) of the stiffness and the damping of some coordinates."""
+def _low_parts(
+    model: LinearSystem, keep: Int[np.ndarray, " row"]
+) -> tuple[Complex[np.ndarray, "row row+6"], Float[np.ndarray, "row row+6"]]:
+    """Compute the low parts of the stiffness and the damping of some coordinates."""
     full = model.stiffness if model.lossy is None else model.lossy
     known = (None, None) if model.low is None else (np.real(model.low), np.imag(model.low))
     columns = np.concatenate([np.arange(6), keep])
@@ -103,7 +114,7 @@ def _low_parts(model: LinearSystem, keep: Any) -> tuple[Any, Any]:
     return real + 1j * imag, damping
 
 
-def to_mp(matrix: Any) -> list[list[Any]]:
+def to_mp(matrix: Inexact[np.ndarray, "row column"]) -> Matrix:
     """Convert a matrix of doubles to mpmath numbers."""
     mp = context()
     return [
@@ -115,10 +126,15 @@ def to_mp(matrix: Any) -> list[list[Any]]:
     ]
 
 
-def response(model: LinearSystem, omega: Array, drive: Array, row: Array) -> Any:
-    """Response (f,) of a linear form `row` (N,) to a motion `drive` (N,) of the support.
+def response(
+    model: LinearSystem,
+    omega: Float[np.ndarray, " frequency"],
+    drive: Float[np.ndarray, " coordinate"],
+    row: Float[np.ndarray, " coordinate"],
+) -> Complex[np.ndarray, " frequency"]:
+    """Solve for the response of a linear form `row` to a motion `drive` of the support.
 
-    Solves the matrices of the model at omega (f,), rad/s, with their low parts if constant.
+    Takes the matrices of the model at omega, rad/s, with their low parts if constant.
     """
     mp = context()
     result = np.zeros(len(omega), dtype=complex)
@@ -159,10 +175,12 @@ def response(model: LinearSystem, omega: Array, drive: Array, row: Array) -> Any
     return result + row[:6] @ drive[:6]
 
 
-def driven_motion(matrix: Any, force: Array) -> Any:
-    """Motion (c,) of a block under a force (c,) on the first c coordinates.
+def driven_motion(
+    matrix: Inexact[np.ndarray, "size size"], force: Float[np.ndarray, " coordinate"]
+) -> Complex[np.ndarray, " coordinate"]:
+    """Solve for the motion of a block under a force on its first coordinates.
 
-    `matrix` (c + t, c + t) is its dynamic stiffness.
+    `matrix` is its dynamic stiffness.
     """
     mp = context()
     moved = eliminate(
@@ -172,8 +190,8 @@ def driven_motion(matrix: Any, force: Array) -> Any:
     return np.array([complex(x[0]) for x in moved[: len(force)]])
 
 
-def omega_squared(model: LinearSystem) -> Array:
-    """Eigenvalues omega^2 (m,) of K and M, ascending, (rad/s)^2; rigid modes are exactly 0."""
+def omega_squared(model: LinearSystem) -> Float[np.ndarray, " mode"]:
+    """Solve for omega^2 of K and M, ascending, (rad/s)^2; rigid modes are exactly 0."""
     mp, found = context(), []
     for block in model.blocks:
         light = model.massless[block]

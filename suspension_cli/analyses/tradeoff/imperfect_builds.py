@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.tradeoff import equilibrium_mp, high_precision
+from suspension_cli.analyses.tradeoff.comparison import Batch, Once
+from suspension_cli.analyses.tradeoff.equilibrium_mp import EquilibriumArrays
 from suspension_cli.analyses.tradeoff.subject import COUPLING, K_FACTOR, OFFSET, STRING, Subject
 from suspension_cli.analyses.xcouple.solve import ROUNDING
 from suspension_cli.conventions import SUPPORT
@@ -21,6 +24,11 @@ from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds
 
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
+
+Method = Callable[[Subject, Array], np.ndarray]
+"""Computes the coupling (p,) of builds with fractions (p,) of the imperfection."""
 BUILDS = 256
 """Builds per batch."""
 STEP = 1e-3
@@ -28,8 +36,8 @@ STEP = 1e-3
 error of order 1e-6."""
 
 
-def imperfect_scene(subject: Subject, fraction: Any = 1.0) -> Scene:
-    """Scene with a fraction of the imperfection: (), (p,), or (p, 2) for stiffness and position."""
+def imperfect_scene(subject: Subject, fraction: Array | float = 1.0) -> Scene:
+    """Build scenes with a fraction of the imperfection, or fractions of stiffness and position."""
     amount = np.asarray(fraction, dtype=float)
     stiffer, moved = (amount[..., 0], amount[..., 1]) if amount.ndim == 2 else (amount, amount)
     offset = moved[..., None] * np.array([OFFSET, 0.0, 0.0])
@@ -38,8 +46,8 @@ def imperfect_scene(subject: Subject, fraction: Any = 1.0) -> Scene:
     )
 
 
-def fractions() -> Array:
-    """Fractions (p,) of the imperfection in a batch."""
+def fractions() -> Float[np.ndarray, " build"]:
+    """Return the fractions of the imperfection in a batch."""
     return np.linspace(0.1, 1.0, BUILDS)
 
 
@@ -68,7 +76,7 @@ def uncoupled(subject: Subject) -> str:
     """Return why there is no coupling to compare; empty if there is."""
     if no_wire(subject) or unhung(subject):
         return no_wire(subject) or unhung(subject)
-    size = float(np.abs(string_reference(subject))[0])
+    size = float(np.abs(reference(subject, STRING))[0])
     return "" if size > ROUNDING else f"the imperfection couples nothing ({size:.0e} is rounding)"
 
 
@@ -77,22 +85,13 @@ def incomparable(subject: Subject) -> str:
     return uncoupled(subject) or unhung(subject, (registry.BEAM.name, registry.VIOLIN.name))
 
 
-def fails(level: str) -> Any:
+def fails(level: str) -> Callable[[Subject], str]:
     """Return a function that gives why a model is not valid for the imperfect design."""
     return lambda subject: subject.imperfect.unsuited[level]
 
 
-def reference(subject: Subject) -> Any:
-    """Coupling (1,) of the most complete valid model in its equilibrium, in 50 digits."""
-    return _exact(subject, subject.imperfect.top)
-
-
-def string_reference(subject: Subject) -> Any:
-    """Coupling (1,) of the string model in its equilibrium, in 50 digits."""
-    return _exact(subject, STRING)
-
-
-def _exact(subject: Subject, level: str) -> Any:
+def reference(subject: Subject, level: str) -> Complex[np.ndarray, " 1"]:
+    """Compute the coupling of a model in its equilibrium, in 50 digits."""
     model = registry.by_name(level).system(subject.imperfect.design)
     into, out = subject.coupled(model)
     drive, (over, under) = (
@@ -105,8 +104,8 @@ def _exact(subject: Subject, level: str) -> Any:
     )
 
 
-def ratio(subject: Subject, found: builds.Builds) -> Any:
-    """Coupling (p,) of balanced builds."""
+def ratio(subject: Subject, found: builds.Builds) -> Complex[np.ndarray, " build"]:
+    """Compute the coupling of balanced builds."""
     known = (SUPPORT, *found.model.body)
     into = signals.parse_input("support.z", known)
     out = subject.coupled(found.model)[1]
@@ -114,20 +113,24 @@ def ratio(subject: Subject, found: builds.Builds) -> Any:
     return moved[:, 0] / moved[:, 1]
 
 
-def rebuilt(subject: Subject, fraction: Any, level: str = STRING) -> Any:
-    """Coupling (p,) of builds in their equilibria, as in `pendsus xcouple`."""
+def rebuilt(
+    subject: Subject, fraction: Array, level: str = STRING
+) -> Complex[np.ndarray, " build"]:
+    """Compute the coupling of builds in their equilibria, as in `pendsus xcouple`."""
     return ratio(
         subject, builds.balance(imperfect_scene(subject, fraction), subject.design, level=level)
     )
 
 
-def with_model(level: str) -> Any:
+def with_model(level: str) -> Method:
     """Return `rebuilt` for a model."""
     return lambda subject, fraction: rebuilt(subject, fraction, level)
 
 
-def after_newton_steps(subject: Subject, fraction: Any, steps: int) -> Any:
-    """Coupling (p,) of builds in the pose after some Newton steps from the nominal one."""
+def after_newton_steps(
+    subject: Subject, fraction: Float[np.ndarray, " build"], steps: int
+) -> Complex[np.ndarray, " build"]:
+    """Compute the coupling of builds in the pose after some Newton steps from the nominal one."""
     scene = imperfect_scene(subject, fraction)
     found = equilibrium.newton_steps(scene, steps)
     model = surrounded(string.linear_model(scene, found, split=False), subject.design)
@@ -145,36 +148,42 @@ def after_newton_steps(subject: Subject, fraction: Any, steps: int) -> Any:
     )
 
 
-def coupling_slopes(subject: Subject) -> Any:
-    """Coupling without imperfection, and its slope (2,) by stiffness and position of the wire."""
+def coupling_slopes(subject: Subject) -> tuple[complex, Complex[np.ndarray, " 2"]]:
+    """Compute the coupling without imperfection, and its slopes by stiffness and position."""
     step = STEP * np.eye(2)
     found = rebuilt(subject, np.concatenate([np.zeros((1, 2)), step, -step]))
     return found[0], (found[1:3] - found[3:5]) / (2 * STEP)
 
 
-def perturbed(subject: Subject, fraction: Any) -> Any:
-    """Coupling (p,) to first order in the imperfection."""
+def perturbed(
+    subject: Subject, fraction: Float[np.ndarray, " build"]
+) -> Complex[np.ndarray, " build"]:
+    """Compute the coupling to first order in the imperfection."""
     level, slope = coupling_slopes(subject)
     amount = np.stack([fraction, fraction], axis=-1)
     return level + amount @ slope
 
 
-def in_nominal_pose(subject: Subject, fraction: Any) -> Any:
-    """Coupling (p,) in the nominal pose."""
+def in_nominal_pose(
+    subject: Subject, fraction: Float[np.ndarray, " build"]
+) -> Complex[np.ndarray, " build"]:
+    """Compute the coupling in the nominal pose."""
     return after_newton_steps(subject, fraction, 0)
 
 
-def in_linear_pose(subject: Subject, fraction: Any) -> Any:
-    """Coupling (p,) in the pose of the linear solution."""
+def in_linear_pose(
+    subject: Subject, fraction: Float[np.ndarray, " build"]
+) -> Complex[np.ndarray, " build"]:
+    """Compute the coupling in the pose of the linear solution."""
     return after_newton_steps(subject, fraction, 1)
 
 
-def one(solve: Any) -> Any:
+def one(solve: Method) -> Once:
     """Evaluate a method for the whole imperfection."""
     return lambda subject: solve(subject, np.ones(1))
 
 
-def batch(solve: Any) -> Any:
+def batch(solve: Method) -> Batch:
     """Prepare a method for a batch."""
     return lambda subject: lambda: solve(subject, fractions())
 
@@ -197,29 +206,34 @@ def unbalanced(subject: Subject) -> str:
     )
 
 
-def equilibrium_arrays(found: Equilibrium) -> Any:
-    """Displacements (m), rotation matrices less the unit matrix, and tensions (N)."""
+def equilibrium_arrays(found: Equilibrium) -> EquilibriumArrays:
+    """Return displacements (m), rotation matrices less the unit matrix, and tensions (N)."""
     return np.array(found.pose.shift), found.pose.rotation - np.eye(3), np.array(found.tension)
 
 
-def equilibrium_reference(subject: Subject) -> Any:
-    """Displacements, rotations and tensions in 50 digits, as `equilibrium_arrays`."""
+def equilibrium_reference(subject: Subject) -> EquilibriumArrays | None:
+    """Compute `equilibrium_arrays` in 50 digits."""
     return equilibrium_mp.solve(imperfect_scene(subject))
 
 
-def equilibrium_error(_: Subject, found: Any, wanted: Any) -> dict[str, float]:
-    """Largest errors of displacements, rotations and tensions, relative to the largest of each."""
+def equilibrium_error(
+    _: Subject, found: EquilibriumArrays, wanted: EquilibriumArrays
+) -> dict[str, float]:
+    """Compute the largest errors of displacements, rotations and tensions.
+
+    Each is relative to the largest displacement, rotation or tension.
+    """
     return {
         name: _largest(a - b) / (_largest(b) or 1.0)
         for name, a, b in zip(("position", "rotation", "tension"), found, wanted, strict=True)
     }
 
 
-def _largest(values: Any) -> float:
+def _largest(values: Array) -> float:
     return float(np.abs(values).max())
 
 
-def steps(count: int) -> tuple[Any, Any]:
+def steps(count: int) -> tuple[Once, Batch]:
     """Return the method of some Newton steps from the nominal pose; 1 is the linear solution."""
     return (
         lambda subject: equilibrium_arrays(
@@ -231,7 +245,7 @@ def steps(count: int) -> tuple[Any, Any]:
     )
 
 
-def full() -> tuple[Any, Any]:
+def full() -> tuple[Once, Batch]:
     """Return Newton's method with finite rotations, as in the string and more complete models."""
     return (lambda subject: equilibrium_arrays(equilibrium.solve(imperfect_scene(subject)))), (
         lambda subject: lambda: equilibrium.solve(imperfect_scene(subject, fractions()))

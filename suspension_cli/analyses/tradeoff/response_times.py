@@ -7,7 +7,7 @@ on other frequencies, for a few, some and many frequencies.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from suspension_cli.analyses.tradeoff.result import COUNTS, ResponseTime, Respon
 from suspension_cli.analyses.tradeoff.subject import MODEL_NAMES, STRING, Answer, Prepare, Subject
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 BAND = (0.1, 1000.0)
 """Range of the frequencies, Hz."""
@@ -82,7 +85,7 @@ def _from_matrices(subject: Subject, prepare: Prepare) -> Begin:
 
 
 def _errors(subject: Subject) -> dict[str, float]:
-    """Largest relative error of each method over the band."""
+    """Compute the largest relative error of each method over the band."""
     model, omega = subject.model(STRING), 2 * np.pi * np.geomspace(*BAND, CHECKED)
     forms = subject.forms(model)
     exact = high_precision.response(model, omega, *forms)
@@ -93,8 +96,10 @@ def _errors(subject: Subject) -> dict[str, float]:
     }
 
 
-def _times(begins: list[Begin], count: int, repeat: int, budget: float) -> Array:
-    """Quartiles (w, 3, 3) of the times of sessions, by occasion; sessions take turns."""
+def _times(
+    begins: list[Begin], count: int, repeat: int, budget: float
+) -> Float[np.ndarray, "session occasion quartile"]:
+    """Measure the quartiles of the times of sessions, which take turns."""
     grid = 2 * np.pi * np.geomspace(*BAND, count)
     grids = (grid, grid, grid * OTHER)
     samples: list[list[Array]] = [[] for _ in begins]
@@ -107,13 +112,15 @@ def _times(begins: list[Begin], count: int, repeat: int, budget: float) -> Array
     return np.stack([np.quantile(taken, (0.25, 0.5, 0.75), axis=0).T for taken in samples])
 
 
-def _session(start: Callable[[], Answer], grids: tuple[Array, ...], most: float) -> Array:
-    """Processor times (3,) of a first response and the next ones, s; NaN if it takes over `most`.
+def _session(
+    start: Callable[[], Answer], grids: tuple[Array, ...], most: float
+) -> Float[np.ndarray, " occasion"]:
+    """Measure the processor times of a first response and the next ones, s.
 
-    Only the next ones are then not measured.
+    The next ones are NaN if the first takes over `most`.
     """
 
-    def first() -> tuple[Answer, Any]:
+    def first() -> tuple[Answer, np.ndarray]:
         answer = start()
         return answer, answer(grids[0])
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Array
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from suspension_cli.scene.arrays import Array
 
 ROUNDING = 1e-12
 """Relative error below which results count as equally accurate."""
@@ -19,7 +23,7 @@ QUARTILES = ("lower", "median", "upper")
 KINDS = ("once", "batch")
 """Kinds of time: per evaluation, and per item of a batch."""
 COMPARED = ("models", "methods")
-"""A panel compares models , which neglect physics, or methods for one
+"""A panel compares models, which neglect physics, or methods for one
 model, which differ by arithmetic and approximations."""
 
 
@@ -31,9 +35,9 @@ class Entry:
     ----------
     model, method : str
         Names of the model and of the method.
-    error : (c,) array
+    error : array
         Relative error by component.
-    once, batch : (3,) arrays
+    once, batch : array
         Quartiles (lower, median, upper) of the time per evaluation and per item of a batch, s.
     vectorised : bool
         Whether the method takes a batch at once; if not, `batch` equals `once`.
@@ -41,9 +45,9 @@ class Entry:
 
     model: str
     method: str
-    error: Array
-    once: Array
-    batch: Array
+    error: Float[np.ndarray, " component"]
+    once: Float[np.ndarray, " 3"]
+    batch: Float[np.ndarray, " 3"]
     vectorised: bool
 
     @property
@@ -56,7 +60,7 @@ class Entry:
         return self.model if compares == "models" else self.method
 
     def time(self, kind: str) -> float:
-        """Median time, s, of kind ``once`` or ``batch``."""
+        """Return the median time, s, of kind ``once`` or ``batch``."""
         return float(getattr(self, kind)[1])
 
 
@@ -122,15 +126,15 @@ class Panel:
         return f"{self.quantity}-{self.compares}"
 
     def fastest(self, kind: str) -> float:
-        """Shortest median time, s, of kind ``once`` or ``batch``."""
+        """Find the shortest median time, s, of kind ``once`` or ``batch``."""
         return min((entry.time(kind) for entry in self.entries), default=np.nan)
 
-    def worst(self, view: View) -> Array:
-        """Largest error of each entry over the components of a view, (e,)."""
+    def worst(self, view: View) -> Float[np.ndarray, " entry"]:
+        """Find the largest error of each entry over the components of a view."""
         return np.array([entry.error[list(view.components)].max() for entry in self.entries])
 
     def front(self, kind: str, view: View) -> list[int]:
-        """Entries of the Pareto front in time and error, fastest first."""
+        """Find the entries of the Pareto front in time and error, fastest first."""
         return front(np.array([entry.time(kind) for entry in self.entries]), self.worst(view))
 
 
@@ -151,7 +155,7 @@ class ResponseTime:
     error : float
         Largest relative error over 200 frequencies from 0.1 Hz to 1 kHz; NaN between models, which
         differ by any amount near resonances.
-    time : (3, 3, 3) array
+    time : array
         Seconds by `OCCASIONS`, `COUNTS` and quartile; NaN for next responses that were not measured
         because the first took long.
     """
@@ -159,10 +163,10 @@ class ResponseTime:
     model: str
     method: str
     error: float
-    time: Array
+    time: Float[np.ndarray, "occasion count quartile"]
 
     def median(self, occasion: str, count: int) -> float:
-        """Median time, s."""
+        """Return the median time, s."""
         return float(self.time[OCCASIONS.index(occasion), COUNTS.index(count), 1])
 
 
@@ -205,12 +209,12 @@ class Tradeoff:
     waits: tuple[ResponseTimes, ...] = ()
 
 
-def front(time: Any, error: Any) -> list[int]:
-    """Pareto front: points that no other point matches in one and beats in the other.
+def front(time: Array | Sequence[float], error: Array | Sequence[float]) -> list[int]:
+    """Find the Pareto front: points that no other point matches in one and beats in the other.
 
     Parameters
     ----------
-    time, error : (n,) arrays
+    time, error : sequence of float
         Errors below `ROUNDING`, and errors that differ by less than `GAIN`, count as equal.
 
     Returns
@@ -225,7 +229,7 @@ def front(time: Any, error: Any) -> list[int]:
     """
     level = np.maximum(np.asarray(error, dtype=float), ROUNDING)
     kept: list[int] = []
-    for n in np.lexsort((level, time)).tolist():
+    for n in np.lexsort((level, np.asarray(time))).tolist():
         if not kept or level[n] < (1 - GAIN) * level[kept[-1]]:
             kept.append(n)
     return kept

@@ -18,7 +18,7 @@ def measure(
     design: Design,
     quantities: Sequence[str] = (),
     repeat: int = 7,
-    told: Callable[[int, int], None] = lambda *_: None,
+    report: Callable[[int, int], None] = lambda *_: None,
     budget: float = timing.BUDGET,
 ) -> Tradeoff:
     """Compare all models and methods for one design.
@@ -31,23 +31,19 @@ def measure(
         Some of `comparisons.QUANTITIES`; empty for all.
     repeat : int
         Samples per time; fewer of slow methods.
-    told : callable
+    report : callable
         Called with the numbers of finished and of all comparisons.
     budget : float
         Processor time from which no further samples of a time are taken, s.
-
-    Returns
-    -------
-    Tradeoff
     """
     subject, panels, waits = Subject(design), [], []
     wanted = [item for item in COMPARISONS if not quantities or item.quantity in quantities]
     for number, item in enumerate(wanted):
-        told(number, len(wanted))
+        report(number, len(wanted))
         panels.append(_panel(subject, item, repeat, budget))
         if item.quantity == "response":
             waits.append(response_times.measure(subject, item.compares, repeat, budget))
-    told(len(wanted), len(wanted))
+    report(len(wanted), len(wanted))
     return Tradeoff(tuple(panels), repeat, timing.threads(), tuple(waits))
 
 

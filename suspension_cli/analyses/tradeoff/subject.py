@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -19,7 +19,10 @@ from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
 
-Answer = Callable[[Array], Any]
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+Answer = Callable[[Array], np.ndarray]
 """Response (f,) as a function of frequency (f,), rad/s."""
 Prepare = Callable[[LinearSystem, Array, Array], Answer]
 """Prepares it from a model and the linear forms (N,) of input and output."""
@@ -65,13 +68,13 @@ class Subject:
         return {}
 
     def model(self, level: str) -> LinearSystem:
-        """Linear system of a model, built once."""
+        """Return the linear system of a model, built once."""
         if level not in self._models:
             self._models[level] = registry.by_name(level).system(self.design)
         return self._models[level]
 
     def fresh(self, level: str) -> LinearSystem:
-        """Linear system of a model without cached properties, for timing."""
+        """Return the linear system of a model without cached properties, for timing."""
         return replace(self.model(level))
 
     @cached_property
@@ -79,7 +82,7 @@ class Subject:
         return {}
 
     def prepared(self, prepare: Prepare) -> Answer:
-        """Response of the string model by a method, prepared once."""
+        """Return the response of the string model by a method, prepared once."""
         if prepare not in self._answers:
             model = self.model(STRING)
             self._answers[prepare] = prepare(model, *self.forms(model))
@@ -90,15 +93,20 @@ class Subject:
         """Name of the last stage."""
         return self.design.stage[-1].name
 
-    def forms(self, model: LinearSystem) -> tuple[Array, Array]:
-        """Motions along x of the support and of the last stage, as linear forms (N,)."""
+    def forms(
+        self, model: LinearSystem
+    ) -> tuple[Float[np.ndarray, " coordinate"], Float[np.ndarray, " coordinate"]]:
+        """Return the linear forms of the motions along x of the support and of the last stage."""
         known = signals.bodies_with_signals(model)
         return signals.linear_form(
             signals.parse_input("support.x", known), model
         ), signals.linear_form(signals.parse_output(f"{self.last}.x", known), model)
 
     def coupled(self, model: LinearSystem) -> tuple[signals.Signal, list[signals.Signal]]:
-        """Vertical motion of the support; motions along x and z of `POINT` of the last stage."""
+        """Return the signals of the cross-coupling.
+
+        The vertical motion of the support; motions along x and z of `POINT` of the last stage.
+        """
         known = signals.bodies_with_signals(model)
         return signals.parse_input("support.z", known), [
             signals.parse_output(f"{self.last}.{dof}@{POINT}", known) for dof in "xz"
@@ -139,6 +147,6 @@ class Subject:
         return self.design.constants.temperature
 
     @property
-    def omega(self) -> Array:
+    def omega(self) -> Float[np.ndarray, " frequency"]:
         """Frequencies of responses, rad/s."""
         return 2 * np.pi * np.array(FREQUENCIES)

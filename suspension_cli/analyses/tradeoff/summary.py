@@ -106,7 +106,7 @@ def _answers(found: Tradeoff, panel: Panel) -> list[Answer]:
 
 def _questions(found: Tradeoff, panel: Panel) -> list[tuple[Answer, list[Option]]]:
     """Answer the questions on a panel, with the options for each."""
-    asked = {}
+    questions = {}
     if panel.key == "response-models":
         times = {
             entry.model: entry.median("first", TIMED)
@@ -116,7 +116,7 @@ def _questions(found: Tradeoff, panel: Panel) -> list[tuple[Answer, list[Option]
         }
         shipped = ""
         for view in panel.views:
-            asked[f"{NAMES.get(view.title, view.title)}, {TIMED} frequencies"] = [
+            questions[f"{NAMES.get(view.title, view.title)}, {TIMED} frequencies"] = [
                 Option(entry.model, times[entry.model], float(error))
                 for entry, error in zip(panel.entries, panel.worst(view), strict=True)
             ]
@@ -126,13 +126,13 @@ def _questions(found: Tradeoff, panel: Panel) -> list[tuple[Answer, list[Option]
         if panel.item != "frequency":
             kinds = {"once": f", one {panel.item}", "batch": f", per {panel.item} of {panel.count}"}
         for kind, more in kinds.items():
-            asked[QUESTIONS[panel.quantity] + more] = [
+            questions[QUESTIONS[panel.quantity] + more] = [
                 Option(entry.name(panel.compares), entry.time(kind), float(entry.error.max()))
                 for entry in panel.entries
             ]
     return [
         (_choose(panel.compares, question, options, shipped), options)
-        for question, options in asked.items()
+        for question, options in questions.items()
     ]
 
 
@@ -141,7 +141,7 @@ def _response_methods(found: Tradeoff) -> list[Answer]:
     entries = [
         entry for each in found.waits if each.compares == "methods" for entry in each.entries
     ]
-    asked = (
+    questions = (
         ("first", TIMED, "first response"),
         ("other grid", COUNTS[0], "next response"),
         ("other grid", COUNTS[-1], "next response"),
@@ -153,7 +153,7 @@ def _response_methods(found: Tradeoff) -> list[Answer]:
             [_option(entry, occasion, count) for entry in entries],
             SHIPPED["response"],
         )
-        for occasion, count, question in asked
+        for occasion, count, question in questions
     ]
 
 

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.tradeoff import high_precision
+from suspension_cli.analyses.tradeoff.comparison import Batch, Once
 from suspension_cli.analyses.tradeoff.subject import NOISE, Subject
 from suspension_cli.linear import frequency_dependent
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+Solve = Callable[[LinearSystem, Array, Subject], np.ndarray]
+"""Thermal noise (f,) of a model at frequencies (f,) in Hz."""
 SWEEP = 500
 """Frequencies per batch."""
 BAND = (1.0, 1000.0)
@@ -24,7 +31,7 @@ LOCALISED = tuple(model.name for model in registry.MODELS if model.bends_wires)
 """Models in which losses act where wires bend."""
 
 
-def not_localised(level: str) -> Any:
+def not_localised(level: str) -> Callable[[Subject], str]:
     """Return a function that gives why a model has no thermal noise; empty if it has."""
     return lambda _: "" if level in LOCALISED else "the model does not localise loss along a wire"
 
@@ -37,7 +44,7 @@ def unsuited(subject: Subject) -> str:
 
 
 def temperatures(subject: Subject) -> set[float]:
-    """Temperatures (K) of all parts that dissipate."""
+    """Find the temperatures (K) of all parts that dissipate."""
     model = subject.model(subject.top)
     _, row = thermal.parse_motion(model, f"{subject.last}.x")
     found = set()
@@ -62,8 +69,8 @@ def one_temperature(subject: Subject) -> str:
     )
 
 
-def reference(subject: Subject) -> Any:
-    """Amplitude spectral density (f,), m/sqrt(Hz), of the most complete valid model.
+def reference(subject: Subject) -> Float[np.ndarray, " frequency"]:
+    """Compute the amplitude spectral density, m/sqrt(Hz), of the most complete valid model.
 
     From the power that each part dissipates under a unit force, with the motion in 50 digits.
     """
@@ -90,14 +97,18 @@ def reference(subject: Subject) -> Any:
     return np.sqrt(density)
 
 
-def dissipation(model: LinearSystem, frequency: Array, subject: Subject) -> Any:
-    """Noise (f,) from the power that each part dissipates, as in `pendsus thermal`."""
+def dissipation(
+    model: LinearSystem, frequency: Float[np.ndarray, " frequency"], subject: Subject
+) -> Float[np.ndarray, " frequency"]:
+    """Compute the noise from the power that each part dissipates, as in `pendsus thermal`."""
     signal, row = thermal.parse_motion(model, f"{subject.last}.x")
     return thermal.solve(model, frequency, row, signal, subject.temperature).amplitude
 
 
-def susceptibility(model: LinearSystem, frequency: Array, subject: Subject) -> Any:
-    """Noise (f,) from the imaginary part of the susceptibility; 0 if negative."""
+def susceptibility(
+    model: LinearSystem, frequency: Float[np.ndarray, " frequency"], subject: Subject
+) -> Float[np.ndarray, " frequency"]:
+    """Compute the noise from the imaginary part of the susceptibility; 0 if negative."""
     _, row = thermal.parse_motion(model, f"{subject.last}.x")
     return np.sqrt(
         np.maximum(
@@ -106,17 +117,17 @@ def susceptibility(model: LinearSystem, frequency: Array, subject: Subject) -> A
     )
 
 
-def with_model(level: str) -> tuple[Any, Any]:
+def with_model(level: str) -> tuple[Once, Batch]:
     """Return `dissipation` from the design on: at `NOISE`, and for a batch of frequencies."""
     return _timed(lambda subject: registry.by_name(level).system(subject.design), dissipation)
 
 
-def on_matrices(solve: Any) -> tuple[Any, Any]:
+def on_matrices(solve: Solve) -> tuple[Once, Batch]:
     """Return a method from the matrices of the most complete valid model on."""
     return _timed(lambda subject: subject.fresh(subject.top), solve)
 
 
-def _timed(model_of: Any, solve: Any) -> tuple[Any, Any]:
+def _timed(model_of: Callable[[Subject], LinearSystem], solve: Solve) -> tuple[Once, Batch]:
     few, many = np.array(NOISE), np.geomspace(*BAND, SWEEP)
     return (lambda subject: solve(model_of(subject), few, subject)), (
         lambda subject: lambda: solve(model_of(subject), many, subject)

@@ -11,12 +11,14 @@ import gc
 import os
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from suspension_cli.scene.arrays import Array
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
+Found = TypeVar("Found")
 Work = Callable[[], object]
 
 LEAST = 1e-3
@@ -39,8 +41,8 @@ def threads() -> int:
 
 def quartiles(
     works: Sequence[Work], repeat: int, known: Sequence[float] = (), budget: float = BUDGET
-) -> Array:
-    """Measure the lower quartile, median and upper quartile of the times of functions, (w, 3), s.
+) -> Float[np.ndarray, "work 3"]:
+    """Measure the lower quartile, median and upper quartile of the times of functions, s.
 
     Parameters
     ----------
@@ -73,7 +75,7 @@ def quartiles(
     return np.array([np.quantile(taken, (0.25, 0.5, 0.75)) for taken in samples])
 
 
-def call(work: Callable[[], Any]) -> tuple[Any, float]:
+def call(work: Callable[[], Found]) -> tuple[Found, float]:
     """Return the result of a function, and its processor time, s."""
     begin = time.process_time()
     found = work()
@@ -81,7 +83,7 @@ def call(work: Callable[[], Any]) -> tuple[Any, float]:
 
 
 def _repetitions(work: Work) -> int:
-    """Repetitions of a function per sample; calls it at least once, which fills its caches."""
+    """Determine the repetitions of a function per sample; the first call fills its caches."""
     _, taken = call(work)
     if taken < LEAST:  # a single time may be an outlier
         taken = min(_mean_time(work, 1) for _ in range(TRIES))
@@ -89,7 +91,7 @@ def _repetitions(work: Work) -> int:
 
 
 def _mean_time(work: Work, count: int) -> float:
-    """Mean processor time of `count` calls, s."""
+    """Measure the mean processor time of `count` calls, s."""
     begin = time.process_time()
     for _ in range(count):
         work()

@@ -5,17 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import cycle
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.export import solve as export
 from suspension_cli.analyses.tradeoff import high_precision
+from suspension_cli.analyses.tradeoff.comparison import Batch, Once
 from suspension_cli.analyses.tradeoff.subject import STRING, Answer, Prepare, Subject
 from suspension_cli.linear import response, signals, statespace
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Inexact
+
+Solve = Callable[[LinearSystem, Array, Array, Array], np.ndarray]
+"""Response (f,) of a model at omega (f,), rad/s, from the linear forms (N,) of input and output."""
 
 SWEEP = 2000
 """Frequencies per batch."""
@@ -27,20 +34,19 @@ CHUNK = 2048
 """Frequencies of the plain methods that fit into the cache."""
 
 
-def reference(subject: Subject) -> Any:
-    """Response of the most complete valid model in 50 digits."""
-    model = subject.model(subject.top)
+def reference(subject: Subject, level: str) -> Complex[np.ndarray, " frequency"]:
+    """Solve for the response of a model in 50 digits."""
+    model = subject.model(level)
     return high_precision.response(model, subject.omega, *subject.forms(model))
 
 
-def digits_reference(subject: Subject) -> Any:
-    """Response of the string model in 50 digits."""
-    model = subject.model(STRING)
-    return high_precision.response(model, subject.omega, *subject.forms(model))
-
-
-def chain(model: LinearSystem, omega: Array, drive: Array, row: Array) -> Any:
-    """Response (f,) by elimination body by body, as in `pendsus response`."""
+def chain(
+    model: LinearSystem,
+    omega: Float[np.ndarray, " frequency"],
+    drive: Float[np.ndarray, " coordinate"],
+    row: Float[np.ndarray, " coordinate"],
+) -> Complex[np.ndarray, " frequency"]:
+    """Solve for the response by elimination body by body, as in `pendsus response`."""
     return response.transfer(model, omega, drive[None], [False], row[None])[0][:, 0, 0]
 
 
@@ -59,25 +65,27 @@ class Condensed:
 
     Attributes
     ----------
-    stiffness, mass, damping : (c, c) arrays
+    stiffness, mass, damping : array
         Scaled by powers of 2, such that they do not depend on units.
-    push : (3, c) array
+    push : array
         Force of the support's motion: stiffness, damping and mass parts.
-    row : (c,) array
+    row : array
         Output, a linear form of the scaled coordinates.
-    direct : float
+    direct : complex
         Output while these do not move.
     """
 
-    stiffness: Any
-    mass: Any
-    damping: Any
-    push: Any
-    row: Any
-    direct: Any
+    stiffness: Inexact[np.ndarray, "coordinate coordinate"]
+    mass: Float[np.ndarray, "coordinate coordinate"]
+    damping: Float[np.ndarray, "coordinate coordinate"]
+    push: Inexact[np.ndarray, "3 coordinate"]
+    row: Inexact[np.ndarray, " coordinate"]
+    direct: complex
 
-    def right_side(self, omega: Array) -> Any:
-        """Force on the coordinates, (c, 1) or (c, f), at omega (f,) in rad/s."""
+    def right_side(
+        self, omega: Float[np.ndarray, " frequency"]
+    ) -> Inexact[np.ndarray, "coordinate _"]:
+        """Compute the force on the coordinates at omega in rad/s."""
         k, c, m = self.push[..., None]
         result = m * omega**2 - k if m.any() else -k
         return result - 1j * omega * c if c.any() else result
@@ -116,7 +124,7 @@ def condense(model: LinearSystem, drive: Array, row: Array) -> list[Condensed]:
             for matrix in (stiffness, damping, mass)
         )
         push = np.stack([matrix[:, :6] @ drive[:6] for matrix in (k, c, m)])
-        result.append(Condensed(k[:, 6:], m[:, 6:], c[:, 6:], push, form * scale, direct))
+        result.append(Condensed(k[:, 6:], m[:, 6:], c[:, 6:], push, form * scale, complex(direct)))
     return result
 
 
@@ -131,12 +139,12 @@ def eliminated(model: LinearSystem, drive: Array, row: Array) -> Answer:
 
 
 def _by_block(
-    model: LinearSystem, drive: Array, row: Array, solve: Callable[[Condensed, Array], Any]
+    model: LinearSystem, drive: Array, row: Array, solve: Callable[[Condensed, Array], np.ndarray]
 ) -> Answer:
     blocks, direct = condense(model, drive, row), row[:6] @ drive[:6]
     direct += sum(block.direct for block in blocks)
 
-    def at(omega: Array) -> Any:
+    def at(omega: Array) -> np.ndarray:
         result = np.full(len(omega), direct, dtype=complex)
         for start in range(0, len(omega), CHUNK):
             span = slice(start, start + CHUNK)
@@ -147,7 +155,9 @@ def _by_block(
     return at
 
 
-def _solve_dense(block: Condensed, omega: Array) -> Any:
+def _solve_dense(
+    block: Condensed, omega: Float[np.ndarray, " frequency"]
+) -> Inexact[np.ndarray, " frequency"]:
     square = omega[:, None, None] ** 2
     dynamic = block.stiffness - square * block.mass
     if block.damping.any():
@@ -156,14 +166,16 @@ def _solve_dense(block: Condensed, omega: Array) -> Any:
     return np.linalg.solve(dynamic, right)[..., 0] @ block.row
 
 
-def _eliminate(block: Condensed, omega: Array) -> Any:
+def _eliminate(
+    block: Condensed, omega: Float[np.ndarray, " frequency"]
+) -> Inexact[np.ndarray, " frequency"]:
     square, size = omega**2, len(block.row)
-    left: dict[tuple[int, int], Any] = {}
+    left: dict[tuple[int, int], np.ndarray] = {}
     for i, j in np.argwhere(np.tril(_coupled(block))).tolist():
         left[i, j] = block.stiffness[i, j] - square * block.mass[i, j]
         if block.damping[i, j]:
             left[i, j] = left[i, j] + 1j * omega * block.damping[i, j]
-    right: list[Any] = list(block.right_side(omega))
+    right: list[np.ndarray] = list(block.right_side(omega))
     driven = _coupled_rows(block.push)
     rows: list[list[int]] = []
     for last in range(size - 1, -1, -1):
@@ -181,7 +193,7 @@ def _eliminate(block: Condensed, omega: Array) -> Any:
                     right[n] = right[n] - ratio * right[last]
                     driven[n] = True
             rows.append(above)
-    moved: list[Any] = []
+    moved: list[np.ndarray] = []
     result = np.zeros(1)
     for n, above in enumerate(reversed(rows)):
         value = right[n] if driven[n] else 0.0
@@ -193,18 +205,18 @@ def _eliminate(block: Condensed, omega: Array) -> Any:
     return result
 
 
-def _coupled(block: Condensed) -> Any:
-    """Whether elements of the dynamic stiffness are not 0 at every frequency, (c, c)."""
+def _coupled(block: Condensed) -> Bool[np.ndarray, "coordinate coordinate"]:
+    """Whether elements of the dynamic stiffness are not 0 at every frequency."""
     return (block.stiffness != 0) | (block.mass != 0) | (block.damping != 0)
 
 
-def _coupled_rows(push: Any) -> list[bool]:
+def _coupled_rows(push: Inexact[np.ndarray, "3 coordinate"]) -> list[bool]:
     """Whether the support pushes each coordinate."""
     return (push != 0).any(0).tolist()
 
 
 def _touched(model: LinearSystem, drive: Array, row: Array) -> list[Index]:
-    """Blocks that the input drives and the output contains."""
+    """Find the blocks that the input drives and the output contains."""
     pulled = np.any(model.pulled[:, drive[:6] != 0], axis=1)
     return [block for block in model.blocks if row[block].any() and pulled[block].any()]
 
@@ -230,7 +242,7 @@ def modal(model: LinearSystem, drive: Array, row: Array) -> Answer:
         k, c, m = seen * (block.push @ shapes.T)
         modes += zip(-k, -c, m, poles + 1j * loss if loss.any() else poles, damping, strict=True)
 
-    def at(omega: Array) -> Any:
+    def at(omega: Array) -> np.ndarray:
         result = np.full(len(omega), direct, dtype=complex)
         for start in range(0, len(omega), CHUNK):
             span = slice(start, start + CHUNK)
@@ -282,28 +294,28 @@ def _system(model: LinearSystem, drive: Array, row: Array) -> statespace.StateSp
     return statespace.assemble(model, drive[None], [into], row[None], [out])
 
 
-def with_model(level: str) -> tuple[Any, Any]:
+def with_model(level: str) -> tuple[Once, Batch]:
     """Return `chain` from the design on: at `FREQUENCIES`, and for a batch of frequencies."""
     return _timed(lambda subject: registry.by_name(level).system(subject.design), chain)
 
 
-def on_matrices(solve: Any) -> tuple[Any, Any]:
+def on_matrices(solve: Solve) -> tuple[Once, Batch]:
     """Return a method from the matrices of the string model on."""
     return _timed(lambda subject: subject.fresh(STRING), solve)
 
 
-def prepared(prepare: Prepare) -> tuple[Any, Any]:
+def prepared(prepare: Prepare) -> tuple[Once, Batch]:
     """Return a method from the matrices on, including its preparation."""
     return on_matrices(lambda model, omega, drive, row: prepare(model, drive, row)(omega))
 
 
-def other_grids(omega: Array) -> Callable[[], Array]:
-    """Return a function that gives another grid close to omega (f,) at each call."""
+def other_grids(omega: Float[np.ndarray, " frequency"]) -> Callable[[], Array]:
+    """Return a function that gives another grid close to omega at each call."""
     grids = cycle([omega * (1 + 1e-6 * n) for n in range(1, GRIDS + 1)])
     return lambda: next(grids)
 
 
-def kept(prepare: Prepare) -> tuple[Any, Any]:
+def kept(prepare: Prepare) -> tuple[Once, Batch]:
     """Return a method that is prepared beforehand; batches have another grid each time."""
 
     def batch(subject: Subject) -> Callable[[], object]:
@@ -313,8 +325,8 @@ def kept(prepare: Prepare) -> tuple[Any, Any]:
     return (lambda subject: subject.prepared(prepare)(subject.omega)), batch
 
 
-def _timed(model_of: Any, solve: Any) -> tuple[Any, Any]:
-    def at(subject: Subject, omega: Array) -> Any:
+def _timed(model_of: Callable[[Subject], LinearSystem], solve: Solve) -> tuple[Once, Batch]:
+    def at(subject: Subject, omega: Array) -> np.ndarray:
         model = model_of(subject)
         return solve(model, omega, *subject.forms(model))
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Result, Run, plain
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -121,15 +121,17 @@ class CouplingAnalysis(Analysis):
         _warn_of_faint(run, requested, found)
         return Result(self, run.source, choice, found, file=path, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return axes and ratios, first axis first; null for a failed build."""
+        import numpy as np
+
         answer: Coupling = result.data
         single = len(answer.frequency) == 1
         ratio = answer.ratio[..., 0] if single else answer.ratio
         return {
             "axes": [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes],
-            "ratio_real": plain(ratio.real),
-            "ratio_imag": plain(ratio.imag),
+            "ratio_real": plain(np.real(ratio)),
+            "ratio_imag": plain(np.imag(ratio)),
             "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
             "input": answer.input,
             "over": answer.over,
@@ -165,7 +167,7 @@ class CouplingAnalysis(Analysis):
 
         return stored.read(file["xcouple"])
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the coupling against the imperfections, or against frequency."""
         from suspension_cli.analyses.xcouple import picture
         from suspension_cli.drawing.style import name_neglected
@@ -220,7 +222,7 @@ class MatrixAnalysis(Analysis):
         extra = {"observed": observed}
         return Result(self, run.source, decision.choice, found, extra, command=run.command)
 
-    def document(self, result: Result) -> dict[str, Any]:
+    def document(self, result: Result) -> Document:
         """Return a matrix for each frequency."""
         import numpy as np
 
@@ -263,7 +265,7 @@ class MatrixAnalysis(Analysis):
 
         return stored.load(file["matrix"])
 
-    def figures(self, result: Result, setting: dict[str, Any]) -> dict[str, Figure]:
+    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the table."""
         from suspension_cli.analyses.xcouple import matrix_picture
         from suspension_cli.drawing.style import name_neglected
@@ -287,7 +289,7 @@ def _limit(design: Design) -> float:
     return float(settings.defaults(analysis, design.analysis.get("tolerance", {}))["limit"])
 
 
-def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:
+def axes(text: str, table: Document) -> tuple[Axis, ...]:
     """Parse the axes of `--sweep`; missing grids come from the design's table or the defaults."""
     from suspension_cli.analyses.xcouple.solve import PARAMETERS, UNITS
     from suspension_cli.design.faults import suggest
@@ -338,7 +340,7 @@ def axes(text: str, table: dict[str, Any]) -> tuple[Axis, ...]:
     return tuple(result)
 
 
-def _grid_text(value: Any) -> str:
+def _grid_text(value: object) -> str:
     """Convert a grid of the design's table to the form of the command line."""
     return ",".join(map(str, value)) if isinstance(value, list) else str(value)
 
@@ -367,7 +369,7 @@ def _warn_of_faint(run: Run, requested: CouplingRequest, answer: Coupling) -> No
 
 
 def _all_motions(
-    known: tuple[str, ...], question: CouplingRequest, setting: dict[str, Any]
+    known: tuple[str, ...], question: CouplingRequest, setting: Settings
 ) -> tuple[Transfer, str]:
     """Return the request for all motions of support and observed point, and that point."""
     import numpy as np

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
 
 from suspension_cli.analyses.sweep.solve import count_failures
 from suspension_cli.analyses.xcouple.solve import UNITS, Sweep
-from suspension_cli.files.hdf5 import add_scale, open_results
-from suspension_cli.scene.arrays import Array
+from suspension_cli.files.hdf5 import Stored, add_scale, open_results
 from suspension_cli.studies import builds
 from suspension_cli.studies.axes import Axis, scale_name
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float, Int
 
 
 @dataclass(frozen=True)
@@ -25,11 +27,11 @@ class Coupling:
     ----------
     axes : tuple of Axis
         Imperfections and their values.
-    frequency : (f,) array
+    frequency : array
         Hz.
-    ratio : (axis 1, axis 2, ..., f) complex array
+    ratio : array
         Motion `over` per motion `under`; NaN where a build failed.
-    status : (axis 1, axis 2, ...) array
+    status : array
         See `builds.STATUS`.
     wire, hold : str
         Label of the imperfect wire, and what is kept when it changes.
@@ -38,9 +40,9 @@ class Coupling:
     """
 
     axes: tuple[Axis, ...]
-    frequency: Array
-    ratio: Any
-    status: Any
+    frequency: Float[np.ndarray, " frequency"]
+    ratio: Complex[np.ndarray, "*axes frequency"]
+    status: Int[np.ndarray, "*axes"]
     wire: str
     hold: str
     input: str
@@ -75,7 +77,7 @@ def load(path: Path | str) -> Coupling:
         return read(file["xcouple"])
 
 
-def read(group: Any) -> Coupling:
+def read(group: Stored) -> Coupling:
     """Read a finished sweep from the group `xcouple`."""
     names = [str(name) for name in group.attrs["axis_order"]]
     axes = tuple(Axis(name, tuple(group[scale_name(name)][:].tolist())) for name in names)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.models.base import Model
 from suspension_cli.studies.axes import ends_and_middle
 from suspension_cli.studies.relative_change import relative_change
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex
 
 FREQUENCIES = 12
 """Number of frequencies at which models are compared."""
@@ -34,8 +37,8 @@ def coupling_change(job: Sweep) -> Callable[[Model, Model], tuple[float, str]]:
     sample = replace(job, axes=ends_and_middle(job.axes), question=question)
 
     @cache
-    def ratio(level: str) -> Any:
-        return np.asarray(replace(sample, level=level).compute(0, sample.count)["ratio"])
+    def ratio(level: str) -> Complex[np.ndarray, "build frequency"]:
+        return replace(sample, level=level).compute(0, sample.count)["ratio"]
 
     def change(simple: Model, refined: Model) -> tuple[float, str]:
         old, new = ratio(simple.name), ratio(refined.name)

@@ -4,8 +4,7 @@ frequencies.
 
 from __future__ import annotations
 
-from typing import Any
-
+from suspension_cli.analyses.analysis import Settings
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError, format_value
@@ -14,7 +13,7 @@ from suspension_cli.linear import signals
 from suspension_cli.linear.system import LinearSystem
 
 
-def parse_request(model: LinearSystem, setting: dict[str, Any]) -> CouplingRequest:
+def parse_request(model: LinearSystem, setting: Settings) -> CouplingRequest:
     """Interpret the options of a cross-coupling.
 
     Parameters

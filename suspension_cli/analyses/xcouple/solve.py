@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,11 +21,13 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear.signals import Signal
 from suspension_cli.models import registry
 from suspension_cli.scene import imperfections as perturb
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.axes import Axis, Product, of_option
-from suspension_cli.studies.builds import Column
+from suspension_cli.studies.builds import Column, ColumnValues
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 PARAMETERS = swept()
 """Imperfection and axis of each short name of a swept parameter; others are dotted paths."""
@@ -73,7 +75,7 @@ class Sweep(Product):
         The design as TOML.
     axes : tuple of Axis
         Imperfections (see `PARAMETERS`) or dotted paths, and their values.
-    question : Question
+    question : CouplingRequest
     allow_unstable : bool
         Whether a build with an unstable equilibrium counts as valid.
     level : str
@@ -88,7 +90,7 @@ class Sweep(Product):
 
     @property
     def identity(self) -> str:
-        """Text that differs between different sweeps of one design."""
+        """Text that differs between sweeps of one design."""
         return repr((self.axes, self.question, self.allow_unstable, self.level))
 
     @property
@@ -135,8 +137,8 @@ class Sweep(Product):
             Column("slack_wire", "i2", (), "1"),
         )
 
-    def compute(self, start: int, stop: int) -> dict[str, Any]:
-        """Compute builds start to stop - 1: arrays of that length by the names of `columns`."""
+    def compute(self, start: int, stop: int) -> ColumnValues:
+        """Compute the `columns` of builds start to stop - 1."""
         values = self.values(start, stop)
         imperfections = {name: value for name, value in values.items() if name in PARAMETERS}
         if len(imperfections) == len(values):
@@ -163,7 +165,7 @@ class Sweep(Product):
         return result
 
     @cached_property
-    def _design(self) -> Any:
+    def _design(self) -> Design:
         return reader.parse(self.text)
 
     @cached_property
@@ -172,23 +174,25 @@ class Sweep(Product):
 
 
 def quotient_unit(out: Signal, into: Signal) -> str:
-    """Unit of the ratio of two signals, ``m/(N m)``."""
+    """Name the unit of the ratio of two signals, ``m/(N m)``."""
     return "1" if out.unit == into.unit else f"{out.unit}/{into.unit}".replace("/N m", "/(N m)")
 
 
-def impose(scene: Scene, values: dict[str, Array], question: CouplingRequest) -> Scene:
+def impose(
+    scene: Scene, values: dict[str, Float[np.ndarray, " build"]], question: CouplingRequest
+) -> Scene:
     """Impose swept imperfections on a scene.
 
     Parameters
     ----------
     scene : Scene
         Without batch axes, or with the builds along its first axis.
-    values : dict of (p,) arrays
+    values : dict of arrays
         Values by name of the imperfection, see `PARAMETERS`.
-    question : Question
+    question : CouplingRequest
     """
     for part, number in (("wire", question.wire), ("body", question.body)):
-        amounts: dict[str, Array] = {}
+        amounts: dict[str, np.ndarray] = {}
         for name, value in values.items():
             item, axis = PARAMETERS[name]
             if item.part != part:
@@ -205,7 +209,7 @@ def impose(scene: Scene, values: dict[str, Array], question: CouplingRequest) ->
 
 
 def _part(name: str) -> str:
-    """Part that a swept parameter belongs to, ``wire`` or ``body``; "" for a dotted path."""
+    """Name the part of a swept parameter, ``wire`` or ``body``; "" for a dotted path."""
     return PARAMETERS[name][0].part if name in PARAMETERS else ""
 
 
@@ -215,8 +219,8 @@ def compute_coupling(
     question: CouplingRequest,
     allow_unstable: bool = False,
     level: str = registry.STRING.name,
-) -> dict[str, Any]:
-    """Compute the coupling of a batch of builds, with the status of each.
+) -> ColumnValues:
+    """Compute the coupling of a batch of builds, with the status of each: `Sweep.columns`.
 
     Parameters
     ----------
@@ -224,16 +228,11 @@ def compute_coupling(
         The builds, along one batch axis.
     design : Design
         The nominal design.
-    question : Question
+    question : CouplingRequest
     allow_unstable : bool
         Whether a build with an unstable equilibrium counts as valid.
     level : str
         Name of a model that supports imperfect builds.
-
-    Returns
-    -------
-    dict of arrays
-        By the names of `Sweep.columns`; the first axis is the builds, then frequency.
     """
     found = builds.balance(scene, design, level=level, allow_unstable=allow_unstable)
     outputs = builds.transfer(

@@ -199,7 +199,7 @@ def loops_with_limits(plant, constant, found, loops, near):
 
 @pytest.mark.parametrize(
     ("level", "loss"),
-    [("string", "1e-3"), ("string", "1e-9"), ("string", "0"), ("beam", "1e-7"), ("beam", "1e-10")],
+    [("string", "1e-9"), ("string", "0"), ("beam", "1e-10")],
 )
 def test_a_pole_grows_beyond_the_gain_margin(level, loss):
     """Of the loops whose limit depends on losses: z, where steel is stretched at 36 Hz, and roll at

@@ -368,12 +368,13 @@ def test_faults_of_the_command(files, tmp_path):
     files.write_text(text.replace('uncertainty = "sigma"\n', ""))
     for data in tmp_path.glob("*.csv"):
         data.write_text(data.read_text().replace("sigma", "unknown"))
-    (line, *_) = assert_refused(run("fit", design, files, "--out", tmp_path / "out"), files)
+    words = ("--fidelity", "string", "--out", tmp_path / "out")
+    (line, *_) = assert_refused(run("fit", design, files, *words), files)
     assert "gives no uncertainty" in line and "--relative-uncertainty" in line
-    options = ("--relative-uncertainty", "0.03", "--no-explain", "--fidelity", "string", "--json")
-    document = strict_json(run("fit", design, files, *options, "--out", tmp_path / "out").stdout)
+    options = ("--relative-uncertainty", "0.03", "--no-explain", "--json")
+    document = strict_json(run("fit", design, files, *options, *words).stdout)
     assert document["single_changes"] == [] and len(document["channels"]) == 4
     bare = tmp_path / "bare.toml"
     bare.write_text('[[mode]]\nlabel = "test pitch"\nfrequency = 0.8\nuncertainty = 0.01\n')
-    (line,) = assert_refused(run("fit", design, bare, "--out", tmp_path / "out"), bare)
+    (line,) = assert_refused(run("fit", design, bare, *words), bare)
     assert line.startswith("parameter: missing; name the numbers to fit")

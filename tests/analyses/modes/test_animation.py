@@ -18,6 +18,14 @@ from tests.support.paths import CONFIGS
 SINGLE = CONFIGS / "husman2000" / "table1-case3.toml"
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few():
+    """Half of the frames move as smoothly."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(animation, "FRAMES", 12)
+        yield
+
+
 @pytest.fixture(scope="module")
 def moving():
     design = sus.read(SINGLE)

@@ -338,7 +338,7 @@ def test_models_that_random_builds_do_not_have(tmp_path):
         TRIPLE,
         tmp_path / "out",
     )
-    assert (
-        line
-        == '--fidelity = "violin": is not valid for imperfect builds; take auto, string or beam'
+    assert line == (
+        '--fidelity = "violin": cannot compute these results of imperfect builds; take auto,'
+        " string or beam, which can"
     )

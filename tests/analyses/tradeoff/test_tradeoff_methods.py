@@ -390,12 +390,12 @@ def test_coupling_rebuilt_agrees_with_the_design_perturbed(double):
     in 50 digits."""
     np.testing.assert_allclose(
         imperfect_builds.rebuilt(double, np.ones(1)),
-        imperfect_builds.string_reference(double),
+        imperfect_builds.reference(double, "string"),
         rtol=1e-9,
     )
     np.testing.assert_allclose(
         imperfect_builds.rebuilt(double, np.ones(1), "violin"),
-        imperfect_builds.reference(double),
+        imperfect_builds.reference(double, double.imperfect.top),
         rtol=1e-9,
     )
 

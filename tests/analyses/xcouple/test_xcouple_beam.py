@@ -394,15 +394,15 @@ def test_command(level, tmp_path):
         (
             ("--fidelity", "force"),
             (
-                '--fidelity = "force": is not valid for imperfect builds; take auto, string, beam'
-                " or violin"
+                '--fidelity = "force": cannot compute these results of imperfect builds; take'
+                " auto, string, beam or violin, which can"
             ),
         ),
         (
             ("--fidelity", "closed-form"),
             (
-                '--fidelity = "closed-form": is not valid for imperfect builds; take auto, string,'
-                " beam or violin"
+                '--fidelity = "closed-form": cannot compute these results of imperfect builds; take'
+                " auto, string, beam or violin, which can"
             ),
         ),
     ],
