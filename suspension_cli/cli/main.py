@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from typing import Any
 
 import click
@@ -9,6 +10,9 @@ import click
 from suspension_cli.cli.commands import COMMANDS, get, summary
 from suspension_cli.cli.endings import guard_streams, in_one_line
 from suspension_cli.version import __version__
+
+MANY = 50_000
+"""Objects made between two collections of garbage: a run imports many, and none is garbage."""
 
 
 class LazyGroup(click.Group):
@@ -49,6 +53,7 @@ class LazyGroup(click.Group):
         **extra: Any,
     ) -> click.Context:
         """Parse the options before the command; `--help` and `--version` print here."""
+        gc.set_threshold(MANY, 20, 20)
         guard_streams()
         with in_one_line():
             return super().make_context(info_name, args, parent, **extra)

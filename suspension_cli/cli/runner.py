@@ -67,6 +67,9 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         if one.setting.get("plot") or (
             one.setting.get("plot", False) is None and not given["as_json"]
         ):
+            from suspension_cli.drawing.quick_import import import_matplotlib
+
+            import_matplotlib()
             for end, figure in result.figures(**one.setting).items():
                 form = one.setting.get("picture_format", "png")
                 draw(figure, path.with_name(f"{path.stem}{end}.{form}"), voice)
