@@ -171,28 +171,13 @@ def test_save_writes_a_png(tmp_path):
 
 
 def test_a_png_has_the_pixels_of_the_canvas():
-    """Texts, drawn as a whole, lie within a pixel of where Matplotlib puts their letters."""
     figure = style.new_figure(4.6, 1.3)  # 4.6 x 180 is 827.99...
-    style.write_text(figure, 0.1, 0.1, "text, Ågil", colour="#0072b2")
-    figure.text(0.5, 0.5, "pale", alpha=0.4, va="center")
-    figure.text(0.8, 0.2, "up", rotation=90)
-    figure.text(0.9, 0.2, "$10^{-6}$", ha="right")
-    figure.add_axes((0.3, 0.1, 0.1, 0.2))
-    image = Image.open(io.BytesIO(style.encode(figure)))
+    style.write_text(figure, 0.1, 0.1, "text", colour="#0072b2")
+    stream = io.BytesIO(style.encode(figure))
+    image = Image.open(stream)
     reference = io.BytesIO()
-    with style.house_style():
-        figure.savefig(reference, format="png", dpi=style.DPI)
-    ours = 255 - np.asarray(image, dtype=int)
-    theirs = 255 - np.asarray(Image.open(reference).convert("RGB"), dtype=int)
-    assert ours.shape == theirs.shape
-    apart = ours.shape[1] // 2 + 130  # right of it nothing is drawn as a whole
-    assert (ours[:, apart:] == theirs[:, apart:]).all()
-    for row in (slice(0, 60), slice(60, 140)):
-        one, two = (part[row, :apart].sum(-1) for part in (ours, theirs))
-        assert one.sum() == pytest.approx(two.sum(), rel=0.06)
-        for axis in (0, 1):
-            ends = [np.flatnonzero(part.sum(axis) > 100)[[0, -1]] for part in (one, two)]
-            assert np.abs(ends[0] - ends[1]).max() <= 1
+    figure.savefig(reference, format="png", dpi=style.DPI)
+    assert (np.asarray(image) == np.asarray(Image.open(reference).convert("RGB"))).all()
     assert image.info["Software"] == "pendsus" and image.info["dpi"][0] == pytest.approx(
         style.DPI, 1e-3
     )
