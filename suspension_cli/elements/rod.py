@@ -56,35 +56,6 @@ def stiffness(
     return np.stack([-2 * rigidity * kappa2 * half * tanc, 2 * rigidity / half / tanc])
 
 
-def integrate_squares(
-    rigidity: Inexact[np.ndarray, " frequency"] | complex,
-    mass: Inexact[np.ndarray, " frequency"] | complex,
-    half: float,
-    omega: Inexact[np.ndarray, " frequency"],
-    ends: Inexact[np.ndarray, "2 motion frequency"],
-) -> tuple[Float[np.ndarray, "motion frequency"], Float[np.ndarray, "motion frequency"]]:
-    """Integrals of |u'|^2 and of |u|^2 along the rod.
-
-    Parameters
-    ----------
-    rigidity, mass, half, omega
-        As for `stiffness`.
-    ends
-        U_s and U_a of r motions, m or rad.
-
-    Returns
-    -------
-    strain, displacement
-        u of stretching: m and m^3; of twisting: 1/m and m.
-    """
-    even, odd = np.real(ends) ** 2 + np.imag(ends) ** 2
-    strain, displacement = square_integrals(rigidity, mass, half, omega)
-    return (
-        even * strain[0] + odd * strain[1],
-        even * displacement[0] + odd * displacement[1],
-    )
-
-
 def square_integrals(rigidity: Any, mass: Any, half: float, omega: Any) -> tuple[Any, Any]:
     """Integrals of |u'|^2 and of |u|^2 along the rod for U_s = 1 and for U_a = 1: (2, f) each.
 
