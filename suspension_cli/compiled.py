@@ -75,11 +75,15 @@ def _one_process() -> Iterator[None]:
                 file.close()
 
 
-def compiled(function: Any) -> Any:
+_UNCALLED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Options of functions that Python does not call: what converts the arguments is left out."""
+
+
+def compiled(function: Any, **options: Any) -> Any:
     """Compile a function when it is first called, and keep it on disk."""
     before, config.CACHE_DIR = config.CACHE_DIR, _FOLDER
     try:
-        made: Any = njit(cache=True, error_model="numpy", nogil=True)(function)
+        made: Any = njit(cache=True, error_model="numpy", nogil=True, **options)(function)
     finally:
         config.CACHE_DIR = before
     compile_or_load = made.compile
@@ -89,12 +93,41 @@ def compiled(function: Any) -> Any:
             return compile_or_load(signature)
 
     made.compile = compile_alone
-    return made
+    return _without_literals(made)
+
+
+def inner(function: Any) -> Any:
+    """Compile a function that only compiled functions call, and keep it on disk."""
+    return compiled(function, **_UNCALLED)
 
 
 def inlined(function: Any) -> Any:
     """Compile a small function into each compiled function that calls it."""
-    return njit(error_model="numpy", forceinline=True)(function)
+    return _without_literals(njit(error_model="numpy", forceinline=True, **_UNCALLED)(function))
+
+
+def _without_literals(made: Any) -> Any:
+    """Compile a function once for all values of a number that calls of it give literally."""
+    template = made.get_call_template
+
+    def general_template(args: Any, kws: Any) -> Any:
+        keywords = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return template(tuple(types.unliteral(kind) for kind in args), keywords)
+
+    made.get_call_template = general_template
+    return made
+
+
+def constant(array: Any, shape: tuple[int, ...] | None = None) -> Any:
+    """Contiguous array, broadcast to a shape, that cannot be written.
+
+    A loop is compiled for each kind of array: those that it only reads had better be of one kind.
+    """
+    if shape is not None and array.shape != shape:
+        array = np.broadcast_to(array, shape)
+    result = np.ascontiguousarray(array).view()
+    result.flags.writeable = False
+    return result
 
 
 def _keep_memory() -> None:
@@ -134,9 +167,7 @@ event.register("numba:compile", _Announcement())
 
 
 @compiled
-def factorise(
-    matrix: Any, factor: Any, pivot: Any, where: Any, kept: int = 0, first: int = 0
-) -> float:
+def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int, first: int) -> float:
     """Factorise L D L^T from the lower triangle of a symmetric matrix (n, n), real or complex.
 
     The `first` rows and columns of the matrix are left out.
@@ -235,7 +266,7 @@ def _add_product(high: float, low: float, a: float, b: float) -> tuple[float, fl
     return total, low + error + ((high - (total - t)) + (product - t))
 
 
-@compiled
+@inner
 def _subtract_product(matrix: Any, x: Any, sign: float, high: Any, low: Any) -> None:
     """Subtract sign A x from a sum, for a real symmetric A (n, n) given by its lower triangle."""
     for i in range(len(x)):
@@ -265,19 +296,23 @@ def _residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
 
 def _real_residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
     high, low = work[0], work[1]
-    high[:], low[:] = right, 0.0
+    for i in range(len(x)):
+        high[i], low[i] = right[i], 0.0
     _subtract_product(matrix, x, 1.0, high, low)
-    result[:] = high + low
+    for i in range(len(x)):
+        result[i] = high[i] + low[i]
 
 
 def _complex_residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
     high, low = work[0], work[1]
-    high[:], low[:] = right.real, 0.0
+    for i in range(len(x)):
+        high[i], low[i] = right[i].real, 0.0
     _subtract_product(matrix.real, x.real, 1.0, high, low)
     _subtract_product(matrix.imag, x.imag, -1.0, high, low)
     for i in range(len(x)):
         result[i] = high[i] + low[i]
-    high[:], low[:] = right.imag, 0.0
+    for i in range(len(x)):
+        high[i], low[i] = right[i].imag, 0.0
     _subtract_product(matrix.real, x.imag, 1.0, high, low)
     _subtract_product(matrix.imag, x.real, 1.0, high, low)
     for i in range(len(x)):
@@ -308,7 +343,7 @@ def least_pivots(matrix: Any, mass: Any, rigid: float, result: Any) -> None:
         for i in range(size):
             for j in range(i + 1):
                 shifted[i, j] = matrix[p, i + 6, j + 6] + shift * mass[p, i + 6, j + 6]
-        factorise(shifted, factor, pivot, where)
+        factorise(shifted, factor, pivot, where, 0, 0)
         least = np.inf
         for i in range(size):
             relative = pivot[i] / abs(shifted[i, i])

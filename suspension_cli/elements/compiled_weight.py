@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.compiled import compiled, inlined
+from suspension_cli.compiled import inlined, inner
 from suspension_cli.elements import weight
 from suspension_cli.elements.compiled_vectors import (
     add_block,
@@ -101,7 +101,7 @@ def _lift(gravity: Any, bodies: Any, body: int, shift: Any, arm: Any) -> Any:
     return lift
 
 
-@compiled
+@inner
 def _add_tide(
     slope: Any, own: Any, turn: Any, first: int, gradient: Any, hessian: Any, curved: bool
 ) -> None:
@@ -147,7 +147,7 @@ def add_bodies(
             _add_tide(_slope(gravity), own, matrix(turn, n + 1), first, gradient, hessian, curved)
 
 
-@compiled
+@inner
 def add_lines(
     bodies: Any,
     ends: Any,
@@ -194,11 +194,13 @@ def add_lines(
         _add_force(force, l, arm_l, gradient, hessian, curved)
         if curved and len(gravity) > 1:
             slope = _slope(gravity)
-            rows, motion = np.full((2, 9), len(hessian)), np.zeros((2, 9, 3))
+            rows, motion = np.empty((2, 9), dtype=np.int64), np.zeros((2, 9, 3))
             _fill_motion(u, arm_u, rows[0], motion[0])
             _fill_motion(l, arm_l, rows[1], motion[1])
+            for axis in range(3):
+                rows[0, 6 + axis] = tips[b, axis] if b >= 0 else len(hessian)
+                rows[1, 6 + axis] = len(hessian)
             if b >= 0:
-                rows[0, 6:] = tips[b]
                 add_block(motion[0], 6, 0, transposed(added(diagonal(1.0), matrix(turn, u))))
             _add_slope(multiple(m_uu, slope), rows[0], motion[0], rows[0], motion[0], hessian)
             _add_slope(multiple(m_ul, slope), rows[0], motion[0], rows[1], motion[1], hessian)
@@ -206,7 +208,7 @@ def add_lines(
             _add_slope(multiple(m_ll, slope), rows[1], motion[1], rows[1], motion[1], hessian)
 
 
-@compiled
+@inner
 def _fill_motion(body: int, arm: Any, rows: Any, motion: Any) -> None:
     """Fill in the coordinates of a body, and the motion of a point of it per coordinate."""
     for i in range(6):
@@ -215,7 +217,7 @@ def _fill_motion(body: int, arm: Any, rows: Any, motion: Any) -> None:
     add_block(motion, 3, 0, cross_matrix(arm))
 
 
-@compiled
+@inner
 def _add_slope(form: Any, rows: Any, left: Any, columns: Any, right: Any, hessian: Any) -> None:
     """Add J_l F J_r^T to the lower triangle."""
     for i in range(9):

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.compiled import compiled
+from suspension_cli.compiled import compiled, inner
 from suspension_cli.elements.beam import COEFFICIENT, EPS, GAP_TERMS, SERIES, TERMS
 from suspension_cli.scene.composition import Fibre
 
@@ -42,7 +42,7 @@ def wire_sections(fibres: tuple[Fibre, ...]) -> Any:
     return result
 
 
-@compiled
+@inner
 def _static_slopes(rigidity: float, tension: float, length: float) -> tuple[float, float, float]:
     """Static stiffness of a beam under tension on the slopes a, b of its ends to the chord.
 
@@ -64,7 +64,7 @@ def _static_slopes(rigidity: float, tension: float, length: float) -> tuple[floa
     return (odd + even) / 4, (odd - even) / 4, (odd + even) / 4
 
 
-@compiled
+@inner
 def join_slopes(
     upper: tuple[float, float, float],
     lower: tuple[float, float, float],
@@ -95,7 +95,7 @@ def join_slopes(
     )
 
 
-@compiled
+@inner
 def _slope_energy(upper: Any, lower: Any, one: Any, other: Any) -> float:
     return (
         upper[0] * one[0] * other[0]
@@ -107,7 +107,7 @@ def _slope_energy(upper: Any, lower: Any, one: Any, other: Any) -> float:
     )
 
 
-@compiled
+@inner
 def _gap_series(square: complex) -> complex:
     """Sum cosh u - sinh(u)/u, see `beam`."""
     term, total = square / 6, 0.0 * square
@@ -117,15 +117,15 @@ def _gap_series(square: complex) -> complex:
     return total
 
 
-@compiled
+@inner
 def join(upper: Any, lower: Any, above: float, below: float) -> None:
     """Join two beams (4, 4) of given lengths on (W, phi, a, b), in place of the upper one.
 
     See `joined_sections`.
     """
     p, q = 1 / above, -1 / below
-    node = np.empty((2, 4), dtype=upper.dtype)  # forces on eta and zeta per W, phi, a, b
-    push, pull = np.empty(4, dtype=upper.dtype), np.empty(4, dtype=upper.dtype)
+    node = np.empty((2, 4), dtype=np.complex128)  # forces on eta and zeta per W, phi, a, b
+    push, pull = np.empty(4, dtype=np.complex128), np.empty(4, dtype=np.complex128)
     for k in range(4):
         push[k] = upper[k, 0] / 2 + p * (upper[k, 1] - upper[k, 2] - upper[k, 3])
         pull[k] = lower[k, 0] / 2 + q * (lower[k, 1] - lower[k, 2] - lower[k, 3])
@@ -138,7 +138,7 @@ def join(upper: Any, lower: Any, above: float, below: float) -> None:
     node[0, 2], node[1, 2] = push[2], upper[2, 3]
     node[0, 3], node[1, 3] = pull[3], lower[2, 3]
     over = 1 / (ee * zz - ez * ez)
-    one, other = np.empty((4, 4), dtype=upper.dtype), np.empty((4, 4), dtype=upper.dtype)
+    one, other = np.empty((4, 4), dtype=np.complex128), np.empty((4, 4), dtype=np.complex128)
     for j in range(4):
         eta = (ez * node[1, j] - zz * node[0, j]) * over
         zeta = (ez * node[0, j] - ee * node[1, j]) * over
@@ -151,8 +151,8 @@ def join(upper: Any, lower: Any, above: float, below: float) -> None:
         form[1, 1] += 1.0
     one[2, 2] += 1.0
     other[3, 3] += 1.0
-    force = np.empty((2, 4), dtype=upper.dtype)
-    whole = np.empty((4, 4), dtype=upper.dtype)
+    force = np.empty((2, 4), dtype=np.complex128)
+    whole = np.empty((4, 4), dtype=np.complex128)
     for j in range(4):
         for k in range(4):
             first = second = 0.0 * ee
@@ -165,10 +165,12 @@ def join(upper: Any, lower: Any, above: float, below: float) -> None:
             for k in range(4):
                 total += one[k, i] * force[0, k] + other[k, i] * force[1, k]
             whole[i, j] = whole[j, i] = total
-    upper[:] = whole
+    for i in range(4):
+        for j in range(4):
+            upper[i, j] = whole[i, j]
 
 
-@compiled
+@inner
 def _to_ends(stiffness: Any, length: float) -> None:
     """Transform a stiffness (4, 4) on (W, phi, a, b) to w_1, w'_1, w_2, w'_2, in place."""
     for _ in range(2):
@@ -181,7 +183,7 @@ def _to_ends(stiffness: Any, length: float) -> None:
                 stiffness[i, j], stiffness[j, i] = stiffness[j, i], stiffness[i, j]
 
 
-@compiled
+@inner
 def _resting_slopes(
     sections: Any, wire: int, plane: int, tension: float, stretch: float
 ) -> tuple[float, float, float]:
@@ -226,7 +228,7 @@ def hinge_distances(
         result[p, 0], result[p, 1] = upper, lower
 
 
-@compiled
+@inner
 def resting(
     sections: Any,
     wire: int,
@@ -269,7 +271,7 @@ def resting(
     flex[wire, last] = torsion if torsion > 0 else 1 / twist
 
 
-@compiled
+@inner
 def _odd_series(p: complex, n: complex) -> complex:
     """Sum the series of N, see `beam._series`."""
     complete = np.empty(TERMS + 1, dtype=np.complex128)
@@ -286,7 +288,7 @@ def _odd_series(p: complex, n: complex) -> complex:
     return total
 
 
-@compiled
+@inner
 def _tanh(z: complex) -> complex:
     """Hyperbolic tangent for Re z >= 0; that of the library overflows."""
     if abs(z) < 1.0:
@@ -295,7 +297,7 @@ def _tanh(z: complex) -> complex:
     return (1 - decay) / (1 + decay)
 
 
-@compiled
+@inner
 def _dynamic_beam(
     rigidity: complex, tension: float, mass: complex, length: float, omega: float, result: Any
 ) -> None:
@@ -337,7 +339,7 @@ def _dynamic_beam(
     result[2, 3] = result[3, 2] = (odd_dd - even_tt) / 4
 
 
-@compiled
+@inner
 def _join_rod(
     rigidity: complex, mass: complex, length: float, omega: float, springs: Any, first: bool
 ) -> None:
@@ -421,7 +423,7 @@ def add_dynamic(
             stretch = length / drawn
             stiffer = own[23] * stretching * stretch
             turning = own[24] * twisting * stretch if own[24] > 0 else 1.0
-            normal[0] = own[3:6]
+            normal[0, 0], normal[0, 1], normal[0, 2] = own[3], own[4], own[5]
             _fill_cross(e, normal[0], normal[1])
             for plane in range(2):
                 if plane == 0 or sections[n, 0, ROUND] == 0.0:
@@ -476,19 +478,20 @@ UPPER = np.array([0, 1, 2, 3, 4, 5, 12, 13, 14])
 LOWER = np.array([6, 7, 8, 9, 10, 11])
 
 
-@compiled
+@inner
 def _fill_cross(a: Any, b: Any, out: Any) -> None:
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@inner
 def _fill_forms(own: Any, n: Any, up: Any, low: Any) -> None:
     """Deflection along n and slope there of the upper end, per coordinate (2, 9); lower (2, 6)."""
     e = own[:3]
     up[:], low[:] = 0.0, 0.0
-    up[0, :3], low[0, :3] = n, n
+    for axis in range(3):
+        up[0, axis] = low[0, axis] = n[axis]
     _fill_cross(own[6:9], n, up[0, 3:6])
     _fill_cross(own[9:12], n, low[0, 3:6])
     for axis in range(3):
@@ -497,7 +500,7 @@ def _fill_forms(own: Any, n: Any, up: Any, low: Any) -> None:
     _fill_cross(e, n, low[1, 3:6])
 
 
-@compiled
+@inner
 def _add_block(
     left: Any, right: Any, block: Any, one: Any, rows: Any, two: Any, columns: Any, target: Any
 ) -> None:
@@ -518,7 +521,7 @@ def _add_block(
                     target[b, a] += value
 
 
-@compiled
+@inner
 def _add_along(form: Any, stiffness: complex, where: Any, rows: Any, target: Any) -> None:
     size = len(target)
     for i in range(len(form)):
@@ -532,7 +535,7 @@ def _add_along(form: Any, stiffness: complex, where: Any, rows: Any, target: Any
                     target[b, a] += value
 
 
-@compiled
+@inner
 def _add_twist(
     e: Any, between: complex, upper: complex, lower: complex, where: Any, target: Any
 ) -> None:
@@ -546,7 +549,7 @@ def _add_twist(
             target[l, v] -= between * product
 
 
-@compiled
+@inner
 def _join_bends(
     sections: Any,
     angles: Any,

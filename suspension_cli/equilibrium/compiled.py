@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from suspension_cli.compiled import compiled, factorise, inlined, substitute
+from suspension_cli.compiled import compiled, constant, factorise, inlined, inner, substitute
 from suspension_cli.elements import bending
 from suspension_cli.elements.compiled import (
     BEND,
@@ -165,7 +165,7 @@ def _table(batch: tuple[int, ...], part: Any, names: tuple[str, ...]) -> Any:
     return result
 
 
-@compiled
+@inner
 def _evaluate(
     topology: Any,
     gravity: Any,
@@ -243,7 +243,7 @@ def _evaluate(
     )
 
 
-@compiled
+@inner
 def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, arm: Any) -> float:
     """Fill the scale of the residual in every coordinate but the support's; largest lever arm."""
     ends, wires, springs = topology.wires, numbers.wires, numbers.springs
@@ -279,7 +279,7 @@ def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, ar
     return largest
 
 
-@compiled
+@inner
 def _rotate_by(vector: Any, turn: Any, step: Any, product: Any) -> None:
     """Multiply a rotation 1 + `turn` by that of a rotation vector, see `rotations`."""
     x, y, z = vector[0], vector[1], vector[2]
@@ -300,10 +300,12 @@ def _rotate_by(vector: Any, turn: Any, step: Any, product: Any) -> None:
         for j in range(3):
             total = step[i, 0] * turn[0, j] + step[i, 1] * turn[1, j] + step[i, 2] * turn[2, j]
             product[i, j] = step[i, j] + turn[i, j] + total
-    turn[:] = product
+    for i in range(3):
+        for j in range(3):
+            turn[i, j] = product[i, j]
 
 
-@compiled
+@inner
 def _residual(gradient: Any, target: Any, scale: Any) -> float:
     largest = 0.0
     for i in range(len(scale)):
@@ -313,7 +315,7 @@ def _residual(gradient: Any, target: Any, scale: Any) -> float:
     return largest
 
 
-@compiled
+@inner
 def _largest_size(values: Any) -> float:
     result = 0.0
     for value in values.flat:
@@ -321,7 +323,7 @@ def _largest_size(values: Any) -> float:
     return result
 
 
-@compiled
+@inner
 def _rounding(ends: Any, wires: Any, tension: Any, pose: Any, scale: Any) -> float:
     """Residual that rounding may cause, see `solve`."""
     shift, turn, _ = pose
@@ -484,7 +486,7 @@ def _tangents(
                     masses[p, 6 * n + 9 + i, 6 * n + 9 + j] = value
 
 
-@compiled
+@inner
 def _turn_tensor(turn: Any, tensor: Any, turned: Any, result: Any) -> None:
     """Turn a tensor J to R J R^T with R = 1 + `turn`; all (3, 3)."""
     for i in range(3):
@@ -516,9 +518,10 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any,
     packed, count, size = pack(scene, numbering), scene.batch[0], numbering.size
     soft, stiffness, mass = (np.empty((count, size, size)) for _ in range(3))
     form = np.empty((count, len(scene.wires.label), size))
-    poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
+    # copies that can be written, as those of `newton`: else `_evaluate` is compiled again
+    poses = tuple(np.array(part, order="C") for part in (pose.shift, pose.turn, pose.deflection))
     inertia = scene.bodies.inertia
-    inertia = np.ascontiguousarray(np.broadcast_to(inertia, (count, *inertia.shape[-3:])))
+    inertia = constant(inertia, (count, *inertia.shape[-3:]))
     made = (soft, form, stiffness, mass)
     _tangents(*packed, inertia, poses, *made)
     return made
@@ -545,8 +548,8 @@ def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> 
     """
     topology, _, numbers = pack(scene, numbering)
     result = np.empty((*scene.batch, len(scene.wires.label), 25))
-    poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
-    _geometries(topology, numbers, poses, np.ascontiguousarray(tension), result)
+    poses = tuple(constant(part) for part in (pose.shift, pose.turn, pose.deflection))
+    _geometries(topology, numbers, poses, constant(tension), result)
     return topology.place, topology.sections, result
 
 
@@ -582,7 +585,7 @@ def newton(
         )
     )
     free = target if np.isscalar(target) else target[..., 6:]
-    targets = np.ascontiguousarray(np.broadcast_to(free, (count, numbering.size - 6)))
+    targets = constant(np.asarray(free, dtype=float), (count, numbering.size - 6))
     results = {
         "tension": np.zeros((count, len(scene.wires.label))),
         "residual": np.empty(count),
