@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import hashlib
 import math
 import os
@@ -21,7 +22,8 @@ from typing import Any
 
 import numpy as np
 from numba import config as _config
-from numba import njit, types
+from numba import njit as _njit
+from numba import types
 from numba.core import event
 from numba.extending import intrinsic, overload
 
@@ -46,6 +48,7 @@ def _cache_folder() -> str:
 
 
 config: Any = _config
+njit: Any = _njit
 _FOLDER = config.CACHE_DIR or _cache_folder()
 
 
@@ -55,9 +58,13 @@ _depth = 0
 
 @contextlib.contextmanager
 def _one_process() -> Iterator[None]:
-    """Let one process at a time compile: the others wait, and load what it has kept."""
+    """Let one process at a time compile: the others wait, and load what it has kept.
+
+    The compiler makes millions of objects, few of them garbage: they are searched less often.
+    """
     global _depth
     with _THREADS:
+        thresholds = gc.get_threshold()
         if _depth or fcntl is None:
             file = None
         else:
@@ -67,10 +74,12 @@ def _one_process() -> Iterator[None]:
             except OSError:  # a folder that cannot be written, or a file system without locks
                 file = None
         _depth += 1
+        gc.set_threshold(100_000, 20, 20)
         try:
             yield
         finally:
             _depth -= 1
+            gc.set_threshold(*thresholds)
             if file is not None:
                 file.close()
 
