@@ -21,7 +21,8 @@ from typing import Any
 
 import numpy as np
 from numba import config as _config
-from numba import njit, types
+from numba import njit as _njit
+from numba import types
 from numba.core import event
 from numba.extending import intrinsic, overload
 
@@ -32,6 +33,7 @@ except ImportError:  # Windows
 
 
 config: Any = _config
+njit: Any = _njit
 
 
 def _cache_folder() -> str:
@@ -104,12 +106,38 @@ def compiled(function: Any) -> Any:
             return compile_or_load(signature)
 
     made.compile = compile_alone
-    return made
+    return _without_literals(made)
 
 
 def inlined(function: Any) -> Any:
     """Compile a small function into each compiled function that calls it."""
-    return njit(error_model="numpy", forceinline=True)(function)
+    # Python does not call it: what would convert its arguments is left out
+    uncalled = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return _without_literals(njit(error_model="numpy", forceinline=True, **uncalled)(function))
+
+
+def _without_literals(made: Any) -> Any:
+    """Compile a function once for all values of a number that calls of it give literally."""
+    template = made.get_call_template
+
+    def general_template(args: Any, kws: Any) -> Any:
+        keywords = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return template(tuple(types.unliteral(kind) for kind in args), keywords)
+
+    made.get_call_template = general_template
+    return made
+
+
+def constant(array: Any, shape: tuple[int, ...] | None = None) -> Any:
+    """Contiguous array, broadcast to a shape, that cannot be written.
+
+    A loop is compiled for each kind of array: those that it only reads had better be of one kind.
+    """
+    if shape is not None and array.shape != shape:
+        array = np.broadcast_to(array, shape)
+    result = np.ascontiguousarray(array).view()
+    result.flags.writeable = False
+    return result
 
 
 def _keep_memory() -> None:
@@ -149,9 +177,7 @@ event.register("numba:compile", _Announcement())
 
 
 @compiled
-def factorise(
-    matrix: Any, factor: Any, pivot: Any, where: Any, kept: int = 0, first: int = 0
-) -> float:
+def factorise(matrix: Any, factor: Any, pivot: Any, where: Any, kept: int, first: int) -> float:
     """Factorise L D L^T from the lower triangle of a symmetric matrix (n, n), real or complex.
 
     The `first` rows and columns of the matrix are left out.
@@ -280,19 +306,23 @@ def _residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
 
 def _real_residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
     high, low = work[0], work[1]
-    high[:], low[:] = right, 0.0
+    for i in range(len(x)):
+        high[i], low[i] = right[i], 0.0
     _subtract_product(matrix, x, 1.0, high, low)
-    result[:] = high + low
+    for i in range(len(x)):
+        result[i] = high[i] + low[i]
 
 
 def _complex_residual(matrix: Any, x: Any, right: Any, work: Any, result: Any) -> Any:
     high, low = work[0], work[1]
-    high[:], low[:] = right.real, 0.0
+    for i in range(len(x)):
+        high[i], low[i] = right[i].real, 0.0
     _subtract_product(matrix.real, x.real, 1.0, high, low)
     _subtract_product(matrix.imag, x.imag, -1.0, high, low)
     for i in range(len(x)):
         result[i] = high[i] + low[i]
-    high[:], low[:] = right.imag, 0.0
+    for i in range(len(x)):
+        high[i], low[i] = right[i].imag, 0.0
     _subtract_product(matrix.real, x.imag, 1.0, high, low)
     _subtract_product(matrix.imag, x.real, 1.0, high, low)
     for i in range(len(x)):
@@ -323,7 +353,7 @@ def least_pivots(matrix: Any, mass: Any, rigid: float, result: Any) -> None:
         for i in range(size):
             for j in range(i + 1):
                 shifted[i, j] = matrix[p, i + 6, j + 6] + shift * mass[p, i + 6, j + 6]
-        factorise(shifted, factor, pivot, where)
+        factorise(shifted, factor, pivot, where, 0, 0)
         least = np.inf
         for i in range(size):
             relative = pivot[i] / abs(shifted[i, i])

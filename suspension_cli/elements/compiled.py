@@ -355,11 +355,11 @@ def add_blades(
 
 
 @compiled
-def _cross_matrix(vector: Any, out: Any) -> None:
-    out[:] = 0.0
-    out[0, 1], out[0, 2] = -vector[2], vector[1]
-    out[1, 0], out[1, 2] = vector[2], -vector[0]
-    out[2, 0], out[2, 1] = -vector[1], vector[0]
+def _fill_cross(a: Any, out: Any) -> None:
+    out[0, 0] = out[1, 1] = out[2, 2] = 0.0
+    out[0, 1], out[0, 2] = -a[2], a[1]
+    out[1, 0], out[1, 2] = a[2], -a[0]
+    out[2, 0], out[2, 1] = -a[1], a[0]
 
 
 @compiled
@@ -383,44 +383,53 @@ def add_springs(
 ) -> None:
     """Add the derivatives of the energy of all springs of one build, see `spring`."""
     shift, turn, _ = pose
-    eye = np.eye(3)
-    reach = np.empty(3)
-    strain, pull, force = np.empty(6), np.empty(6), np.empty(3)
+    strain, pull, stiffness = np.empty(6), np.empty(6), np.empty((6, 6))
     jacobian, product, skew = np.zeros((6, 12)), np.empty((6, 12)), np.empty((3, 3))
+    above, below = np.empty((3, 3)), np.empty((3, 3))
+    to_upper, to_lower = np.empty((3, 3)), np.empty((3, 3))
     q, g, part = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     place = np.empty(12, dtype=np.int64)
+    # elements one by one: expressions of whole arrays take seconds to compile
     for n in range(len(springs)):
-        own, u, l = springs[n], ends[n, 0], ends[n, 1]
-        above, below = eye + turn[u], eye + turn[l]
-        stiffness, to_upper = own[6:42].reshape(6, 6), above.T.copy()
-        arm = turned(matrix(turn, l), vector(springs, n, 3))
+        u, l = ends[n, 0], ends[n, 1]
         for i in range(3):
-            reach[i] = own[i] - own[3 + i] + shift[l, i] - shift[u, i] + arm[i]
-            place[i], place[3 + i], place[6 + i], place[9 + i] = (
-                6 * u + i,
-                6 * u + 3 + i,
-                6 * l + i,
-                6 * l + 3 + i,
-            )
+            place[i], place[3 + i] = 6 * u + i, 6 * u + 3 + i
+            place[6 + i], place[9 + i] = 6 * l + i, 6 * l + 3 + i
+            for j in range(3):
+                one = 1.0 if i == j else 0.0
+                above[i, j], below[i, j] = one + turn[u, i, j], one + turn[l, i, j]
+                to_upper[j, i], to_lower[j, i] = above[i, j], below[i, j]
+        upper, lower = vector(springs, n, 0), vector(springs, n, 3)
+        arm = turned(matrix(turn, l), lower)
+        moved = minus(plus(minus(upper, lower), vector(shift, l, 0)), vector(shift, u, 0))
+        reach = plus(moved, arm)
         _multiply(to_upper, below, q)
         for i in range(3):
-            strain[i] = dot(to_upper[i], reach) - own[i]
+            strain[i] = dot(vector(to_upper, i, 0), reach) - springs[n, i]
         strain[3], strain[4] = (q[2, 1] - q[1, 2]) / 2, (q[0, 2] - q[2, 0]) / 2
         strain[5] = (q[1, 0] - q[0, 1]) / 2
         for i in range(6):
-            pull[i] = -own[42 + i]
+            pull[i] = -springs[n, 42 + i]
             for j in range(6):
+                stiffness[i, j] = springs[n, 6 + 6 * i + j]
                 pull[i] += stiffness[i, j] * strain[j]
-        jacobian[:3, :3], jacobian[:3, 6:9] = -to_upper, to_upper
-        _cross_matrix(arm, skew)
+        _fill_cross(arm, skew)
         _multiply(to_upper, skew, part)
-        jacobian[:3, 9:12] = -part
-        _cross_matrix(reach, skew)
+        for i in range(3):
+            for j in range(3):
+                jacobian[i, j], jacobian[i, 6 + j] = -to_upper[i, j], to_upper[i, j]
+                jacobian[i, 9 + j] = -part[i, j]
+        _fill_cross(reach, skew)
         _multiply(to_upper, skew, part)
-        jacobian[:3, 3:6] = part
         trace = q[0, 0] + q[1, 1] + q[2, 2]
-        _multiply(0.5 * (trace * eye - q), to_upper, part)
-        jacobian[3:, 3:6], jacobian[3:, 9:12] = -part, part
+        for i in range(3):
+            for j in range(3):
+                jacobian[i, 3 + j] = part[i, j]
+                skew[i, j] = 0.5 * ((trace if i == j else 0.0) - q[i, j])
+        _multiply(skew, to_upper, part)
+        for i in range(3):
+            for j in range(3):
+                jacobian[3 + i, 3 + j], jacobian[3 + i, 9 + j] = -part[i, j], part[i, j]
         for i in range(12):
             for k in range(6):
                 gradient[place[i]] += jacobian[k, i] * pull[k]
@@ -432,14 +441,13 @@ def add_springs(
                 for k in range(6):
                     hessian[place[i], place[j]] += jacobian[k, i] * product[k, j]
         # second derivatives of the strain times the pull
-        for i in range(3):
-            force[i] = dot(above[i], pull[:3])
-        _cross_matrix(pull[3:], skew)
+        force = turned(matrix(turn, u), (pull[0], pull[1], pull[2]))
+        _fill_cross((pull[3], pull[4], pull[5]), skew)
         _multiply(above, skew, part)
-        _multiply(part, below.T.copy(), g)
+        _multiply(part, to_lower, g)
         trace = g[0, 0] + g[1, 1] + g[2, 2]
         along_arm, along_reach = dot(arm, force), dot(reach, force)
-        _cross_matrix(force, skew)
+        _fill_cross(force, skew)
         for i in range(3):
             for j in range(3):
                 one = 1.0 if i == j else 0.0

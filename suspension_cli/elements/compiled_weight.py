@@ -194,11 +194,13 @@ def add_lines(
         _add_force(force, l, arm_l, gradient, hessian, curved)
         if curved and len(gravity) > 1:
             slope = _slope(gravity)
-            rows, motion = np.full((2, 9), len(hessian)), np.zeros((2, 9, 3))
+            rows, motion = np.empty((2, 9), dtype=np.int64), np.zeros((2, 9, 3))
             _fill_motion(u, arm_u, rows[0], motion[0])
             _fill_motion(l, arm_l, rows[1], motion[1])
+            for axis in range(3):
+                rows[0, 6 + axis] = tips[b, axis] if b >= 0 else len(hessian)
+                rows[1, 6 + axis] = len(hessian)
             if b >= 0:
-                rows[0, 6:] = tips[b]
                 add_block(motion[0], 6, 0, transposed(added(diagonal(1.0), matrix(turn, u))))
             _add_slope(multiple(m_uu, slope), rows[0], motion[0], rows[0], motion[0], hessian)
             _add_slope(multiple(m_ul, slope), rows[0], motion[0], rows[1], motion[1], hessian)

@@ -124,8 +124,8 @@ def join(upper: Any, lower: Any, above: float, below: float) -> None:
     See `joined_sections`.
     """
     p, q = 1 / above, -1 / below
-    node = np.empty((2, 4), dtype=upper.dtype)  # forces on eta and zeta per W, phi, a, b
-    push, pull = np.empty(4, dtype=upper.dtype), np.empty(4, dtype=upper.dtype)
+    node = np.empty((2, 4), dtype=np.complex128)  # forces on eta and zeta per W, phi, a, b
+    push, pull = np.empty(4, dtype=np.complex128), np.empty(4, dtype=np.complex128)
     for k in range(4):
         push[k] = upper[k, 0] / 2 + p * (upper[k, 1] - upper[k, 2] - upper[k, 3])
         pull[k] = lower[k, 0] / 2 + q * (lower[k, 1] - lower[k, 2] - lower[k, 3])
@@ -138,7 +138,7 @@ def join(upper: Any, lower: Any, above: float, below: float) -> None:
     node[0, 2], node[1, 2] = push[2], upper[2, 3]
     node[0, 3], node[1, 3] = pull[3], lower[2, 3]
     over = 1 / (ee * zz - ez * ez)
-    one, other = np.empty((4, 4), dtype=upper.dtype), np.empty((4, 4), dtype=upper.dtype)
+    one, other = np.empty((4, 4), dtype=np.complex128), np.empty((4, 4), dtype=np.complex128)
     for j in range(4):
         eta = (ez * node[1, j] - zz * node[0, j]) * over
         zeta = (ez * node[0, j] - ee * node[1, j]) * over
@@ -151,8 +151,8 @@ def join(upper: Any, lower: Any, above: float, below: float) -> None:
         form[1, 1] += 1.0
     one[2, 2] += 1.0
     other[3, 3] += 1.0
-    force = np.empty((2, 4), dtype=upper.dtype)
-    whole = np.empty((4, 4), dtype=upper.dtype)
+    force = np.empty((2, 4), dtype=np.complex128)
+    whole = np.empty((4, 4), dtype=np.complex128)
     for j in range(4):
         for k in range(4):
             first = second = 0.0 * ee
@@ -165,7 +165,9 @@ def join(upper: Any, lower: Any, above: float, below: float) -> None:
             for k in range(4):
                 total += one[k, i] * force[0, k] + other[k, i] * force[1, k]
             whole[i, j] = whole[j, i] = total
-    upper[:] = whole
+    for i in range(4):
+        for j in range(4):
+            upper[i, j] = whole[i, j]
 
 
 @compiled
@@ -421,7 +423,7 @@ def add_dynamic(
             stretch = length / drawn
             stiffer = own[23] * stretching * stretch
             turning = own[24] * twisting * stretch if own[24] > 0 else 1.0
-            normal[0] = own[3:6]
+            normal[0, 0], normal[0, 1], normal[0, 2] = own[3], own[4], own[5]
             _fill_cross(e, normal[0], normal[1])
             for plane in range(2):
                 if plane == 0 or sections[n, 0, ROUND] == 0.0:
@@ -488,7 +490,8 @@ def _fill_forms(own: Any, n: Any, up: Any, low: Any) -> None:
     """Deflection along n and slope there of the upper end, per coordinate (2, 9); lower (2, 6)."""
     e = own[:3]
     up[:], low[:] = 0.0, 0.0
-    up[0, :3], low[0, :3] = n, n
+    for axis in range(3):
+        up[0, axis] = low[0, axis] = n[axis]
     _fill_cross(own[6:9], n, up[0, 3:6])
     _fill_cross(own[9:12], n, low[0, 3:6])
     for axis in range(3):

@@ -130,7 +130,8 @@ def _known_distances(
 
 def _batch_distances(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
     """Hinge distances (p, 2) of a wire in many builds, see `_hinge_distances`."""
-    from suspension_cli.elements import compiled_wire  # takes half a second
+    from suspension_cli.compiled import constant  # takes half a second
+    from suspension_cli.elements import compiled_wire
 
     del k  # bending does not depend on it
     result = np.empty((*length.shape, 2))
@@ -138,8 +139,8 @@ def _batch_distances(fibre: Fibre, length: Any, k: Any, tension: Any) -> Any:
         compiled_wire.wire_sections((fibre,)),
         0,
         CLAMP_ITERATIONS,
-        np.ascontiguousarray(length),
-        np.ascontiguousarray(tension),
+        constant(length),
+        constant(tension),
         result,
     )
     return result

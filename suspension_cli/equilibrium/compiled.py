@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from suspension_cli.compiled import compiled, factorise, inlined, substitute
+from suspension_cli.compiled import compiled, constant, factorise, inlined, substitute
 from suspension_cli.elements import bending
 from suspension_cli.elements.compiled import (
     BEND,
@@ -300,7 +300,9 @@ def _rotate_by(vector: Any, turn: Any, step: Any, product: Any) -> None:
         for j in range(3):
             total = step[i, 0] * turn[0, j] + step[i, 1] * turn[1, j] + step[i, 2] * turn[2, j]
             product[i, j] = step[i, j] + turn[i, j] + total
-    turn[:] = product
+    for i in range(3):
+        for j in range(3):
+            turn[i, j] = product[i, j]
 
 
 @compiled
@@ -516,9 +518,10 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any,
     packed, count, size = pack(scene, numbering), scene.batch[0], numbering.size
     soft, stiffness, mass = (np.empty((count, size, size)) for _ in range(3))
     form = np.empty((count, len(scene.wires.label), size))
-    poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
+    # copies that can be written, as those of `newton`: else `_evaluate` is compiled again
+    poses = tuple(np.array(part, order="C") for part in (pose.shift, pose.turn, pose.deflection))
     inertia = scene.bodies.inertia
-    inertia = np.ascontiguousarray(np.broadcast_to(inertia, (count, *inertia.shape[-3:])))
+    inertia = constant(inertia, (count, *inertia.shape[-3:]))
     made = (soft, form, stiffness, mass)
     _tangents(*packed, inertia, poses, *made)
     return made
@@ -545,8 +548,8 @@ def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> 
     """
     topology, _, numbers = pack(scene, numbering)
     result = np.empty((*scene.batch, len(scene.wires.label), 25))
-    poses = tuple(np.ascontiguousarray(part) for part in (pose.shift, pose.turn, pose.deflection))
-    _geometries(topology, numbers, poses, np.ascontiguousarray(tension), result)
+    poses = tuple(constant(part) for part in (pose.shift, pose.turn, pose.deflection))
+    _geometries(topology, numbers, poses, constant(tension), result)
     return topology.place, topology.sections, result
 
 
@@ -582,7 +585,7 @@ def newton(
         )
     )
     free = target if np.isscalar(target) else target[..., 6:]
-    targets = np.ascontiguousarray(np.broadcast_to(free, (count, numbering.size - 6)))
+    targets = constant(np.asarray(free, dtype=float), (count, numbering.size - 6))
     results = {
         "tension": np.zeros((count, len(scene.wires.label))),
         "residual": np.empty(count),

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.compiled import compiled, factorise, residual, substitute
+from suspension_cli.compiled import compiled, constant, factorise, residual, substitute
 from suspension_cli.linear.system import LinearSystem
 
 SMALL = 1e-6
@@ -38,6 +38,7 @@ def respond(
     omega: Any,
     soft: Any,
     mass: Any,
+    loss: Any,
     damping: Any,
     added: Any,
     form: Any,
@@ -61,8 +62,9 @@ def respond(
         1j; any number in real systems, which have no damping.
     which, omega : (q,) arrays
         Build and frequency, rad/s, of each system.
-    soft, mass, damping : (p, N, N) arrays
-        Of the builds; the stiffness without the stretching of wires; damping (0, N, N) for none.
+    soft, mass, loss, damping : (p, N, N) arrays
+        Of the builds; real and imaginary part of the stiffness without the stretching of wires;
+        loss and damping (0, N, N) for none.
     added : (q, N, N) array
         Further stiffness of each system; (0, N, N) for none.
     form : (p, w, N) array
@@ -78,7 +80,6 @@ def respond(
     free, wires = len(order), form.shape[1]
     size, last = free + wires, first_light + wires
     kind = result.dtype
-    nothing, no_stiffness = np.zeros((0, 0)), np.zeros((0, 0), dtype=kind)
     matrix, factor = np.zeros((size, size), dtype=kind), np.zeros((size, size), dtype=kind)
     pivot, x, b = np.empty(size, dtype=kind), np.empty(size, dtype=kind), np.empty(size, dtype=kind)
     left, work = np.empty(size, dtype=kind), np.empty((2, size))
@@ -98,10 +99,12 @@ def respond(
                 matrix[place[n], place[m]] = value
             for j in range(6):
                 drawn[place[n], j] = soft[p, i, j] - square * mass[p, i, j]
-        if len(damping) or len(added):
-            c = damping[p] if len(damping) else nothing
-            more = added[q] if len(added) else no_stiffness
-            _add_further(order, place, unit * w, c, more, matrix, drawn)
+        if len(loss):
+            _add_further(order, place, unit, loss[p], matrix, drawn)
+        if len(damping):
+            _add_further(order, place, unit * w, damping[p], matrix, drawn)
+        if len(added):
+            _add_further(order, place, unit * 0.0 + 1.0, added[q], matrix, drawn)
         for n in range(wires):
             row = first_light + n
             for m in range(wires):
@@ -115,45 +118,41 @@ def respond(
                     matrix[place[m], row] = value
             for j in range(6):
                 drawn[row, j] = form[p, n, j]
-        good[q] = factorise(matrix, factor, pivot, where) > SMALL
+        good[q] = factorise(matrix, factor, pivot, where, 0, 0) > SMALL
         if not good[q]:
             continue
         for column in range(moves.shape[2]):
-            b[first_light:last] = 0.0
+            for i in range(first_light, last):
+                b[i] = 0.0
             for n in range(free):
                 b[place[n]] = forces[p, order[n] - 6, column]
             for j in range(6):
                 if moves[p, j, column] != 0.0:
                     for i in range(size):
                         b[i] -= drawn[i, j] * moves[p, j, column]
-            x[:] = b
+            for i in range(size):
+                x[i] = b[i]
             substitute(factor, x)
             for _ in range(refinements):
                 residual(matrix, x, b, work, left)
                 substitute(factor, left)
-                x += left
+                for i in range(size):
+                    x[i] += left[i]
             for n in range(free):
                 result[q, order[n] - 6, column] = x[place[n]]
 
 
 @compiled
 def _add_further(
-    order: Any, place: Any, factor: Any, damping: Any, added: Any, matrix: Any, drawn: Any
+    order: Any, place: Any, factor: Any, further: Any, matrix: Any, drawn: Any
 ) -> None:
-    """Add factor times damping (N, N) and further stiffness (N, N) to one system, if not empty."""
+    """Add a multiple of a matrix (N, N) to the stiffness of one system."""
     for n in range(len(order)):
         i = order[n]
         for m in range(n + 1):
-            j = order[m]
-            if len(damping):
-                matrix[place[n], place[m]] += factor * damping[i, j]
-            if len(added):
-                matrix[place[n], place[m]] += added[i, j]
+            matrix[place[n], place[m]] += factor * further[i, order[m]]
         for j in range(6):
-            if len(damping):
-                drawn[place[n], j] += factor * damping[i, j]
-            if len(added):
-                drawn[place[n], j] += added[i, j]
+            drawn[place[n], j] += factor * further[i, j]
 
 
 @compiled
@@ -190,7 +189,7 @@ def condense_tips(
                     matrix[row, m] = form[p, n, order[m]]
                 else:
                     matrix[m + wires, row] = form[p, n, order[m]]
-        factorise(matrix, factor, pivot, where, first_light)
+        factorise(matrix, factor, pivot, where, first_light, 0)
         result[p] = 0.0
         for n in range(free):
             for m in range(n + 1 if n < first_light else 0):
@@ -246,9 +245,9 @@ def without_tips(model: LinearSystem) -> LinearSystem:
     assert separated is not None
     light = model.massless[6:]
     order = 6 + np.concatenate([np.flatnonzero(~light), np.flatnonzero(light)])
-    soft = np.ascontiguousarray(np.real(separated.soft))
+    soft = constant(np.real(separated.soft))
     stiffness = np.broadcast_to(np.real(separated.stiffness), separated.form.shape[:2])
     result = np.empty(soft.shape)
-    form = np.ascontiguousarray(separated.form)
-    condense_tips(order, int((~light).sum()), soft, form, 1 / stiffness, result)
+    form, compliance = constant(separated.form), constant(1 / stiffness)
+    condense_tips(order, int((~light).sum()), soft, form, compliance, result)
     return replace(model, stiffness=result, lossy=None, separated=None)

@@ -119,12 +119,11 @@ def solve_batch(
         Whether to use compiled loops, which are faster in large batches.
     """
     if loops:
-        from suspension_cli.linear import compiled  # takes half a second
+        from suspension_cli.compiled import constant  # takes half a second
+        from suspension_cli.linear import compiled
 
         root, dynamic = np.empty(mass.shape), np.empty(mass.shape)
-        compiled.scale_by_mass(
-            np.ascontiguousarray(mass), np.ascontiguousarray(stiffness), root, dynamic
-        )
+        compiled.scale_by_mass(constant(mass), constant(stiffness), root, dynamic)
     else:
         root = np.linalg.cholesky(mass)
         inverse = np.linalg.inv(root)

@@ -82,7 +82,8 @@ class WireBatchTerm:
         which: Int[np.ndarray, " build"],
     ) -> None:
         """Add the bending and twisting; set the compliances."""
-        from suspension_cli.elements import compiled_wire  # takes half a second
+        from suspension_cli.compiled import constant  # takes half a second
+        from suspension_cli.elements import compiled_wire
 
         values, number = np.unique(omega, return_inverse=True)
         whole = dynamic
@@ -90,7 +91,7 @@ class WireBatchTerm:
             whole = np.zeros((len(which), self.size, self.size), dtype=complex)
         compiled_wire.add_dynamic(
             which,
-            np.ascontiguousarray(omega),
+            constant(omega),
             number,
             self.place,
             self.sections,

@@ -193,8 +193,8 @@ def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:
     from suspension_cli import compiled  # takes half a second
 
     least = np.empty(len(model.stiffness))
-    mass = np.ascontiguousarray(np.broadcast_to(model.mass, model.stiffness.shape))
-    compiled.least_pivots(np.ascontiguousarray(model.stiffness), mass, RIGID, least)
+    mass = compiled.constant(model.mass, model.stiffness.shape)
+    compiled.least_pivots(compiled.constant(model.stiffness), mass, RIGID, least)
     return ~(least > 0)
 
 

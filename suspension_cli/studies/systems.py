@@ -215,7 +215,8 @@ def _respond_compiled(
     forces: Float[np.ndarray, "every coordinate input"],
 ) -> tuple[Inexact[np.ndarray, "system coordinate input"], Bool[np.ndarray, " system"]]:
     """Solve for the coordinates of systems by compiled loops; also, whether these could."""
-    from suspension_cli.linear import compiled  # takes half a second
+    from suspension_cli.compiled import constant  # takes half a second
+    from suspension_cli.linear import compiled
 
     separated = model.separated
     assert separated is not None
@@ -225,10 +226,7 @@ def _respond_compiled(
     lossy = added is not None or damped.any() or np.iscomplexobj(separated.soft)
     kind = complex if lossy else float
     batch, size = model.batch, model.size
-    whole = (*batch, size, size)
-    damping = np.zeros((0, size, size))
-    if damped.any():
-        damping = np.ascontiguousarray(np.broadcast_to(model.damping, whole))
+    whole, none = (*batch, size, size), np.zeros((0, size, size))
     result = np.empty((len(which), size - 6, moves.shape[-1]), dtype=kind)
     good = np.empty(len(which), dtype=bool)
     compiled.respond(
@@ -238,15 +236,16 @@ def _respond_compiled(
         1 if light[6 * len(model.body) :].all() else 2,
         1j if lossy else 0.0,
         which,
-        np.ascontiguousarray(omega),
-        np.ascontiguousarray(separated.soft),
-        np.ascontiguousarray(np.broadcast_to(model.mass, whole)),
-        damping,
-        np.zeros((0, size, size), dtype=kind) if added is None else added,
-        np.ascontiguousarray(separated.form),
-        np.ascontiguousarray(compliance, dtype=kind),
-        np.ascontiguousarray(moves),
-        np.ascontiguousarray(forces),
+        constant(omega),
+        constant(np.real(separated.soft)),
+        constant(model.mass, whole),
+        constant(np.imag(separated.soft) if np.iscomplexobj(separated.soft) else none),
+        constant(model.damping, whole) if damped.any() else constant(none),
+        constant(none.astype(kind) if added is None else added),
+        constant(separated.form),
+        constant(compliance.astype(kind, copy=False)),
+        constant(moves),
+        constant(forces),
         result,
         good,
     )

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.compiled import factorise, substitute
+from suspension_cli.compiled import constant, factorise, substitute
 from suspension_cli.elements import compiled_wire, joined_sections
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.equilibrium import bending_wires, compiled, solve
@@ -130,7 +130,7 @@ def test_dynamic_stiffness_of_a_wire(massive, seed):
     compliance = np.zeros((7, 1), dtype=complex)
     compiled_wire.add_dynamic(
         np.zeros(7, dtype=np.int64),
-        omega,
+        constant(omega),
         np.arange(7),
         place,
         one.sections[:1],
@@ -169,7 +169,7 @@ def test_factors():
         matrix[:4, 5:] = matrix[5:, :4] = 0.0
         right = rng.normal(size=9).astype(kind)
         factor, pivot = np.zeros((9, 9), dtype=kind), np.empty(9, dtype=kind)
-        least = factorise(matrix, factor, pivot, np.empty(9, dtype=np.int64))
+        least = factorise(matrix, factor, pivot, np.empty(9, dtype=np.int64), 0, 0)
         assert least == pytest.approx(np.abs(pivot / np.diag(matrix)).min(), rel=1e-14)
         assert np.prod(pivot) == pytest.approx(np.linalg.det(matrix), rel=1e-12)
         x = right.copy()
