@@ -46,7 +46,6 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     """Run an analysis with the options of its command."""
     from suspension_cli.files.atomic import write_bytes
 
-    analysis.prepare()
     given = ctx.params
     voice = terminal.Voice(quiet=given["quiet"], verbose=given["verbose"])
     files = {param.name: given[param.name] for param in analysis.arguments}
