@@ -31,24 +31,42 @@ except ImportError:  # Windows
     fcntl = None
 
 
+config: Any = _config
+
+
 def _cache_folder() -> str:
-    """Folder for compiled loops: numba does not notice that something in another file changed."""
+    """Folder for compiled loops, new after any change of the code; "" if none can be written."""
+    if config.CACHE_DIR and _is_writable(Path(config.CACHE_DIR)):
+        return config.CACHE_DIR
+    # numba does not notice that something in another file changed
     here = Path(__file__).parent
     constants = [here / "elements" / "beam.py", here / "equilibrium" / "residual_scale.py"]
     files = (*sorted(here.rglob("compiled*.py")), *constants)
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:16]
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pendsus" / digest
+    with contextlib.suppress(RuntimeError):  # a user without home
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        if _is_writable(home / "pendsus" / digest):
+            return str(home / "pendsus" / digest)
+    with contextlib.suppress(OSError):
+        user = os.getuid() if hasattr(os, "getuid") else 0
+        shared = Path(tempfile.gettempdir()) / f"pendsus-{user}-{digest}"
+        # what is loaded from there is executed
+        if _is_writable(shared) and shared.stat().st_uid == user:
+            return str(shared)
+    return ""
+
+
+def _is_writable(folder: Path) -> bool:
+    """Whether files can be written to a folder, which is made if missing."""
     try:
-        home.mkdir(parents=True, exist_ok=True)
-    except OSError:  # a home that cannot be written
-        return str(Path(tempfile.gettempdir()) / f"pendsus-{os.getuid()}-{digest}")
-    return str(home)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
 
 
-config: Any = _config
-_FOLDER = config.CACHE_DIR or _cache_folder()
-
-
+_FOLDER = _cache_folder()
 _THREADS = threading.RLock()
 _depth = 0
 
@@ -57,29 +75,26 @@ _depth = 0
 def _one_process() -> Iterator[None]:
     """Let one process at a time compile: the others wait, and load what it has kept."""
     global _depth
-    with _THREADS:
-        if _depth or fcntl is None:
-            file = None
-        else:
-            try:
-                file = open(Path(_FOLDER) / "lock", "w")  # noqa: SIM115
+    with _THREADS, contextlib.ExitStack() as stack:
+        if not _depth and _FOLDER and fcntl is not None:
+            # a folder that cannot be written any more, or a file system without locks
+            with contextlib.suppress(OSError):
+                file = stack.enter_context(open(Path(_FOLDER) / "lock", "w"))
                 fcntl.flock(file, fcntl.LOCK_EX)
-            except OSError:  # a folder that cannot be written, or a file system without locks
-                file = None
+                # explicitly: a process forked meanwhile keeps the file open
+                stack.callback(fcntl.flock, file, fcntl.LOCK_UN)
         _depth += 1
         try:
             yield
         finally:
             _depth -= 1
-            if file is not None:
-                file.close()
 
 
 def compiled(function: Any) -> Any:
-    """Compile a function when it is first called, and keep it on disk."""
+    """Compile a function when it is first called, and keep it on disk where that is possible."""
     before, config.CACHE_DIR = config.CACHE_DIR, _FOLDER
     try:
-        made: Any = njit(cache=True, error_model="numpy", nogil=True)(function)
+        made: Any = njit(cache=bool(_FOLDER), error_model="numpy", nogil=True)(function)
     finally:
         config.CACHE_DIR = before
     compile_or_load = made.compile

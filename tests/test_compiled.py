@@ -32,3 +32,26 @@ def test_a_folder_that_cannot_be_written(monkeypatch, tmp_path):
     monkeypatch.setattr(compiled, "_FOLDER", str(tmp_path / "missing"))
     with compiled._one_process():
         pass
+
+
+def test_folders_that_cannot_be_written(monkeypatch, tmp_path):
+    """The cache of the user, else a folder for temporary files, else none."""
+    home, temporary = tmp_path / "home", tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr(compiled.config, "CACHE_DIR", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home))
+    monkeypatch.setattr(compiled.tempfile, "tempdir", str(temporary))
+    assert compiled._cache_folder().startswith(str(home / "pendsus"))
+    monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null")
+    assert compiled._cache_folder().startswith(str(temporary / "pendsus-"))
+    monkeypatch.setattr(compiled.tempfile, "tempdir", "/dev/null")
+    assert compiled._cache_folder() == ""
+    monkeypatch.setattr(compiled.config, "CACHE_DIR", str(tmp_path))
+    assert compiled._cache_folder() == str(tmp_path)
+
+
+def test_without_a_folder_nothing_is_kept(monkeypatch):
+    monkeypatch.setattr(compiled, "_FOLDER", "")
+    double = compiled.compiled(lambda x: 2 * x)
+    assert double(3.0) == 6.0
+    assert not double.stats.cache_hits and not double.stats.cache_path

@@ -82,6 +82,8 @@ GAP_TERMS = 10
 class Waves:
     """Wave numbers of a wire at given frequencies, and the functions of them that recur.
 
+    Sections of a wire may be an axis in front of the frequencies.
+
     Attributes
     ----------
     half : float or array
@@ -98,14 +100,14 @@ class Waves:
         D (1/m) and N (m).
     """
 
-    half: Inexact[np.ndarray, "*#frequency"] | float
-    alpha2: Inexact[np.ndarray, " frequency"]
-    beta2: Inexact[np.ndarray, " frequency"]
-    tanh: Inexact[np.ndarray, " frequency"]
-    sin: Inexact[np.ndarray, " frequency"]
-    cos: Inexact[np.ndarray, " frequency"]
-    even: Inexact[np.ndarray, " frequency"]
-    odd: Inexact[np.ndarray, " frequency"]
+    half: Inexact[np.ndarray, "*#shape"] | float
+    alpha2: Inexact[np.ndarray, "*shape"]
+    beta2: Inexact[np.ndarray, "*shape"]
+    tanh: Inexact[np.ndarray, "*shape"]
+    sin: Inexact[np.ndarray, "*shape"]
+    cos: Inexact[np.ndarray, "*shape"]
+    even: Inexact[np.ndarray, "*shape"]
+    odd: Inexact[np.ndarray, "*shape"]
 
     @cached_property
     def sections(self) -> list[Waves]:
@@ -114,17 +116,17 @@ class Waves:
         return [Waves(*(getattr(self, name)[n] for name in names)) for n in range(len(self.sin))]
 
     @cached_property
-    def sum2(self) -> Inexact[np.ndarray, " frequency"]:
+    def sum2(self) -> Inexact[np.ndarray, "*shape"]:
         """alpha^2 + beta^2, 1/m^2."""
         return self.alpha2 + self.beta2
 
     @cached_property
-    def alpha(self) -> Inexact[np.ndarray, " frequency"]:
+    def alpha(self) -> Inexact[np.ndarray, "*shape"]:
         """Evanescent wave number, 1/m."""
         return np.sqrt(self.alpha2)
 
     @cached_property
-    def beta(self) -> Inexact[np.ndarray, " frequency"]:
+    def beta(self) -> Inexact[np.ndarray, "*shape"]:
         """Propagating wave number, 1/m."""
         return np.sqrt(self.beta2)
 
@@ -134,17 +136,17 @@ class Waves:
         return {}
 
     @cached_property
-    def slow(self) -> Bool[np.ndarray, " frequency"]:
-        """Whether (f,) the wire is so stiff, or omega so low, that the closed form of N cancels."""
+    def slow(self) -> Bool[np.ndarray, "*shape"]:
+        """Whether the wire is so stiff, or omega so low, that the closed form of N cancels."""
         return np.abs(self.sum2) * self.half**2 < SERIES
 
 
 def waves(
-    rigidity: Inexact[np.ndarray, " frequency"] | complex,
-    tension: Inexact[np.ndarray, " frequency"] | float,
-    mass: Inexact[np.ndarray, " frequency"] | complex,
-    half: Inexact[np.ndarray, "*#frequency"] | float,
-    omega: Inexact[np.ndarray, " frequency"],
+    rigidity: Inexact[np.ndarray, "*#shape"] | complex,
+    tension: Inexact[np.ndarray, "*#shape"] | float,
+    mass: Inexact[np.ndarray, "*#shape"] | complex,
+    half: Inexact[np.ndarray, "*#shape"] | float,
+    omega: Inexact[np.ndarray, "*#shape"],
 ) -> Waves:
     """Compute the waves of a wire.
 
@@ -181,17 +183,17 @@ def waves(
 
 
 def _avoid_zero(
-    a: Inexact[np.ndarray, " frequency"],
-    b: Inexact[np.ndarray, " frequency"],
-    total: Inexact[np.ndarray, " frequency"],
-) -> Inexact[np.ndarray, " frequency"]:
+    a: Inexact[np.ndarray, "*shape"],
+    b: Inexact[np.ndarray, "*shape"],
+    total: Inexact[np.ndarray, "*shape"],
+) -> Inexact[np.ndarray, "*shape"]:
     """Half a rounding of a and b where their sum vanishes exactly, at a clamped resonance."""
     return np.where(total == 0, EPS * (np.abs(a) + np.abs(b)), total)
 
 
 def stiffness(
-    rigidity: Inexact[np.ndarray, " frequency"] | complex, wave: Waves
-) -> Inexact[np.ndarray, "6 frequency"]:
+    rigidity: Inexact[np.ndarray, "*#shape"] | complex, wave: Waves
+) -> Inexact[np.ndarray, "6 ..."]:
     """Dynamic stiffness in one plane, as the elements of q^T F q / 2 with q = (W_s, T_s, W_a, T_a).
 
     For displacements w and slopes w' of the upper (1) and the lower end (2),
@@ -205,7 +207,7 @@ def stiffness(
 
     Returns
     -------
-    (6, f) array
+    (6, ...) array
         From `EVEN_WW` to `ODD_TT`: N/m (WW), N (WT), N m (TT).
     """
     odd = (
@@ -217,10 +219,10 @@ def stiffness(
 
 
 def chord_stiffness(
-    rigidity: Inexact[np.ndarray, " frequency"] | complex,
-    tension: Inexact[np.ndarray, " frequency"] | float,
+    rigidity: Inexact[np.ndarray, "*#shape"] | complex,
+    tension: Inexact[np.ndarray, "*#shape"] | float,
     wave: Waves,
-) -> Inexact[np.ndarray, "4 4 frequency"]:
+) -> Inexact[np.ndarray, "4 4 *shape"]:
     """Dynamic stiffness in one plane, on the chord and the slopes of the ends relative to it.
 
     Parameters
@@ -231,7 +233,7 @@ def chord_stiffness(
 
     Returns
     -------
-    (4, 4, f) array
+    (4, 4, ...) array
         On (W_s, phi, a, b): N/m, N and N m.
     """
     h = wave.half
@@ -259,7 +261,7 @@ def chord_stiffness(
     )
 
 
-def _even_elements(wave: Waves) -> tuple[Inexact[np.ndarray, " frequency"], ...]:
+def _even_elements(wave: Waves) -> tuple[Inexact[np.ndarray, "*shape"], ...]:
     """WW, WT and TT of the even motion over 2 EI."""
     product = wave.alpha2 * wave.beta2
     return (
@@ -269,7 +271,7 @@ def _even_elements(wave: Waves) -> tuple[Inexact[np.ndarray, " frequency"], ...]
     )
 
 
-def _gap_series(square: Inexact[np.ndarray, " frequency"]) -> Inexact[np.ndarray, " frequency"]:
+def _gap_series(square: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
     """cosh u - sinh(u)/u of u^2, the sum of 2k u^(2k) / (2k + 1)!, for |u| < 1; 0 above."""
     square = np.where(np.abs(square) < 1, square, 0)
     total = np.zeros_like(square)
@@ -279,8 +281,8 @@ def _gap_series(square: Inexact[np.ndarray, " frequency"]) -> Inexact[np.ndarray
 
 
 def _series(
-    p: Inexact[np.ndarray, " frequency"], n: Inexact[np.ndarray, " frequency"]
-) -> Inexact[np.ndarray, " frequency"]:
+    p: Inexact[np.ndarray, "*shape"], n: Inexact[np.ndarray, "*shape"]
+) -> Inexact[np.ndarray, "*shape"]:
     """(f0(p) f1(n) - f0(n) f1(p)) / (p - n), f0(z) = cosh sqrt z, f1(z) = sinh(sqrt z) / sqrt z.
 
     The product of their power series is the sum over i, j of
@@ -302,7 +304,7 @@ def _series(
     return total
 
 
-def resonances_below(wave: Waves) -> Int[np.ndarray, "*section frequency"]:
+def resonances_below(wave: Waves) -> Int[np.ndarray, "*shape"]:
     """Number of resonances of the wire with both ends clamped below each omega of its waves.
 
     The even ones are the zeros of D, tan(beta h) = -(alpha / beta) tanh(alpha h), one in each

@@ -195,8 +195,8 @@ def add_wires(
         Upper and lower body and blade, see `Wires`.
     tips : (b, 3) int array
         Coordinates of the tips of blades, see `Layout`.
-    sections : (w, m, 9) array
-        Sections of the wires, see `compiled_wire`; (0, 0, 9) for strings.
+    sections : (w, m, 10) array
+        Sections of the wires, see `compiled_wire`; (0, 0, 10) for strings.
     wires, flex : (w, 13) and (w, 19) arrays
         Numbers of the build; no flex, (0, 19), for strings without torsion. With sections, the
         stiffness against bending and twisting is set to that of the tension in this pose.

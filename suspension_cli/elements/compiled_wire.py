@@ -1,9 +1,9 @@
 """Bending and twisting of wires of one build, as loops that `numba` compiles.
 
 The formulas are those of `beam`, `rod`, `joined_sections` and `dynamic_wire`, which work on arrays;
-`tests/elements/test_compiled.py` compares both. A section of a wire is a row of 10 numbers: length
-(m), EI in both planes, EA, GJ, I_p/A, mass and polar moment of inertia per length, 1 if it is
-round, and the tension beyond that of the wire (N; of wires with mass).
+`tests/equilibrium/test_compiled.py` compares both. A section of a wire is a row of 10 numbers:
+length (m), EI in both planes, EA, GJ, I_p/A, mass and polar moment of inertia per length, 1 if it
+is round, and the tension beyond that of the wire (N; of wires with mass).
 """
 
 from __future__ import annotations
@@ -204,7 +204,7 @@ def hinge_distances(
 
     Parameters
     ----------
-    sections : (w, m, 9) array
+    sections : (w, m, 10) array
     wire, iterations : int
         Number of the wire, and of steps of the iteration.
     length, tension : (p,) arrays

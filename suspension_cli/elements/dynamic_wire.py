@@ -169,7 +169,7 @@ class WireAtFrequencies:
         joints = self._joined(self._twin(part))[1]
         if _is_bending(part):
             lengths = np.array([section.length for section in self.strand.fibre.sections])
-            chord = np.einsum("ij,jrf->irf", joined_sections.to_chord(lengths.sum()), motion)
+            chord = np.einsum("ij,jrf->irf", joined_sections.to_chord(lengths.sum(0)), motion)
             back = np.linalg.inv(joined_sections.to_chord(lengths))
             moved = joined_sections.section_motions(joints, chord)
             motions = np.einsum("nij,njrf->nirf", back, moved)

@@ -4,9 +4,8 @@ A point at the arm w of a body moves to w + t x w + t x (t x w)/2 when the body 
 t. The gradient F of an energy with respect to the point's position therefore contributes, to second
 order, F . (t x (t x w))/2 to the energy, with the Hessian (F w^T + w F^T)/2 - (F . w) I in t. It is
 linear in F w^T, as is the torque w x F, so these outer products are first summed over all points of
-a body. (Second-order
-expansion of the rotation about the current pose; compare Goldstein, Classical Mechanics, section
-4.8.)
+a body. (Second-order expansion of the rotation about the current pose; compare Goldstein, Classical
+Mechanics, section 4.8.)
 """
 
 from __future__ import annotations

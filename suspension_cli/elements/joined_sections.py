@@ -75,7 +75,7 @@ def join(
     lengths: Inexact[np.ndarray, "section *#frequency"],
 ) -> tuple[
     Inexact[np.ndarray, "4 4 frequency"],
-    list[tuple[Inexact[np.ndarray, "pair frequency 4 4"], ...]],
+    list[tuple[Inexact[np.ndarray, "_ frequency 4 4"], ...]],
     Int[np.ndarray, " frequency"],
 ]:
     """Join sections of a beam: each to its neighbour, then the joined ones, until one is left.
@@ -137,7 +137,7 @@ def join_rods(
     parts: Inexact[np.ndarray, "2 section frequency"],
 ) -> tuple[
     Inexact[np.ndarray, "2 2 frequency"],
-    list[tuple[Inexact[np.ndarray, "pair frequency 2 2"], ...]],
+    list[tuple[Inexact[np.ndarray, "_ frequency 2 2"], ...]],
     Int[np.ndarray, " frequency"],
 ]:
     """Join sections of a rod.
@@ -199,7 +199,7 @@ def _node_motion(
 
 
 def section_motions(
-    motions: list[tuple[Inexact[np.ndarray, "pair frequency end end"], ...]],
+    motions: list[tuple[Inexact[np.ndarray, "_ frequency end end"], ...]],
     motion: Inexact[np.ndarray, "end motion frequency"],
 ) -> Inexact[np.ndarray, "section end motion frequency"]:
     """Motion of every section, from that of the whole, in the coordinates that joined them.

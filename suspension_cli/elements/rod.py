@@ -26,12 +26,12 @@ other."""
 
 
 def stiffness(
-    rigidity: Inexact[np.ndarray, " frequency"] | complex,
-    mass: Inexact[np.ndarray, " frequency"] | complex,
-    half: float,
-    omega: Inexact[np.ndarray, " frequency"],
-) -> Inexact[np.ndarray, "2 frequency"]:
-    """Dynamic stiffness (2, f), the elements F_s and F_a of (F_s U_s^2 + F_a U_a^2) / 2.
+    rigidity: Inexact[np.ndarray, "*#shape"] | complex,
+    mass: Inexact[np.ndarray, "*#shape"] | complex,
+    half: Inexact[np.ndarray, "*#shape"] | float,
+    omega: Inexact[np.ndarray, "*#shape"],
+) -> Inexact[np.ndarray, "2 ..."]:
+    """Dynamic stiffness, the elements F_s and F_a of (F_s U_s^2 + F_a U_a^2) / 2.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ def stiffness(
         S in N (stretching, string) or N m^2 (twisting); complex with loss.
     mass
         Inertia per length: kg/m, or kg m for twisting; 0 without inertia.
-    half : float
+    half
         Half the length, m.
     omega
-        rad/s.
+        rad/s. Sections of a rod may be an axis in front of the frequencies.
 
     Returns
     -------
-    (2, f) array
+    (2, ...) array
         N/m or N m/rad.
     """
     kappa2 = mass * omega**2 / rigidity + 0 * omega
@@ -54,35 +54,6 @@ def stiffness(
     tanc = np.tan(angle) / np.where(angle == 0, 1.0, angle)
     tanc = np.where(angle == 0, 1.0, tanc)  # tan(kappa h) / (kappa h)
     return np.stack([-2 * rigidity * kappa2 * half * tanc, 2 * rigidity / half / tanc])
-
-
-def integrate_squares(
-    rigidity: Inexact[np.ndarray, " frequency"] | complex,
-    mass: Inexact[np.ndarray, " frequency"] | complex,
-    half: float,
-    omega: Inexact[np.ndarray, " frequency"],
-    ends: Inexact[np.ndarray, "2 motion frequency"],
-) -> tuple[Float[np.ndarray, "motion frequency"], Float[np.ndarray, "motion frequency"]]:
-    """Integrals of |u'|^2 and of |u|^2 along the rod.
-
-    Parameters
-    ----------
-    rigidity, mass, half, omega
-        As for `stiffness`.
-    ends
-        U_s and U_a of r motions, m or rad.
-
-    Returns
-    -------
-    strain, displacement
-        u of stretching: m and m^3; of twisting: 1/m and m.
-    """
-    even, odd = np.real(ends) ** 2 + np.imag(ends) ** 2
-    strain, displacement = square_integrals(rigidity, mass, half, omega)
-    return (
-        even * strain[0] + odd * strain[1],
-        even * displacement[0] + odd * displacement[1],
-    )
 
 
 def square_integrals(rigidity: Any, mass: Any, half: float, omega: Any) -> tuple[Any, Any]:
@@ -116,9 +87,12 @@ def square_integrals(rigidity: Any, mass: Any, half: float, omega: Any) -> tuple
 
 
 def resonances_below(
-    rigidity: float, mass: float, half: float, omega: Float[np.ndarray, "*frequency"] | float
-) -> Int[np.ndarray, "*frequency"]:
-    """Count resonances (f,) of the rod below each omega (rad/s) with clamped ends.
+    rigidity: Float[np.ndarray, "*#shape"] | float,
+    mass: Float[np.ndarray, "*#shape"] | float,
+    half: Float[np.ndarray, "*#shape"] | float,
+    omega: Float[np.ndarray, "*#shape"] | float,
+) -> Int[np.ndarray, "*shape"]:
+    """Count resonances of the rod below each omega (rad/s) with clamped ends.
 
     They lie at kappa L = pi, 2 pi, ... . Arguments as for `stiffness`, without loss.
     """

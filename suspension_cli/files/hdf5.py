@@ -21,7 +21,7 @@ from suspension_cli.files.atomic import write_bytes
 from suspension_cli.version import __version__
 
 Stored = Any
-"""A group or dataset to read: the types of h5py do not tell which an item of a group is."""
+"""A group or dataset to read: the types of h5py do not say which of both an item of a group is."""
 FORMAT_VERSION = 2
 """Raised when a reader of older files would misunderstand a new one."""
 

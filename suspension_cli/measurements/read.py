@@ -50,23 +50,6 @@ def read_all(measured: Measured, file: str | Path) -> list[MeasuredResponse]:
     return found
 
 
-def read_transfer_function(table: TransferFunction, folder: str | Path) -> MeasuredResponse:
-    """Read one transfer function of a file of measurements.
-
-    Parameters
-    ----------
-    table : TransferFunction
-    folder : path
-        From which `table.file` is named.
-
-    Raises
-    ------
-    InputError
-        If the file is at fault, with its line or column.
-    """
-    return _read(table, Path(folder), {})
-
-
 def read_bare(
     path: str | Path, *, input: str = "", output: str = "", **keys: Any
 ) -> list[MeasuredResponse]:

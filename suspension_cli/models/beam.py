@@ -53,7 +53,7 @@ def linear_model(scene: Scene, drag: Drag = (), *, massive: bool) -> LinearSyste
 
     Returns
     -------
-    LinearModel
+    LinearSystem
         Its stiffness is static and lossless; `terms` are the rest, functions of frequency.
 
     Raises
@@ -209,7 +209,7 @@ def linear_models(
 
     Returns
     -------
-    LinearModel
+    LinearSystem
         With the builds as first axis.
     Equilibrium
         Not necessarily converged.

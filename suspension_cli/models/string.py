@@ -61,7 +61,7 @@ def linear_model(
 
     Returns
     -------
-    LinearModel
+    LinearSystem
         If split, in symmetry-adapted coordinates, so that couplings that a symmetry forbids are
         exactly 0.
 
@@ -334,7 +334,7 @@ class SceneModel(Model):
 
         Returns
         -------
-        LinearModel
+        LinearSystem
             With the builds as first axis.
         Equilibrium
             Not necessarily converged.

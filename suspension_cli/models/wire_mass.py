@@ -30,7 +30,7 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene import fibres
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.composition import Fibre
 from suspension_cli.scene.scene import Scene
 
@@ -104,7 +104,7 @@ class MassiveWires:
     """
 
     label: tuple[str, ...]
-    lower: Array
+    lower: Index
     first: Array
     inertia: float
 
@@ -210,31 +210,6 @@ def _point(size: int, body: int, arm: Array) -> Array:
 
 def _percent(value: float) -> str:
     return f"{float(f'{100 * value:.2g}'):g} %"
-
-
-def first_violin(design: Design) -> tuple[float, str]:
-    """Lowest first violin mode (Hz) of all wires, as strings, and the name of that wire.
-
-    Infinite and "" without wires.
-
-    Parameters
-    ----------
-    design : Design
-        With a cross-section and a density for every wire.
-
-    Returns
-    -------
-    frequency : float
-        sqrt(T / mu) / (2 L) with the mean mass per length mu, Hz.
-    wire : str
-    """
-    wires = expand(design).wires
-    made = fibres.compose(design).wire
-    found = [
-        (first_violin_of(fibre, float(wires.tension[number])), fibre.label)
-        for number, fibre in enumerate(made)
-    ]
-    return min(found, key=lambda pair: pair[0], default=(np.inf, ""))
 
 
 def first_violin_of(fibre: Fibre, tension: float) -> float:

@@ -77,7 +77,7 @@ class Builds:
 
     Attributes
     ----------
-    model : LinearModel
+    model : LinearSystem
         With the builds as first axis; valid for builds with status `GOOD`.
     status : uint8 array
     wire : int16 array

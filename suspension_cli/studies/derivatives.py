@@ -119,7 +119,7 @@ class Differentiable:
     pose : Pose
     stiffness : array
         Of the suspension alone, without dampers and a compliant support.
-    model : LinearModel
+    model : LinearSystem
         The complete model, without symmetry-adapted coordinates.
     linear : Linear
         Its matrices.

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
-from suspension_cli.elements import rod
+from tests.elements.test_rod import integrate_squares
 from tests.support.commandline import run, strict_json, written
 
 PRESSURE, MOLAR, WARMTH = 20.0, 0.028, 300.0
@@ -112,7 +112,7 @@ def test_square_of_the_motion_along_a_rod(turns: float, angle: float):
     """Integral of |u|^2 against quadrature."""
     rigidity, half = 20.0 * (1 + 1j * angle), 0.35
     ends = np.array([[0.3 + 0.2j, 1.0, 0.0], [1.1, 0.0, 1.0]])
-    found = rod.integrate_squares(
+    found = integrate_squares(
         rigidity, 1e-3, half, np.array([turns / half * math.sqrt(20.0 / 1e-3)]), ends[:, :, None]
     )[1][:, 0]
     nodes, weights = np.polynomial.legendre.leggauss(200)

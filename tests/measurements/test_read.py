@@ -12,7 +12,8 @@ import pytest
 from suspension_cli.design import measured
 from suspension_cli.design.measured import TransferFunction
 from suspension_cli.errors import InputError
-from suspension_cli.measurements.read import read_all, read_bare, read_transfer_function
+from suspension_cli.measurements import read as reading
+from suspension_cli.measurements.read import read_all, read_bare
 from tests.support.dtt_files import document, result
 
 F = np.array([0.5, 1.0, 2.0])
@@ -33,10 +34,8 @@ def table(delimiter: str, *columns: np.ndarray) -> str:
 
 
 def read(path: Path, **keys):
-    return read_transfer_function(
-        TransferFunction(file=path.name, input="upper.force_x", output="upper.x", **keys),
-        path.parent,
-    )
+    table = TransferFunction(file=path.name, input="upper.force_x", output="upper.x", **keys)
+    return reading._read(table, path.parent, {})
 
 
 @pytest.mark.parametrize(

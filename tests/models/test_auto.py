@@ -84,7 +84,7 @@ def test_responses(seed):
 @pytest.mark.parametrize("seed", range(8))
 def test_thermal_noise(seed):
     design = random_design(seed)
-    first, _ = wire_mass.first_violin(design)
+    first = wire_mass.effect_on_noise(design, 1.0).lowest
     grid = np.geomspace(
         0.02 * 10 ** (seed % 3 - 1) * first / 30, 0.02 * 10 ** (seed % 3 - 1) * first, 100
     )

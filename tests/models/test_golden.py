@@ -58,6 +58,11 @@ def assert_close(found, expected, name=""):
         assert found == expected, name
 
 
+ROUNDING = {"pulled-fibres": 1e-15, "reaction-chain": 1e-14, "tower": 1e-15}
+"""Largest response times this: how far kernels of the linear algebra library differ in couplings
+that would be 0 by symmetry but for rounding. Others are 0 exactly, or known to all digits."""
+
+
 @pytest.mark.parametrize("config", golden.configs(), ids=lambda path: path.stem)
 def test_models_are_the_golden_ones(config):
     expected = json.loads(golden.golden_path(config).read_text())
@@ -81,8 +86,8 @@ def test_models_are_the_golden_ones(config):
             np.array(part["violin"]["real"]) + 1j * np.array(part["violin"]["imag"])
             for part in (found, expected)
         )
-        # couplings that are 0 by symmetry consist of rounding alone
-        limit = 1e-8 * np.abs(other) + 1e-14 * np.abs(other).max()
+        rounding = ROUNDING.get(config.stem, 1e-18)
+        limit = 1e-8 * np.abs(other) + rounding * np.abs(other).max()
         assert (np.abs(one - other) <= limit).all()
 
 

@@ -22,7 +22,7 @@ def test_where_the_mass_of_wires_counts(name):
     """Below the estimate, but on the flanks of resonances, which it moves; `auto` decides by it."""
     given = tomllib.loads((CONFIGS / f"{name}.toml").read_text())
     design = scenes.design_of(given)
-    first, _ = wire_mass.first_violin(design)
+    first = wire_mass.effect_on_noise(design, 1.0).lowest
     frequency = np.geomspace(0.05, 0.03 * first, 400)
     beam, violin = (
         noise(model_of(given, level), "test.x", frequency).amplitude for level in LEVELS
@@ -40,8 +40,9 @@ def test_where_the_mass_of_wires_counts(name):
 def test_neglecting_mass_changes_noise_at_each_end():
     """0.82 (f/f1)^2 of the sum, for a mass that keeps its wire's end upright; at most 3.3."""
     one = Pendulum(inertia=1e6, radius=2e-5)
-    first, wire = wire_mass.first_violin(scenes.design_of(one.raw()))
-    assert wire == "test.1"
+    effect = wire_mass.effect_on_noise(scenes.design_of(one.raw()), 1.0)
+    first = effect.lowest
+    assert effect.wire == "test.1"
     area = math.pi * one.radius**2
     assert first == pytest.approx(
         math.sqrt(one.tension / (one.density * area)) / (2 * one.length), rel=1e-12

@@ -138,7 +138,7 @@ def _exact_joined(length: float) -> Any:
 
 
 def _joined(length: float) -> Any:
-    """The same by `elements.joined_sections`."""
+    """Dynamic stiffness (4, 4) of a fibre with a thick end, by `elements.joined_sections`."""
     sections = _sections(length)
     ei, mass, lengths = (np.array(column)[:, None] for column in zip(*sections, strict=True))
     wave = beam.waves(ei, TENSION, mass, lengths / 2, _OMEGA)
@@ -147,7 +147,7 @@ def _joined(length: float) -> Any:
 
 
 def _eliminated(length: float) -> Any:
-    """The same by elimination of the deflection and slope of the node."""
+    """Dynamic stiffness (4, 4) of it, by elimination of the deflection and slope of the node."""
     both = np.zeros((6, 6))
     for (ei, mass, own), start in zip(_sections(length), (0, 2), strict=True):
         both[start : start + 4, start : start + 4] += _between_ends(ei, mass, own)

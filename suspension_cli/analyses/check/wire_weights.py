@@ -11,8 +11,8 @@ from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 
 NOTED = 4e-3
-"""Weight over tension above which a design that leaves it out is told: frequencies of pendulums
-change by up to a quarter of it."""
+"""Weight over tension above which `check` notes that a design leaves it out: frequencies of
+pendulums change by up to a quarter of it."""
 
 
 @dataclass(frozen=True)

@@ -234,12 +234,12 @@ def check_signals(items: Sequence[Item], known: tuple[str, ...]) -> None:
                     raise InputError(moved, item.file) from None
 
 
-def default_grid(items: Sequence[Item], points: int = 2000) -> Array:
-    """Return frequencies that cover all measurements and a little more, Hz."""
+def default_grid(items: Sequence[Item]) -> Array:
+    """Return 2000 frequencies that cover all measurements and a little more, Hz."""
     above = [item.data.frequency[item.data.frequency > 0] for item in items]
     low = min((float(f[0]) for f in above if len(f)), default=0.1)
     high = max((float(f[-1]) for f in above if len(f)), default=100.0)
-    return np.geomspace(low / 1.2, high * 1.2, points)
+    return np.geomspace(low / 1.2, high * 1.2, 2000)
 
 
 def compare(

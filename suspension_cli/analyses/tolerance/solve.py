@@ -79,7 +79,7 @@ class RandomBuilds:
         Number of builds.
     seed : int
         Seed of the random numbers.
-    question : Question
+    question : CouplingRequest
         The cross-coupling to compute; its wire and body are ignored.
     allow_unstable : bool
         Whether a build with an unstable equilibrium counts as valid.
@@ -206,8 +206,8 @@ class RandomBuilds:
         )
         with np.errstate(all="ignore"):
             omega_squared = follow_modes(found, self._start[1], self._start[2])
-            asked = self.question
-            ratio = _ratio(found, asked.frequency, asked.input, asked.over, asked.under)
+            wanted = self.question
+            ratio = _ratio(found, wanted.frequency, wanted.input, wanted.over, wanted.under)
             response = [
                 _ratio(found, (one.frequency,), one.input, one.over, one.under)[:, 0]
                 for one in self.ratios
