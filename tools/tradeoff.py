@@ -1,7 +1,8 @@
 """Time and error of all models and methods, for the paper's designs and other examples.
 
 Writes `results/tradeoff.md`, `results/tradeoff.png` (the fused-silica triple: which model to use),
-`tradeoff_panels.png` (all its comparisons), and the same for a single, a double and a quadruple
+`tradeoff_models.png`, `tradeoff_methods_once.png` and `tradeoff_methods_batch.png` (all its
+comparisons), and the same for a single, a double and a quadruple
 pendulum. Run by `make tradeoff`.
 """
 
@@ -66,10 +67,16 @@ def main() -> None:
 
 
 def draw(found: Tradeoff, name: str, title: str) -> None:
-    """Draw the advice and the panels of a design."""
+    """Draw the advice and the pages of all comparisons of a design."""
     folder = ROOT / "results"
     save(headline.draw(found, title), folder / f"{CHARTS[name]}.png")
-    save(picture.draw(found, title), folder / f"{CHARTS[name]}_panels.png")
+    for end, page in picture.draw(found, title).items():
+        save(page, folder / name_page(name, end))
+
+
+def name_page(name: str, end: str) -> str:
+    """Name the file of a page of comparisons: ``tradeoff_methods_once.png``."""
+    return f"{CHARTS[name]}{end.replace('-', '_')}.png"
 
 
 def document(found: dict[str, Tradeoff]) -> str:
@@ -95,7 +102,7 @@ def document(found: dict[str, Tradeoff]) -> str:
         "",
         (
             "For each of four questions: every model with its time and error, and the one to use."
-            " The panels behind it, with all methods, and other designs follow below."
+            " All comparisons, of methods too, and other designs follow below."
         ),
         "",
         "## All designs",
@@ -123,8 +130,11 @@ def document(found: dict[str, Tradeoff]) -> str:
             "",
             f"![Which model to use]({CHARTS[name]}.png)",
             "",
-            f"![Error against time of all models and methods]({CHARTS[name]}_panels.png)",
-            "",
+            *(
+                line
+                for end, (compares, _) in picture.PAGES.items()
+                for line in (f"![Error of all {compares} against time]({name_page(name, end)})", "")
+            ),
             "```text",
             summary.text(found[name]),
             "```",

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
 import suspension_cli as sus
+from tests.support.legible import said
 
 ROOT = Path(__file__).parents[2]
 COLUMN = 8.5 / 2.54
@@ -18,7 +19,7 @@ SMALLEST = 5.5
 """Smallest text where a picture is scaled to a column's width, points."""
 PAGE = 17.8 / 2.54
 """Width of a page, in, for pictures with panels side by side."""
-PAGES = {"map", "fit"}
+PAGES = {"map"}
 FREE = {"modes"}
 """Pictures with a panel per mode, of the size of a poster."""
 FREQUENCY = np.geomspace(0.1, 100, 100)
@@ -65,6 +66,13 @@ CALLS = {
     "xcouple": lambda _: sus.xcouple(
         double(), sweep={"k": "0.8:1.2:5", "offset": "-1e-3:1e-3:3"}, model="string"
     ),
+    "xcouple-frequency": lambda _: sus.xcouple(
+        sus.example("husman2000/figure6"),
+        sweep={"k": "0.9,1.1"},
+        frequency=FREQUENCY,
+        model="string",
+    ),
+    "matrix": lambda _: sus.xcouple(sus.example("imperfect"), matrix=True, model="string"),
     "tolerance": lambda _: sus.tolerance(
         sus.example("triple-tolerance"), builds=40, model="string"
     ),
@@ -132,6 +140,23 @@ UNIT = re.compile(r"\((?!SI\b)[^()]+\)|\bin [A-Za-z%]+$|fraction|count|number|ra
 def test_pictures_keep_the_house_rules(name, folder):
     """Units on every axis, no overlapping or cut text, short legends, legible in a column."""
     assert find_faults(name, folder) == []
+
+
+SAID = {
+    "fit": "8 numbers fitted to 24 modes in 4 experiments",
+    "optimise": r"Optimised: \d of (\d) limits met, \d before",
+    "xcouple": "Cross-coupling at 50 Hz: at most .*10⁻",
+    "xcouple-frequency": "largest at 100 Hz of 2 builds: k = 0.9",
+    "matrix": r"at 50 Hz, test \(rows\) per support \(columns\)",
+}
+"""Points that pictures make in words."""
+
+
+@pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
+@pytest.mark.parametrize("name", SAID)
+def test_pictures_say_their_point(name, folder):
+    (figure,) = figures(name, folder)
+    assert re.search(SAID[name], "\n".join(said(figure)))
 
 
 def find_faults(name, folder):

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.transforms import blended_transform_factory
 
 from suspension_cli.analyses.fit.solve import Fit
 from suspension_cli.design.path_units import DISPLAYED, LOW_PRESSURE, unit_of
@@ -26,18 +27,24 @@ from suspension_cli.drawing.style import (
 
 PLAIN_POWERS = range(-3, 3)
 """Powers of ten of numbers that are written without an exponent."""
+MANY = 9999.5
+"""Numbers whose axis has few labels."""
 INTERVAL = 1.959964
 """Half the width of a 95 % interval of a normal distribution, standard deviations."""
 FAR = 8.0
 """Residual, in standard deviations, beyond which the axis of residuals is logarithmic."""
 BEFORE, AFTER = PALETTE[1], PALETTE[0]
 """Colours of the design as given and as fitted."""
-ROW, NUMBER = 0.17, 0.57
-"""Heights of a row of residuals and of a fitted number, in."""
-WIDE = 2.5
-"""Width of the panel of residuals and of the axes of numbers, in."""
-TOP = 0.98
-"""Place of the panels below the upper edge, in."""
+ROW, NUMBER, LINE = 0.17, 0.57, 0.15
+"""Heights of a row of residuals, of a fitted number, and of a line of text, in."""
+PLACES, WIDE = (0.22, 2.46), 1.88
+"""Left edges and width of the axes of numbers, in."""
+TOP = 0.85
+"""Place of the residuals below the upper edge, in."""
+LONGEST, WHO = 32, 14
+"""Longest names of modes and of experiments beside the residuals."""
+LETTER = 0.058
+"""Width of a letter, in."""
 
 
 LARGE = 999_999.5
@@ -53,48 +60,59 @@ def draw(found: Fit, title: str) -> Figure:
     title : str
         Names of the design and the model.
     """
-    names, residuals, edges = _residuals(found)
+    names, residuals, starts = _residuals(found)
     with house_style():
-        left = 0.25 + 0.054 * max((len(name) for name in names), default=10)
-        tall = max(ROW * len(names) + 0.1, 1.0)
+        who = [single_line(found.experiment[found.of[n]], WHO) for n in starts]
+        left = 0.15 + LETTER * (max(map(len, names), default=10) + max(map(len, who), default=-2))
+        left += 0.1 if who else 0.0
+        tall = max(ROW * len(names) + 0.1, 0.5)
         sigmas = bool(found.label) or found.responses is None
-        right = left + WIDE + 0.35
-        places, foot = _places(len(found.name), tall, left, right)
-        height = max(TOP + tall + 0.55, foot + 0.2)
-        figure = new_figure(right + WIDE + 0.35, height)
-        axes = add_axes(figure, left, TOP, WIDE, tall)
-        _draw_residuals(axes, names, residuals, edges, sigmas=sigmas)
-        _draw_numbers(figure, found, places)
-        what = f"{len(names)} {'modes' if found.label else 'resonances'}"
-        verdict = (
-            f"{'MISFIT: ' if found.misfit else ''}{_count(found.name)} fitted to {what},"
-            rf" $\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
-        )
-        curves.write_heading(figure, "", title)
-        write_text(figure, 0.1, 0.08, verdict, 9.5, bold=True)
+        below = TOP + tall + 0.78
+        places, foot = _places(found, below)
+        figure = new_figure(curves.COLUMN, foot + 0.2)
+        axes = add_axes(figure, left, TOP, curves.COLUMN - left - 0.15, tall)
+        _draw_residuals(axes, names, residuals, sigmas=sigmas)
+        _name_experiments(figure, axes, who, starts)
+        _draw_numbers(figure, found, places, below)
+        curves.write_heading(figure, _say(found), title)
+        verdict = rf"$\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
+        if found.misfit:
+            verdict += f"; bars widened {found.scale:.3g} times"
+        write_text(figure, 0.1, 0.43, verdict, 7.5)
+        figure.legend(
+            handles=axes.get_legend_handles_labels()[0], loc="upper left",
+            bbox_to_anchor=(0.08 / curves.COLUMN, 1 - 0.57 / figure.get_figheight()), ncols=3,
+            borderpad=0.1, borderaxespad=0.0, handletextpad=0.3, columnspacing=1.0, fontsize=7.5,
+            handlelength=1.2,
+        )  # fmt: skip
         return figure
 
 
-def _places(count: int, tall: float, left: float, right: float) -> tuple[Any, float]:
-    """Places (left, top) of numbers right of the residuals and, if many, below them, and the foot.
-
-    All in inches from the upper left corner.
-    """
-    start = TOP + tall + 0.8
-    above = int((tall + 0.8) / NUMBER)
-    rest = max(0, count - above)
-    lower = rest // 2 if rest > 2 else 0
-    places = [(right, TOP + NUMBER * n) for n in range(count - lower)]
-    places += [(left, start + NUMBER * n) for n in range(lower)]
-    return places, max((top for _, top in places), default=TOP) + NUMBER
+def _say(found: Fit) -> str:
+    """Say how many numbers were fitted to what, and if they do not explain it."""
+    several = f" in {len(found.experiment)} experiments" if len(found.experiment) > 1 else ""
+    modes = [_count(len(found.label), "mode") + several] if found.label else []
+    functions = len(found.responses.function) if found.responses else 0
+    what = modes + ([_count(functions, "transfer function")] if functions else [])
+    said = f"{_count(len(found.name), 'number')} fitted to {' and '.join(what)}"
+    return f"MISFIT: {said}" if found.misfit else said
 
 
-def _count(names: tuple[str, ...]) -> str:
-    return "1 number" if len(names) == 1 else f"{len(names)} numbers"
+def _places(found: Fit, top: float) -> tuple[list[tuple[float, float]], float]:
+    """Places (left, top) of the axes of numbers in two columns, and the foot, in."""
+    count = len(found.name)
+    high = NUMBER + (0.0 if found.shared.all() else LINE)
+    rows = -(-count // len(PLACES))
+    places = [(PLACES[n // rows], top + high * (n % rows)) for n in range(count)]
+    return places, top + high * rows
+
+
+def _count(count: int, thing: str) -> str:
+    return f"1 {thing}" if count == 1 else f"{count} {thing}s"
 
 
 def _residuals(found: Fit) -> tuple[list[str], Any, Any]:
-    """Labels (k), residuals (k, 2) before and after, and the ends of experiments.
+    """Labels (k), residuals (k, 2) before and after, and the first of each of several experiments.
 
     Of modes, in standard deviations; or of the resonances of measured transfer functions, in per
     cent: those are read off the peaks for comparison and are not what is fitted.
@@ -102,25 +120,25 @@ def _residuals(found: Fit) -> tuple[list[str], Any, Any]:
     if found.label or found.responses is None:
         off = np.stack([found.before, found.after], axis=1) - found.measured[:, None]
         names = [
-            f"{single_line(name, 40)}  {f:.4g} Hz"
-            for name, f in zip(found.modes, found.measured, strict=True)
+            f"{single_line(name, LONGEST - 10)}  {f:.4g} Hz"
+            for name, f in zip(found.label, found.measured, strict=True)
         ]
-        return names, off / found.uncertainty[:, None], np.flatnonzero(np.diff(found.of))
+        several = len(found.experiment) > 1
+        starts = np.flatnonzero(np.diff(found.of, prepend=-1)) if several else np.empty(0, int)
+        return names, off / found.uncertainty[:, None], starts
     table = found.responses.resonance
     names = [
-        f"{single_line(name, 40)}  {f:.4g} Hz, Q {q:.3g}"
+        f"{single_line(name, LONGEST - 10)}  {f:.4g} Hz, Q {q:.3g}"
         for name, f, q in zip(found.responses.mode, table[:, 0], table[:, 4], strict=True)
     ]
-    return names, 100 * (table[:, 2:4] / table[:, :1] - 1), np.empty(0)
+    return names, 100 * (table[:, 2:4] / table[:, :1] - 1), np.empty(0, int)
 
 
-def _draw_residuals(
-    axes: Axes, names: list[str], residuals: Any, edges: Any, *, sigmas: bool
-) -> None:
-    """Draw every residual before and after the fit, with lines between experiments."""
+def _draw_residuals(axes: Axes, names: list[str], residuals: Any, *, sigmas: bool) -> None:
+    """Draw every residual before and after the fit."""
     rows = np.arange(len(names))
     if sigmas:
-        axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0)
+        axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0, label="95 %")
     axes.axvline(0.0, color=NOTE, linewidth=0.5)
     known = residuals[np.isfinite(residuals)]
     most = float(np.abs(known).max(initial=2.5 if sigmas else 0.1))
@@ -152,40 +170,47 @@ def _draw_residuals(
     axes.grid(visible=False, axis="y")
     axes.set_yticks(rows, names)
     axes.tick_params(axis="y", labelsize=7.5, length=0)
-    for edge in edges:
-        axes.axhline(edge + 0.5, color=NOTE, linewidth=0.4, linestyle=(0, (4, 3)))
     axes.set_ylim(max(len(rows), 1) - 0.4, -0.6)
     axes.set_xlabel("(model − measured) / uncertainty" if sigmas else "model less measured (%)")
-    axes.legend(
-        loc="lower right", bbox_to_anchor=(1.02, 1), ncols=2, borderaxespad=0.1, fontsize=7.5,
-        handletextpad=0.1, columnspacing=0.8,
-    )  # fmt: skip
-    axes.set_title(
-        "residuals; grey: 95 %" if sigmas else "resonances", loc="left", fontsize=8, pad=4
-    )
 
 
-def _draw_numbers(figure: Figure, found: Fit, places: list[tuple[float, float]]) -> None:
+def _name_experiments(figure: Figure, axes: Axes, who: list[str], starts: Any) -> None:
+    """Write the name of each experiment beside its first row, and part it from the last."""
+    box = axes.get_position()
+    margin = (0.1 / curves.COLUMN - box.x0) / box.width
+    for n, (name, start) in enumerate(zip(who, starts, strict=True)):
+        at = blended_transform_factory(figure.transFigure, axes.transData)
+        axes.text(
+            0.1 / curves.COLUMN, start, name, transform=at, va="center", fontsize=7.5,
+            fontweight="bold",
+        )  # fmt: skip
+        if n:
+            axes.axhline(start - 0.5, xmin=margin, color=NOTE, linewidth=0.4, clip_on=False)
+
+
+def _draw_numbers(
+    figure: Figure, found: Fit, places: list[tuple[float, float]], top: float
+) -> None:
     """Draw each fitted number on an axis of its own: start, value and 95 % interval."""
     if places:
-        write_text(figure, places[0][0], TOP - 0.19, "fitted numbers, bars: 95 %", 8)
+        write_text(figure, 0.1, top - 0.2, "Fitted numbers; bars: 95 %", 8, bold=True)
+    joint = not found.shared.all()
     for n, (name, (left, top)) in enumerate(zip(found.name, places, strict=True)):
         unit, factor = _unit(name, float(found.value[n]))
         start, value = factor * found.start[n], factor * found.value[n]
         sigma = factor * found.scale * found.sigma[n]
         half = INTERVAL * sigma
-        who = (
-            ""
-            if found.shared[n].all()
-            else single_line(", ".join(np.array(found.experiment)[found.shared[n]]), 30)
-        )
-        write_text(figure, left, top, single_line(name, 44), 7.5)
+        write_text(figure, left - 0.12, top, single_line(name, 35), 7.5)
+        if joint:
+            who = ", ".join(np.array(found.experiment)[found.shared[n]])
+            who = "all" if found.shared[n].all() else single_line(who, 33)
+            top += LINE
+            write_text(figure, left - 0.12, top, who, 7.5, NOTE)
         text = f"{format_with_sigma(value, half)} {unit}".strip()
         axes = add_axes(figure, left, top + 0.28, WIDE, 0.08)
         axes.text(
-            1, 2.94, text + (f" ({who})" if who else ""), transform=axes.transAxes,
-            va="top", ha="right", fontsize=7.5, color=AFTER,
-        )  # fmt: skip
+            1, 2.94, text, transform=axes.transAxes, va="top", ha="right", fontsize=7.5, color=AFTER
+        )
         axes.spines["left"].set_visible(False)
         axes.set_yticks([])
         axes.axvline(start, color=BEFORE, linewidth=0.6, ymin=-0.2, ymax=1.4, clip_on=False)
@@ -201,7 +226,7 @@ def _draw_numbers(figure: Figure, found: Fit, places: list[tuple[float, float]])
         span = float(np.ptp(ends)) or abs(value) or 1.0
         axes.set_xlim(ends.min() - 0.1 * span, ends.max() + 0.1 * span)
         axes.set_ylim(-0.5, 0.5)
-        axes.xaxis.set_major_locator(MaxNLocator(4 if np.abs(ends).max() < LARGE else 3))
+        axes.xaxis.set_major_locator(MaxNLocator(4 if np.abs(ends).max() < MANY else 3))
         axes.tick_params(labelsize=7.5, length=2, pad=1.5)
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: _write_tick(x)))
 
@@ -219,7 +244,7 @@ def _unit(path: str, value: float) -> tuple[str, float]:
     if unit == "Pa" and abs(value) < LOW_PRESSURE:
         return unit, 1.0
     name, factor = DISPLAYED.get(unit, (unit, 1.0))
-    return ("" if name == "1" else name), factor
+    return ("" if name == "1" else name.replace("^2", "²")), factor
 
 
 def format_with_sigma(value: float, sigma: float) -> str:

@@ -26,21 +26,16 @@ def draw(found: ResponseFit, title: str) -> Figure:
     """
     ratio = found.chi_squared / np.maximum(found.points, 1)
     order = np.argsort(-ratio, kind="stable")[:SHOWN]
-    columns = min(len(order), 2)
-    rows = -(-len(order) // columns)
+    rows = len(order)
     with house_style():
-        across = 4.4 * columns + 0.2
-        up = curves.HEAD + 0.3 + 2.8 * rows + 0.3
+        across, up = curves.COLUMN, curves.HEAD + 0.3 + 2.7 * rows + 0.3
         figure = new_figure(across, up)
-        outer = figure.add_gridspec(rows, columns)
-        curves.set_margins(
-            figure, left=0.65, top=curves.HEAD + 0.48, bottom=0.6, wspace=0.22, hspace=0.38
-        )
+        outer = figure.add_gridspec(rows, 1)
+        curves.set_margins(figure, left=0.7, top=curves.HEAD + 0.48, bottom=0.6, hspace=0.32)
         handles: list[Any] = []
         names: list[str] = []
         for place, n in enumerate(order):
-            row, column = divmod(place, columns)
-            inner = outer[row, column].subgridspec(2, 1, height_ratios=[2.2, 1], hspace=0.1)
+            inner = outer[place].subgridspec(2, 1, height_ratios=[2.2, 1], hspace=0.1)
             top = figure.add_subplot(inner[0])
             below = figure.add_subplot(inner[1], sharex=top)
             _draw_one(top, below, found, int(n), float(ratio[n]))
@@ -50,7 +45,7 @@ def draw(found: ResponseFit, title: str) -> Figure:
                 names = [str(handle.get_label()) for handle in handles]
         figure.legend(
             handles, names, loc="upper left", bbox_to_anchor=(0.05 / across, 1 - 0.42 / up),
-            ncols=5, fontsize=7, handletextpad=0.3, columnspacing=1.2, handlelength=1.4,
+            ncols=5, fontsize=7.5, handletextpad=0.2, columnspacing=0.8, handlelength=1.1,
         )  # fmt: skip
         left = len(found.function) - len(order)
         which = f", the {len(order)} of {len(found.function)} that fit worst" if left else ""
@@ -80,10 +75,8 @@ def _draw_one(top: Axes, below: Axes, found: ResponseFit, n: int, ratio: float) 
     curves.rule(top)
     off = (found.after[own] - found.measured[own]) / found.uncertainty[own]
     below.axhspan(-2, 2, color=PALE, linewidth=0, alpha=0.5)
-    below.semilogx(frequency, off.real, ".", markersize=3, color=PALETTE[0], label="residual, real")
-    below.semilogx(
-        frequency, off.imag, "x", markersize=2.5, color=PALETTE[2], label="residual, imaginary"
-    )
+    below.semilogx(frequency, off.real, ".", markersize=3, color=PALETTE[0], label="real residual")
+    below.semilogx(frequency, off.imag, "x", markersize=2.5, color=PALETTE[2], label="imaginary")
     largest = max(4.0, 1.1 * float(np.abs([off.real, off.imag]).max()))
     below.set_ylim(-largest, largest)
     below.set_ylabel(r"residual / $\sigma$")

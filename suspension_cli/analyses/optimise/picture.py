@@ -35,6 +35,8 @@ WIDTH = 4.5
 """Width of the figure, in."""
 ASIDE = 0.17
 """Shift of markers up before and down after, so that equal values are both seen, rows."""
+MET = 1e-4
+"""Margin below a limit that counts as rounding, %."""
 MAX_ROOM = 100.0
 """Distance from a limit in % at which bars are cut off."""
 MIN_FRACTION = 1e-4
@@ -63,7 +65,7 @@ def draw(found: Optimum, title: str) -> Figure:
         _draw_fractions(add_axes(figure, 3.4, head, 0.92, modes), found)
         _draw_key(figure, frequencies)
         top = head + modes + BETWEEN
-        _draw_numbers(add_axes(figure, 2.42, top, 1.4, numbers), found)
+        _draw_numbers(add_axes(figure, 2.68, top, 1.16, numbers), found)
         _write_above(figure, top, "Numbers of the design between their bounds")
         if others:
             top += numbers + BETWEEN
@@ -71,8 +73,17 @@ def draw(found: Optimum, title: str) -> Figure:
             _write_above(figure, top, "Other limits: margin before and after")
         met, count = int(found.limits.met.sum()), len(found.limits.name)
         unknown = f", {len(found.unknown)} unknown" if found.unknown else ""
-        curves.write_heading(figure, f"Optimised: {met} of {count} limits met{unknown}", title)
+        said = f"Optimised: {met} of {count} limits met{_say_before(found)}{unknown}"
+        curves.write_heading(figure, said, title)
         return figure
+
+
+def _say_before(found: Optimum) -> str:
+    """Say how many limits the original design missed, where all are simple ones."""
+    margins = np.array([_margin_before(found, n) for n in range(len(found.limits.name))])
+    if "equals" in found.limits.sense or not np.isfinite(margins).all():
+        return ""
+    return f", {int((margins >= -MET).sum())} before"
 
 
 def _draw_key(figure: Figure, axes: Axes) -> None:
@@ -309,7 +320,7 @@ def _describe_change(path: str, before: float, after: float) -> str:
     _, factor = _shown_unit(path, after)
     values = f"{factor * before:.3g} → {factor * after:.3g}".replace("-", "−")
     name = path.removeprefix("stage.").replace(".geometry.", ".")
-    return f"{single_line(name, max(31 - len(values), 8))}  {values}"
+    return f"{single_line(name, max(36 - len(values), 8))}  {values}"
 
 
 def _other_limits(found: Optimum) -> list[int]:

@@ -29,7 +29,8 @@ class TradeoffAnalysis(Analysis):
     Models are compared with the most complete one that is valid, methods with 50-digit arithmetic
     on the same model. Times are processor times on one thread, measured in turns. Prints one line
     per question: what is fastest and accurate enough; with -v all times and errors. Writes
-    DIR/NAME-tradeoff.h5, .png (which model to use) and -panels.png (all comparisons).
+    DIR/NAME-tradeoff.h5, .png (which model to use), -models.png, -methods-once.png and
+    -methods-batch.png (all comparisons).
 
     Example: pendsus tradeoff my.toml --quantity modes
     """
@@ -108,10 +109,10 @@ class TradeoffAnalysis(Analysis):
         """Draw advice on the models, and all errors against times."""
         from suspension_cli.analyses.tradeoff import headline, picture
 
-        panels = picture.draw(result.data, result.title)
+        pages = picture.draw(result.data, result.title)
         if not any(panel.compares == "models" and panel.entries for panel in result.data.panels):
-            return {"": panels}
-        return {"": headline.draw(result.data, result.title), "-panels": panels}
+            return pages
+        return {"": headline.draw(result.data, result.title), **pages}
 
 
 def _demand_references(design: Design) -> None:

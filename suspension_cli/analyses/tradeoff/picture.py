@@ -1,7 +1,9 @@
-"""Figure of error against time, a row per quantity: models on the left, methods on the right."""
+"""Pages of error against time, a chart per quantity: models, and methods once and in a batch."""
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import cycle
 from typing import Any
@@ -9,16 +11,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
-from suspension_cli.analyses.tradeoff.result import (
-    COMPARED,
-    KINDS,
-    ROUNDING,
-    Panel,
-    Tradeoff,
-    View,
-    format_time,
-)
+from suspension_cli.analyses.tradeoff.result import KINDS, ROUNDING, Panel, Tradeoff, View
+from suspension_cli.drawing.curves import COLUMN, label_plainly, write_heading
 from suspension_cli.drawing.labels import annotate
 from suspension_cli.drawing.style import (
     INK,
@@ -38,128 +34,130 @@ COLOUR = {
     for model, colour in zip(MODELS, cycle(PALETTE[n] for n in (3, 2, 0, 1, 6)), strict=False)
 }
 """Colours of the models, repeated if there are more models."""
-CHART, HIGH = 2.32, 1.3
-"""Width and height of a chart, inches."""
-LEFT = {"models": 0.72, "methods": 6.32}
-"""Left edge of the charts of a half, inches; between them `GAP`."""
-GAP, WIDTH = 0.14, 11.2
-HEAD, ROW, ABOVE, FOOT = 1.27, 1.98, 0.34, 0.2
-"""Heights above all rows, of a row, of its heading, and below all rows, inches."""
-SIDE = 0.1
-FONT = 6.6
-NOTED = {"once": "one evaluation", "batch": "in a batch"}
-HALVES = {
-    "models": ("Models: physics neglected", "error against the most complete valid model"),
+PAGES = {
+    "-models": ("models", KINDS),
+    "-methods-once": ("methods", ("once",)),
+    "-methods-batch": ("methods", ("batch",)),
+}
+"""End of the name of each page, what it compares, and the kinds of its charts side by side."""
+LEFT, EDGE, GAP = 0.86, 0.14, 0.2
+"""Left of all charts, right of them and between them, in."""
+HIGH, FLAT, FOOT, LINE, KEYED = 1.2, 0.66, 0.5, 0.145, 0.43
+"""Heights of a chart, of one with rounding errors alone, below it and of a line of text, and
+where the key begins, in."""
+FONT = 7.5
+CHARACTERS = 78
+"""Length of a line of notes."""
+HEADING = {
+    ("models", "once"): "Error of the models against time",
+    ("methods", "once"): "Error of the methods against time: one evaluation",
+    ("methods", "batch"): "Error of the methods against time: in a batch",
+}
+KEY = {
+    "models": "Steps: no other is both faster and more accurate.",
     "methods": (
-        "Methods: arithmetic and approximations",
-        "error against 50 digits in the same model",
+        "Errors against 50 digits in the same model. Steps: no other is both faster and more"
+        " accurate."
     ),
 }
+SPANS = "Thin vertical: smallest to largest error. Thick horizontal: quartiles of the time."
+HOLLOW = "Hollow: not vectorised, so that a batch is a loop."
 KEPT = ", kept"
 """End of the names of methods that are prepared beforehand."""
-NEXT = {"once": "first response", "batch": "next response"}
-"""In place of `NOTED` where there are such methods."""
-KEY = (
-    (
-        "Grey steps: Pareto front; no other point is both faster and more accurate. Thin vertical"
-        " bars: smallest to largest error."
-    ),
-    (
-        "Thick horizontal bars: quartiles of the time. Hollow: not vectorised, so that a batch is a"
-        " loop. Grey strip: errors below 10⁻¹² are rounding."
-    ),
-    (
-        "Responses by methods: on the left the first response (5 frequencies), on the right the"
-        " next of the same system (2000 other frequencies)."
-    ),
-)
+IN_A_ROW = {
+    "once": "first response, at 5 frequencies",
+    "batch": "next response, at 2000 other frequencies",
+}
+"""In place of `Panel.start` where there are methods that are prepared beforehand."""
+POWERS = 3.0
+"""Decades of time from which the axis has few labels."""
+UNITS = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
 
 
-def draw(found: Tradeoff, title: str) -> Figure:
-    """Draw the figure of `pendsus tradeoff`.
+def draw(found: Tradeoff, title: str) -> dict[str, Figure]:
+    """Draw the pages of `pendsus tradeoff` that have something to show.
 
     Parameters
     ----------
     found : Tradeoff
     title : str
         Title of the design.
+
+    Returns
+    -------
+    dict
+        By the ends of their names, those of `PAGES`.
     """
-    halves = {key: [panel for panel in found.panels if panel.compares == key] for key in COMPARED}
-    rows = _rows(found)
+    return {
+        end: _draw_page(found, title, compares, kinds)
+        for end, (compares, kinds) in PAGES.items()
+        if any(panel.compares == compares for panel in found.panels)
+    }
+
+
+def _draw_page(found: Tradeoff, title: str, compares: str, kinds: Sequence[str]) -> Figure:
+    """Draw a row of charts per quantity, or why there is none."""
+    rows = [
+        (panel, heading)
+        for panel in found.panels
+        if panel.compares == compares
+        for heading in dict.fromkeys([view.title for view in panel.views] or [panel.title])
+    ]
+    shown = {panel.key: panel for panel, _ in rows}.values()
+    loops = "batch" in kinds and not all(e.vectorised for panel in shown for e in panel.entries)
+    key = textwrap.wrap(" ".join([KEY[compares], SPANS, *([HOLLOW] if loops else [])]), CHARACTERS)
+    notes = [textwrap.wrap(_note(panel, kinds), CHARACTERS) for panel, _ in rows]
+    views = [next((v for v in panel.views if v.title == name), None) for panel, name in rows]
+    charts = [
+        _height(panel, view) + FOOT if view else 0.15
+        for (panel, _), view in zip(rows, views, strict=True)
+    ]
+    start = KEYED + LINE * len(key) + 0.15
+    tall = [0.24 + LINE * len(note) + chart for note, chart in zip(notes, charts, strict=True)]
     with house_style():
-        figure = new_figure(WIDTH, HEAD + ROW * len(rows) + FOOT)
-        write_text(
-            figure, SIDE, 0.1, single_line(f"{title}: speed against accuracy", 110), 12, bold=True
-        )
-        for n, line in enumerate(KEY):
-            write_text(figure, SIDE, 0.36 + 0.15 * n, line, 7.2, NOTE)
-        for key, (heading, against) in HALVES.items():
-            if halves[key]:
-                left = LEFT[key] - 0.62
-                write_text(figure, left, HEAD - 0.32, heading, 9.5, bold=True)
-                write_text(figure, left, HEAD - 0.13, against, 7.2, NOTE)
-        for number, (quantity, heading) in enumerate(rows):
-            for key in COMPARED:
-                for panel in halves[key]:
-                    if panel.quantity == quantity:
-                        _draw_row(figure, panel, heading, HEAD + ROW * number + 0.1)
-        up = figure.get_size_inches()[1]
-        figure.text(
-            0.5,
-            0.06 / up,
-            "processor time relative to the fastest in the chart",
-            ha="center",
-            va="bottom",
-            fontsize=8,
-        )
+        figure = new_figure(COLUMN, start + sum(tall))
+        write_heading(figure, HEADING[compares, kinds[0]], title)
+        for n, line in enumerate(key):
+            write_text(figure, 0.1, KEYED + LINE * n, line, FONT, NOTE)
+        for (panel, heading), view, note, high in zip(rows, views, notes, tall, strict=True):
+            models = {entry.model for entry in panel.entries}
+            name = heading + (f" ({models.pop()} model)" if len(models) == 1 else "")
+            write_text(figure, 0.1, start, name, 8.5, INK, bold=True)
+            for n, line in enumerate(note):
+                write_text(figure, 0.1, start + 0.17 + LINE * n, single_line(line), FONT, NOTE)
+            if view:
+                _draw_row(figure, panel, view, kinds, start + 0.24 + LINE * len(note))
+            start += high
     return figure
 
 
-def _rows(found: Tradeoff) -> list[tuple[str, str]]:
-    """Quantity and heading of every row: all views, and quantities that were left out."""
-    every: list[tuple[str, str]] = []
-    for quantity in dict.fromkeys(panel.quantity for panel in found.panels):
-        panels = [panel for panel in found.panels if panel.quantity == quantity]
-        titles = [view.title for panel in panels for view in panel.views]
-        every += [(quantity, title) for title in dict.fromkeys(titles or [panels[0].title])]
-    return every
+def _note(panel: Panel, kinds: Sequence[str]) -> str:
+    """Return the steps that are timed and the reference of the errors, or why there are none."""
+    if not panel.views:
+        return "left out: " + "; ".join(dict.fromkeys(item.reason for item in panel.left))
+    in_a_row = panel.quantity == "response" and panel.compares == "methods"
+    if panel.compares == "models":
+        return f"{panel.start}; against {panel.reference}"
+    return f"{panel.start}, {IN_A_ROW[kinds[0]]}" if in_a_row else panel.start
 
 
-def _draw_row(figure: Figure, panel: Panel, heading: str, top: float) -> None:
-    """Draw the charts of one view of a panel, or why there are none."""
-    left = LEFT[panel.compares]
-    models = {entry.model for entry in panel.entries}
-    name = heading + (f" ({models.copy().pop()})" if len(models) == 1 else "")
-    write_text(figure, left - 0.62, top, name, 8, INK, bold=True)
-    views = [view for view in panel.views if view.title == heading]
-    if not views:
-        reasons = dict.fromkeys(item.reason for item in panel.left)
-        for n, reason in enumerate(reasons):
-            write_text(
-                figure,
-                left - 0.62,
-                top + 0.2 + 0.15 * n,
-                single_line(f"left out: {reason}", 100),
-                7,
-                NOTE,
-            )
-        return
-    write_text(
-        figure,
-        left - 0.62,
-        top + 0.145,
-        single_line(f"{panel.start}; against {panel.reference}", 110),
-        6.6,
-        NOTE,
-    )
-    for column, kind in enumerate(KINDS):
-        axes = add_axes(figure, left + column * (CHART + GAP), top + ABOVE, CHART, HIGH)
-        _draw_chart(axes, _shown(panel, kind), views[0], kind)
+def _height(panel: Panel, view: View) -> float:
+    """Height of the charts of a view, in."""
+    return HIGH if panel.worst(view).max() >= ROUNDING else FLAT
+
+
+def _draw_row(figure: Figure, panel: Panel, view: View, kinds: Sequence[str], top: float) -> None:
+    """Draw the charts of one view of a panel."""
+    width = (COLUMN - LEFT - EDGE - GAP * (len(kinds) - 1)) / len(kinds)
+    for column, kind in enumerate(kinds):
+        axes = add_axes(figure, LEFT + column * (width + GAP), top, width, _height(panel, view))
+        _draw_chart(axes, _shown(panel, kind), view, kind)
         if column:
             axes.tick_params(labelleft=False)
         else:
-            axes.set_ylabel("relative error")
-            axes.yaxis.set_label_coords(-0.2, 0.5)
+            few = axes.get_window_extent().height < figure.dpi
+            axes.set_ylabel("error" if few else "relative error", fontsize=FONT)
+            axes.yaxis.set_label_coords(-0.64 / width, 0.5)
 
 
 def _shown(panel: Panel, kind: str) -> Panel:
@@ -179,63 +177,45 @@ def _draw_chart(axes: Axes, panel: Panel, view: View, kind: str) -> None:
     """Draw points, Pareto front and labels for one kind of time."""
     worst = panel.worst(view)
     least = np.array([entry.error[list(view.components)].min() for entry in panel.entries])
-    times = np.array([getattr(entry, kind) for entry in panel.entries]) / panel.fastest(kind)
+    unit, size = next((item for item in UNITS if panel.fastest(kind) >= item[1]), UNITS[-1])
+    times = np.array([getattr(entry, kind) for entry in panel.entries]) / size
     floor = _floor(least, worst)
     high, low = np.where(worst < ROUNDING, floor, worst), np.where(least < ROUNDING, floor, least)
     _set_axes(axes, times, high, floor)
+    item = "one evaluation" if kind == "once" else f"per {panel.item} in a batch"
+    axes.set_xlabel(f"{item} ({unit})", fontsize=FONT, labelpad=1.5)
     path = _draw_front(axes, times[:, 1], high, panel.front(kind, view))
+    bars = [np.array([[row[0], y], [row[2], y]]) for row, y in zip(times, high, strict=True)]
+    spans = [
+        np.array([[row[1], y], [row[1], z]]) for row, y, z in zip(times, low, high, strict=True)
+    ]
     for n, entry in enumerate(panel.entries):
         colour = COLOUR[entry.model]
         axes.plot(
-            times[n, [0, 2]],
-            [high[n]] * 2,
-            color=colour,
-            linewidth=2.2,
-            alpha=0.4,
-            solid_capstyle="butt",
-            zorder=2,
+            *bars[n].T, color=colour, linewidth=2.6, alpha=0.4, solid_capstyle="butt", zorder=2
         )
-        axes.plot(
-            [times[n, 1]] * 2, [low[n], high[n]], color=colour, linewidth=0.6, alpha=0.6, zorder=1
-        )
+        axes.plot(*spans[n].T, color=colour, linewidth=0.8, alpha=0.6, zorder=1)
         hollow = kind == "batch" and not entry.vectorised
         axes.plot(
             times[n, 1],
             high[n],
             "o",
             color=colour,
-            markersize=4.2,
+            markersize=4.6,
             markerfacecolor="white" if hollow else colour,
-            markeredgewidth=0.9,
+            markeredgewidth=1.0,
             zorder=4,
         )
-    in_a_row = panel.quantity == "response" and panel.compares == "methods"
-    note = f"{(NEXT if in_a_row else NOTED)[kind]}: 1 = {format_time(panel.fastest(kind))}" + (
-        f" per {panel.item}" if kind == "batch" else ""
-    )
-    corner = axes.text(
-        0.985, 0.97, note, transform=axes.transAxes, ha="right", va="top", fontsize=6.6, color=INK
-    )
-    figure: Any = axes.get_figure()
-    extent = corner.get_window_extent(figure.canvas.get_renderer())
-    bars = [np.array([[row[0], y], [row[2], y]]) for row, y in zip(times, high, strict=True)]
-    spans = [
-        np.array([[row[1], y], [row[1], z]]) for row, y, z in zip(times, low, high, strict=True)
-    ]
-    lines = [
-        _pixels(axes, ends)
-        for ends in [*(path[n : n + 2] for n in range(len(path) - 1)), *bars, *spans]
-    ]
-    points = list(zip(times[:, 1].tolist(), high.tolist(), strict=True))
-    texts = [entry.name(panel.compares).removesuffix(KEPT) for entry in panel.entries]
     annotate(
         axes,
-        points,
-        texts,
+        list(zip(times[:, 1].tolist(), high.tolist(), strict=True)),
+        [entry.name(panel.compares).removesuffix(KEPT) for entry in panel.entries],
         [COLOUR[entry.model] for entry in panel.entries],
         FONT,
-        [(extent.x0, extent.y0, extent.x1, extent.y1)],
-        lines,
+        lines=[
+            _pixels(axes, ends)
+            for ends in [*(path[n : n + 2] for n in range(len(path) - 1)), *bars, *spans]
+        ],
     )
 
 
@@ -256,9 +236,10 @@ def _set_axes(axes: Axes, times: Any, errors: Any, floor: float) -> None:
     """Set logarithmic axes with room for labels, and the strip of rounding errors."""
     axes.set_xscale("log")
     axes.set_yscale("log")
-    most = max(float(times.max()), 2.0)
-    first, last = min(0.7, 0.9 * float(times.min())) / most**0.16, 1.6 * most**1.25
-    axes.set_xlim(first, last)
+    fastest = float(times[:, 1].min())
+    most = max(float(times.max()) / fastest, 2.0)
+    first = min(0.7, 0.9 * float(times.min()) / fastest) / most**0.16
+    axes.set_xlim(fastest * first, fastest * 1.6 * most**1.25)
     top, exact = float(errors.max()), bool((errors <= floor).any())
     # keeps the next label above clear of that of the strip
     least = np.log10(floor) + exact * max(0.12 * np.log10(top / floor), 0.5)
@@ -271,28 +252,24 @@ def _set_axes(axes: Axes, times: Any, errors: Any, floor: float) -> None:
     )
     room = np.log10(top / floor)
     axes.set_ylim(floor / 10 ** (0.12 * room + 0.15), top * 10 ** (0.3 * room + 0.2))
-    ticks = (
-        [1.0, 2.0, 5.0, 10.0, 20.0, 50.0]
-        if most < 30
-        else [10.0**n for n in range(int(np.log10(most)) + 2)]
-    )
-    shown = [tick for tick in ticks if tick < last]
-    axes.set_xticks(
-        shown, [f"{tick:g}" if tick < 1000 else f"$10^{{{int(np.log10(tick))}}}$" for tick in shown]
-    )
+    label_plainly(axes.xaxis)
+    if np.log10(most) > POWERS:
+        axes.xaxis.set_major_locator(LogLocator(numticks=5))
     axes.minorticks_off()
     axes.grid(visible=True, which="major", color=PALE, linewidth=0.3)
+    flat = bool((errors <= floor).all())
+    if flat:
+        axes.set_ylim(floor / 10, floor * 10)
     if exact:
         axes.axhspan(
             axes.get_ylim()[0],
-            floor * 10 ** (0.07 * room + 0.1),
+            axes.get_ylim()[1] if flat else floor * 10 ** (0.07 * room + 0.1),
             color=PALE,
             alpha=0.25,
             linewidth=0,
             zorder=0,
         )
-    axes.tick_params(length=2, labelsize=6.5)
-    axes.yaxis.label.set_fontsize(7)
+    axes.tick_params(length=2, labelsize=FONT)
     axes.set_axisbelow(True)
 
 

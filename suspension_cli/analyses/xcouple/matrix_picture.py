@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,18 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from suspension_cli.drawing import curves
-from suspension_cli.drawing.style import INK, NOTE, house_style, new_figure
+from suspension_cli.drawing.style import INK, NOTE, add_axes, house_style, new_figure, single_line
 from suspension_cli.linear.response import Response
 
 RANGE = 1e8
 """Ratio of the largest coupling of a kind to the smallest with a colour."""
 DARK = 1e-3
 """Fraction of the largest of its kind from which a cell is dark."""
+LEFT, RIGHT, ABOVE, HIGH, FOOT = 0.9, 0.17, 0.3, 2.6, 0.52
+"""Margins beside a table, and heights above, of and below it, in."""
+BAR = 0.75
+"""Height of the colour bar with its labels, in."""
+FONT = 7.5
 
 
 def draw(response: Response, title: str) -> Figure:
@@ -32,58 +38,68 @@ def draw(response: Response, title: str) -> Figure:
     title : str
         Names of the design and the model.
     """
-    count = len(response.frequency)
-    height = 2.75
+    units, count = np.array(response.unit), len(response.frequency)
+    row = ABOVE + HIGH + FOOT
+    width = curves.COLUMN - LEFT - RIGHT
     with house_style():
-        figure = new_figure(5.9, curves.HEAD + count * (height + 0.55) + 0.15)
-        panels = np.atleast_1d(figure.subplots(count, 1))
-        curves.set_margins(figure, left=0.95, right=0.95, top=curves.HEAD + 0.25, bottom=0.42,
-                           hspace=0.25)  # fmt: skip
-        units = np.array(response.unit)
+        figure = new_figure(curves.COLUMN, curves.HEAD + count * row + BAR)
         norm = LogNorm(1 / RANGE, 1)
-        for axes, frequency, value in zip(
-            panels, response.frequency, np.abs(response.value), strict=True
-        ):
-            largest = np.ones(value.shape)
-            for unit in np.unique(units):
-                own = units == unit
-                largest[own] = value[own].max() or 1.0
-            part = value / largest
-            shown = np.where(value > 0, np.maximum(part, 1 / RANGE), np.nan)
-            axes.imshow(shown, norm=norm, cmap="Blues", aspect="auto")
-            for (row, column), size in np.ndenumerate(value):
-                axes.text(
-                    column,
-                    row,
-                    _write(size),
-                    ha="center",
-                    va="center",
-                    fontsize=6.5,
-                    color="white" if part[row, column] > DARK else INK if size else NOTE,
-                )
-            _part_kinds(axes, units)
-            inputs = [
+        for n, frequency in enumerate(response.frequency):
+            axes = add_axes(figure, LEFT, curves.HEAD + n * row + ABOVE, width, HIGH)
+            _draw_table(axes, np.abs(response.value[n]), units, norm)
+            inputs, under = _shorten(response.input)
+            outputs, over = _shorten(response.output)
+            down = (
                 f"{name}\n({unit.partition('/')[2]})"
-                for name, unit in zip(response.input, units[0], strict=True)
-            ]
-            outputs = [
+                for name, unit in zip(inputs, units[0], strict=True)
+            )
+            across = (
                 f"{name} ({unit.partition('/')[0]})"
-                for name, unit in zip(response.output, units[:, 0], strict=True)
-            ]
-            axes.set_xticks(range(len(inputs)), inputs, fontsize=6.5)
-            axes.set_yticks(range(len(outputs)), outputs, fontsize=6.5)
-            axes.set_title(f"at {frequency:g} Hz", loc="left", fontsize=8)
+                for name, unit in zip(outputs, units[:, 0], strict=True)
+            )
+            axes.set_xticks(range(len(inputs)), [*down], fontsize=FONT)
+            axes.set_yticks(range(len(outputs)), [*across], fontsize=FONT)
             axes.tick_params(length=0)
-            for side in ("left", "bottom"):
-                axes.spines[side].set_visible(False)
-            place = axes.get_position()
-            bar_axes = figure.add_axes((place.x1 + 0.28 / 5.9, place.y0, 0.12 / 5.9, place.height))
-            bar = figure.colorbar(ScalarMappable(norm, "Blues"), cax=bar_axes)
-            bar.set_label("of the largest of its unit", fontsize=7)
-            bar.ax.tick_params(labelsize=6.5)
-        what = "Couplings: motion per motion of the support"
-        curves.write_heading(figure, what, title)
+            axes.spines[["left", "bottom"]].set_visible(False)
+            whose = f", {over} (rows) per {under} (columns)" if over and under else ""
+            axes.set_title(single_line(f"at {frequency:g} Hz{whose}", 62), loc="left", fontsize=8)
+        place = curves.HEAD + count * row
+        bar_axes = add_axes(figure, LEFT, place, width, 0.12)
+        bar = figure.colorbar(ScalarMappable(norm, "Blues"), cax=bar_axes, orientation="horizontal")
+        bar.set_label("of the largest of its unit (ratio)", fontsize=FONT, labelpad=2)
+        bar.ax.tick_params(labelsize=FONT)
+        bar.ax.minorticks_off()
+        bar.set_ticks([10.0**power for power in range(-8, 1, 2)])
+        curves.write_heading(figure, "Couplings: motion per motion of the support", title)
         return figure
+
+
+def _draw_table(axes: Axes, value: Any, units: Any, norm: LogNorm) -> None:
+    """Draw the cells with their numbers."""
+    largest = np.ones(value.shape)
+    for unit in np.unique(units):
+        own = units == unit
+        largest[own] = value[own].max() or 1.0
+    part = value / largest
+    shown = np.where(value > 0, np.maximum(part, 1 / RANGE), np.nan)
+    axes.imshow(shown, norm=norm, cmap="Blues", aspect="auto")
+    for (row, column), size in np.ndenumerate(value):
+        dark = part[row, column] > DARK
+        colour = "white" if dark else INK if size else NOTE
+        axes.text(column, row, _write(size), ha="center", va="center", fontsize=FONT, color=colour)
+    _part_kinds(axes, units)
+
+
+def _shorten(names: Sequence[str]) -> tuple[list[str], str]:
+    """Part names from the body or support that they have in common, if any.
+
+    >>> _shorten(["test.x", "test.roll"])
+    (['x', 'roll'], 'test')
+    """
+    bodies = {name.rpartition(".")[0] for name in names}
+    if len(bodies) > 1 or any("@" in name for name in names):
+        return [*names], ""
+    return [name.rpartition(".")[2] for name in names], bodies.pop()
 
 
 def _write(size: float) -> str:

@@ -39,6 +39,7 @@ NOMINAL = {"k": 1.0, "mass": 1.0, "inertia": 1.0}
 """Value without imperfection of parameters that are ratios; of others 0."""
 LIMIT = "#cc0000"
 """Colour of the limit."""
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 COLOURS = "viridis"
 """Colour map of the second axis."""
 
@@ -74,8 +75,19 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         axes.set_ylabel(f"{ratio} ({_unit(coupling)})")
         axes.yaxis.get_offset_text().set_fontsize(curves.SMALL)
         _write_conditions(axes, coupling)
-        curves.write_heading(figure, f"Cross-coupling{at}", title)
+        size = np.abs(coupling.ratio)
+        most = float(np.nanmax(size)) if np.isfinite(size).any() else np.nan
+        said = f": at most {_write(most)}" if np.isfinite(most) else ""
+        curves.write_heading(figure, f"Cross-coupling{at}{said}", title)
         return figure
+
+
+def _write(size: float) -> str:
+    """Write a ratio with two digits, ``5.9·10⁻⁴``."""
+    if not size or 0.01 <= size < 1000:
+        return f"{size:.2g}"
+    power = int(np.floor(np.log10(size)))
+    return f"{size / 10.0**power:.1f}·10{str(power).translate(RAISED)}"
 
 
 def _unit(coupling: Coupling) -> str:
@@ -94,13 +106,15 @@ def _write_conditions(axes: Axes, coupling: Coupling) -> None:
     lines = [single_line("; ".join(parts), 62)]
     if len(coupling.frequency) == 1 and len(coupling.axes) > 1:
         lines.append(f"lines: {_label(coupling.axes[1].name)}")
+    if len(coupling.frequency) > 1 and len(_curve_names(coupling)) > 1:
+        lines.append(_name_worst(coupling))
     axes.set_title("\n".join(lines), loc="left", fontsize=7.5, color=NOTE, pad=13)
 
 
 def _curve_names(coupling: Coupling) -> list[str]:
     """Labels at the ends of curves."""
     if len(coupling.frequency) > 1:
-        return ["largest at the end", "median"] if coupling.ratio.shape[0] > 1 else []
+        return ["largest", "median"] if coupling.ratio.shape[0] > 1 else []
     if len(coupling.axes) < 2:
         return []
     second = coupling.axes[1]
@@ -113,6 +127,26 @@ def _shown(axis: Axis) -> Any:
     return np.unique(np.linspace(0, count - 1, min(MOST_CURVES, count)).round().astype(int))
 
 
+def _find_worst(size: Any) -> int:
+    """Find the build (b) with the largest ratio at the highest frequency, of (b, f) ratios."""
+    return int(np.where(np.isfinite(size).all(1), size[:, -1], -np.inf).argmax())
+
+
+def _name_worst(coupling: Coupling) -> str:
+    """Name the build whose ratio at the highest frequency is largest."""
+    shape = coupling.ratio.shape[:-1]
+    worst = _find_worst(np.abs(coupling.ratio).reshape(-1, len(coupling.frequency)))
+    place = np.unravel_index(worst, shape)
+    values = (
+        f"{axis.name} = {_format_value(axis, int(n)).rpartition(' = ')[2]}"
+        for axis, n in zip(coupling.axes, place, strict=True)
+    )
+    return single_line(
+        f"largest at {coupling.frequency[-1]:g} Hz of {np.prod(shape)} builds: {', '.join(values)}",
+        62,
+    )
+
+
 def _draw_over_frequency(axes: Axes, coupling: Coupling, limit: float | None) -> None:
     size = np.abs(coupling.ratio).reshape(-1, len(coupling.frequency))
     good = np.isfinite(size).all(1)
@@ -121,11 +155,11 @@ def _draw_over_frequency(axes: Axes, coupling: Coupling, limit: float | None) ->
         return
     axes.set_xscale("log")
     axes.set_yscale("log")
-    worst = size[good][int(size[good][:, -1].argmax())]
+    worst = size[_find_worst(size)]
     ends = []
     several = good.sum() > 1
     for values, colour, name in (
-        (worst, PALETTE[1], "largest at the end" if several else ""),
+        (worst, PALETTE[1], "largest" if several else ""),
         (np.median(size[good], axis=0), PALETTE[0], "median"),
     )[: 1 + several]:
         drawn = np.where(values > 0, values, np.nan)

@@ -13,14 +13,17 @@ from suspension_cli.analyses import registry as analyses
 from suspension_cli.analyses.fit import (
     default_numbers,
     findings,
+    picture,
     resonances,
     response_fit,
+    response_picture,
     response_text,
     wrong_channels,
 )
 from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Transducer
+from suspension_cli.drawing.curves import COLUMN
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import response, signals
 from suspension_cli.measurements.transfer_function import MeasuredResponse
@@ -28,6 +31,7 @@ from suspension_cli.studies import derivatives
 from suspension_cli.studies.response_matrix import Plant
 from tests.support.commandline import assert_refused, run, strict_json
 from tests.support.golden import CONFIGS
+from tests.support.legible import assert_legible, said
 from tools import asbuilt_trials as trials
 
 DOUBLE = (CONFIGS / "double.toml").read_text()
@@ -355,6 +359,11 @@ def test_command(files, tmp_path):
         loaded = analyses.get("fit").load(file)
     assert loaded.responses is not None
     assert response_text.document(loaded.responses)["single_changes"] == document["single_changes"]
+    figures = picture.draw(loaded, "Made up"), response_picture.draw(loaded.responses, "Made up")
+    for figure in figures:
+        assert figure.get_figwidth() == COLUMN
+        assert_legible(figure)
+    assert "fitted to 4 transfer functions" in " ".join(said(figures[0]))
     assert sorted(path.name for path in out.iterdir()) == [
         "double-fit-responses.png",
         "double-fit.h5",

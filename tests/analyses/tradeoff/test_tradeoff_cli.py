@@ -7,6 +7,7 @@ import itertools
 import h5py
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.tradeoff import file as files
@@ -21,6 +22,7 @@ from suspension_cli.analyses.tradeoff.result import (
     Tradeoff,
     View,
 )
+from suspension_cli.drawing.curves import COLUMN, SMALL
 from suspension_cli.drawing.labels import annotate
 from suspension_cli.drawing.style import add_axes, house_style, new_figure
 from suspension_cli.files.hdf5 import open_results
@@ -184,7 +186,7 @@ def test_redraws_from_the_file_alone(tmp_path):
         )
     result = run("plot", tmp_path / "one" / f"{STEM}.h5", "--out", tmp_path / "other")
     assert result.exit_code == 0, result.stderr
-    for name in (f"{STEM}.png", f"{STEM}-panels.png"):
+    for name in (f"{STEM}{end}.png" for end in ("", "-models", "-methods-once", "-methods-batch")):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
 
 
@@ -347,16 +349,15 @@ def everything(panel):
     return Tradeoff((panel,), 2, 1)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_labels_do_not_overlap(seed):
+@pytest.mark.parametrize(("compares", "seed"), [*itertools.product(COMPARED, range(2))])
+def test_labels_do_not_overlap(compares, seed):
     """Every point has one; none lies on another or sticks out."""
-    panel = made_up(seed=seed)
-    figure = picture.draw(everything(panel), "Made up")
-    assert len(figure.axes) == 2
-    renderer = figure.canvas.get_renderer()
-    for axes in figure.axes:
+    panel = made_up(compares, seed=seed)
+    pages = picture.draw(everything(panel), "Made up").values()
+    for axes in [axes for page in pages for axes in page.axes]:
+        renderer = axes.figure.canvas.get_renderer()
         extents = {text.get_text(): text.get_window_extent(renderer) for text in axes.texts}
-        assert {entry.method for entry in panel.entries} < set(extents)
+        assert {entry.name(compares) for entry in panel.entries} <= set(extents)
         for (one, a), (other, b) in itertools.combinations(extents.items(), 2):
             assert not a.overlaps(b), (seed, one, other)
         frame = axes.get_window_extent(renderer)
@@ -397,13 +398,26 @@ def test_first_picture_says_what_was_left_out(found):
         assert any(w.startswith("left out: nothing") for w in said(figure)) == (len(panels) > 1)
 
 
+def test_pages_are_legible_in_a_column(found):
+    """One column wide, each chart with the unit of its time, no text over another."""
+    pages = picture.draw(found, "Made up")
+    assert [*pages] == [*picture.PAGES]
+    for figure in pages.values():
+        assert figure.get_figwidth() == COLUMN
+        assert_legible(figure)
+        for axes in figure.axes:
+            assert axes.get_xlabel().endswith(("(s)", "(ms)", "(µs)", "(ns)"))
+        assert min(text.get_fontsize() for text in figure.findobj(Text)) >= SMALL
+    said_once = said(pages["-methods-once"])
+    assert any(text.endswith("first response, at 5 frequencies") for text in said_once)
+
+
 def test_front_is_drawn_where_it_is():
     panel = made_up()
-    once, _ = picture.draw(everything(panel), "Made up").axes
-    time, worst = (
-        np.array([entry.time("once") for entry in panel.entries]) / panel.fastest("once"),
-        panel.worst(panel.views[0]),
-    )
+    (once,) = picture.draw(everything(panel), "Made up")["-methods-once"].axes
+    size = {"one evaluation (ms)": 1e-3, "one evaluation (µs)": 1e-6}[once.get_xlabel()]
+    time = np.array([entry.time("once") for entry in panel.entries]) / size
+    worst = panel.worst(panel.views[0])
     corners = {
         (round(float(x), 9), round(float(y), 15))
         for line in once.lines
@@ -434,10 +448,11 @@ def test_picture_of_what_was_left_out_altogether():
     nothing = Panel(
         "thermal", "models", "Thermal noise", "", "frequency", 5, "", (), (), panel.left, ()
     )
-    figure = picture.draw(everything(nothing), "Made up")
-    assert figure.axes == []
+    figures = picture.draw(everything(nothing), "Made up")
+    assert [*figures] == ["-models"] and figures["-models"].axes == []
     assert any(
-        "left out: wire test.1 has no cross-section" in text.get_text() for text in figure.texts
+        "left out: wire test.1 has no cross-section" in text.get_text()
+        for text in figures["-models"].texts
     )
 
 
