@@ -316,6 +316,10 @@ class SceneModel(Model):
         del design
         return scene
 
+    def same_equilibrium(self, design: Design) -> SceneModel | None:
+        """The simpler model that differs in wire mass alone, in the same equilibria; or None."""
+        del design
+
     @abstractmethod
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False

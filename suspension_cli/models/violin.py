@@ -26,9 +26,13 @@ class Violin(Beam):
 
     def refined(self, design: Design, built: Mapping[str, LinearSystem]) -> LinearSystem:
         """The system, from that of the beam model where it is there."""
-        # with the weight of wires, the beam model has their inertia too
-        simpler = None if design.constants.wire_weight else built.get(BEAM.name)
+        same = self.same_equilibrium(design)
+        simpler = None if same is None else built.get(same.name)
         return self.system(design) if simpler is None else with_wire_mass(simpler)
+
+    def same_equilibrium(self, design: Design) -> Beam | None:
+        """The beam model; None with the weight of wires, with which it has their inertia too."""
+        return None if design.constants.wire_weight else BEAM
 
 
 def with_wire_mass(model: LinearSystem) -> LinearSystem:
