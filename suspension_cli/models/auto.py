@@ -212,6 +212,15 @@ def estimate_error(
     )
 
 
+def decide_for_thermal_noise(
+    design: Design, wanted: str, highest: float, tolerance: float = TOLERANCE
+) -> Decision:
+    """Choose the model for thermal noise as `for_thermal_noise` does, and build its system."""
+    build = _Builder(design)
+    choice = _choose_for_noise(build, wanted, highest, tolerance)
+    return Decision(choice, build(choice.model), ())
+
+
 def for_thermal_noise(
     design: Design, wanted: str, highest: float, tolerance: float = TOLERANCE
 ) -> Choice:
@@ -232,6 +241,11 @@ def for_thermal_noise(
     InputError
         If the requested model does not resolve wires, or the design lacks their properties.
     """
+    return _choose_for_noise(_Builder(design), wanted, highest, tolerance)
+
+
+def _choose_for_noise(build: _Builder, wanted: str, highest: float, tolerance: float) -> Choice:
+    design = build.design
     light, heavy = (registry.cheapest_with(name) for name in (BENDING, MASS))
     if wanted not in (AUTO, light.name, heavy.name):
         problem = f"the {wanted} model does not know where along a wire its loss acts"
@@ -243,7 +257,7 @@ def for_thermal_noise(
     _demand(heavy, design, f"give its material's density, or take --fidelity {light.name}")
     if wanted == heavy.name:
         return Choice(heavy.name, "as requested", 0.0)
-    effect = wire_mass.effect_on_noise(design, highest)
+    effect = build.wires().effect_on_noise(highest)
     if not effect.wire:
         return Choice(light.name, "no wire has a violin mode", 0.0)
     size = percent(effect.error) if np.isfinite(effect.error) else "without bound"

@@ -85,7 +85,7 @@ class MassEffect:
 
 def effect_on_noise(design: Design, highest: float) -> MassEffect:
     """Estimate the largest change of thermal noise by wire mass, up to a frequency in Hz."""
-    return massive_wires(expand_with_fibres(design)).effect(highest, NOISE)
+    return massive_wires(expand_with_fibres(design)).effect_on_noise(highest)
 
 
 def expand_with_fibres(design: Design) -> Scene:
@@ -119,6 +119,10 @@ class MassiveWires:
     def effect_on_response(self, highest: float) -> MassEffect:
         """Estimate the largest change of responses by wire mass, up to a frequency in Hz."""
         return self.effect(highest, FORCE)
+
+    def effect_on_noise(self, highest: float) -> MassEffect:
+        """Estimate the largest change of thermal noise by wire mass, up to a frequency in Hz."""
+        return self.effect(highest, NOISE)
 
     def effect(self, highest: float, slope: float) -> MassEffect:
         """Estimate the largest change of a result that waves change by `slope` (f/f1)^2."""
