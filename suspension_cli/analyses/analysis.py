@@ -269,9 +269,6 @@ class Analysis(ABC):
         """End of the stem of the results file: ``NAME-modes.h5``."""
         return self.name
 
-    def prepare(self) -> None:  # noqa: B027
-        """Prepare the process of a command, before anything heavy is imported."""
-
     @abstractmethod
     def solve(self, run: Run) -> Result:
         """Compute the result.

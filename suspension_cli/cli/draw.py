@@ -26,6 +26,9 @@ def command(
     Example: pendsus draw my.toml
     """
     from suspension_cli.design.reader import read
+    from suspension_cli.drawing.quick_import import import_matplotlib
+
+    import_matplotlib()
     from suspension_cli.drawing import draw
     from suspension_cli.drawing.style import save
     from suspension_cli.equilibrium.nominal import expand_nominal

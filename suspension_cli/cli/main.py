@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import os
 from typing import Any
 
 import click
@@ -9,6 +11,14 @@ import click
 from suspension_cli.cli.commands import COMMANDS, get, summary
 from suspension_cli.cli.endings import guard_streams, in_one_line
 from suspension_cli.version import __version__
+
+MANY = 50_000
+"""Objects made between two collections of garbage: a run imports many, and none is garbage."""
+
+ONE_THREAD = "1"
+"""Threads of linear algebra, unless the environment gives their number: matrices are small, and on
+a machine with other work a second thread that waits for a core makes some commands ten times
+slower."""
 
 
 class LazyGroup(click.Group):
@@ -49,6 +59,9 @@ class LazyGroup(click.Group):
         **extra: Any,
     ) -> click.Context:
         """Parse the options before the command; `--help` and `--version` print here."""
+        for library in ("OPENBLAS", "OMP", "MKL"):  # read when numpy is imported
+            os.environ.setdefault(f"{library}_NUM_THREADS", ONE_THREAD)
+        gc.set_threshold(MANY, 20, 20)
         guard_streams()
         with in_one_line():
             return super().make_context(info_name, args, parent, **extra)

@@ -70,6 +70,9 @@ def command(
     from pathlib import Path
 
     from suspension_cli.analyses import csv_files
+    from suspension_cli.drawing.quick_import import import_matplotlib
+
+    import_matplotlib()
     from suspension_cli.drawing.style import encode
     from suspension_cli.files.atomic import write_bytes
     from suspension_cli.files.hdf5 import open_results

@@ -83,8 +83,10 @@ def command(
     from suspension_cli.analyses.report.composition import Request
     from suspension_cli.analyses.report.solve import compose
     from suspension_cli.design.reader import read
+    from suspension_cli.drawing.quick_import import import_matplotlib
     from suspension_cli.files.atomic import write_bytes
 
+    import_matplotlib()
     source = read(design, overrides)
     names = tuple(filter(None, (name.strip() for name in (sections or "").split(","))))
     request = Request(

@@ -46,7 +46,6 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     """Run an analysis with the options of its command."""
     from suspension_cli.files.atomic import write_bytes
 
-    analysis.prepare()
     given = ctx.params
     voice = terminal.Voice(quiet=given["quiet"], verbose=given["verbose"])
     files = {param.name: given[param.name] for param in analysis.arguments}
@@ -67,6 +66,9 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         if one.setting.get("plot") or (
             one.setting.get("plot", False) is None and not given["as_json"]
         ):
+            from suspension_cli.drawing.quick_import import import_matplotlib
+
+            import_matplotlib()
             for end, figure in result.figures(**one.setting).items():
                 form = one.setting.get("picture_format", "png")
                 draw(figure, path.with_name(f"{path.stem}{end}.{form}"), voice)

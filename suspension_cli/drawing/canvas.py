@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,6 +46,7 @@ class Canvas:
         self.axes = axes
         self._polygons: dict[float, list[_Polygon]] = defaultdict(list)
         self._lines: dict[float, list[_Line]] = defaultdict(list)
+        self._stamps: dict[Any, Canvas] = {}
 
     def polygon(self, points: Any, face: Any, edge: Any, width: float, order: float) -> None:
         """Add a filled polygon (p, 2), its edge of a width in points; a larger order lies above."""
@@ -55,6 +57,26 @@ class Canvas:
     ) -> None:
         """Add a line (p, 2) of a width in points."""
         self._lines[order].append(_Line(np.asarray(points), colour, width, dashes))
+
+    def stamp(self, key: Any, shift: Any, draw: Callable[[Canvas], None]) -> None:
+        """Draw shapes moved by a vector (2,); those of equal keys are made once.
+
+        Parameters
+        ----------
+        key : hashable
+            Of shapes that are equal but for their place.
+        shift : (2,) array
+        draw : callable
+            Adds the shapes (no text) to a canvas, about the origin.
+        """
+        made = self._stamps.get(key)
+        if made is None:
+            made = self._stamps[key] = Canvas(self.axes)
+            draw(made)
+        for order, polygons in made._polygons.items():
+            self._polygons[order] += [one._replace(points=one.points + shift) for one in polygons]
+        for order, lines in made._lines.items():
+            self._lines[order] += [one._replace(points=one.points + shift) for one in lines]
 
     def text(self, x: float, y: float, text: str, **keywords: Any) -> None:
         """Draw text at a point of the axes, not clipped by them."""
@@ -67,9 +89,9 @@ class Canvas:
             self.axes.add_collection(
                 PolyCollection(
                     verts,
-                    facecolors=faces,
-                    edgecolors=edges,
-                    linewidths=widths,
+                    facecolors=_once(faces),
+                    edgecolors=_once(edges),
+                    linewidths=_once(widths),
                     zorder=order,
                     clip_on=False,
                 ),
@@ -77,18 +99,25 @@ class Canvas:
             )
         for order, lines in self._lines.items():
             segments, colours, line_widths, dashes = zip(*lines, strict=True)
+            solid = all(dash == "solid" for dash in dashes)
             collection = LineCollection(
                 segments,
-                colors=colours,
-                linewidths=line_widths,
-                linestyles=list(dashes),
+                colors=_once(colours),
+                linewidths=_once(line_widths),
+                linestyles="solid" if solid else list(dashes),
                 zorder=order,
                 clip_on=False,
             )
-            collection.set_capstyle("butt" if any(dash != "solid" for dash in dashes) else "round")
+            collection.set_capstyle("round" if solid else "butt")
             self.axes.add_collection(collection, autolim=False)
         self._polygons.clear()
         self._lines.clear()
+
+
+def _once(values: tuple[Any, ...]) -> Any:
+    """Return one of equal values, which takes less time to draw, else all."""
+    first = values[0]
+    return first if all(value == first for value in values) else values
 
 
 def full_canvas(figure: Figure) -> Canvas:

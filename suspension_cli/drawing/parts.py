@@ -236,9 +236,10 @@ def draw_support(canvas: Canvas, view: View, sketch: Sketch) -> None:
             0.5,
         )
         return
-    for point in sketch.support_points:
-        if abs(point[2] - low[2]) > 1e-9:
-            canvas.line(view.see(np.stack([point, [*point[:2], low[2]]])), NOTE, 1.4, 0.6)
+    points = np.unique(sketch.support_points, axis=0)
+    points = points[np.abs(points[:, 2] - low[2]) > 1e-9]
+    for post in view.see(np.stack([points, points * (1, 1, 0) + (0, 0, low[2])], axis=1)):
+        canvas.line(post, NOTE, 1.4, 0.6)
     (left, foot), (right, top) = view.see(low), view.see(high)
     canvas.line([[left, foot], [right, foot]], NOTE, 1.4, 0.7)
     tall = abs(top - foot)

@@ -30,6 +30,7 @@ DPI = 180
 """Resolution of pictures, dots per inch."""
 MAX_PIXELS = 30_000
 """Longest side of a picture, pixels; larger figures get a lower resolution."""
+
 PNG_LEVEL = 3
 """Level of compression of PNG: higher ones save a tenth of the size and double the time."""
 
@@ -58,6 +59,9 @@ RC: dict[str, Any] = {
     "axes.edgecolor": INK,
     "axes.labelcolor": INK,
     "axes.linewidth": 0.6,
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-3, 5),
     "axes.titlesize": 8.5,
     "axes.labelsize": 8.0,
     "axes.spines.top": False,

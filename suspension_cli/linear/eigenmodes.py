@@ -8,6 +8,7 @@ keep their relative accuracy (`graded_eigenvalues`).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -115,7 +116,7 @@ class Modes:
         """Whether no mode grows."""
         return not bool((self.omega_squared < 0).any())
 
-    @property
+    @cached_property
     def fractions(self) -> Float[np.ndarray, "mode place"]:
         """Fraction of kinetic energy in each motion of `place`, (m, N - 6 + k)."""
         return np.concatenate(
@@ -127,14 +128,14 @@ class Modes:
         """Names of all motions with kinetic energy: coordinates, then motions of wires."""
         return (*self.coordinate, *self.wire)
 
-    @property
+    @cached_property
     def home(self) -> list[tuple[str, str]]:
         """Body (blade, wires) and degree of freedom with most of each mode's kinetic energy."""
         # of fractions equal but for rounding (two equal bodies, two blades), the first
         first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in self.fractions]
         return [place(self.place[i]) for i in first]
 
-    @property
+    @cached_property
     def label(self) -> list[str]:
         """Body and motion of each mode in words: ``test pitch``."""
         return [

@@ -388,3 +388,12 @@ def test_check_as_json(tmp_path):
         5.6 * 9.81, rel=1e-12
     )
     assert result.stderr == ""
+
+
+def test_linear_algebra_has_one_thread_unless_told_otherwise(monkeypatch):
+    names = [f"{library}_NUM_THREADS" for library in ("OPENBLAS", "OMP", "MKL")]
+    for name in names:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    run("--version")
+    assert [os.environ[name] for name in names] == ["1", "3", "1"]

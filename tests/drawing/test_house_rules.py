@@ -122,6 +122,8 @@ def _is_shown(axes, axis, tick, text):
     )
 
 
+OFFSET = re.compile(r"[+−-]?\d*\.?\d*e[+−-]?\d+$")
+"""A power of ten at the end of an axis as computers write it."""
 UNIT = re.compile(r"\((?!SI\b)[^()]+\)|\bin [A-Za-z%]+$|fraction|count|number|ratio|%|± .*[A-Za-z]")
 
 
@@ -150,6 +152,9 @@ def find_faults(name, folder):
             legend = axes.get_legend()
             if legend is not None and len(legend.get_texts()) > 8:
                 faults.append(f"legend of {len(legend.get_texts())} rows")
+        faults += [
+            f"offset: {text.get_text()}" for text, _ in texts if OFFSET.match(text.get_text())
+        ]
         faults += [f"(SI): {text.get_text()}" for text, _ in texts if "SI" in text.get_text()]
         if name not in FREE:
             scale = min((PAGE if name in PAGES else COLUMN) / figure.get_size_inches()[0], 1.0)

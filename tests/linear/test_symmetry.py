@@ -3,17 +3,23 @@ unstable modes."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from suspension_cli.conventions import DOFS
+from suspension_cli.design.reader import read
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import closed_form
 from suspension_cli.models import string as string_model
+from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.pose import layout
 from tests.support import paper, scenes
+from tests.support.paths import CONFIGS
 
 FAMILIES = [("x", "pitch"), ("y", "roll"), ("z",), ("yaw",)]
 
@@ -276,3 +282,36 @@ def test_one_wire_lets_a_body_spin_for_nothing():
     assert single.omega_squared[0] == 0.0
     assert single.home[0] == ("test", "yaw")
     assert single.energy[0, 0, 5] == pytest.approx(1.0, rel=1e-15)
+
+
+REDUNDANT = {"bodies.mass", "wires.span", "springs.upper_point"} | {
+    f"struts.{name}" for name in ("span", "length", "torsion", "mass")
+}
+"""Numbers of a scene that cannot break a mirror alone: they follow from others, are 0, or belong to
+a body on the plane."""
+
+
+def test_every_number_of_a_scene_can_break_a_mirror():
+    """A kind of element that the search for symmetry ignored would lose couplings in silence."""
+    seen = set()
+    for name in ("tower", "reaction-chain", "pulled-fibres"):
+        scene = expand(read(CONFIGS / f"{name}.toml").design)
+        assert is_mirror_symmetric(scene).tolist() == [False, True]
+        for kind, part in scene.parts.items():
+            for field in inner_axes(type(part)):
+                value = getattr(part, field)
+                if f"{kind}.{field}" in REDUNDANT | seen or not value.size:
+                    continue
+                for place in np.ndindex(value.shape):
+                    changed = value.copy()
+                    changed[place] += 0.01 * (np.abs(value).max() + 1)
+                    other = replace(scene, **{kind: replace(part, **{field: changed})})
+                    if not is_mirror_symmetric(other)[1]:
+                        seen.add(f"{kind}.{field}")
+                        break
+                else:
+                    pytest.fail(f"{kind}.{field} of {name} breaks no mirror")
+    fields = {
+        f"{kind}.{field}" for kind, part in scene.parts.items() for field in inner_axes(type(part))
+    }
+    assert seen == fields - REDUNDANT

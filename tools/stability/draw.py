@@ -31,11 +31,11 @@ FLOOR, CEILING = 1e-17, 1e2
 """Errors beyond these are drawn at the edge."""
 CLEAR, EDGE = 6.0, 2.5
 """Sufficient distance of a legend from lines, and least distance from the frame, points."""
-COLUMNS, LINES = 2, 3
+COLUMNS, LINES = 1, 3
 """Panels across and down a page."""
-WIDTH, HEIGHT = 3.6, 2.75
+WIDTH, HEIGHT = 4.55, 2.9
 """Size of a panel, inches."""
-KEYED = 6.8
+KEYED = 7.5
 """Font size of legends, points."""
 
 
@@ -49,8 +49,8 @@ def draw_pages(rows: list[Row]) -> list[Figure]:
 
 
 def count_pages(rows: list[Row]) -> int:
-    """Count the pages of all panels and the key."""
-    return len(rows) // (COLUMNS * LINES) + 1
+    """Count the pages of all panels; the last has the key below them."""
+    return -(-len(rows) // (COLUMNS * LINES))
 
 
 def _draw_page(rows: list[Row], start: int, *, keyed: bool) -> Figure:
@@ -93,7 +93,7 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
             (-1.5, -4),
             textcoords="offset points",
             rotation=90,
-            fontsize=6.5,
+            fontsize=7.5,
             color=NOTE,
             ha="right",
             va="top",
@@ -103,7 +103,7 @@ def _panel(axes: Axes, row: Row, title: str) -> None:
     free = [colour for colour in THEIRS if colour not in [SAME.get(name) for name in row.others]]
     for name in row.others:
         _line(axes, row, name, color=SAME.get(name) or free.pop(0), linewidth=0.9, zorder=3)
-    axes.set_title(title, loc="left", fontweight="bold", fontsize=8.5)
+    axes.set_title(title, loc="left", fontweight="bold", fontsize=9)
     axes.set_xlabel(row.driver, fontsize=8)
     axes.set_yticks([1e-16, 1e-12, 1e-8, 1e-4, 1.0])
     axes.yaxis.set_minor_locator(NullLocator())

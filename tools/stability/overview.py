@@ -10,26 +10,29 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from suspension_cli.drawing.curves import COLUMN
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
-    PALE,
     PALETTE,
     add_axes,
     new_figure,
+    shorten,
     with_opacity,
     write_text,
 )
 from tools.stability.row import BROKEN, SHIPPED, Row
 
 OURS, COMMON = PALETTE[0], PALETTE[1]
-WIDTH, NAMES, BARS = 7.2, 2.65, 2.25
-"""Widths of the figure, of the column of names and of that of the bars, in."""
-CHARACTERS = 48
+WIDTH, SIDE, BARS = COLUMN, 0.1, 2.1
+"""Widths of the figure, of its margin and of the bars, in."""
+CHARACTERS = 76
 """Longest line that describes a parameter."""
-TOP, PITCH = 0.92, 0.44
+LONGEST = 30
+"""Characters of the name of a method."""
+TOP, PITCH = 1.14, 0.7
 """Heights above the first row and of a row, in."""
-THICK = 0.3
+THICK = 0.17
 """Thickness of a bar, in rows."""
 
 
@@ -86,6 +89,7 @@ def first_break(row: Row, names: Iterable[str]) -> tuple[float, str]:
     value = row.broken_at(name)
     if value is not None:
         short = re.sub(rf"^{SHIPPED}[:,]? ?", "", name)
+        short = short if len(short) <= LONGEST else shorten(short.partition(", ")[0], LONGEST)
         text = f"{format_number(value)}{split_unit(row.driver)[1]}"
         return at, f"{short}: {text}" if short else text
     worst = max(row.worst(name) for name in names)
@@ -98,31 +102,22 @@ def draw_overview(rows: list[Row]) -> Figure:
     figure = new_figure(WIDTH, high)
     count = sum(first_break(row, row.shipped)[0] == 1.0 for row in rows)
     broken = sum(first_break(row, row.others)[0] < 1.0 for row in rows)
-    write_text(
-        figure,
-        0.1,
-        0.08,
-        f"pendsus stays accurate to the end of {count} of {len(rows)} troubles;"
-        f" a common method breaks in {broken}",
-        9.5,
-        bold=True,
+    heading = (
+        f"pendsus stays accurate to the end of {count} of {len(rows)} troubles;",
+        f"a common method breaks in {broken}",
     )
-    write_text(
-        figure,
-        0.1,
-        0.31,
-        "A method breaks where its relative error exceeds 0.1 % and stays there.",
-        8,
-        NOTE,
-    )
-    axes = add_axes(figure, NAMES, TOP, BARS, PITCH * len(rows))
+    for n, line in enumerate(heading):
+        write_text(figure, SIDE, 0.08 + 0.17 * n, line, 9, bold=True)
+    text = "A method breaks where its relative error exceeds 0.1 % and stays there."
+    write_text(figure, SIDE, 0.45, text, 8, NOTE)
+    axes = add_axes(figure, SIDE, TOP, BARS, PITCH * len(rows))
     axes.set(xlim=(0, 1), ylim=(len(rows) - 0.5, -0.5), yticks=[])
-    axes.set_xticks([0, 0.5, 1], ["harmless", "half of the decades", "extreme"])
+    axes.set_xticks([0, 0.5, 1], ["harmless", "in decades", "extreme"])
     axes.tick_params(labelsize=8, length=0, pad=4)
+    for label, side in zip(axes.get_xticklabels()[::2], ("left", "right"), strict=True):
+        label.set_horizontalalignment(side)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    axes.grid(visible=True, axis="x", color=PALE, linewidth=0.5)
-    axes.set_axisbelow(True)
     for n, row in enumerate(rows):
         _draw_row(axes, n, row)
     _draw_key(figure)
@@ -130,15 +125,18 @@ def draw_overview(rows: list[Row]) -> Figure:
 
 
 def _draw_row(axes: Axes, n: int, row: Row) -> None:
-    """Draw the names and the bars of a row, and where they end."""
+    """Draw the names of a row and, below, its bars and where they end."""
     letter = "abcdefghijklmnopqrstuvwxyz"[n]
-    start = 72 * (0.1 - NAMES)
     place: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-    axes.annotate(
-        f"{letter}  {row.title}", (0, n), (start, 7), va="center", weight="bold", size=8, **place
-    )
-    axes.annotate(describe_range(row), (0, n), (start, 1), va="top", size=6.8, color=NOTE, **place)
-    for names, colour, at in ((row.others, COMMON, n - 0.18), (row.shipped, OURS, n + 0.18)):
+    for text, up, look in (
+        (f"{letter}  {row.title}", 0.3, {"weight": "bold", "size": 8.2, "color": INK}),
+        (describe_range(row), 0.1, {"size": 7.5, "color": NOTE}),
+    ):
+        axes.annotate(text, (0, n - up), (0, 0), va="center", **look, **place)
+    for names, colour, at in (
+        (row.others, COMMON, n + 0.12),
+        (row.shipped, OURS, n + 0.3),
+    ):
         end, label = first_break(row, names)
         longest = max(progress(row, row.broken_at(name)) for name in names)
         if longest > end:
@@ -146,22 +144,22 @@ def _draw_row(axes: Axes, n: int, row: Row) -> None:
         axes.barh(at, end, THICK, color=colour)
         if end < 1:
             axes.plot(end, at, "x", color=INK, markersize=4.5, markeredgewidth=1.3, clip_on=False)
-        look = {"va": "center", "size": 7, "color": INK if end < 1 else NOTE}
+        look = {"va": "center", "size": 7.5, "color": INK if end < 1 else NOTE}
         axes.annotate(label or "no break", (1, at), (8, 0), **place, **look)
 
 
 def _draw_key(figure: Figure) -> None:
     """Explain bars and crosses above the chart."""
-    axes = add_axes(figure, 0.1, 0.5, WIDTH - 0.2, 0.3)
-    axes.set(xlim=(0, WIDTH - 0.2), ylim=(0, 1))
+    axes = add_axes(figure, SIDE, 0.64, WIDTH - 2 * SIDE, 0.46)
+    axes.set(xlim=(0, WIDTH - 2 * SIDE), ylim=(0, 2))
     axes.set_axis_off()
     items = (
-        (0.0, COMMON, 1.0, "common method that breaks first"),
-        (2.3, COMMON, 0.22, "and the best other one"),
-        (4.0, OURS, 1.0, "pendsus"),
+        (0.0, 1.5, COMMON, 1.0, "common method that breaks first"),
+        (2.45, 1.5, COMMON, 0.22, "and the best other one"),
+        (0.0, 0.5, OURS, 1.0, "pendsus"),
     )
-    for x, colour, strength, text in items:
-        axes.barh(0.5, 0.25, 0.45, x, color=with_opacity(colour, strength))
-        axes.text(x + 0.31, 0.5, text, va="center", size=7.5)
-    axes.plot(5.05, 0.5, "x", color=INK, markersize=4.5, markeredgewidth=1.3)
-    axes.text(5.15, 0.5, "breaks: method and value, right", va="center", size=7.5)
+    for x, y, colour, strength, text in items:
+        axes.barh(y, 0.22, 0.5, x, color=with_opacity(colour, strength))
+        axes.text(x + 0.29, y, text, va="center", size=7.8)
+    axes.plot(2.55, 0.5, "x", color=INK, markersize=4.5, markeredgewidth=1.3)
+    axes.text(2.74, 0.5, "breaks: method, value", va="center", size=7.8)

@@ -149,7 +149,7 @@ def _panel(axes: Axes, one: Budget, colours: dict[str, tuple[str, Any]]) -> None
     if faint:
         axes.annotate(
             textwrap.fill(
-                f"not drawn, below {FAINT:g} of the sum everywhere: {', '.join(faint)}", 90
+                f"not drawn, below {FAINT:g} of the sum everywhere: {', '.join(faint)}", 64
             ),
             (0, 0),
             (0, -28),

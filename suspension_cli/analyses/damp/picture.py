@@ -41,6 +41,13 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)), (0, (8, 
 """Line styles of the loops, so that one on top of another does not hide it."""
 
 
+COUNT_SHIFTS = np.array(
+    [(9, 4), (-9, 4), (9, -5), (-9, -5), (0, 9), (0, -9), (13, 9), (-13, 9), (13, -10), (-13, -10),
+     (0, 17), (0, -17), (18, 0), (-18, 0), (18, 16), (-18, 16), (18, -16), (-18, -16)], float
+)  # fmt: skip
+"""Places of a number of poles from its mark, points, best first."""
+
+
 def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None) -> Figure:
     """Draw the figure of `pendsus damp`.
 
@@ -105,12 +112,13 @@ def _draw_poles(axes: Axes, damped: LocalControl) -> None:
     axes.axvspan(0, right * 10, color=RED, alpha=0.08, linewidth=0)
     axes.axvline(0, color=INK, linewidth=0.6)
     _draw_q(axes, least, high)
+    counts: list[tuple[float, float, str, str]] = []
     for poles, marker, size, wide, label in (
         (damped.open, "o", 4.0, 0.7, "open"),
         (damped.closed, "x", 4.5, 1.1, "closed"),
     ):
         colour = OPEN if marker == "o" else PALETTE[0]
-        for n, (rate, at, count) in enumerate(_group(poles)):
+        for rate, at, count in _group(poles):
             own = RED if rate > 0 and marker == "x" else colour
             axes.plot(
                 rate,
@@ -126,16 +134,8 @@ def _draw_poles(axes: Axes, damped: LocalControl) -> None:
             )
             label = ""
             if count > 1 and marker == "x":
-                side = 1 if n % 2 else -1
-                axes.annotate(
-                    f"×{count}",
-                    (rate, at),
-                    (3 * side, 2),
-                    textcoords="offset points",
-                    ha="left" if side > 0 else "right",
-                    fontsize=7.5,
-                    color=own,
-                )
+                counts.append((rate, at, f"×{count}", own))
+    _write_counts(axes, counts, [*_group(damped.open), *_group(damped.closed)])
     decades = np.log10(high / least)
     step = int(np.ceil((decades + 1) / 4))
     powers = np.arange(round(np.log10(high)), round(np.log10(least)), -step)
@@ -151,6 +151,48 @@ def _draw_poles(axes: Axes, damped: LocalControl) -> None:
         loc="lower right", bbox_to_anchor=(1.02, 1.0), ncols=2, fontsize=7.5, handletextpad=0.1,
         columnspacing=0.8, borderaxespad=0.0,
     )  # fmt: skip
+
+
+def _write_counts(
+    axes: Axes,
+    counts: Sequence[tuple[float, float, str, str]],
+    poles: Sequence[tuple[float, float, int]],
+) -> None:
+    """Write the numbers of poles at one place beside it, clear of others and of all marks."""
+    figure: Any = axes.get_figure()
+    pixel = 72 / figure.dpi
+
+    def place(points: Any) -> Any:
+        return axes.transData.transform(np.reshape(points, (-1, 2))) * pixel
+
+    marks = place([(rate, at) for rate, at, _ in poles])
+    taken = np.zeros((0, 2))
+    for rate, at, text, colour in counts:
+        middle = place([(rate, at)])[0] + COUNT_SHIFTS
+        room = [
+            min(
+                _distance(marks - one, (8.0, 6.0)),
+                _distance(taken - one, (16.0, 9.0)),
+            )
+            for one in middle
+        ]
+        best = next((n for n, free in enumerate(room) if free >= 1.0), int(np.argmax(room)))
+        taken = np.vstack([taken, middle[best]])
+        axes.annotate(
+            text,
+            (rate, at),
+            COUNT_SHIFTS[best],
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=7.5,
+            color=colour,
+        )
+
+
+def _distance(apart: Any, size: tuple[float, float]) -> float:
+    """Smallest of distances (k, 2), in units of the least ones across and up; at most 9."""
+    return float(np.abs(apart / size).max(1).min(initial=9.0)) if len(apart) else 9.0
 
 
 def _plain_or_power(value: float) -> str:

@@ -40,6 +40,10 @@ TOP = 0.98
 """Place of the panels below the upper edge, in."""
 
 
+LARGE = 999_999.5
+"""Numbers written with a power of ten."""
+
+
 def draw(found: Fit, title: str) -> Figure:
     """Draw the figure of `pendsus fit`.
 
@@ -197,9 +201,16 @@ def _draw_numbers(figure: Figure, found: Fit, places: list[tuple[float, float]])
         span = float(np.ptp(ends)) or abs(value) or 1.0
         axes.set_xlim(ends.min() - 0.1 * span, ends.max() + 0.1 * span)
         axes.set_ylim(-0.5, 0.5)
-        axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.xaxis.set_major_locator(MaxNLocator(4 if np.abs(ends).max() < LARGE else 3))
         axes.tick_params(labelsize=7.5, length=2, pad=1.5)
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.6g}".replace("-", "−")))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: _write_tick(x)))
+
+
+def _write_tick(value: float) -> str:
+    """Write a number with six digits; with a power of ten where it is very small or large."""
+    if value == 0 or 1e-4 <= abs(value) < LARGE:
+        return f"{value:.6g}".replace("-", "−")
+    return curves.write_plainly(value)
 
 
 def _unit(path: str, value: float) -> tuple[str, float]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +33,8 @@ DEGENERATE = 1e-10
 """Relative difference of frequencies below which modes are one degenerate group."""
 ASIDE = np.array([0.97, 1.0, 1.03])
 """Multiples of a mode's frequency: beside it, for the scale of coordinates, and at it."""
+NUMBERS = 8_000_000
+"""Most elements of the matrices that are evaluated at once, 64 MB."""
 
 
 @dataclass(frozen=True)
@@ -150,30 +153,27 @@ def dynamic_stiffness(
                 ]
             )
             constant -= np.tensordot(static, term.matrices, 1)
-    pulled = [
-        _tensions(cut, wire, ends, omega, lossy=lossy)
-        for cut in wires
-        for wire, ends in zip(cut.pieces, cut.piece_ends("stretch"), strict=True)
-    ]
-    whole = size + sum(len(across) for across, _, _ in pulled)
+    whole = size + 2 * sum(len(cut.ends["stretch"]) for cut in wires)
     result = np.zeros((len(omega), whole, whole), dtype=omega.dtype)
     own = result[:, : model.size, : model.size]
     own += constant - omega[:, None, None] ** 2 * model.mass
     _add_losses(own, model, omega, lossy=lossy)
+    start = size
     for cut in wires:
         for part in PARTS:
             for wire, ends in zip(cut.pieces, cut.piece_ends(part), strict=True):
+                moved = np.flatnonzero(ends.any((0, 1)))
+                stiffness = replace(wire, lossy=lossy).at(omega).stiffness(part)
                 if part != "stretch":
-                    piece = replace(wire, lossy=lossy).at(omega).stiffness(part)
-                    result[:, :size, :size] += _assemble(ends, joined_sections.to_ends(piece))
-    start = size
-    for across, diagonal, rest in pulled:
-        rows = np.arange(start, start + len(across))
-        result[:, rows, :size] = np.moveaxis(across, -1, 0)
-        result[:, :size, rows] = np.moveaxis(across, -1, 0).swapaxes(1, 2)
-        result[:, rows, rows] = diagonal[:, None]
-        result[:, :size, :size] += rest
-        start += len(across)
+                    own = _assemble(ends[..., moved], joined_sections.to_ends(stiffness))
+                else:
+                    across, diagonal, own = _tensions(cut, wire, ends[..., moved], stiffness)
+                    rows = np.arange(start, start + len(ends))
+                    result[:, rows[:, None], moved] = across
+                    result[:, moved[:, None], rows] = across.swapaxes(1, 2)
+                    result[:, rows, rows] = diagonal[:, None]
+                    start += len(ends)
+                result[:, moved[:, None], moved] += own
     return result
 
 
@@ -181,11 +181,9 @@ def _tensions(
     cut: CutWires,
     wire: TautWire,
     ends: Float[np.ndarray, "wire end coordinate"],
-    omega: Inexact[np.ndarray, " frequency"],
-    *,
-    lossy: bool,
+    stiffness: Inexact[np.ndarray, "2 2 frequency"],
 ) -> tuple[
-    Inexact[np.ndarray, "wire coordinate frequency"],
+    Inexact[np.ndarray, "frequency wire coordinate"],
     Inexact[np.ndarray, " frequency"],
     Inexact[np.ndarray, "frequency coordinate coordinate"],
 ]:
@@ -193,19 +191,17 @@ def _tensions(
 
     Returns
     -------
-    across : (w, A, m) array
+    across
         Between the tensions and the other coordinates.
-    diagonal : (m,) array
+    diagonal
         Of the tensions.
-    rest : (m, A, A) array
+    rest
         Remaining stiffness of stretching, on the even motion of the ends.
     """
-    stiffness = replace(wire, lossy=lossy).at(omega).stiffness("stretch")
-    even, odd = np.linalg.inv(joined_sections.ENDS[1]) @ np.moveaxis(ends, 1, 0).reshape(2, -1)
-    even, odd = even.reshape(len(ends), -1), odd.reshape(len(ends), -1)
+    even, odd = np.moveaxis(np.linalg.inv(joined_sections.ENDS[1]) @ ends, 1, 0)
     mixed = stiffness[0, 1] / stiffness[1, 1]
     scale = float(cut.whole.tension) / sum(section.length for section in wire.fibre.sections)
-    across = scale * (odd[..., None] + even[..., None] * mixed)
+    across = scale * (odd + even * mixed[:, None, None])
     beside = stiffness[0, 0] - mixed * stiffness[0, 1]
     return across, -(scale**2) / stiffness[1, 1], beside[:, None, None] * (even.T @ even)
 
@@ -228,30 +224,34 @@ def solve_shapes(
     progress: Progress,
 ) -> Float[np.ndarray, "mode coordinate"]:
     """Solve for shapes (m, A): null vectors of the larger system, with the support at rest."""
-    result = np.zeros((len(omega), size))
-    start, began = 0, time.monotonic()
-    while start < len(omega):
-        stop = start + 1
-        while stop < len(omega) and omega[stop] - omega[stop - 1] <= DEGENERATE * omega[stop]:
-            stop += 1
-        below, matrix, above = dynamic_stiffness(
-            model, wires, size, omega[start:stop].mean() * ASIDE
-        )[:, 6:, 6:]
-        # a coordinate that resonates alone has no stiffness at its mode, so the scale is taken
-        # beside it
-        beside = np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above)))
-        scale = (
-            1
-            / frequency_dependent.coordinate_scales(
-                beside[None], np.abs(matrix[None, size - 6 :, : size - 6]), model.size - 6
-            )[0]
-        )
-        values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-        nearest = np.argsort(np.abs(values))[: stop - start]
-        vectors = eigenmodes.localise(np.zeros(stop - start), vectors[: size - 6, nearest])
-        result[start:stop, 6:] = (vectors * scale[: size - 6, None]).T
-        start = stop
-        progress(start, len(omega), start / max(time.monotonic() - began, 1e-9))
+    result, began = np.zeros((len(omega), size)), time.monotonic()
+    stops = [*(np.flatnonzero(np.diff(omega) > DEGENERATE * omega[1:]) + 1), len(omega)]
+    groups = [slice(*ends) for ends in pairwise([0, *stops])]
+    # tensions of both pieces of every wire come beside the coordinates
+    whole = size + 2 * sum(len(cut.ends["twist"]) for cut in wires)
+    step = max(1, NUMBERS // (len(ASIDE) * whole**2))
+    for first in range(0, len(groups), step):
+        some = groups[first : first + step]
+        centre = np.array([omega[group].mean() for group in some])
+        matrices = dynamic_stiffness(model, wires, size, (centre[:, None] * ASIDE).ravel())
+        matrices = matrices[:, 6:, 6:].reshape(len(some), len(ASIDE), whole - 6, whole - 6)
+        for group, (below, matrix, above) in zip(some, matrices, strict=True):
+            # a coordinate that resonates alone has no stiffness at its mode, so the scale is taken
+            # beside it
+            beside = np.maximum(np.abs(np.diag(below)), np.abs(np.diag(above)))
+            scale = (
+                1
+                / frequency_dependent.coordinate_scales(
+                    beside[None], np.abs(matrix[None, size - 6 :, : size - 6]), model.size - 6
+                )[0]
+            )
+            values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
+            count = group.stop - group.start
+            nearest = np.argsort(np.abs(values))[:count]
+            vectors = eigenmodes.localise(np.zeros(count), vectors[: size - 6, nearest])
+            result[group, 6:] = (vectors * scale[: size - 6, None]).T
+        done = some[-1].stop
+        progress(done, len(omega), done / max(time.monotonic() - began, 1e-9))
     return result
 
 

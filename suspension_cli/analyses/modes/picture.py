@@ -329,10 +329,13 @@ def _format_percent(fraction: float) -> str:
     return f"{percent:.1f} %" if percent >= 0.05 else "< 0.1 %"
 
 
-def make_panel(modes: Modes, number: int, rest: Sketch, pose: Pose | None = None) -> Panel:
+def make_panel(
+    modes: Modes, number: int, rest: Sketch, pose: Pose | None = None, view: View | None = None
+) -> Panel:
     """Make the panel of a mode, displaced to a pose; by default that of `geometry.mode_pose`."""
     scene, bodies = rest.scene, rest.outlines
-    view = choose_view(modes, number, geometry.from_above(scene, bodies))
+    if view is None:
+        view = choose_view(modes, number, geometry.from_above(scene, bodies))
     if pose is None:
         pose = geometry.mode_pose(scene, modes.coordinate, modes.shape[number])
     sketch = replace(rest, pose=pose)
@@ -431,34 +434,13 @@ def _draw_picture(
     rest: Sketch,
     frame: Frame,
 ) -> None:
-    """Draw the suspension at rest and displaced, at the scale and height of the frame."""
-    scale = min((WIDTH - 0.05) / frame.width, (tall - 0.06) / frame.height)
-    high = float(panel.high[1]) if panel.view.normal == 2 else frame.high
-    origin = (
-        corner[0] + WIDTH / 2 - scale * (panel.low[0] + panel.high[0]) / 2,
-        corner[1] - 0.03 - scale * high,
-    )
-    view = panel.view.at(origin, scale)
-    colour, count = DOF_COLOUR[modes.home[panel.number][1]], len(rest.outlines)
-    still = Look((PALE,) * count, (style.with_opacity(PALE, 0.25),) * count, PALE, 0.7, 1)
-    energy = modes.energy[panel.number].sum(-1)
-    strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
-    moving = Look(
-        (colour,) * count,
-        tuple(style.with_opacity(colour, float(s)) for s in strength),
-        INK,
-        0.7,
-        3,
-    )
-    parts.draw_support(canvas, view, rest)
-    parts.draw_suspension(canvas, view, rest, still)
-    _draw_references(canvas, view, rest)
-    parts.draw_suspension(canvas, view, panel.sketch, moving)
-    _draw_crosses(canvas, view, panel.sketch, colour)
+    """Draw the suspension at rest and displaced, and name the view."""
+    colour = DOF_COLOUR[modes.home[panel.number][1]]
+    draw_shape(canvas, corner, (WIDTH, tall), modes, panel, rest, frame, colour, 0.7)
     canvas.text(
         corner[0] + WIDTH,
         corner[1] - tall - 0.01,
-        view.name,
+        panel.view.name,
         ha="right",
         va="top",
         fontsize=6,
@@ -466,7 +448,61 @@ def _draw_picture(
     )
 
 
-def _draw_crosses(canvas: Canvas, view: View, sketch: Sketch, colour: str) -> None:
+def draw_shape(
+    canvas: Canvas,
+    corner: tuple[float, float],
+    size: tuple[float, float],
+    modes: Modes,
+    panel: Panel,
+    rest: Sketch,
+    frame: Frame,
+    colour: str,
+    thick: float,
+) -> None:
+    """Draw the suspension at rest and displaced, at the scale and height of the frame.
+
+    Parameters
+    ----------
+    canvas, modes, panel, rest, frame
+        As of `draw_panel`.
+    corner, size : (float, float)
+        Upper left corner, width and height of the picture, in.
+    colour : colour
+        Of bodies; the more energy of the mode they have, the stronger.
+    thick : float
+        Of wires, points.
+    """
+    scale = min((size[0] - 0.05) / frame.width, (size[1] - 0.06) / frame.height)
+    high = float(panel.high[1]) if panel.view.normal == 2 else frame.high
+    origin = (
+        corner[0] + size[0] / 2 - scale * (panel.low[0] + panel.high[0]) / 2,
+        corner[1] - 0.03 - scale * high,
+    )
+    view = panel.view.at(origin, scale)
+    count = len(rest.outlines)
+    still = Look((PALE,) * count, (style.with_opacity(PALE, 0.25),) * count, PALE, thick, 1)
+    energy = modes.energy[panel.number].sum(-1)
+    strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
+    moving = Look(
+        (colour,) * count,
+        tuple(style.with_opacity(colour, float(s)) for s in strength),
+        INK,
+        thick,
+        3,
+    )
+
+    def draw_rest(canvas: Canvas) -> None:
+        here = panel.view.at(np.zeros(2), scale)
+        parts.draw_support(canvas, here, rest)
+        parts.draw_suspension(canvas, here, rest, still)
+        _draw_references(canvas, here, rest)
+
+    canvas.stamp((id(rest), panel.view.name, scale, thick), origin, draw_rest)
+    parts.draw_suspension(canvas, view, panel.sketch, moving)
+    _draw_crosses(canvas, view, panel.sketch, colour, thick)
+
+
+def _draw_crosses(canvas: Canvas, view: View, sketch: Sketch, colour: str, thick: float) -> None:
     """Draw a cross through each displaced body, and in a circle a mark on the rim.
 
     They show rotations; `_draw_references` shows where the marks are at rest.
@@ -476,10 +512,10 @@ def _draw_crosses(canvas: Canvas, view: View, sketch: Sketch, colour: str) -> No
             if axis != view.normal:
                 arm = 0.3 * np.eye(3)[axis] * body.half
                 line = geometry.position_of(sketch.scene, sketch.pose, n, np.stack([-arm, arm]))
-                canvas.line(view.see(line), colour, 0.7, 4)
+                canvas.line(view.see(line), colour, thick, 4)
         if body.axis == view.normal:
             rim = _rim(body, view)
-            for low, width in ((0.0, 0.7), (0.82, 2.4)):
+            for low, width in ((0.0, thick), (0.82, 3.4 * thick)):
                 line = np.stack([low * rim, rim])
                 line = geometry.position_of(sketch.scene, sketch.pose, n, line)
                 canvas.line(view.see(line), colour, width, 4)

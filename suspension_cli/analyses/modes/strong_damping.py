@@ -15,7 +15,7 @@ import numpy as np
 from suspension_cli.analyses.modes.modal_basis import CONVERGED, STEPS, Basis, condense
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Inexact
+    from jaxtyping import Bool, Complex, Inexact, Int
 
 NOISE = 1e-9
 """Relative change below which an iteration that no longer improves has ended."""
@@ -23,6 +23,8 @@ STRAYED = 0.5
 """Relative distance from its start beyond which a pole counts as another one."""
 RESISTED = 1e-12
 """Fraction of the largest damping of rigid modes below which a combination counts as undamped."""
+AT_ONCE = 8
+"""Poles that are refined together."""
 REAL = 1e-13
 """Imaginary part over modulus of a pole of the real problem that is a rounding error."""
 
@@ -175,53 +177,73 @@ def _refine_in_basis(
     return now, equation(now)[1]
 
 
-def refine_pole(
+def refine_poles(
     dynamic: Callable[[Any, bool], Any],
-    start: complex,
-    motion: Complex[np.ndarray, " coordinate"] | None,
-) -> complex:
-    """Refine a pole of any system by the secant method in 1 / (b^T Z(s)^-1 b), which is 0 at poles.
+    start: Complex[np.ndarray, " pole"],
+    motion: Complex[np.ndarray, "pole coordinate"] | None,
+) -> Complex[np.ndarray, " pole"]:
+    """Refine poles of any system by the secant method in 1 / (b^T Z(s)^-1 b), which is 0 at poles.
 
     Parameters
     ----------
     dynamic : callable
         Z (m, A + t, A + t) at s (m,), with or without loss angles; the support's six coordinates
         first, forces that serve as coordinates last.
-    start : complex
-        rad/s; real for a motion that does not oscillate.
-    motion : (A,) array or None
-        Approximate shape, used for b; None excites all coordinates alike.
+    start
+        rad/s; real for motions that do not oscillate, all or none.
+    motion
+        Approximate shapes, used for b; None excites all coordinates alike.
 
     Returns
     -------
-    complex
+    array
         rad/s; the start where the iteration leaves its neighbourhood.
     """
-    oscillates = start.imag > 0
-    size = np.abs(np.diagonal(dynamic(np.array([start * 1.03 + 0j]), oscillates)[0, 6:, 6:]))
+    result = start.copy()
+    for first in range(0, len(start), AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        result[some] = _refine_some(dynamic, start[some], None if motion is None else motion[some])
+    return result
+
+
+def _refine_some(
+    dynamic: Callable[[Any, bool], Any],
+    start: Complex[np.ndarray, " pole"],
+    motion: Complex[np.ndarray, "pole coordinate"] | None,
+) -> Complex[np.ndarray, " pole"]:
+    oscillates = bool((np.imag(start) > 0).all())
+    aside = dynamic(start * 1.03, oscillates)[:, 6:, 6:]
+    size = np.abs(np.diagonal(aside, axis1=1, axis2=2))
     scale = 1 / np.sqrt(np.where(size > 0, size, 1.0))
-    push = np.ones(len(scale))
+    push = np.ones_like(scale, dtype=complex)
     if motion is not None:
-        push = np.pad(motion[6:], (0, len(scale) - len(motion) + 6)) / scale
+        push = np.pad(motion[:, 6:], ((0, 0), (0, scale.shape[1] - motion.shape[1] + 6))) / scale
 
-    def inverse(s: complex) -> complex:
-        matrix = dynamic(np.array([s + 0j]), oscillates)[0, 6:, 6:] * scale[:, None] * scale
-        result = 1 / (push @ np.linalg.solve(matrix, push))
-        return result if oscillates else result.real
+    def inverse(
+        s: Complex[np.ndarray, " moving"], which: Int[np.ndarray, " moving"]
+    ) -> Inexact[np.ndarray, " moving"]:
+        matrix = dynamic(s, oscillates)[:, 6:, 6:] * scale[which, :, None] * scale[which, None, :]
+        answer = np.linalg.solve(matrix, push[which, :, None])[..., 0]
+        value = 1 / (push[which] * answer).sum(1)
+        return value if oscillates else np.real(value) + 0j
 
-    before, now = start * (1 + 1e-6), start
-    residual, last = inverse(before), np.inf
+    now, moving, last = start.copy(), np.arange(len(start)), np.full(len(start), np.inf)
+    before = start * (1 + 1e-6)
+    residual = inverse(before, moving)
     for _ in range(STEPS):
-        value = inverse(now)
-        if value in (0, residual):
+        value = inverse(now[moving], moving)
+        still = (value != 0) & (value != residual[moving])
+        moving, value = moving[still], value[still]
+        step = -value * (now - before)[moving] / (value - residual[moving])
+        before[moving], residual[moving] = now[moving], value
+        now[moving] += step
+        strayed = np.abs(now - start) > STRAYED * np.abs(start)
+        strayed |= (np.imag(now) > 0) != oscillates
+        now[strayed] = start[strayed]
+        size, done = np.abs(step), CONVERGED * np.abs(now[moving])
+        noise = (size < NOISE * np.abs(now[moving])) & (2 * size >= last[moving])
+        last[moving] = size
+        moving = moving[~(strayed[moving] | (size <= done) | noise)]
+        if not len(moving):
             break
-        step = -value * (now - before) / (value - residual)
-        before, residual, now = now, value, now + step
-        if abs(now - start) > STRAYED * abs(start) or (now.imag > 0) != oscillates:
-            return start
-        if abs(step) <= CONVERGED * abs(now) or (
-            abs(step) < NOISE * abs(now) and 2 * abs(step) >= last
-        ):
-            break
-        last = abs(step)
     return now

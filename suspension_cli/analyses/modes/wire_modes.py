@@ -255,8 +255,8 @@ def _solve_massless(model: LinearSystem, undamped: Modes) -> Modes:
 def _refine_overdamped(static: Modes, dynamic: Dynamic) -> Modes:
     """Refine the decay rates of overdamped modes with the mass of wires."""
     decay = static.decay_rate.copy()
-    for n in np.flatnonzero(static.overdamped):
-        decay[n] = -strong_damping.refine_pole(dynamic, -decay[n] + 0j, None).real
+    start = -decay[static.overdamped] + 0j
+    decay[static.overdamped] = -np.real(strong_damping.refine_poles(dynamic, start, None))
     return replace(static, decay_rate=decay)
 
 
@@ -353,8 +353,8 @@ def _solve_damped_part(
     amplitude = np.zeros((len(value), len(found.q)), dtype=complex)
     amplitude[:, lossy] = here.motion[oscillates]
     amplitude /= np.sqrt((np.abs(amplitude) ** 2).sum(1))[:, None]
-    for n in np.flatnonzero(np.abs(np.real(value)) > LOSSY * np.abs(value)):
-        value[n] = strong_damping.refine_pole(dynamic, value[n], amplitude[n] @ shapes)
+    strong = np.abs(np.real(value)) > LOSSY * np.abs(value)
+    value[strong] = strong_damping.refine_poles(dynamic, value[strong], amplitude[strong] @ shapes)
     weight, lead = np.abs(amplitude) ** 2, np.abs(amplitude).argmax(1)
     energy, tips = damped.mean_energies(model, amplitude @ shapes[:, : model.size])
     wires = weight @ found.wire_energy

@@ -159,16 +159,19 @@ class SweepAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
-        from suspension_cli.analyses.sweep import crossings, picture
+        from suspension_cli.analyses.sweep import crossing_shapes, crossings, picture
         from suspension_cli.drawing.style import name_neglected
         from suspension_cli.files.hdf5 import open_results
 
-        found = []
+        found, shapes = [], []
         if result.file is not None and result.file.exists():
             with open_results(result.file) as file:
                 found = crossings.find_crossings(file["sweep"], result.data)
+            shapes = crossing_shapes.solve_shapes(
+                result.source, result.data.axes[0].name, result.choice.level, found
+            )
         stages = [stage.name for stage in result.design.stage]
-        drawn = picture.draw(result.data, result.subtitle, stages, found)
+        drawn = picture.draw(result.data, result.subtitle, stages, found, shapes)
         return {"": name_neglected(drawn, result.choice)}
 
 

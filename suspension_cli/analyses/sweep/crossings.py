@@ -9,12 +9,30 @@ import numpy as np
 from suspension_cli.analyses.sweep.file import SweepResult
 from suspension_cli.files.hdf5 import Stored
 
-NEAR, NEAR_MIXED = 0.05, 0.25
+NEAR, NEAR_MIXED = 0.05, 0.5
 """Largest relative distance in frequency of two modes that meet, unmixed or mixed."""
 CLOSER = 1.3
 """Factor by which they must be farther apart at both ends of the grid."""
+PURE = 3.0
+"""Factor by which modes that mixed are farther apart where 3 % of mixing is left."""
 MIXED = 0.05
 """Fraction of the other mode's motion from which a crossing is avoided."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Point of a grid near a crossing.
+
+    Attributes
+    ----------
+    at : float
+        Value of the parameter, SI.
+    rank : tuple of int
+        Numbers of the two modes among all, ascending, from 0.
+    """
+
+    at: float
+    rank: tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -31,12 +49,15 @@ class Crossing:
         Labels of the two.
     mixing : tuple of float
         Fraction of the other mode's motion, as far from there, in each one's motion at that point.
+    around : tuple of Point
+        Points of the grid before, at and after it.
     """
 
     at: float
     frequency: float
     modes: tuple[str, str]
     mixing: tuple[float, float]
+    around: tuple[Point, ...] = ()
 
     @property
     def is_avoided(self) -> bool:
@@ -92,7 +113,18 @@ def find_crossings(group: Stored, swept: SweepResult) -> list[Crossing]:
             mixing = float(part[0, 1]), float(part[1, 0])
             names = swept.result[a], swept.result[b]
             middle = float(np.mean([first[n], second[n]]))
-            one = Crossing(swept.axes[0].values[n], middle, names, mixing)
+            apart = np.isfinite(gap) & (gap > PURE * gap[n])
+            before, after = np.flatnonzero(apart[:n]), np.flatnonzero(apart[n:])
+            near = (
+                before[-1] if len(before) else ends[0],
+                n,
+                n + after[0] if len(after) else ends[1],
+            )
+            around = tuple(
+                Point(swept.axes[0].values[i], (int(rank[i, numbers[0]]), int(rank[i, numbers[1]])))
+                for i in near
+            )
+            one = Crossing(swept.axes[0].values[n], middle, names, mixing, around)
             if one.is_avoided or gap[n] <= NEAR:
                 found.append(one)
     return sorted(found, key=lambda one: -max(one.mixing))

@@ -12,11 +12,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
+from suspension_cli.analyses.sweep.crossing_shapes import Shapes, Strip
 from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.file import SweepResult
 from suspension_cli.analyses.sweep.solve import STATUS
 from suspension_cli.design.path_units import DISPLAYED, unit_of
 from suspension_cli.drawing import curves
+from suspension_cli.drawing.canvas import full_canvas
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
@@ -43,6 +45,14 @@ BEYOND = 1.6
 """Factor of room around the changing modes; modes farther off are not drawn."""
 MOST_CROSSINGS = 5
 """Crossings marked at most."""
+LETTERS = "abcdefgh"
+"""Names of crossings."""
+LETTER_SHIFTS = ((0, -11), (8, -11), (-8, -11), (0, 11), (8, 11), (-8, 11), (13, -3), (-13, -3))
+"""Places of a letter from its point, points, best first."""
+LINE = 0.14
+"""Height of a line of remarks, in."""
+MOST_CHARACTERS = 76
+"""Largest number of characters in a line of remarks."""
 SHADES = {1: "#f3d9c9", 2: "#e3e3e3", 3: "#f6d5dc", 4: "#e3e3e3", 5: "#e3e3e3"}
 """Shade of points without results, by status."""
 SHORT = {1: "slack", 2: "no equilibrium", 3: "unstable", 4: "impossible", 5: "other coordinates"}
@@ -54,6 +64,7 @@ def draw(
     title: str,
     stages: Sequence[str] = (),
     crossings: Sequence[Crossing] = (),
+    shapes: Sequence[Shapes] = (),
 ) -> Figure:
     """Draw the figure of `pendsus sweep`.
 
@@ -67,13 +78,15 @@ def draw(
         Of the design, top to bottom.
     crossings : sequence of Crossing
         To be marked on lines.
+    shapes : sequence of Shapes
+        Of crossings, to be drawn below the lines.
     """
     with house_style():
         rest = swept.start[2:]
         value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
         if value.ndim == 3:
             return _draw_maps(swept, value, title)
-        return _draw_lines(swept, value, title, stages, crossings)
+        return _draw_lines(swept, value, title, stages, crossings, shapes)
 
 
 def _is_geometric(values: Any) -> bool:
@@ -96,6 +109,12 @@ def _unit(axis: Axis) -> tuple[str, float]:
     return DISPLAYED.get(unit_of(axis.name), (unit_of(axis.name), 1.0))
 
 
+def _with_unit(axis: Axis, value: float, digits: int = 4) -> str:
+    unit, factor = _unit(axis)
+    number = f"{value * factor:.{digits}g}".replace("-", "−")
+    return number + (f" {unit}" if unit not in ("", "1") else "")
+
+
 def _parameter_label(axis: Axis, most: int) -> str:
     unit = _unit(axis)[0]
     return single_line(axis.name, most) + (f" ({unit})" if unit not in ("", "1") else "")
@@ -112,6 +131,7 @@ def _draw_lines(
     title: str,
     stages: Sequence[str],
     crossings: Sequence[Crossing],
+    shapes: Sequence[Shapes],
 ) -> Figure:
     units = list(dict.fromkeys(swept.unit))
     first = swept.axes[0]
@@ -119,9 +139,13 @@ def _draw_lines(
     named = [swept.result[n] for n in looks]
     right = curves.room_for(named, 30) if named else 0.2
     marked = [one for one in crossings if {*one.modes} & {*named}][:MOST_CROSSINGS]
-    notes = [f"{'abcdefgh'[n]}: {one}" for n, one in enumerate(marked)]
+    strips = {id(one.crossing): Strip(one, curves.COLUMN - 0.2) for one in shapes}
     height = 3.0
-    foot = 0.45 + 0.14 * len(notes) + 0.3
+    below = [
+        *(LINE + (strips[id(one)].height if id(one) in strips else 0.0) for one in marked),
+        2 * LINE * (len(looks) < len(swept.result)),
+    ]
+    foot = 0.45 + sum(below) + 0.24
     figure = new_figure(curves.COLUMN, curves.HEAD + 0.2 + (height + 0.12) * len(units) + foot)
     panels: list[Axes] = [*figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]]
     curves.set_margins(figure, right=right, top=curves.HEAD + 0.2, bottom=foot, hspace=0.1)
@@ -135,10 +159,28 @@ def _draw_lines(
     _mark_nominal(panels, swept)
     _mark_crossings(panels[units.index("Hz")] if "Hz" in units else panels[0], marked, first)
     panels[-1].set_xlabel(_parameter_label(first, 60))
+    lines = [f"{LETTERS[n]}: {one}" for n, one in enumerate(marked)]
+    lines += textwrap.wrap(remarks[0], MOST_CHARACTERS)[:2] if remarks else []
     across, up = figure.get_size_inches()
-    for n, text in enumerate([*notes, *remarks[:1]]):
-        at = (foot - 0.43 - 0.14 * n) / up
-        figure.text(0.1 / across, at, single_line(text, 74), va="top", fontsize=7.5, color=NOTE)
+    tops = foot - 0.43 - np.cumsum([0.0, *below[:-1], LINE])
+    for top, text in zip(tops, lines, strict=False):
+        figure.text(
+            0.1 / across,
+            top / up,
+            single_line(text, MOST_CHARACTERS),
+            va="top",
+            fontsize=7.5,
+            color=NOTE,
+        )
+    if strips:
+        colours = {swept.result[n]: look[0] for n, look in looks.items()}
+        canvas = full_canvas(figure)
+        for top, one in zip(tops, marked, strict=False):
+            if id(one) in strips:
+                values = [_with_unit(first, point.at, 3) for point in one.around]
+                ink = [colours.get(name, NOTE) for name in one.modes]
+                strips[id(one)].draw(canvas, 0.1, top - LINE, ink, values)
+        canvas.flush()
     heading = f"{_quantity(swept)} against {first.name.removeprefix('stage.')}"
     curves.write_heading(figure, heading, title)
     return figure
@@ -244,14 +286,14 @@ def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
 
 def _mark_nominal(panels: Sequence[Axes], swept: SweepResult) -> None:
     """Mark the design's own value of the parameter."""
-    unit, factor = _unit(swept.axes[0])
+    factor = _unit(swept.axes[0])[1]
     at = swept.drawn[0]
     if not min(swept.axes[0].values) <= at <= max(swept.axes[0].values):
         return
     for axes in panels:
         axes.axvline(at * factor, color=INK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.6)
     panels[0].annotate(
-        f"as designed: {at * factor:.4g}{f' {unit}' if unit not in ('', '1') else ''}",
+        f"as designed: {_with_unit(swept.axes[0], at)}",
         (at * factor, 1),
         (0, 2),
         xycoords=("data", "axes fraction"),
@@ -265,18 +307,28 @@ def _mark_nominal(panels: Sequence[Axes], swept: SweepResult) -> None:
 
 
 def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> None:
-    """Mark where modes meet, with letters that the remarks explain."""
-    for n, one in enumerate(crossings):
-        at = one.at * _unit(first)[1]
+    """Mark where modes meet, with letters apart from each other that the remarks explain."""
+    if not crossings:
+        return
+    axes.autoscale_view()
+    points = [(one.at * _unit(first)[1], one.frequency) for one in crossings]
+    marks = axes.transData.transform(points) * 72 / axes.figure.dpi
+    taken: list[Any] = []
+    for n, (one, point) in enumerate(zip(crossings, points, strict=True)):
+        others = [*np.delete(marks, n, axis=0), *taken]
+        around = [marks[n] + shift for shift in LETTER_SHIFTS]
+        room = [min((float(np.hypot(*(at - k))) for k in others), default=99.0) for at in around]
+        best = next((k for k, free in enumerate(room) if free > 10.0), int(np.argmax(room)))
+        taken.append(around[best])
         face = INK if one.is_avoided else "white"
-        axes.plot(at, one.frequency, "o", markersize=5, markeredgecolor=INK, markerfacecolor="none")
+        axes.plot(*point, "o", markersize=5, markeredgecolor=INK, markerfacecolor="none")
         axes.annotate(
-            "abcdefgh"[n],
-            (at, one.frequency),
-            (0, -6),
+            LETTERS[n],
+            point,
+            LETTER_SHIFTS[best],
             textcoords="offset points",
             ha="center",
-            va="top",
+            va="center",
             fontsize=7.5,
             color="white" if one.is_avoided else INK,
             bbox={"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5},

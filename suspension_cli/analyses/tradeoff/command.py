@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from typing import TYPE_CHECKING
 
@@ -63,11 +62,6 @@ class TradeoffAnalysis(Analysis):
         options.QUIET,
         options.VERBOSE,
     )
-
-    def prepare(self) -> None:
-        """Keep linear algebra to one thread, which it reads when numpy is imported."""
-        for library in ("OPENBLAS", "OMP", "MKL"):
-            os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
     def solve(self, run: Run) -> Result:
         """Measure every model and method."""

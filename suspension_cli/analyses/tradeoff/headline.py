@@ -12,7 +12,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
 
 from suspension_cli.analyses.tradeoff.result import ROUNDING, Tradeoff, front
 from suspension_cli.analyses.tradeoff.summary import MODEL_TOLERANCE, Answer, Option, choices
-from suspension_cli.drawing.curves import label_plainly, rule, write_heading
+from suspension_cli.drawing.curves import COLUMN, label_plainly, rule, write_heading
 from suspension_cli.drawing.labels import annotate
 from suspension_cli.drawing.style import (
     INK,
@@ -27,9 +27,8 @@ from suspension_cli.drawing.style import (
 )
 from suspension_cli.scene.arrays import Array
 
-COLUMNS = 2
-LEFT, WIDTH, PITCH = 0.86, 2.55, 3.45
-"""Left edge and width of the first chart, and distance of charts, in."""
+LEFT, WIDTH = 0.86, COLUMN - 1.0
+"""Left edge and width of a chart, in."""
 HEAD, ABOVE, HIGH, ROW, FOOT = 0.76, 0.44, 1.5, 2.5, 0.02
 """Heights of the heading, above a chart, of a chart, of a row and of the foot, in."""
 LINE = 0.15
@@ -54,20 +53,18 @@ def draw(found: Tradeoff, title: str) -> Figure:
         for panel in found.panels
         if panel.compares == "models" and not panel.entries
     ]
-    columns = min(COLUMNS, len(questions) + len(left_out))
-    rows = -(-(len(questions) + len(left_out)) // columns)
-    across = LEFT + (columns - 1) * PITCH + WIDTH + 0.15
+    rows = len(questions) + len(left_out)
     key = textwrap.wrap(
-        f"Errors against {reference(found)}. Steps: no model is both faster and more accurate.",
-        int(across / 0.06),
+        f"Errors against {reference(found)}. Steps: none is both faster and more accurate.",
+        int(COLUMN / 0.058),
     )
     head = HEAD + LINE * (len(key) - 1)
 
     def place(n: int) -> tuple[float, float]:
-        return LEFT + n % columns * PITCH, head + n // columns * ROW
+        return LEFT, head + n * ROW
 
     with house_style():
-        figure = new_figure(across, head + ROW * rows + FOOT)
+        figure = new_figure(COLUMN, head + ROW * rows + FOOT)
         write_heading(figure, "Which model to use: error against time", title)
         for n, line in enumerate(key):
             write_text(figure, 0.1, 0.43 + LINE * n, line, 7.5, NOTE)
@@ -76,12 +73,11 @@ def draw(found: Tradeoff, title: str) -> Figure:
             _write_advice(figure, left, top, answer, options)
             axes = add_axes(figure, left, top + ABOVE, WIDTH, HIGH)
             _draw_chart(axes, options, answer)
-            if n % columns == 0:
-                axes.set_ylabel("relative error")
+            axes.set_ylabel("relative error")
         for n, (name, reason) in enumerate(left_out, len(questions)):
             left, top = place(n)
             write_text(figure, left - LEFT + 0.1, top, name, 9, bold=True)
-            for k, line in enumerate(textwrap.wrap(f"left out: {reason}", 54)):
+            for k, line in enumerate(textwrap.wrap(f"left out: {reason}", 70)):
                 down = top + 0.175 + LINE * k
                 write_text(figure, left - LEFT + 0.1, down, single_line(line), 7.5, NOTE)
     return figure
