@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses.options import TOLERANCE
@@ -94,7 +93,8 @@ def for_builds(
     """Choose the cheapest model whose error in the results of many builds is below a tolerance.
 
     Each suitable model is compared with the next more complete one at some of the builds. The error
-    of a model is the sum of all changes from it to the most complete one.
+    of a model is the sum of all changes from it to the most complete one. Models below one that is
+    too inaccurate are not tried.
 
     Parameters
     ----------
@@ -125,27 +125,30 @@ def for_builds(
         usable = [registry.choose(design, wanted).model]
     later = registry.MODELS[registry.MODELS.index(usable[0]) + 1 :]
     chain = [usable[0], *(one for one in later if one.automatic and not one.unsuitable(design))]
-    steps = [_Step.between(*pair, change) for pair in pairwise(chain)]
-    errors = [sum(step.change for step in steps[n:]) for n in range(len(chain))]
     limit = MARGIN * tolerance
+    # from the most complete model down: one that is too inaccurate rules out all simpler ones
+    first, steps, errors = len(chain) - 1, [], [0.0]
+    while first and (wanted != registry.AUTO or first >= len(usable) - 1 or errors[0] <= limit):
+        first -= 1
+        steps.insert(0, _Step.between(chain[first], chain[first + 1], change))
+        errors.insert(0, sum(step.change for step in steps))
     number = next(
-        (n for n, error in enumerate(errors[: len(usable)]) if error <= limit), len(usable) - 1
+        (n for n in range(first, len(usable)) if errors[n - first] <= limit), len(usable) - 1
     )
-    model, left = chain[number], steps[number:]
+    model, before, left = chain[number], steps[: number - first], steps[number - first :]
     unknown = _unknown_physics(chain[-1], design)
     for one in left:
         if math.isnan(one.change):
             unknown.insert(0, f"unknown: {one.physics}, as {one.what}")
     left = [one for one in left if not math.isnan(one.change)]
-    error = math.nan if unknown else float(errors[number])
+    error = math.nan if unknown else float(errors[number - first])
     if wanted != registry.AUTO:
         reason, end = registry.choose(design, wanted).reason, ""
     else:
-        met = " not met by any model of this analysis" if errors[number] > tolerance else ""
+        met = " not met by any model of this analysis" if errors[number - first] > tolerance else ""
         reason, end = model.valid_for, f" (tolerance {100 * tolerance:g} %{met})"
         if number:
-            large = [one for one in steps[:number] if not one.change <= limit]
-            reason = _why(large or steps[:number])
+            reason = _why([one for one in before if not one.change <= limit] or before)
     parts = [f"neglected: {', and '.join(one.size for one in left)}{end}"] if left else []
     return registry.Choice(model.name, "; ".join([reason, *parts, *unknown]), error)
 

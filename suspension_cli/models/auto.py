@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -21,11 +21,11 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry, wire_mass
 from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
-from suspension_cli.models.estimates import estimates
+from suspension_cli.models.estimates import Estimates
 from suspension_cli.models.quantity_of_interest import QuantityOfInterest
 from suspension_cli.models.registry import AUTO, MOST_COMPLETE, Choice
-from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.fibres import explain_unsuitable
+from suspension_cli.scene.scene import Scene
 
 TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
@@ -136,6 +136,7 @@ def decide(
     """
     base, highest = registry.choose(design), registry.by_name(top)
     build = _Builder(design)
+    bound = 0.0
     if not (complete or highest.omits or explain_unsuitable(design, massive=True)):
         # without the frequencies, which the quantity has, no other model need be built
         still = build.wires().effect_on_response(0.0).error > MARGIN * tolerance
@@ -145,16 +146,20 @@ def decide(
             if not np.isfinite(bound):
                 why = f"{MASS}: frequencies lie near or above the first violin mode"
             return Decision(Choice(highest.name, why, 0.0), build(highest), ())
-    quantity, expected, stages, found = _expected(design, build(base.model), make)
+    quantity, estimate, found = _estimator(build, build(base.model), make)
     refinements = _series(design, base.model, quantity, build, _room([], tolerance))
     for name in (BENDING, MASS):
-        left = _estimated(name, stages, expected[name])
+        room = _room(refinements, tolerance)
+        if name == MASS and not complete and 0 < bound <= room:
+            refinements.append(Refinement(MASS, bound, "", None, taken=False))
+            continue
+        left = estimate(name)
         if name == MASS and refinements[-1].taken and refinements[-1].indicator > CHANGED:
             left = replace(left, indicator=OTHER * left.indicator)
         if name == MASS and not np.isnan(left.indicator):
             left = replace(left, indicator=quantity.mass_bound(build.wires) or left.indicator)
         refinements.append(
-            _weighed(left, quantity, build, _room(refinements, tolerance))
+            _weighed(left, quantity, build, room)
             if name not in highest.omits
             else _sampled(left, quantity, build)
         )
@@ -188,14 +193,12 @@ def estimate_error(
     build, model = _Builder(design), choice.model
     if not model.omits:
         return Decision(replace(choice, error=0.0), build(model), ())
-    quantity, expected, stages, found = _expected(design, build(model), make)
+    quantity, estimate, found = _estimator(build, build(model), make)
     refinements = [
         replace(item, taken=False) for item in _series(design, model, quantity, build, 0.0)
     ]
     refinements += [
-        _sampled(_estimated(name, stages, expected[name]), quantity, build)
-        for name in (BENDING, MASS)
-        if name in model.omits
+        _sampled(estimate(name), quantity, build) for name in (BENDING, MASS) if name in model.omits
     ]
     refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
     return Decision(
@@ -207,6 +210,15 @@ def estimate_error(
         build(model),
         tuple(refinements),
     )
+
+
+def decide_for_thermal_noise(
+    design: Design, wanted: str, highest: float, tolerance: float = TOLERANCE
+) -> Decision:
+    """Choose the model for thermal noise as `for_thermal_noise` does, and build its system."""
+    build = _Builder(design)
+    choice = _choose_for_noise(build, wanted, highest, tolerance)
+    return Decision(choice, build(choice.model), ())
 
 
 def for_thermal_noise(
@@ -229,6 +241,11 @@ def for_thermal_noise(
     InputError
         If the requested model does not resolve wires, or the design lacks their properties.
     """
+    return _choose_for_noise(_Builder(design), wanted, highest, tolerance)
+
+
+def _choose_for_noise(build: _Builder, wanted: str, highest: float, tolerance: float) -> Choice:
+    design = build.design
     light, heavy = (registry.cheapest_with(name) for name in (BENDING, MASS))
     if wanted not in (AUTO, light.name, heavy.name):
         problem = f"the {wanted} model does not know where along a wire its loss acts"
@@ -240,7 +257,7 @@ def for_thermal_noise(
     _demand(heavy, design, f"give its material's density, or take --fidelity {light.name}")
     if wanted == heavy.name:
         return Choice(heavy.name, "as requested", 0.0)
-    effect = wire_mass.effect_on_noise(design, highest)
+    effect = build.wires().effect_on_noise(highest)
     if not effect.wire:
         return Choice(light.name, "no wire has a violin mode", 0.0)
     size = percent(effect.error) if np.isfinite(effect.error) else "without bound"
@@ -264,16 +281,21 @@ def _demand(model: Model, design: Design, remedy: str) -> None:
         raise InputError([Fault("stage", why, remedy)])
 
 
-def _expected(
-    design: Design, system: LinearSystem, make: Callable[[LinearSystem], QuantityOfInterest]
-) -> tuple[QuantityOfInterest, dict[str, Array], tuple[str, ...], Modes]:
-    """The quantity of interest, its estimated changes by stage, these stages, and the modes."""
+def _estimator(
+    build: _Builder, system: LinearSystem, make: Callable[[LinearSystem], QuantityOfInterest]
+) -> tuple[QuantityOfInterest, Callable[[str], Refinement], Modes]:
+    """The quantity of interest, what estimates a (neglected) refinement, and the modes."""
     quantity, found = make(system), eigenmodes.solve(system.constant)
-    of = estimates(design, found)
-    expected = quantity.estimate(found, of)
-    if system.orientation is not None:
-        expected[BENDING] = AWAY * expected[BENDING]
-    return quantity, expected, of.stage, found
+    of = Estimates(build.design, found, build.scene)
+
+    def estimate(name: str) -> Refinement:
+        change = quantity.estimate(name, found, of)
+        if name == BENDING and system.orientation is not None:
+            change = AWAY * change
+        stage = of.stage[int(np.argmax(change))] if of.stage else ""
+        return Refinement(name, float(change.sum()), stage, None, taken=False)
+
+    return quantity, estimate, found
 
 
 def _series(
@@ -285,17 +307,6 @@ def _series(
         return []
     change, what = quantity.change(build(model), build(registry.cheapest_with(BLADE_TIPS)))
     return [Refinement(BLADE_TIPS, 1.0, stages[0], change, not change <= room, what)]
-
-
-def _estimated(name: str, stages: tuple[str, ...], expected: Array) -> Refinement:
-    """A neglected refinement with its estimate."""
-    return Refinement(
-        name,
-        float(expected.sum()),
-        stages[int(np.argmax(expected))] if stages else "",
-        None,
-        taken=False,
-    )
 
 
 def _weighed(
@@ -350,16 +361,20 @@ def _error(refinements: list[Refinement], model: Model) -> float:
 
 
 class _Builder:
-    """Builds the linear system of each model once, and estimates the mass of wires once."""
+    """Expands a design once, and builds the linear system of each model once."""
 
     def __init__(self, design: Design) -> None:
-        self._design = design
+        self.design = design
         self._built: dict[str, LinearSystem] = {}
-        self.wires = cache(lambda: wire_mass.massive_wires(design))
+        self.wires = cache(lambda: wire_mass.massive_wires(self.scene))
+
+    @cached_property
+    def scene(self) -> Scene:
+        return wire_mass.expand_with_fibres(self.design)
 
     def __call__(self, model: Model) -> LinearSystem:
         if model.name not in self._built:
-            self._built[model.name] = model.refined(self._design, self._built)
+            self._built[model.name] = model.refined(self.design, self._built, self.scene)
         return self._built[model.name]
 
 

@@ -16,6 +16,7 @@ from suspension_cli.models.surroundings import surrounded
 if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
+    from suspension_cli.scene.scene import Scene
 
 BLADE_TIPS, BENDING, MASS = "blade tip motion", "wire bending", "wire mass"
 """Physics that a model may omit: blade tips as coordinates of their own (else blades act in series
@@ -92,9 +93,20 @@ class Model(ABC):
         """
         return surrounded(self.suspension(design), design)
 
-    def refined(self, design: Design, built: Mapping[str, LinearSystem]) -> LinearSystem:
-        """`system`, reusing the systems of simpler models (by name) where that saves time."""
-        del built
+    def refined(
+        self, design: Design, built: Mapping[str, LinearSystem], scene: Scene
+    ) -> LinearSystem:
+        """`system`, reusing what is known where that saves time.
+
+        Parameters
+        ----------
+        design : Design
+        built : mapping
+            Systems of simpler models, by name.
+        scene : Scene
+            Of the design; with `fibres` where wires have all properties that bending needs.
+        """
+        del built, scene
         return self.system(design)
 
     def approximated_stages(self, design: Design) -> tuple[str, ...]:

@@ -272,10 +272,9 @@ class Beam(string_model.SceneModel):
         """Why wires lack a property that the model needs; "" if none does."""
         return fibres_of.explain_unsuitable(design, massive=self.has_wire_mass)
 
-    def suspension(self, design: Design) -> LinearSystem:
-        """The linear model on a rigid support."""
-        scene, drag = with_fibres(expand(design), design)
-        return linear_model(scene, drag, massive=self.has_wire_mass)
+    def of_scene(self, scene: Scene, design: Design) -> LinearSystem:
+        """The linear model of a completed scene, on a rigid support without dampers."""
+        return linear_model(scene, _gas_damping(scene, design), massive=self.has_wire_mass)
 
     def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
         """Sections, clamps and losses of wires, losses of blades, and gas damping."""
@@ -296,7 +295,8 @@ class Beam(string_model.SceneModel):
 
     def completed(self, scene: Scene, design: Design) -> Scene:
         """The scene with the sections, clamps, losses and gas of its wires."""
-        return replace(scene, fibres=fibres_of.compose(design))
+        known = scene.fibres is not None
+        return scene if known else replace(scene, fibres=fibres_of.compose(design))
 
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False

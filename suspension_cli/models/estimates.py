@@ -30,7 +30,8 @@ b.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,12 +39,18 @@ import numpy as np
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import loss
-from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.models.wire_mass import FORCE, first_violin_of, hinge_distance, moments
+from suspension_cli.models.wire_mass import (
+    FORCE,
+    expand_with_fibres,
+    first_violin_of,
+    hinge_distance,
+    moments,
+)
+from suspension_cli.rotations import cross
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import Fibre
-from suspension_cli.scene.fibres import compose, explain_unsuitable
+from suspension_cli.scene.fibres import explain_unsuitable
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -59,78 +66,91 @@ RANGE = 2 * np.pi * np.geomspace(0.1, 1e4, 6)
 """Angular frequencies at which loss angles are evaluated; the largest is used."""
 
 
-@dataclass(frozen=True)
 class Estimates:
-    """Relative changes by the wires of each stage (s), for each mode (m).
+    """Relative changes by the wires of each stage (s), for each mode (m); computed when needed.
 
     Attributes
     ----------
     stage : tuple of str
         Stages that hang on wires.
-    bending, mass
-        Of the mode's frequency. Infinite for a mode without restoring force on strings; NaN where
-        the design lacks the wires' properties.
-    loss
-        Imaginary part of the relative change of omega^2 that comes with bending.
-    violin
-        The lowest first violin mode of each stage's wires, Hz; infinite for wires without mass.
     """
 
-    stage: tuple[str, ...]
-    bending: Float[np.ndarray, "mode stage"]
-    mass: Float[np.ndarray, "mode stage"]
-    loss: Float[np.ndarray, "mode stage"]
-    violin: Float[np.ndarray, " stage"]
+    def __init__(self, design: Design, found: Modes, scene: Scene | None = None) -> None:
+        """Take a design, the modes of a model without bending and mass of wires, and the scene
+        from `expand_with_fibres` if it is known already.
+        """
+        self._scene = scene = expand_with_fibres(design) if scene is None else scene
+        self._found = found
+        below = scene.wires.lower
+        hung = [n for n in range(len(design.stage)) if (below == n + 1).any()]
+        self._groups = [below == n + 1 for n in hung]
+        self._made = () if scene.fibres is None else scene.fibres.wire
+        self._weighable = not explain_unsuitable(design, massive=True)
+        self.stage = tuple(design.stage[n].name for n in hung)
+
+    @cached_property
+    def bending(self) -> Float[np.ndarray, "mode stage"]:
+        """Of the mode's frequency, by bending.
+
+        Infinite for a mode without restoring force on strings; NaN where the design lacks the
+        wires' properties (so for all).
+        """
+        if not self._made:
+            return self._unknown
+        stored = [
+            np.sum([part[:, here] @ part[:, here].T for part in self._motion.bent], axis=0)
+            for here in self._groups
+        ]
+        return _over(_with_repulsion(stored, self._found) / 2, self._found.omega_squared)
+
+    @cached_property
+    def loss(self) -> Float[np.ndarray, "mode stage"]:
+        """Imaginary part of the relative change of omega^2 that comes with bending."""
+        if not self._made:
+            return self._unknown
+        lost = self._motion.lost()
+        return _over(
+            np.stack([lost[:, here].sum(1) for here in self._groups], axis=1),
+            self._found.omega_squared,
+        )
+
+    @cached_property
+    def mass(self) -> Float[np.ndarray, "mode stage"]:
+        """Of the mode's frequency, by wire mass."""
+        if not (self._made and self._weighable):
+            return self._unknown
+        squared = np.abs(self._found.omega_squared)[:, None]
+        moved = [self._motion.inertia(here) for here in self._groups]
+        change = _with_repulsion(moved, self._found) / np.maximum(squared, 1e-300)
+        whole = change.sum(1, keepdims=True)
+        slower = np.where(whole < 1, 1 / np.sqrt(np.maximum(1 - whole, 1e-30)) - 1, np.inf)
+        return np.where(
+            change > 0,
+            slower * change / np.where((whole > 0) & np.isfinite(whole), whole, 1.0),
+            0.0,
+        )
+
+    @cached_property
+    def violin(self) -> Float[np.ndarray, " stage"]:
+        """The lowest first violin mode of each stage's wires, Hz; infinite without wire mass."""
+        if not (self._made and self._weighable):
+            return np.full(len(self.stage), np.nan)
+        tension = self._scene.wires.tension.tolist()
+        first = [first_violin_of(one, t) for one, t in zip(self._made, tension, strict=True)]
+        return np.array([np.array(first)[here].min() for here in self._groups])
 
     def curved(self, highest: float) -> Array:
         """Relative change (s,) of each stage's wire force by wire mass, at a frequency in Hz."""
         near = (highest / np.maximum(self.violin, 1e-150)) ** 2
         return np.where(near < FAR, FORCE * near, np.inf)
 
+    @property
+    def _unknown(self) -> Float[np.ndarray, "mode stage"]:
+        return np.full((len(self._found.omega_squared), len(self.stage)), np.nan)
 
-def estimates(design: Design, found: Modes) -> Estimates:
-    """Estimate the changes by wire bending and wire mass from the modes of a model without them."""
-    scene = expand(design)
-    wires = scene.wires
-    hung = [n for n in range(len(design.stage)) if (wires.lower == n + 1).any()]
-    shape = (len(found.omega_squared), len(hung))
-    unknown = {
-        massive: bool(explain_unsuitable(design, massive=massive)) for massive in (False, True)
-    }
-    bending, mass, lossy, violin = (
-        *(np.full(shape, np.nan) for _ in range(3)),
-        np.full(len(hung), np.nan),
-    )
-    made = () if unknown[False] else compose(design).wire
-    if made:
-        motion = _EndMotion(scene, found, made)
-        groups = [wires.lower == n + 1 for n in hung]
-        energy, lost = motion.bending_energy(made)
-        stored = [
-            np.sum([part[:, here] @ part[:, here].T for part in energy], axis=0) for here in groups
-        ]
-        bending = _over(_with_repulsion(stored, found) / 2, found.omega_squared)
-        lossy = _over(
-            np.stack([lost[:, here].sum(1) for here in groups], axis=1), found.omega_squared
-        )
-        if not unknown[True]:
-            first = np.array(
-                [first_violin_of(fibre, float(wires.tension[w])) for w, fibre in enumerate(made)]
-            )
-            violin = np.array([first[here].min() for here in groups])
-            moved = [motion.inertia(made, here) for here in groups]
-            change = (
-                _with_repulsion(moved, found)
-                / np.maximum(np.abs(found.omega_squared), 1e-300)[:, None]
-            )
-            whole = change.sum(1, keepdims=True)
-            slower = np.where(whole < 1, 1 / np.sqrt(np.maximum(1 - whole, 1e-30)) - 1, np.inf)
-            mass = np.where(
-                change > 0,
-                slower * change / np.where((whole > 0) & np.isfinite(whole), whole, 1.0),
-                0.0,
-            )
-    return Estimates(tuple(design.stage[n].name for n in hung), bending, mass, lossy, violin)
+    @cached_property
+    def _motion(self) -> _EndMotion:
+        return _EndMotion(self._scene, self._found, self._made)
 
 
 def _over(
@@ -179,7 +199,7 @@ class _EndMotion:
         moves = np.concatenate(
             [np.zeros((len(found.shape), 6)), found.shape[:, :count]], axis=1
         ).reshape(len(found.shape), -1, 6)
-        self.wires = wires
+        self.wires, self.made = wires, made
         self.omega = np.sqrt(np.abs(found.omega_squared))
         self.along = wires.span / wires.length[:, None]
         self.turn = tuple(moves[:, body, 3:] for body in (wires.upper, wires.lower))
@@ -189,7 +209,7 @@ class _EndMotion:
         self.reach = reach[:, None] * self.along
         points = (wires.upper_point, wires.lower_point)
         self.move = tuple(
-            moves[:, body, :3] + np.cross(turn, point)
+            moves[:, body, :3] + cross(turn, point)
             for body, turn, point in zip((wires.upper, wires.lower), self.turn, points, strict=True)
         )
         self._move_tips(scene, found)
@@ -215,79 +235,98 @@ class _EndMotion:
                 )
                 self.move[0][:, on_it, axis] += tip[:, None]
 
-    def bending_energy(
-        self, made: tuple[Fibre, ...]
-    ) -> tuple[list[Float[np.ndarray, "mode wire"]], Float[np.ndarray, "mode wire"]]:
-        """Bending and twisting of all wires, and the imaginary part with that of stretching.
+    @cached_property
+    def bent(self) -> list[Float[np.ndarray, "mode wire"]]:
+        """Parts whose squares sum to v^T dK v, by bending and twisting of all wires."""
+        torsion, _ = self._torsion
+        parts = [np.sqrt(np.where(self.wires.torsion > 0, 0.0, torsion)) * self._twisted]
+        for end, plane, turned in self._turned:
+            parts.append(np.sqrt(self._hinges[end, plane, :, 1]) * turned)
+        return parts
 
-        Returns
-        -------
-        parts
-            Whose squares sum to v^T dK v.
-        lost
-        """
-        wires = self.wires
-        chord = (self.move[1] - self.move[0]) / wires.length[:, None]
-        stretched = (chord * self.along).sum(-1) * wires.length
-        twisted = ((self.turn[1] - self.turn[0]) * self.along).sum(-1)
-        of_kind: dict[Any, tuple[float, float, float]] = {}  # equal wires have equal angles
-        kinds = [
-            (fibre.sections, fibre.temperature, float(wires.tension[w]))
-            for w, fibre in enumerate(made)
-        ]
-        for kind, fibre in zip(kinds, made, strict=True):
-            if kind not in of_kind:
-                of_kind[kind] = _angles(fibre, kind[-1])
-        angle = np.array([of_kind[kind] for kind in kinds]).T
-        torsion, sheared = (
-            np.array([_torsion(fibre, float(wires.tension[w])) for w, fibre in enumerate(made)])
-            .reshape(-1, 2)
-            .T
-        )
-        given = wires.torsion > 0
-        parts = [np.sqrt(np.where(given, 0.0, torsion)) * twisted]
+    def lost(self) -> Float[np.ndarray, "mode wire"]:
+        """Imaginary part of v^T dK v, by bending, twisting and stretching of all wires."""
+        wires, (torsion, sheared) = self.wires, self._torsion
+        angle = np.array(self._each(lambda fibre, tension, _: _angles(fibre, tension))).T
+        stretched = (self._chord * self.along).sum(-1) * wires.length
         twist_lost = np.where(
-            given,
+            wires.torsion > 0,
             np.abs(angle[2] * sheared - wires.loss) * wires.torsion,
             angle[2] * sheared * torsion,
         )
         lost = (
-            twist_lost * twisted**2 + np.abs(angle[1] - wires.loss) * wires.stiffness * stretched**2
+            twist_lost * self._twisted**2
+            + np.abs(angle[1] - wires.loss) * wires.stiffness * stretched**2
         )
-        first = np.array([fibre.plane for fibre in made])
+        for end, plane, turned in self._turned:
+            lost = lost + angle[0] / 2 * self._hinges[end, plane, :, 0] * turned**2
+        return lost
+
+    def _each(self, function: Callable[[Fibre, float, float], Any]) -> list[Any]:
+        """A function of composition, tension and length of each wire; once for equal wires."""
+        known: dict[Any, Any] = {}
+        found = []
+        numbers = zip(self.wires.tension.tolist(), self.wires.length.tolist(), strict=True)
+        for fibre, (tension, length) in zip(self.made, numbers, strict=True):
+            kind = (fibre.sections, fibre.temperature, fibre.effective, tension, length)
+            if kind not in known:
+                known[kind] = function(fibre, tension, length)
+            found.append(known[kind])
+        return found
+
+    @cached_property
+    def _chord(self) -> Float[np.ndarray, "mode wire 3"]:
+        return (self.move[1] - self.move[0]) / self.wires.length[:, None]
+
+    @cached_property
+    def _twisted(self) -> Float[np.ndarray, "mode wire"]:
+        return ((self.turn[1] - self.turn[0]) * self.along).sum(-1)
+
+    @cached_property
+    def _torsion(self) -> Float[np.ndarray, "two wire"]:
+        """Stiffness of torsion, and the fraction that is in shear."""
+        return np.array(self._each(lambda fibre, tension, _: _torsion(fibre, tension))).T
+
+    @cached_property
+    def _hinges(self) -> Float[np.ndarray, "end plane wire two"]:
+        """Stiffness of ends against turning, and the part of it that strings lack."""
+        found = self._each(
+            lambda fibre, tension, length: [
+                [_hinge(fibre, end, plane, tension, length) for plane in (0, 1)] for end in (0, 1)
+            ]
+        )
+        return np.moveaxis(np.array(found), 0, 2)
+
+    @cached_property
+    def _turned(self) -> list[tuple[int, int, Float[np.ndarray, "mode wire"]]]:
+        """Angle between each end (0, 1) and its chord, in both planes (0, 1) of the wire."""
+        first = np.array([fibre.plane for fibre in self.made])
         first = first - (first * self.along).sum(-1, keepdims=True) * self.along
         first = first / np.sqrt((first**2).sum(-1, keepdims=True))
+        planes = (first, cross(self.along, first))
+        found = []
         for end, turn in enumerate(self.turn):
-            slope = np.cross(turn, self.along) - chord
-            for plane, across in enumerate((first, np.cross(self.along, first))):
-                turned = (slope * across).sum(-1)
-                whole, extra = np.array(
-                    [
-                        _hinge(made[w], end, plane, float(wires.tension[w]), float(wires.length[w]))
-                        for w in range(len(made))
-                    ]
-                ).T
-                parts.append(np.sqrt(extra) * turned)
-                lost = lost + angle[0] / 2 * whole * turned**2
-        return parts, lost
+            slope = cross(turn, self.along) - self._chord
+            found += [(end, n, (slope * across).sum(-1)) for n, across in enumerate(planes)]
+        return found
 
-    def inertia(self, made: tuple[Fibre, ...], here: Any) -> Any:
+    def inertia(self, here: Any) -> Any:
         """Magnitudes of v_i^T (Z - K) v_j (m, m) by the mass of the wires `here` at omega_i.
 
         Infinite if omega_i is too close to a violin mode.
         """
         a, b = (
-            move + sign * np.cross(turn, self.reach)
+            move + sign * cross(turn, self.reach)
             for move, turn, sign in zip(self.move, self.turn, (1, -1), strict=True)
         )
         # rows and columns of all ends (m, 3): one matrix product per stage
         left, right = [np.zeros((len(a), 0))], [np.zeros((len(a), 0))]
         for w in np.flatnonzero(here).tolist():
-            first, mixed, last = moments(made[w])
+            first, mixed, last = moments(self.made[w])
             mass = first + 2 * mixed + last
             uneven = 3 * max(first, last) / mass if mass > 0 else 1.0
             length, along = float(self.wires.length[w]), self.along[w]
-            reach = hinge_distance(made[w], float(self.wires.tension[w]))
+            reach = hinge_distance(self.made[w], float(self.wires.tension[w]))
             stretched = [np.outer(end[:, w] @ along, along) for end in (a, b)]
             across = [end[:, w] - own for end, own in zip((a, b), stretched, strict=True)]
             for (u, v), stiffness, shorter in (

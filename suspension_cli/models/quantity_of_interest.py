@@ -46,8 +46,8 @@ class QuantityOfInterest(Protocol):
     effect: ClassVar[str]
     computed: ClassVar[tuple[str, ...]]
 
-    def estimate(self, found: Modes, of: Estimates) -> dict[str, Array]:
-        """Estimate its relative change by bending and by mass of each stage's wires, (s,) each."""
+    def estimate(self, physics: str, found: Modes, of: Estimates) -> Array:
+        """Estimate its relative change (s,) by `BENDING` or `MASS` of each stage's wires."""
         ...
 
     def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
@@ -70,12 +70,11 @@ class Frequencies:
     effect: ClassVar[str] = "shifts the modes"
     computed: ClassVar[tuple[str, ...]] = (MASS,)
 
-    def estimate(self, found: Modes, of: Estimates) -> dict[str, Array]:
+    def estimate(self, physics: str, found: Modes, of: Estimates) -> Array:
         """Estimate the change of the mode that changes most."""
-        return {
-            BENDING: of.bending[of.bending.sum(1).argmax()],
-            MASS: of.mass[of.mass.sum(1).argmax()],
-        }
+        del found
+        change = of.bending if physics == BENDING else of.mass
+        return change[change.sum(1).argmax()]
 
     def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
         """Return 0, as modes differ by far in what mass changes."""
@@ -110,16 +109,16 @@ class Transfer:
     effect: ClassVar[str] = "changes the response"
     computed: ClassVar[tuple[str, ...]] = ()
 
-    def estimate(self, found: Modes, of: Estimates) -> dict[str, Array]:
+    def estimate(self, physics: str, found: Modes, of: Estimates) -> Array:
         """Estimate the change far above all modes.
 
         There a response is proportional to the square of the frequency of every mode in its
         blocks, and to the force of each wire.
         """
         touched = self._touched(found)
-        curved = of.curved(float(np.max(self.frequency)))
-        bending = (2 * of.bending[touched] + of.loss[touched]).sum(0)
-        return {BENDING: bending, MASS: 2 * of.mass[touched].sum(0) + curved}
+        if physics == BENDING:
+            return (2 * of.bending[touched] + of.loss[touched]).sum(0)
+        return 2 * of.mass[touched].sum(0) + of.curved(float(np.max(self.frequency)))
 
     def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
         """Upper estimate for any response at these frequencies, without modes."""
@@ -185,24 +184,22 @@ class Several:
     effect: ClassVar[str] = "changes the results"
     computed: ClassVar[tuple[str, ...]] = (BENDING, MASS)
 
-    def estimate(self, found: Modes, of: Estimates) -> dict[str, Array]:
+    def estimate(self, physics: str, found: Modes, of: Estimates) -> Array:
         """Estimate the change of the scalar that changes most."""
-        each = [self._estimate(item, found, of) for item in self.scalars]
-        return {
-            name: max((one[name] for one in each), key=lambda part: float(np.nansum(part)))
-            for name in (BENDING, MASS)
-        }
+        each = [self._estimate(item, physics, found, of) for item in self.scalars]
+        return max(each, key=lambda part: float(np.nansum(part)))
 
     def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
         """Return 0, as these may be modes."""
         del wires
         return 0.0
 
-    def _estimate(self, item: Scalar, found: Modes, of: Estimates) -> dict[str, Array]:
+    def _estimate(self, item: Scalar, physics: str, found: Modes, of: Estimates) -> Array:
         if isinstance(item, Mode):
-            return {BENDING: of.bending[item.number], MASS: of.mass[item.number]}
+            return (of.bending if physics == BENDING else of.mass)[item.number]
         outputs = [item.over] if item.under is None else [item.over, item.under]
-        return Transfer([item.input], outputs, np.array([item.frequency])).estimate(found, of)
+        one = Transfer([item.input], outputs, np.array([item.frequency]))
+        return one.estimate(physics, found, of)
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
         """Compute that of the scalar that changes most; modes are paired by their shapes."""

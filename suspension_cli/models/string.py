@@ -6,7 +6,7 @@ Every matrix is summed from closed-form contributions of the elements and is exa
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,7 @@ from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
 from suspension_cli.models.batch_terms import LossBatchTerm, with_ground_terms
 from suspension_cli.models.loss_terms import spring_terms
+from suspension_cli.models.surroundings import surrounded
 from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.pose import Layout, Pose, layout, rigid_motion
 from suspension_cli.scene.scene import Scene, Springs
@@ -306,6 +307,21 @@ class SceneModel(Model):
     valid_for = "general geometry"
     supports_builds = True
 
+    def suspension(self, design: Design) -> LinearSystem:
+        """The linear model on a rigid support."""
+        return self.of_scene(self.completed(expand(design), design), design)
+
+    def refined(
+        self, design: Design, built: Mapping[str, LinearSystem], scene: Scene
+    ) -> LinearSystem:
+        """The system, from the scene of the design."""
+        del built
+        return surrounded(self.of_scene(self.completed(scene, design), design), design)
+
+    @abstractmethod
+    def of_scene(self, scene: Scene, design: Design) -> LinearSystem:
+        """The linear model of a completed scene, on a rigid support without dampers."""
+
     def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
         """Properties of wires and gas, besides the scene, that designs of one batch must share."""
         del design
@@ -315,6 +331,10 @@ class SceneModel(Model):
         """A scene, or a batch of builds, with all properties of wires that the model needs."""
         del design
         return scene
+
+    def same_equilibrium(self, design: Design) -> SceneModel | None:
+        """The simpler model that differs in wire mass alone, in the same equilibria; or None."""
+        del design
 
     @abstractmethod
     def in_equilibrium(
@@ -358,9 +378,10 @@ class String(SceneModel):
         del design
         return ""
 
-    def suspension(self, design: Design) -> LinearSystem:
-        """The linear model on a rigid support."""
-        return linear_model(self.completed(expand(design), design))
+    def of_scene(self, scene: Scene, design: Design) -> LinearSystem:
+        """The linear model of a completed scene, on a rigid support without dampers."""
+        del design
+        return linear_model(scene)
 
     def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
         """Bending stiffness of hinged wires, which shortens their strings."""
@@ -368,7 +389,7 @@ class String(SceneModel):
 
     def completed(self, scene: Scene, design: Design) -> Scene:
         """The scene with its hinged wires ending at their hinges."""
-        return to_hinges(scene, hinge_rigidities(design))
+        return to_hinges(replace(scene, fibres=None), hinge_rigidities(design))
 
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False

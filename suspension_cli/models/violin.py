@@ -13,6 +13,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.beam import BEAM, Beam
+from suspension_cli.scene.scene import Scene
 
 
 class Violin(Beam):
@@ -24,11 +25,17 @@ class Violin(Beam):
     cost = 20.0
     supports_derivatives = False
 
-    def refined(self, design: Design, built: Mapping[str, LinearSystem]) -> LinearSystem:
+    def refined(
+        self, design: Design, built: Mapping[str, LinearSystem], scene: Scene
+    ) -> LinearSystem:
         """The system, from that of the beam model where it is there."""
-        # with the weight of wires, the beam model has their inertia too
-        simpler = None if design.constants.wire_weight else built.get(BEAM.name)
-        return self.system(design) if simpler is None else with_wire_mass(simpler)
+        same = self.same_equilibrium(design)
+        simpler = None if same is None else built.get(same.name)
+        return super().refined(design, built, scene) if simpler is None else with_wire_mass(simpler)
+
+    def same_equilibrium(self, design: Design) -> Beam | None:
+        """The beam model; None with the weight of wires, with which it has their inertia too."""
+        return None if design.constants.wire_weight else BEAM
 
 
 def with_wire_mass(model: LinearSystem) -> LinearSystem:

@@ -23,7 +23,7 @@ off (X^2/12 for the mean of both).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,7 +85,15 @@ class MassEffect:
 
 def effect_on_noise(design: Design, highest: float) -> MassEffect:
     """Estimate the largest change of thermal noise by wire mass, up to a frequency in Hz."""
-    return massive_wires(design).effect(highest, NOISE)
+    return massive_wires(expand_with_fibres(design)).effect_on_noise(highest)
+
+
+def expand_with_fibres(design: Design) -> Scene:
+    """Expand a design into its scene, with the composition of its wires where it is known."""
+    scene = expand(design)
+    if fibres.explain_unsuitable(design, massive=False):
+        return scene
+    return replace(scene, fibres=fibres.compose(design))
 
 
 @dataclass(frozen=True)
@@ -112,6 +120,10 @@ class MassiveWires:
         """Estimate the largest change of responses by wire mass, up to a frequency in Hz."""
         return self.effect(highest, FORCE)
 
+    def effect_on_noise(self, highest: float) -> MassEffect:
+        """Estimate the largest change of thermal noise by wire mass, up to a frequency in Hz."""
+        return self.effect(highest, NOISE)
+
     def effect(self, highest: float, slope: float) -> MassEffect:
         """Estimate the largest change of a result that waves change by `slope` (f/f1)^2."""
         if not np.isfinite(self.first).any():
@@ -129,9 +141,10 @@ class MassiveWires:
         )
 
 
-def massive_wires(design: Design) -> MassiveWires:
-    """Compute what the effects of wire mass depend on, at any frequency."""
-    scene, made = expand(design), fibres.compose(design).wire
+def massive_wires(scene: Scene) -> MassiveWires:
+    """Compute what the effects of wire mass depend on, at any frequency; `scene` has `fibres`."""
+    assert scene.fibres is not None
+    made = scene.fibres.wire
     lower, tension = scene.wires.lower, scene.wires.tension
     first = np.array([first_violin_of(one, float(t)) for one, t in zip(made, tension, strict=True)])
     inertia = 0.0

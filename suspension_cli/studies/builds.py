@@ -19,7 +19,7 @@ from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.batch_terms import BatchTerm
+from suspension_cli.models.batch_terms import BatchTerm, WireBatchTerm
 from suspension_cli.models.surroundings import framed, surrounded
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
@@ -156,6 +156,15 @@ def balance(
         scene,
         found.pose,
     )
+
+
+def with_wire_mass(found: Builds) -> Builds:
+    """Builds on bending wires with the mass of their wires switched on (not its weight)."""
+    terms = (
+        replace(term, massive=True) if isinstance(term, WireBatchTerm) else term
+        for term in found.terms
+    )
+    return replace(found, terms=tuple(terms))
 
 
 def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:

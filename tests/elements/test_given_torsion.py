@@ -17,7 +17,7 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry, string
-from suspension_cli.models.estimates import estimates
+from suspension_cli.models.estimates import Estimates
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from tests.support.commandline import (
     MISSING,
@@ -339,7 +339,7 @@ def test_estimates_count_it_once(torsion: dict[str, Any], more: float):
     design = convert(raw)
     quick = eigenmodes.solve(registry.STRING.system(design))
     row = [home[1] for home in quick.home].index("yaw")
-    assert estimates(design, quick).bending[row, 0] == pytest.approx(more, abs=1e-12)
+    assert Estimates(design, quick).bending[row, 0] == pytest.approx(more, abs=1e-12)
 
 
 def test_a_torsion_that_is_none_is_refused(tmp_path: Path):

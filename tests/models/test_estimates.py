@@ -10,7 +10,7 @@ import pytest
 
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
-from suspension_cli.models.estimates import estimates
+from suspension_cli.models.estimates import Estimates
 from suspension_cli.models.quantity_of_interest import Frequencies
 from suspension_cli.models.violin import with_wire_mass
 from tests.support import scenes
@@ -33,7 +33,7 @@ def pendulum(radius=1e-4, count=4, **wires):
 
 def of(design, level="string"):
     found = eigenmodes.solve(registry.by_name(level).system(design))
-    return found, estimates(design, found)
+    return found, Estimates(design, found)
 
 
 def mode(found, dof):
@@ -95,7 +95,7 @@ def test_small_changes_are_estimated_within_a_factor_of_three(seed, effective):
     string, beam, violin = (
         registry.by_name(level).system(design) for level in ("string", "beam", "violin")
     )
-    weighed = estimates(design, eigenmodes.solve(string))
+    weighed = Estimates(design, eigenmodes.solve(string))
     bending, mass = weighed.bending.sum(1).max(), weighed.mass.sum(1).max()
     requested = Frequencies()
     if bending < 0.03:

@@ -11,6 +11,7 @@ import pytest
 
 import suspension_cli
 from suspension_cli.design.reader import read
+from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.models import auto, registry
 from suspension_cli.models.auto import percent
 from suspension_cli.models.quantity_of_interest import Frequencies
@@ -56,7 +57,7 @@ def test_a_batch_is_its_designs(model):
 def test_systems_reuse_simpler_ones():
     design = read(CASE).design
     beam = registry.BEAM.system(design)
-    reused = registry.VIOLIN.refined(design, {"beam": beam})
+    reused = registry.VIOLIN.refined(design, {"beam": beam}, expand(design))
     fresh = registry.VIOLIN.system(design)
     assert (reused.stiffness == fresh.stiffness).all()
     assert [term.strand.massive for term in reused.terms] == [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import msgspec
@@ -149,24 +149,27 @@ def noises(design: Design, rng: Generator, tolerance: float) -> Question:
         _grid(rng),
     )
 
-    def solved(level: str, frequency: Any) -> Any:
-        model = registry.by_name(level).system(design)
+    def solved(model: Any, frequency: Any) -> Any:
         signal, row = thermal.parse_motion(model, output)
         return thermal.solve(model, frequency, row, signal, design.constants.temperature).amplitude
 
     def solve_auto() -> tuple[Choice, Any]:
-        choice = auto.for_thermal_noise(design, "auto", float(grid[-1]), tolerance)
-        return choice, solved(choice.level, grid)
+        decision = auto.decide_for_thermal_noise(design, "auto", float(grid[-1]), tolerance)
+        return decision.choice, solved(decision.model, grid)
+
+    def solve_on(level: str) -> Any:
+        return solved(registry.by_name(level).system(design), grid)
 
     @cache
     def exact() -> tuple[Any, Any]:
-        dense = _dense(registry.by_name(REFERENCE).system(design), grid, tolerance)
-        return dense, solved(REFERENCE, dense)
+        model = registry.by_name(REFERENCE).system(design)
+        dense = _dense(model, grid, tolerance)
+        return dense, solved(model, dense)
 
     def error(quick: Any) -> float:
         return error_or_shift(rng, grid, quick, *exact())
 
-    return Question(("beam",), solve_auto, partial(solved, frequency=grid), error)
+    return Question(("beam",), solve_auto, solve_on, error)
 
 
 def couplings(design: Design, rng: Generator, tolerance: float) -> Question:

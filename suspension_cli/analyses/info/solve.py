@@ -139,7 +139,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
     from suspension_cli.grids import parse_grid
     from suspension_cli.linear import eigenmodes, signals
     from suspension_cli.models import auto, registry
-    from suspension_cli.models.estimates import estimates
+    from suspension_cli.models.estimates import Estimates
     from suspension_cli.models.quantity_of_interest import Frequencies, Transfer
     from suspension_cli.scene.fibres import explain_unsuitable
 
@@ -167,7 +167,7 @@ def solve(source: Source, setting: Settings, log: Log) -> Info:
                 design, "auto", float(frequency.max()), tolerance
             )
         modes = eigenmodes.solve(registry.choose(design).model.system(design))
-        found = estimates(design, modes)
+        found = Estimates(design, modes)
     warnings.warn_implausible(design, log)
     refinements = {quantity: decision.refinements for quantity, decision in decisions.items()}
     return Info(source, tolerance, found, modes, choices, refinements)

@@ -146,10 +146,11 @@ def _solved(source: Source, setting: Settings, log: Log) -> tuple[Choice, list[T
     from suspension_cli.models import auto
 
     frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
-    choice = auto.for_thermal_noise(
+    decision = auto.decide_for_thermal_noise(
         source.design, setting["fidelity"], float(frequency.max()), setting["tolerance"]
     )
-    model = model_choice.stable_system(source, choice, setting["allow_unstable"], log)
+    choice, unstable = decision.choice, setting["allow_unstable"]
+    model = model_choice.stable_system(source, choice, unstable, log, decision.model)
     if not setting["arm"] >= 0:
         raise InputError(
             [

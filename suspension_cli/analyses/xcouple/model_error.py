@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.analyses.xcouple.solve import Sweep, couplings, impose
+from suspension_cli.models import registry
 from suspension_cli.models.base import Model
+from suspension_cli.studies import builds
 from suspension_cli.studies.axes import ends_and_middle
+from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.relative_change import relative_change
 
 if TYPE_CHECKING:
@@ -37,11 +40,22 @@ def coupling_change(job: Sweep) -> Callable[[Model, Model], tuple[float, str]]:
     sample = replace(job, axes=ends_and_middle(job.axes), question=question)
 
     @cache
-    def ratio(level: str) -> Complex[np.ndarray, "build frequency"]:
-        return replace(sample, level=level).compute(0, sample.count)["ratio"]
+    def balanced(model: Model) -> Builds:
+        scene = impose(job.scene, sample.values(0, sample.count), question)
+        return builds.balance(
+            scene, job.design, level=model.name, allow_unstable=job.allow_unstable
+        )
+
+    @cache
+    def ratio(model: Model) -> Complex[np.ndarray, "build frequency"]:
+        if not job.has_one_design:
+            return replace(sample, level=model.name).compute(0, sample.count)["ratio"]
+        simpler = registry.scene_model(model.name).same_equilibrium(job.design)
+        found = balanced(model) if simpler is None else builds.with_wire_mass(balanced(simpler))
+        return couplings(found, question)["ratio"]
 
     def change(simple: Model, refined: Model) -> tuple[float, str]:
-        old, new = ratio(simple.name), ratio(refined.name)
+        old, new = ratio(simple), ratio(refined)
         if (np.isfinite(old) != np.isfinite(new)).any():
             return float("inf"), ONE_MODEL_ONLY
         found = relative_change(old, new)

@@ -24,7 +24,7 @@ from suspension_cli.scene import imperfections as perturb
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.axes import Axis, Product, of_option
-from suspension_cli.studies.builds import Column, ColumnValues
+from suspension_cli.studies.builds import Builds, Column, ColumnValues
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -97,7 +97,7 @@ class Sweep(Product):
     def wire_label(self) -> str:
         """Label of the imperfect wire; empty if there is none."""
         wire = self.question.wire
-        return self._scene.wires.label[wire] if wire >= 0 else ""
+        return self.scene.wires.label[wire] if wire >= 0 else ""
 
     def check(self) -> None:
         """Raise `InputError` if no wire can be imperfect, or a path, value or signal is invalid."""
@@ -143,8 +143,8 @@ class Sweep(Product):
         imperfections = {name: value for name, value in values.items() if name in PARAMETERS}
         if len(imperfections) == len(values):
             return compute_coupling(
-                impose(self._scene, values, self.question),
-                self._design,
+                impose(self.scene, values, self.question),
+                self.design,
                 self.question,
                 self.allow_unstable,
                 self.level,
@@ -164,13 +164,20 @@ class Sweep(Product):
                 result[name][here] = value
         return result
 
+    @property
+    def has_one_design(self) -> bool:
+        """Whether imperfections alone are swept, no numbers of the design."""
+        return all(axis.name in PARAMETERS for axis in self.axes)
+
     @cached_property
-    def _design(self) -> Design:
+    def design(self) -> Design:
+        """The design that is perturbed."""
         return reader.parse(self.text)
 
     @cached_property
-    def _scene(self) -> Scene:
-        return expand(self._design)
+    def scene(self) -> Scene:
+        """The scene of the design."""
+        return expand(self.design)
 
 
 def quotient_unit(out: Signal, into: Signal) -> str:
@@ -235,6 +242,11 @@ def compute_coupling(
         Name of a model that supports imperfect builds.
     """
     found = builds.balance(scene, design, level=level, allow_unstable=allow_unstable)
+    return couplings(found, question)
+
+
+def couplings(found: Builds, question: CouplingRequest) -> ColumnValues:
+    """Compute the coupling of balanced builds: `Sweep.columns`."""
     outputs = builds.transfer(
         found, np.array(question.frequency), [question.input], [question.over, question.under]
     )[..., 0]
