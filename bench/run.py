@@ -75,7 +75,7 @@ def main() -> None:
     """Run every benchmark."""
     from bench import large, responses, startup, stiffness, sweeps, thermal
 
-    stiffness.run(ratio, absolute)
+    stiffness.run(ratio)
     responses.run(ratio, absolute)
     thermal.run(ratio, absolute)
     large.run(ratio)
