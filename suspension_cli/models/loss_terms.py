@@ -28,7 +28,7 @@ def lossless(scene: Scene) -> Scene:
     )
 
 
-def loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry) -> list[Term]:
+def loss_terms(scene: Scene, numbering: Layout, adapted: Symmetry) -> list[Term]:
     """Losses of blades; any batch axes, left out where the stiffness has none."""
     fibres, terms = scene.fibres, []
     assert fibres is not None
@@ -84,7 +84,9 @@ def spring_terms(
         spectrum, own = springs.spectrum[n], known.get(springs.label[n])
         if spectrum is None and (tables or not (own or springs.loss[n])):
             continue
-        ambient = spectrum.temperature if scene.fibres is None else scene.fibres.temperature  # pyright: ignore[reportOptionalMemberAccess]
+        surroundings = scene.fibres or spectrum
+        assert surroundings is not None
+        ambient = surroundings.temperature
         own = own or BladeLoss("", float(np.real(springs.loss[n])), None, 0.0, ambient)
         jacobian = spring.strain_jacobian(scene, numbering, pose, now, n)
         for axes, angle, storage in _functions(spectrum, own):

@@ -104,13 +104,13 @@ def _write_above(figure: Figure, top: float, text: str) -> None:
     write_text(figure, 0.1, top - 0.18, text, 7.5)
 
 
-def _rows(axes: Axes, names: list[str], size: float = 7.5) -> Any:
+def _rows(axes: Axes, names: list[str]) -> Any:
     """Label rows from the top down; return their positions."""
     rows = np.arange(len(names))
-    axes.set_yticks(rows, names, fontsize=size)
+    axes.set_yticks(rows, names, fontsize=7.5)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.tick_params(axis="y", length=0)
-    axes.tick_params(labelsize=size)
+    axes.tick_params(labelsize=7.5)
     axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
     axes.set_axisbelow(True)
     return rows
