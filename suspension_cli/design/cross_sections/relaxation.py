@@ -24,12 +24,12 @@ it by 18 or 22 %.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Inexact
+    from jaxtyping import Complex, Float, Inexact
 
 ROUND, FLAT = 1.0, 0.5
 """Order n of a round wire, and of a ribbon or blade."""
@@ -64,7 +64,9 @@ def relaxation(
     return result
 
 
-def _imaginary_moment(phase: Any, order: float) -> Any:
+def _imaginary_moment(
+    phase: Float[np.ndarray, "*frequency"], order: float
+) -> Float[np.ndarray, "*frequency"]:
     """Im g at real phases p = -i x^2, by the continued fraction of the Bessel functions.
 
     With q_m = I_(m+1)(x)/(x I_m(x)) = 1/(2 (m + 1) + x^2 q_(m+1)) = a + i b and
@@ -83,7 +85,7 @@ def _imaginary_moment(phase: Any, order: float) -> Any:
     return c * imag / ((c - phase * b) ** 2 + imag**2)
 
 
-def _steps(x2: Any) -> range:
+def _steps(x2: Inexact[np.ndarray, "*frequency"]) -> range:
     """Steps of the continued fraction, last first, for all digits at all x^2."""
     return range(14 + int(1.5 * math.sqrt(np.abs(x2).max(initial=0.0))), 0, -1)
 
@@ -104,7 +106,9 @@ def _moment(
     return np.where(np.abs(x2) < MIDDLE**2, v, -c) / (v + c)
 
 
-def _fast_ratio(x: Any, order: float) -> Any:
+def _fast_ratio(
+    x: Inexact[np.ndarray, "*frequency"], order: float
+) -> Inexact[np.ndarray, "*frequency"]:
     """x I_(n+2)(x)/I_(n+1)(x), with both functions scaled by exp(-Re x): nothing overflows."""
     from scipy import special  # 0.1 s, which most designs do not need
 
