@@ -124,12 +124,21 @@ def _one_line(
     )
 
 
+class _Optional(io.FileIO):
+    """A stream that loses what cannot be written, instead of failing now and again at exit."""
+
+    def write(self, data: bytes) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
+        with contextlib.suppress(OSError):
+            return super().write(data) or 0
+        return len(data)
+
+
 def guard_streams() -> None:
     """Replace closed standard streams, whose numbers a results file would take otherwise.
 
-    Printing to a closed standard output then fails, as it should; what goes to a closed stderr is
-    lost. What the terminal's encoding has no letters for is printed as escapes, and warnings of
-    Python take one line.
+    Printing to a closed standard output then fails, as it should; what goes to a stderr that is
+    closed or full is lost, and the run ends as it would otherwise. What the terminal's encoding has
+    no letters for is printed as escapes, and warnings of Python take one line.
     """
     for handle, mode in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
         try:
@@ -138,8 +147,13 @@ def guard_streams() -> None:
             os.open(os.devnull, mode)  # takes the lowest number that is free
     if sys.stdout is None:
         sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
-    if sys.stderr is None:
-        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    if sys.stderr is sys.__stderr__:  # None where it was closed
+        sys.stderr = io.TextIOWrapper(
+            _Optional(2, "w", closefd=False),
+            encoding=getattr(sys.stderr, "encoding", "utf-8"),
+            errors="backslashreplace",
+            write_through=True,
+        )
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
     warnings.formatwarning = _one_line

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 import time
 from typing import Any
@@ -26,8 +25,7 @@ class Bar:
 
     def __exit__(self, *_: object) -> None:
         if self.bar:
-            with contextlib.suppress(OSError):
-                self.bar.stop()
+            self.bar.stop()
 
     def __call__(self, done: int, count: int, rate: float) -> None:
         """Update the bar if enough time has passed."""
@@ -37,11 +35,10 @@ class Bar:
         self.due = now + EVERY
         left = f"{(count - done) / rate:.0f} s left" if rate else ""
         pace = f"{rate:,.0f}/s" if rate >= 1 or not rate else f"{1 / rate:.0f} s each"
-        with contextlib.suppress(OSError):  # a stderr that is full or closed stops nothing
-            if not self.bar:
-                self.bar = _start()
-            text = f"{done:,} of {count:,}  {pace}  {left}"
-            self.bar.update(0, completed=done, total=count, description=text, refresh=True)
+        if not self.bar:
+            self.bar = _start()
+        text = f"{done:,} of {count:,}  {pace}  {left}"
+        self.bar.update(0, completed=done, total=count, description=text, refresh=True)
 
 
 def _start() -> Any:

@@ -12,13 +12,10 @@ from suspension_cli.cli.progress import Bar
 
 
 def tell(text: str) -> None:
-    """Print one line on stderr, with escapes for what would break it; a stderr that is full or
-    closed stops nothing.
-    """
+    """Print one line on stderr, with escapes for what would break it."""
     from suspension_cli.errors import escape_unprintable
 
-    with contextlib.suppress(OSError):
-        click.echo(escape_unprintable(text), err=True)
+    click.echo(escape_unprintable(text), err=True)
 
 
 def put(text: str) -> None:

@@ -24,8 +24,9 @@ MAIN = "from suspension_cli.cli.main import main; main(prog_name='pendsus')"
 def shell(redirection, *args):
     """Run the command through a shell with its standard streams redirected."""
     words = f'"{sys.executable}" -c "{MAIN}" {" ".join(map(str, args))} {redirection}'
+    buffered = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
     return subprocess.run(
-        ["bash", "-c", words], capture_output=True, text=True, timeout=60, check=False
+        ["bash", "-c", words], capture_output=True, text=True, timeout=60, check=False, env=buffered
     )
 
 
@@ -52,9 +53,10 @@ def test_standard_output_closed_by_its_reader():
     )
 
 
-def test_a_closed_or_full_stderr_stops_nothing(tmp_path):
-    for redirection in ("2>&-", "2> /dev/full"):
-        assert shell(redirection, "new", "single", "--force", tmp_path / "x.toml").returncode == 0
+@pytest.mark.parametrize("redirection", ["2>&-", "2> /dev/full"])
+def test_a_closed_or_full_stderr_changes_no_exit_code(redirection, tmp_path):
+    assert shell(redirection, "new", "single", tmp_path / "x.toml").returncode == 0
+    assert shell(redirection, "new", "no-such-design", tmp_path / "x.toml").returncode == 2
 
 
 def failing(error):

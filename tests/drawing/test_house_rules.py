@@ -118,7 +118,8 @@ def seen_texts(figure: Figure) -> list[tuple[Text, np.ndarray]]:
 
 
 def _is_shown(axes, axis, tick, text):
-    low, high = sorted(axis.get_view_interval())
+    scale = axis.get_transform().transform
+    low, high = np.sort(scale(axis.get_view_interval()))
     slack = 1e-9 * (high - low)
     return (
         axes.axison
@@ -126,7 +127,7 @@ def _is_shown(axes, axis, tick, text):
         and axis.get_visible()
         and tick.get_visible()
         and text.get_visible()
-        and low - slack <= tick.get_loc() <= high + slack
+        and low - slack <= scale(tick.get_loc()) <= high + slack
     )
 
 
