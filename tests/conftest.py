@@ -15,9 +15,7 @@ style.DPI = 60
 """Pictures are compared with each other and measured in inches: a third of the dots shows the
 same."""
 
-MathTextParser._parse_cached = functools.lru_cache(4096)(
-    MathTextParser._parse_cached.__wrapped__
-)
+MathTextParser._parse_cached = functools.lru_cache(4096)(MathTextParser._parse_cached.__wrapped__)
 """Labels are much the same in all pictures: parsed once, not once for every 50."""
 
 vars(sys.modules["__main__"]).update(__spec__=None, __file__=None)
