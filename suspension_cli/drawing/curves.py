@@ -31,6 +31,8 @@ STRAIGHT = 0.12
 """Largest deviation of the exponent of a power law that is labelled."""
 LONG = 0.25
 """Shortest part of a curve along a power law that is labelled, decades."""
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+"""Digits as exponents."""
 
 
 def write_heading(figure: Figure, quantity: str, design: str) -> None:
@@ -101,6 +103,18 @@ def write_plainly(value: float) -> str:
     if factor in ("1", "-1"):
         return f"${factor[:-1]}10^{{{power}}}$"
     return f"${factor}\\times10^{{{power}}}$"
+
+
+def write_shortly(value: float, digits: int = 3) -> str:
+    """Write a number with few digits and without mathtext, so that its length is known.
+
+    >>> write_shortly(-2312.0), write_shortly(0.000594, 2)
+    ('−2310', '5.9·10⁻⁴')
+    """
+    if not value or not np.isfinite(value) or 0.01 <= abs(value) < 1e5:
+        return f"{float(f'{value:.{digits}g}'):g}".replace("-", "−")
+    mantissa, power = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
 
 
 def label_phases(axes: Axes) -> None:

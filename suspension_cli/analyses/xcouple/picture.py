@@ -39,7 +39,6 @@ NOMINAL = {"k": 1.0, "mass": 1.0, "inertia": 1.0}
 """Value without imperfection of parameters that are ratios; of others 0."""
 LIMIT = "#cc0000"
 """Colour of the limit."""
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 COLOURS = "viridis"
 """Colour map of the second axis."""
 
@@ -47,8 +46,7 @@ COLOURS = "viridis"
 def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
     """Draw the figure of `pendsus xcouple`: a curve per value of the second axis.
 
-    With several frequencies: ratio against frequency, of the build with the largest ratio and as
-    the median of all builds.
+    With several frequencies: largest and median ratio of all builds against frequency.
 
     Parameters
     ----------
@@ -77,17 +75,9 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         _write_conditions(axes, coupling)
         size = np.abs(coupling.ratio)
         most = float(np.nanmax(size)) if np.isfinite(size).any() else np.nan
-        said = f": at most {_write(most)}" if np.isfinite(most) else ""
+        said = f": at most {curves.write_shortly(most, 2)}" if np.isfinite(most) else ""
         curves.write_heading(figure, f"Cross-coupling{at}{said}", title)
         return figure
-
-
-def _write(size: float) -> str:
-    """Write a ratio with two digits, ``5.9·10⁻⁴``."""
-    if not size or 0.01 <= size < 1000:
-        return f"{size:.2g}"
-    power = int(np.floor(np.log10(size)))
-    return f"{size / 10.0**power:.1f}·10{str(power).translate(RAISED)}"
 
 
 def _unit(coupling: Coupling) -> str:
@@ -127,23 +117,19 @@ def _shown(axis: Axis) -> Any:
     return np.unique(np.linspace(0, count - 1, min(MOST_CURVES, count)).round().astype(int))
 
 
-def _find_worst(size: Any) -> int:
-    """Find the build (b) with the largest ratio at the highest frequency, of (b, f) ratios."""
-    return int(np.where(np.isfinite(size).all(1), size[:, -1], -np.inf).argmax())
-
-
 def _name_worst(coupling: Coupling) -> str:
-    """Name the build whose ratio at the highest frequency is largest."""
-    shape = coupling.ratio.shape[:-1]
-    worst = _find_worst(np.abs(coupling.ratio).reshape(-1, len(coupling.frequency)))
-    place = np.unravel_index(worst, shape)
+    """Name the build and the frequency with the largest ratio."""
+    size = np.abs(coupling.ratio)
+    if not np.isfinite(size).any():
+        return ""
+    *place, at = np.unravel_index(int(np.nanargmax(size)), size.shape)
     values = (
         f"{axis.name} = {_format_value(axis, int(n)).rpartition(' = ')[2]}"
         for axis, n in zip(coupling.axes, place, strict=True)
     )
+    where = f"{coupling.frequency[at]:.3g} Hz"
     return single_line(
-        f"largest at {coupling.frequency[-1]:g} Hz of {np.prod(shape)} builds: {', '.join(values)}",
-        62,
+        f"{np.prod(size.shape[:-1])} builds; largest at {where}: {', '.join(values)}", 62
     )
 
 
@@ -155,11 +141,10 @@ def _draw_over_frequency(axes: Axes, coupling: Coupling, limit: float | None) ->
         return
     axes.set_xscale("log")
     axes.set_yscale("log")
-    worst = size[_find_worst(size)]
     ends = []
     several = good.sum() > 1
     for values, colour, name in (
-        (worst, PALETTE[1], "largest" if several else ""),
+        (size[good].max(axis=0), PALETTE[1], "largest" if several else ""),
         (np.median(size[good], axis=0), PALETTE[0], "median"),
     )[: 1 + several]:
         drawn = np.where(values > 0, values, np.nan)
