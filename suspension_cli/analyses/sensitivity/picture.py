@@ -39,7 +39,7 @@ NAMES, CHANGES = 1.62, 0.86
 """Width of the names of numbers left of the table, and of the largest changes right of it, in."""
 MAX_NAME = 27
 """Characters of the name of a number."""
-LETTER = 0.062
+LETTER = 0.058
 """Height of a letter of the names of results above the table, in."""
 FOOT = 0.85
 """Height of the colour scale below the table, in."""
@@ -174,7 +174,14 @@ def _draw_table(
 def _label_scale(bar: Any, top: float) -> None:
     """Label the colour scale at powers of ten."""
     ticks = [tick for tick in (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100) if abs(tick) <= top]
-    bar.set_ticks(ticks, labels=[f"{tick:g}".replace("-", "−") for tick in ticks])
+    # 10 beside 100 has no room
+    bar.set_ticks(
+        ticks,
+        labels=[
+            "" if abs(tick) == 10 and top >= LARGEST else curves.write_plainly(tick)
+            for tick in ticks
+        ],
+    )
     bar.minorticks_off()
     bar.ax.tick_params(labelsize=7.5, length=2, pad=1)
     bar.set_label("change of the result (%)", fontsize=7.5, labelpad=1)

@@ -189,9 +189,12 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
         else:
             axes.annotate(
                 f"limit {limit:g} is above",
-                (0.01, 0.985),
+                (1, 1),
+                (0, 2),
                 xycoords="axes fraction",
-                va="top",
+                textcoords="offset points",
+                ha="right",
+                va="bottom",
                 fontsize=7.5,
                 color=LIMIT,
             )
