@@ -117,6 +117,16 @@ def write_shortly(value: float, digits: int = 3) -> str:
     return f"{mantissa}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
 
 
+def unit_of_ratio(ratio: str) -> str:
+    """Unit of a ratio of two motions.
+
+    >>> unit_of_ratio("test.pitch/test.x@0,0,0.001")
+    'rad/m'
+    """
+    names = [end.strip().split("@")[0].rpartition(".")[2] for end in ratio.split("/")[:2]]
+    return "/".join("rad" if name in ("roll", "pitch", "yaw") else "m" for name in names)
+
+
 def label_phases(axes: Axes) -> None:
     """Label a vertical axis of phases at multiples of 90 degrees, of more if it is long."""
     low, high = axes.get_ylim()

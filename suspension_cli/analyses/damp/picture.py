@@ -18,6 +18,7 @@ from suspension_cli.drawing.style import (
     NOTE,
     PALE,
     PALETTE,
+    RED,
     add_axes,
     house_style,
     new_figure,
@@ -27,8 +28,6 @@ from suspension_cli.linear.poles import Poles
 
 LEFT, WIDE, TALL, APART = 0.72, 3.1, 1.45, 2.08
 """Left margin, size of panels, and distance of one from the next, in."""
-RED = "#cc0000"
-"""Colour of unstable poles."""
 OPEN = "#9aa1a8"
 """Colour of the open loop."""
 ALIKE, SIMILAR = 0.08, 0.35
@@ -66,7 +65,9 @@ def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None)
     """
     frequency, gain = gains or (damped.frequency, damped.gain)
     looks = _looks(damped.loop)
-    growing = {damped.closed.state[n].rpartition(".")[2] for n in np.flatnonzero(damped.closed.growth_rate)}
+    growing = {
+        damped.closed.state[n].rpartition(".")[2] for n in np.flatnonzero(damped.closed.growth_rate)
+    }
     critical = find_critical(gain, [name in growing for name in damped.loop])
     with house_style():
         figure = new_figure(curves.COLUMN, 0.62 + 6 * APART)

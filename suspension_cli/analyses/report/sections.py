@@ -289,7 +289,11 @@ def tolerance(report: Composition) -> Iterator[str]:
     yield report.answer(result)
     one = result.data
     if one.joint is not None:
-        met, (low, high), what = one.joint.fraction, (one.joint.low, one.joint.high), "meet all limits"
+        met, (low, high), what = (
+            one.joint.fraction,
+            (one.joint.low, one.joint.high),
+            "meet all limits",
+        )
     else:
         met, (low, high) = one.under, one.under_interval
         what = (

@@ -148,7 +148,7 @@ def _requirements(summary: Summary) -> list[Panel]:
             + f"{100 * summary.under:.3g} % ({low:.3g} to {high:.3g}):"
             f" {COUPLING} < {summary.limit:g} at {summary.frequency:g} Hz"
         )
-    label = f"|{single_line(summary.ratio, 52)}| ({_unit_of_ratio(summary.ratio)})"
+    label = f"|{single_line(summary.ratio, 52)}| ({curves.unit_of_ratio(summary.ratio)})"
     paint = _histogram(summary.ratio_sorted, limits, label, marks, logarithmic=True)
     panels.append((TALL, LEFT, lines, paint))
     return panels
@@ -161,12 +161,6 @@ def _describe(summary: Summary, number: int) -> str:
         f"{100 * one.fraction:.3g} % ({100 * one.low:.3g} to {100 * one.high:.3g}): {one.name}"
         + (f" at {summary.frequency:g} Hz" if one.name.startswith(COUPLING) else "")
     )
-
-
-def _unit_of_ratio(ratio: str) -> str:
-    """Unit of a ratio of two motions: m/m, rad/m."""
-    names = [end.strip().split("@")[0].rpartition(".")[2] for end in ratio.split("/")[:2]]
-    return "/".join("rad" if name in ("roll", "pitch", "yaw") else "m" for name in names)
 
 
 def _histogram(

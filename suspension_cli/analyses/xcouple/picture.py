@@ -13,7 +13,15 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.xcouple.file import Coupling
 from suspension_cli.design.path_units import DISPLAYED, unit_of
 from suspension_cli.drawing import curves
-from suspension_cli.drawing.style import INK, NOTE, PALETTE, house_style, new_figure, single_line
+from suspension_cli.drawing.style import (
+    INK,
+    NOTE,
+    PALETTE,
+    RED,
+    house_style,
+    new_figure,
+    single_line,
+)
 from suspension_cli.studies.axes import Axis
 
 LABELS = {
@@ -37,8 +45,6 @@ FINE = 16
 """Points per interval of the first axis, interpolated, so that zeros are sharp."""
 NOMINAL = {"k": 1.0, "mass": 1.0, "inertia": 1.0}
 """Value without imperfection of parameters that are ratios; of others 0."""
-LIMIT = "#cc0000"
-"""Colour of the limit."""
 COLOURS = "viridis"
 """Colour map of the second axis."""
 
@@ -69,8 +75,8 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         else:
             _draw_over_axes(axes, coupling, limit)
             at = f" at {coupling.frequency[0]:g} Hz"
-        ratio = single_line(f"|{coupling.over} / {coupling.under}|", 46)
-        axes.set_ylabel(f"{ratio} ({_unit(coupling)})")
+        ratio = f"{coupling.over} / {coupling.under}"
+        axes.set_ylabel(f"{single_line(f'|{ratio}|', 46)} ({curves.unit_of_ratio(ratio)})")
         axes.yaxis.get_offset_text().set_fontsize(curves.SMALL)
         _write_conditions(axes, coupling)
         size = np.abs(coupling.ratio)
@@ -78,12 +84,6 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         said = f": at most {curves.write_shortly(most, 2)}" if np.isfinite(most) else ""
         curves.write_heading(figure, f"Cross-coupling{at}{said}", title)
         return figure
-
-
-def _unit(coupling: Coupling) -> str:
-    """Unit of the ratio of two motions."""
-    names = [point.split("@")[0].rpartition(".")[2] for point in (coupling.over, coupling.under)]
-    return "/".join("rad" if name in ("roll", "pitch", "yaw") else "m" for name in names)
 
 
 def _write_conditions(axes: Axes, coupling: Coupling) -> None:
@@ -196,7 +196,7 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
                 ha="right",
                 va="bottom",
                 fontsize=7.5,
-                color=LIMIT,
+                color=RED,
             )
     if len(x) > 1:
         axes.set_xlim(x.min(), x.max())
@@ -221,7 +221,7 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
 
 
 def _draw_limit(axes: Axes, limit: float) -> None:
-    axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle=(0, (6, 2)), zorder=1.7)
+    axes.axhline(limit, color=RED, linewidth=1.0, linestyle=(0, (6, 2)), zorder=1.7)
     axes.annotate(
         f"limit {limit:g}",
         (0.01, limit),
@@ -230,7 +230,7 @@ def _draw_limit(axes: Axes, limit: float) -> None:
         textcoords="offset points",
         va="top",
         fontsize=7.5,
-        color=LIMIT,
+        color=RED,
     )
 
 
