@@ -111,10 +111,10 @@ def write_shortly(value: float, digits: int = 3) -> str:
     >>> write_shortly(-2312.0), write_shortly(0.000594, 2)
     ('−2310', '5.9·10⁻⁴')
     """
-    if not value or not np.isfinite(value) or 0.01 <= abs(value) < 1e5:
+    if not value or not np.isfinite(value) or 1e-3 <= abs(value) < 1e5:
         return f"{float(f'{value:.{digits}g}'):g}".replace("-", "−")
     mantissa, power = f"{value:.{digits - 1}e}".split("e")
-    return f"{mantissa}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
+    return f"{float(mantissa):g}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
 
 
 def unit_of_ratio(ratio: str) -> str:

@@ -60,7 +60,7 @@ def draw(found: list[Trial]) -> Figure:
     write_text(figure, 3.9, 2.38, "What did it cost?", 8.5, bold=True)
     key = (
         "Dot and bar: median, and 5 to 95 % of suspensions.",
-        "Black line: median if the fastest model within the tolerance were known.",
+        "Black line: median of the fastest model within the tolerance.",
     )
     for n, line in enumerate(key):
         write_text(figure, 3.9, 2.53 + 0.13 * n, line, 6.8, NOTE)
