@@ -33,6 +33,8 @@ LONG = 0.25
 """Shortest part of a curve along a power law that is labelled, decades."""
 MOST_PEAKS = 12
 """Largest number of labels of peaks."""
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+"""Digits as exponents."""
 
 
 def write_heading(figure: Figure, quantity: str, design: str) -> None:
@@ -103,6 +105,28 @@ def write_plainly(value: float) -> str:
     if factor in ("1", "-1"):
         return f"${factor[:-1]}10^{{{power}}}$"
     return f"${factor}\\times10^{{{power}}}$"
+
+
+def write_shortly(value: float, digits: int = 3) -> str:
+    """Write a number with few digits and without mathtext, so that its length is known.
+
+    >>> write_shortly(-2312.0), write_shortly(0.000594, 2)
+    ('−2310', '5.9·10⁻⁴')
+    """
+    if not value or not np.isfinite(value) or 1e-3 <= abs(value) < 1e5:
+        return f"{float(f'{value:.{digits}g}'):g}".replace("-", "−")
+    mantissa, power = f"{value:.{digits - 1}e}".split("e")
+    return f"{float(mantissa):g}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
+
+
+def unit_of_ratio(ratio: str) -> str:
+    """Unit of a ratio of two motions.
+
+    >>> unit_of_ratio("test.pitch/test.x@0,0,0.001")
+    'rad/m'
+    """
+    names = [end.strip().split("@")[0].rpartition(".")[2] for end in ratio.split("/")[:2]]
+    return "/".join("rad" if name in ("roll", "pitch", "yaw") else "m" for name in names)
 
 
 def label_phases(axes: Axes) -> None:

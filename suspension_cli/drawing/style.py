@@ -41,6 +41,9 @@ PALE = "#c4c8cc"
 NOTE = "#5f6770"
 """Colour of dimensions and remarks."""
 
+RED = "#cc0000"
+"""Colour of limits, and of what is unstable or not met."""
+
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00", "#56b4e9", "#882255", "#999933")
 """Colours that can be told apart with every common colour blindness (Okabe and Ito 2008; Tol 2021
 beyond the fifth)."""

@@ -10,9 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
 import suspension_cli as sus
+from suspension_cli.analyses.fit.response_fit import ResponseFit
+from suspension_cli.analyses.fit.response_picture import draw as draw_responses
 from tests.support.legible import said
 
 ROOT = Path(__file__).parents[2]
+CONFIGS = ROOT / "configs"
 COLUMN = 8.5 / 2.54
 """Width of a column, in."""
 SMALLEST = 5.5
@@ -49,6 +52,21 @@ def optimise(folder):
     return sus.optimise(double(), folder / "goals.toml", starts=1, model="string")
 
 
+def fitted_responses():
+    """Figure of a fit to two measured resonances, with a point every 4 % of the frequency."""
+    frequency = np.geomspace(0.4, 5.0, 60)
+    before, after = (1 / (at**2 - frequency**2 + 0.05j * frequency) for at in (0.97, 1.02))
+    noise = 1e-2 * np.exp(1j * np.arange(60.0) ** 2)
+    nothing = np.empty(0)
+    found = ResponseFit(
+        ("x", "pitch"), ("coil-x", "coil-pitch"), ("osem-x", "osem-pitch"),
+        np.repeat([0, 1], 60), np.tile(frequency, 2), np.full(120, 1e-2),
+        np.tile(after + noise, 2), np.tile(before, 2), np.tile(after, 2),
+        (), nothing, nothing, nothing, (), np.empty((0, 6)),
+    )  # fmt: skip
+    return draw_responses(found, "Made up · beam model", ["m/V", "rad/V"])
+
+
 CALLS = {
     "modes": lambda _: sus.modes(sus.example("geo-silica-triple"), model="string"),
     "response": lambda _: sus.response(double(), inputs=["support.x"], frequency=FREQUENCY),
@@ -80,6 +98,33 @@ CALLS = {
     "damp": lambda _: sus.damp(sus.example("triple-damped"), frequency=FREQUENCY, model="string"),
     "fit": lambda _: sus.fit(ROOT / "measured/husman2000/table1.toml", model="string"),
     "optimise": optimise,
+    "tolerance-roll": lambda _: sus.tolerance(
+        sus.read(
+            CONFIGS / "triple-tolerance.toml", ["tolerance.require.2.quantity=test static pitch"]
+        ),
+        builds=40,
+        model="string",
+    ),
+    "damp-unstable": lambda _: sus.damp(
+        sus.read(
+            CONFIGS / "triple-damped.toml",
+            ["control.loop.x.gain=-800", "control.loop.yaw.gain=80000"],
+        ),
+        frequency=FREQUENCY,
+        model="string",
+    ),
+    "sensitivity-few": lambda _: sus.sensitivity(
+        sus.example("imperfect"),
+        result=["test pitch", "test.x@0,0,-0.001/test.z/support.z:50"],
+        model="string",
+    ),
+    "fit-responses": lambda _: fitted_responses(),
+    "xcouple-peaks": lambda _: sus.xcouple(
+        sus.example("triple-tolerance"),
+        sweep={"k": "0.6,1.4", "offset": "-2e-3:2e-3:3"},
+        frequency=np.geomspace(1, 100, 60),
+        model="string",
+    ),
 }
 
 
@@ -146,8 +191,14 @@ def test_pictures_keep_the_house_rules(name, folder):
 SAID = {
     "fit": "8 numbers fitted to 24 modes in 4 experiments",
     "optimise": r"Optimised: \d of (\d) limits met, \d before",
-    "xcouple": "Cross-coupling at 50 Hz: at most .*10⁻",
-    "xcouple-frequency": "largest at 100 Hz of 2 builds: k = 0.9",
+    "xcouple": "Cross-coupling at 50 Hz: at most 0.00",
+    "xcouple-frequency": "2 builds; largest at .* Hz: k = ",
+    "xcouple-peaks": "6 builds; largest at 2.* Hz: k = ",
+    "damp-unstable": "UNSTABLE: upper.yaw grows at .*/s",
+    "sensitivity-few": r"test\.4 lower z\n",
+    "fit-responses": r"drive\| \(m/V\)(.|\n)*drive\| \(rad/V\)",
+    "tolerance-roll": r"for comparison: .*: coupling < 0\.001 at 50 Hz",
+    "tolerance": r"of 40 builds meet all limits(?!(.|\n)*coupling < 0\.001)",
     "matrix": r"at 50 Hz, test \(rows\) per support \(columns\)",
 }
 """Points that pictures make in words."""
@@ -156,8 +207,18 @@ SAID = {
 @pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
 @pytest.mark.parametrize("name", SAID)
 def test_pictures_say_their_point(name, folder):
-    (figure,) = figures(name, folder)
-    assert re.search(SAID[name], "\n".join(said(figure)))
+    words = []
+    for figure in figures(name, folder):
+        words += said(figure)
+        for axes in figure.axes:
+            names = [label.get_text() for label in axes.get_yticklabels()]
+            words += [axes.get_xlabel(), axes.get_ylabel(), *names, ""]
+    assert re.search(SAID[name], "\n".join(words))
+
+
+def test_residuals_can_be_read_within_their_band(folder):
+    (figure,) = figures("fit", folder)
+    assert {-10.0, -2.0, -1.0, 0.0, 1.0, 2.0, 10.0} <= {*figure.axes[0].get_xticks()}
 
 
 def find_faults(name, folder):
