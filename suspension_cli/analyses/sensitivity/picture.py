@@ -67,14 +67,9 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Any] = ()) -> F
         columns = np.sort(kept)
         wide = max(CELL[0] * len(columns), min(MAX_WIDTH, 0.4 * len(columns)))
         tall = CELL[1] * max(len(rows), 4)
-<<<<<<< HEAD
         notes = _notes(found, largest[order[MAX_ROWS:]], len(columns))
-        top = curves.HEAD + RESULTS
-=======
-        notes = _notes(found, len(rows), largest[order[MAX_ROWS:]], len(columns))
         labels = [_name_result(found, n) for n in columns]
         top = curves.HEAD + 0.1 + LETTER * max(map(len, labels), default=0)
->>>>>>> l2
         figure = new_figure(
             max(NAMES + wide + CHANGES + 0.1, 4.5), top + tall + FOOT + 0.13 * len(notes)
         )
