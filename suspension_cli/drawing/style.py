@@ -14,7 +14,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_hex, to_rgb, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 from PIL import Image
@@ -265,6 +265,18 @@ def stage_colours(stages: Iterable[str]) -> dict[str, str]:
     {'upper': '#0072b2', 'test': '#d55e00'}
     """
     return {name: PALETTE[n % len(PALETTE)] for n, name in enumerate(dict.fromkeys(stages))}
+
+
+def shade(colour: str, number: int) -> str:
+    """Return a colour for number 0, else a darker or lighter shade of it, in turn.
+
+    >>> shade("#0072b2", 0), shade("#0072b2", 1), shade("#0072b2", 2)
+    ('#0072b2', '#003959', '#59a3cd')
+    """
+    if not number:
+        return colour
+    towards, part = ((0.0, 0.5), (1.0, 0.35))[(number - 1) % 2]
+    return to_hex([part * towards + (1 - part) * one for one in to_rgb(colour)])
 
 
 def write_title(figure: Figure, heading: str, name: str) -> None:
