@@ -175,6 +175,7 @@ def write_key(
     wide, high = box.width * across, box.height * up
     places = place_key([name for name, *_ in lines], wide)
     for (name, colour, how), (left, row) in zip(lines, places, strict=True):
+        look: dict[str, Any] = {"linewidth": 1.2} | how
         y = 1 + (above + ROW * (places[-1][1] - row) + ROW / 2 + 0.02) / high
         axes.add_line(
             Line2D(
@@ -184,7 +185,7 @@ def write_key(
                 clip_on=False,
                 transform=axes.transAxes,
                 markevery=[1],
-                **{"linewidth": 1.2} | how,
+                **look,
             )
         )
         axes.text(

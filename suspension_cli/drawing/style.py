@@ -240,6 +240,18 @@ def format_significant(value: float, digits: int = 4) -> str:
     return f"{value:#.{digits}g}".rstrip(".")
 
 
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+"""Digits of an exponent."""
+
+
+def format_raised(value: float, digits: int = 2) -> str:
+    """Write a positive number with few digits, a small or large one as ``5.9·10⁻⁴``."""
+    if not value or 0.01 <= value < 1000:
+        return f"{value:.{digits}g}"
+    factor, power = f"{value:.{digits - 1}e}".split("e")
+    return f"{factor}·10{str(int(power)).translate(RAISED)}"
+
+
 def millimetres(value: float) -> str:
     """Write a length in m as a number of mm, with four significant digits."""
     value = 1e3 * value + 0.0
@@ -276,7 +288,8 @@ def shade(colour: str, number: int) -> str:
     if not number:
         return colour
     towards, part = ((0.0, 0.5), (1.0, 0.35))[(number - 1) % 2]
-    return to_hex([part * towards + (1 - part) * one for one in to_rgb(colour)])
+    red, green, blue = (part * towards + (1 - part) * one for one in to_rgb(colour))
+    return to_hex((red, green, blue))
 
 
 def write_title(figure: Figure, heading: str, name: str) -> None:

@@ -123,7 +123,7 @@ def _mark_outside(axes: Axes, one: Comparison, decibels: bool, colour: str) -> N
         axes.get_ylim(), (size < axes.get_ylim()[0], size > axes.get_ylim()[1]), "v^", strict=True
     ):
         at = one.data.frequency[beyond & (one.data.frequency > 0)]
-        axes.plot(at, np.full(len(at), edge), mark, color=colour, markersize=3, markeredgewidth=0, clip_on=False)
+        axes.plot(at, np.full(len(at), edge), mark, color=colour, markersize=3, clip_on=False)
 
 
 def _label_resonances(axes: Axes, measured: Sequence[Comparison], decibels: bool) -> None:

@@ -108,17 +108,10 @@ def _draw_magnitudes(
             axes, frequency, response.value[:, o, i], scale, colour, _name(response, o, i), dashes
         )
         lines.append((size, drawn, colour))
-        around = np.ones(len(size), dtype=bool)
-        for top in curves.find_peaks(size):
-            at = frequency[top]
-            beyond = np.abs(frequency / at - 1) > NEAR
-            endless = beyond.any() and size[top] > ENDLESS * np.interp(
-                at * (1 + NEAR), frequency, size
-            )
-            around &= beyond | (not endless)
-            peaks.append((at, drawn[top], " ∞" if endless else ""))
-        levels.append(_lowest_and_highest(drawn[around]))
-    low, high = _limits(levels, scale == "db")
+        tops, around = find_tops(frequency, size)
+        peaks += [(frequency[top], drawn[top], remark) for top, remark in tops]
+        levels.append(lowest_and_highest(drawn[around]))
+    low, high = find_limits(levels, scale == "db")
     if low < high:
         axes.set_ylim(low, high)
     peaks = [(at, min(level, high), remark) for at, level, remark in peaks]
@@ -130,13 +123,33 @@ def _draw_magnitudes(
             curves.label_slopes(axes, frequency, size, drawn, colour)
 
 
-def _lowest_and_highest(drawn: Any) -> tuple[float, float]:
+def find_tops(frequency: Any, size: Any) -> tuple[list[tuple[int, str]], Any]:
+    """Find the peaks of a magnitude, and which points are not beside an infinite one.
+
+    Returns
+    -------
+    tops : list of tuple
+        Index and remark (" ∞" of an infinite one) of each peak.
+    around : (f,) array of bool
+    """
+    tops, around = [], np.ones(len(size), dtype=bool)
+    for top in curves.find_peaks(size).tolist():
+        at = frequency[top]
+        beyond = np.abs(frequency / at - 1) > NEAR
+        beside = np.interp(at * (1 + NEAR), frequency, size)
+        endless = bool(beyond.any() and size[top] > ENDLESS * beside)
+        around &= beyond | (not endless)
+        tops.append((top, " ∞" if endless else ""))
+    return tops, around
+
+
+def lowest_and_highest(drawn: Any) -> tuple[float, float]:
     """Smallest value (but for the tips of zeros) and largest value."""
     finite = drawn[np.isfinite(drawn)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (np.nan, np.nan)
 
 
-def _limits(levels: Sequence[tuple[float, float]], decibels: bool) -> tuple[float, float]:
+def find_limits(levels: Sequence[tuple[float, float]], decibels: bool) -> tuple[float, float]:
     """Limits of the magnitude axis."""
     found = np.array(levels)
     if np.isnan(found).all():

@@ -13,7 +13,15 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.xcouple.file import Coupling
 from suspension_cli.design.path_units import DISPLAYED, unit_of
 from suspension_cli.drawing import curves
-from suspension_cli.drawing.style import INK, NOTE, PALETTE, house_style, new_figure, single_line
+from suspension_cli.drawing.style import (
+    INK,
+    NOTE,
+    PALETTE,
+    format_raised,
+    house_style,
+    new_figure,
+    single_line,
+)
 from suspension_cli.studies.axes import Axis
 
 LABELS = {
@@ -39,7 +47,6 @@ NOMINAL = {"k": 1.0, "mass": 1.0, "inertia": 1.0}
 """Value without imperfection of parameters that are ratios; of others 0."""
 LIMIT = "#cc0000"
 """Colour of the limit."""
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 COLOURS = "viridis"
 """Colour map of the second axis."""
 
@@ -77,17 +84,9 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         _write_conditions(axes, coupling)
         size = np.abs(coupling.ratio)
         most = float(np.nanmax(size)) if np.isfinite(size).any() else np.nan
-        said = f": at most {_write(most)}" if np.isfinite(most) else ""
+        said = f": at most {format_raised(most)}" if np.isfinite(most) else ""
         curves.write_heading(figure, f"Cross-coupling{at}{said}", title)
         return figure
-
-
-def _write(size: float) -> str:
-    """Write a ratio with two digits, ``5.9·10⁻⁴``."""
-    if not size or 0.01 <= size < 1000:
-        return f"{size:.2g}"
-    power = int(np.floor(np.log10(size)))
-    return f"{size / 10.0**power:.1f}·10{str(power).translate(RAISED)}"
 
 
 def _unit(coupling: Coupling) -> str:
@@ -203,10 +202,13 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
             _draw_limit(axes, limit)
         else:
             axes.annotate(
-                f"limit {limit:g} is above",
-                (0.01, 0.985),
+                f"↑ limit {limit:g}",
+                (1, 1),
+                (0, 2),
                 xycoords="axes fraction",
-                va="top",
+                textcoords="offset points",
+                ha="right",
+                va="bottom",
                 fontsize=7.5,
                 color=LIMIT,
             )
