@@ -24,6 +24,7 @@ from suspension_cli.drawing.style import (
     INK,
     NOTE,
     PALE,
+    RAISED,
     house_style,
     new_figure,
     single_line,
@@ -191,6 +192,8 @@ def _draw_lines(
         chosen = [n for n, own in enumerate(labels) if own == unit]
         remarks += _panel(axes, swept, value, chosen, looks, x)
         axes.set_ylabel(unit)
+        if axes.get_yscale() == "linear":
+            _scale(axes, unit)
         curves.write_key(axes, key, above=0.15 if axes is panels[0] else 0.0)
     ends = [(x, value[:, n], swept.result[n], looks[n][0]) for n in at_ends]
     curves.label_ends(panels[units.index("frequency (Hz)")] if ends else panels[0], ends, most=30)
@@ -284,8 +287,6 @@ def _panel(
         axes.set_xlim(x.min(), x.max())
     if logarithmic:
         curves.label_plainly(axes.yaxis)
-    else:
-        axes.yaxis.set_major_formatter(lambda y, _: curves.write_plainly(float(f"{y:.12g}")))
     if not still:
         return []
     text = f"grey: modes that change by less than {100 * MOVES:g} %"
@@ -293,6 +294,16 @@ def _panel(
         at = [f"{swept.nominal[n]:.3g}" for n in beyond]
         text += f"; not drawn of these: {', '.join(at)} Hz"
     return [text]
+
+
+def _scale(axes: Axes, label: str) -> None:
+    """Put the power of ten of small or large values into the label of their axis."""
+    top = float(np.abs(axes.get_ylim()).max())
+    if 0.01 <= top < 1e4:
+        return
+    power = int(np.floor(np.log10(top)))
+    axes.set_ylabel(label.replace("(", f"(10{str(power).translate(RAISED)} "))
+    axes.yaxis.set_major_formatter(lambda y, _: f"{y / 10.0**power:.6g}".replace("-", "−"))
 
 
 def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
