@@ -98,7 +98,7 @@ def draw(answer: response.Response, found: eigenmodes.Modes) -> Figure:
         (ours, min(float(np.interp(ours, answer.frequency, level)), high), f" ({printed:g})")
         for ours, printed in pair_modes(found)
     ]
-    label_peaks(axes, tops, size=6.8)
+    label_peaks(axes, tops, size=6.8, unit="")
     figure.text(
         axes.get_position().x0,
         1 - 0.62 / figure.get_size_inches()[1],

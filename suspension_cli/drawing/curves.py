@@ -397,7 +397,11 @@ def find_peaks(size: Any, prominent: float = PROMINENT) -> Any:
 
 
 def label_peaks(
-    axes: Axes, peaks: Sequence[tuple[float, float, str]], size: float = SMALL, most: int = 12
+    axes: Axes,
+    peaks: Sequence[tuple[float, float, str]],
+    size: float = SMALL,
+    most: int = 12,
+    unit: str = " Hz",
 ) -> None:
     """Write the frequencies of peaks in a row above axes, moved apart, with leaders.
 
@@ -409,6 +413,8 @@ def label_peaks(
         Frequency (Hz), ordinate and remark of each, the most important last.
     size, most
         Font size (points) and largest number of labels.
+    unit : str
+        Of the last frequency of the row.
     """
     chosen: list[tuple[float, float, str]] = []
     low, high = axes.get_xlim()
@@ -431,7 +437,7 @@ def label_peaks(
             break
         chosen.pop()
     foot = 1 + LIFT * inch / box.height
-    texts[shown[-1]] = f"{format_frequency(shown[-1][0])} Hz{shown[-1][2]}"
+    texts[shown[-1]] = f"{format_frequency(shown[-1][0])}{unit}{shown[-1][2]}"
     for peak, place, x in zip(shown, places, raw, strict=True):
         middle = (place + wide / 2) / box.width
         axes.text(
