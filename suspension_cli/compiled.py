@@ -12,6 +12,7 @@ import ctypes
 import hashlib
 import math
 import os
+import shutil
 import sys
 import tempfile
 import threading
@@ -35,6 +36,9 @@ except ImportError:  # Windows
 config: Any = _config
 njit: Any = _njit
 
+VERSIONS = 8
+"""Number of versions of the program whose compiled loops are kept, some 15 MB each."""
+
 
 def _cache_folder() -> str:
     """Folder for compiled loops, new after any change of the code; "" if none can be written."""
@@ -47,8 +51,12 @@ def _cache_folder() -> str:
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:16]
     with contextlib.suppress(RuntimeError):  # a user without home
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        if _is_writable(home / "pendsus" / digest):
-            return str(home / "pendsus" / digest)
+        folder = home / "pendsus" / digest
+        new = not folder.exists()
+        if _is_writable(folder):
+            if new:
+                _remove_old(folder.parent)
+            return str(folder)
     with contextlib.suppress(OSError):
         user = os.getuid() if hasattr(os, "getuid") else 0
         shared = Path(tempfile.gettempdir()) / f"pendsus-{user}-{digest}"
@@ -56,6 +64,14 @@ def _cache_folder() -> str:
         if _is_writable(shared) and shared.stat().st_uid == user:
             return str(shared)
     return ""
+
+
+def _remove_old(parent: Path) -> None:
+    """Keep the compiled loops of the last versions of the program only."""
+    with contextlib.suppress(OSError):
+        folders = sorted(parent.iterdir(), key=lambda path: path.stat().st_mtime)
+        for old in folders[:-VERSIONS]:
+            shutil.rmtree(old, ignore_errors=True)
 
 
 def _is_writable(folder: Path) -> bool:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
 
 from suspension_cli import compiled
@@ -48,6 +51,18 @@ def test_folders_that_cannot_be_written(monkeypatch, tmp_path):
     assert compiled._cache_folder() == ""
     monkeypatch.setattr(compiled.config, "CACHE_DIR", str(tmp_path))
     assert compiled._cache_folder() == str(tmp_path)
+
+
+def test_loops_of_old_versions_are_removed(monkeypatch, tmp_path):
+    monkeypatch.setattr(compiled.config, "CACHE_DIR", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    for age in range(20):
+        old = tmp_path / "pendsus" / f"version-{age}"
+        old.mkdir(parents=True)
+        os.utime(old, (1e9 - age, 1e9 - age))
+    own = compiled._cache_folder()
+    kept = {f"version-{age}" for age in range(compiled.VERSIONS - 1)}
+    assert {path.name for path in (tmp_path / "pendsus").iterdir()} == {*kept, Path(own).name}
 
 
 def test_without_a_folder_nothing_is_kept(monkeypatch):

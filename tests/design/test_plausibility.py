@@ -380,6 +380,14 @@ def test_nonsense_is_noticed(slip, tmp_path):
     assert len(answer["warnings"]) == len(lines)
 
 
+def test_a_sound_modulus_is_not_suspected(tmp_path):
+    """Where the masses are wrong, not the modulus, no unit of it is suggested."""
+    edits = {(*LAST, "body", "radius"): 170.0}
+    _, _, lines = checked(tmp_path, edited(raw("double"), edits))
+    assert any("is stretched by" in line for line in lines)
+    assert not any("modulus" in line and "did you mean" in line for line in lines)
+
+
 @pytest.mark.parametrize("slip", ["length", "tip in g", "unstable"])
 def test_nonsense_is_reported_and_only_strict_fails(slip, tmp_path):
     name, edits, _ = NONSENSE[slip]

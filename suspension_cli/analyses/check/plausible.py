@@ -182,7 +182,7 @@ def _check_strain(stage: Stage, wires: list[WireLoad], path: str) -> Iterator[Im
         return
     hint = (
         suggest_unit(1.0, lambda v: strain / v <= 0.5, (("MPa", 1e6), ("GPa", 1e9)))
-        if strain > 1e3
+        if strain > 1e3 and (wire.fraction or 0.0) <= 1.0  # a sound stress: the modulus is wrong
         else ""
     )
     remedy = (

@@ -38,6 +38,10 @@ TOGETHER = 512
 NEIGHBOURS = 100.0
 """Difference of omega^2 of two modes, over the sum of their losses, up to which losses may couple
 them."""
+CLOSE = 0.02
+"""Relative difference of omega^2 up to which the coupling of two modes by losses is computed, from
+the shape of the sum of both at the frequency between them; a piece of a wire may resonate there if
+they lie farther apart."""
 STEP = 1e-20
 """Relative complex step in frequency, for derivatives of stiffnesses."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
@@ -270,16 +274,15 @@ def _build_basis(
     """Transform the system to its modes (m, A) of unit modal mass, with losses `lost` (m,).
 
     `lost` is in (rad/s)^2. Coupling by loss angles is kept for modes close together; for others it
-    would shift omega^2 by only its square over their difference of omega^2.
+    would shift omega^2 by only its square over their difference of omega^2, and where that is much,
+    the poles are refined in the full system anyway.
     """
     own = shapes[:, : model.size]
     viscous = own @ damped.damping_matrix(model) @ own.T
     loss = np.diag(np.maximum(lost - omega * viscous.diagonal(), 0.0))
-    first, second = np.nonzero(
-        np.triu(
-            np.abs(np.subtract.outer(omega**2, omega**2)) < NEIGHBOURS * np.add.outer(lost, lost), 1
-        )
-    )
+    apart = np.abs(np.subtract.outer(omega**2, omega**2))
+    near = (apart < NEIGHBOURS * np.add.outer(lost, lost)) & (apart < CLOSE * omega**2)
+    first, second = np.nonzero(np.triu(near, 1))
     if len(first):
         both = [
             (wire, {part: ends[..., first] + ends[..., second] for part, ends in parts.items()})

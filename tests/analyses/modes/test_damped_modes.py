@@ -338,6 +338,43 @@ def test_wires_with_mass():
     np.testing.assert_allclose(found.frequency, beam.frequency, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("angle", "highest"), [(0.01, 60.0), (0.01, 300.0), (0.1, 60.0)])
+def test_cords_of_large_loss(angle, highest):
+    """No mode is lost or found twice where violin modes of large loss lie as close as their widths;
+    Q is dilution over loss angle."""
+    cord = {"material": "cord", "radius": 1.5e-3}
+    ends = [[1.0, 0.0], [-0.5, 0.866], [-0.5, -0.866]]
+    raw = {
+        "design": {"name": "cords"},
+        "materials": {
+            "cord": {
+                "youngs_modulus": 4e9,
+                "poisson_ratio": 0.4,
+                "density": 1140.0,
+                "loss_angle": angle,
+                "loss": {"thermoelastic": False},
+            }
+        },
+        "stage": [
+            {
+                "name": "test",
+                "body": {"mass": 0.8, "inertia": [0.002, 0.0025, 0.003]},
+                "position": [0.0, 0.0, -1.2],
+                "wire": [
+                    {"upper": [0.1 * x, 0.1 * y, 0.0], "lower": [0.08 * x, 0.08 * y, 0.02], **cord}
+                    for x, y in ends
+                ],
+            }
+        ],
+    }
+    system = registry.VIOLIN.system(scenes.design_of(raw))
+    undamped = wire_modes.solve(system, highest)
+    found = wire_modes.solve(system, highest, damping=True)
+    assert len(found.q) == len(undamped.q)
+    np.testing.assert_allclose(found.frequency, undamped.frequency, rtol=0.3 * angle**2 + 1e-5)
+    np.testing.assert_allclose(found.q * angle, undamped.dilution, rtol=0.02)
+
+
 def test_q_of_light_losses_is_that_of_first_order():
     """Q of 1e10 to all digits, on beam and on violin."""
     raw = scenes.fibred(scenes.chain(np.random.default_rng(5), 1), 5e8, ribbons=False)
