@@ -48,7 +48,7 @@ MOST_CROSSINGS = 5
 """Crossings marked at most."""
 LETTERS = "abcdefgh"
 """Names of crossings."""
-LETTER_SHIFTS = ((0, -11), (8, -11), (-8, -11), (0, 11), (8, 11), (-8, 11), (13, -3), (-13, -3))
+LETTER_SHIFTS = ((0, -13), (9, -13), (-9, -13), (0, 13), (9, 13), (-9, 13), (15, -4), (-15, -4))
 """Places of a letter from its point, points, best first."""
 LINE = 0.14
 """Height of a line of remarks, in."""
@@ -385,7 +385,13 @@ def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> N
             fontsize=7.5,
             color="white" if one.is_avoided else INK,
             bbox={"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5},
-            arrowprops={"arrowstyle": "-", "color": INK, "linewidth": 0.5, "shrinkB": 2.5},
+            arrowprops={
+                "arrowstyle": "-",
+                "color": INK,
+                "linewidth": 0.5,
+                "shrinkA": 0,
+                "shrinkB": 2.5,
+            },
         )
 
 
