@@ -55,6 +55,8 @@ STRAIGHT = 0.12
 """Largest deviation of the exponent of a power law that is labelled (or 3 % of a large one)."""
 LONG = 0.25
 """Shortest part of a curve along a power law that is labelled, decades."""
+MOST_PEAKS = 12
+"""Largest number of labels of peaks."""
 
 
 def write_heading(figure: Figure, quantity: str, design: str) -> None:
@@ -119,9 +121,9 @@ def rule(axes: Axes) -> None:
     axes.tick_params(labelsize=7.5)
 
 
-def room_for(names: Sequence[str], most: int = 26, size: float = SMALL) -> float:
+def room_for(names: Sequence[str], most: int = 26) -> float:
     """Width of labels at line ends, in."""
-    return 0.26 + 0.0085 * size * max((min(len(name), most) for name in names), default=0)
+    return 0.26 + 0.0085 * SMALL * max((min(len(name), most) for name in names), default=0)
 
 
 @cache
@@ -285,12 +287,7 @@ def to_branch(phase: Any, near: Any) -> Any:
     return near + (phase - near + 200.0) % 360.0 - 200.0
 
 
-def label_ends(
-    axes: Axes,
-    ends: Sequence[tuple[Any, Any, str, str]],
-    size: float = SMALL,
-    most: int = 26,
-) -> None:
+def label_ends(axes: Axes, ends: Sequence[tuple[Any, Any, str, str]], most: int = 26) -> None:
     """Write labels at the ends of lines, right of the axes, moved apart, with leaders.
 
     A line that ends outside the panel gets an arrow up or down. Labels follow changed limits.
@@ -301,8 +298,6 @@ def label_ends(
         With its limits and its place in the figure.
     ends : sequence of tuple
         Abscissas and ordinates of a line, its label and its colour.
-    size : float
-        Of the font, points.
     most : int
         Characters of a label.
     """
@@ -317,7 +312,7 @@ def label_ends(
             textcoords="offset points",
             va="center",
             ha="left",
-            fontsize=size,
+            fontsize=SMALL,
             color=colour,
             annotation_clip=False,
         )
@@ -332,7 +327,7 @@ def label_ends(
 
     def place(_axes: Axes | None = None) -> None:
         box = axes.get_window_extent()
-        gap = 1.18 * size * axes.figure.dpi / 72
+        gap = 1.18 * SMALL * axes.figure.dpi / 72
         low, high = sorted(axes.get_xlim())
         raw = []
         for abscissas, ordinates, *_ in ends:
@@ -400,7 +395,6 @@ def label_peaks(
     axes: Axes,
     peaks: Sequence[tuple[float, float, str]],
     size: float = SMALL,
-    most: int = 12,
     unit: str = " Hz",
 ) -> None:
     """Write the frequencies of peaks in a row above axes, moved apart, with leaders.
@@ -411,8 +405,8 @@ def label_peaks(
         With its limits, and room of the height `PEAKS` above.
     peaks : sequence of tuple
         Frequency (Hz), ordinate and remark of each, the most important last.
-    size, most
-        Font size (points) and largest number of labels.
+    size : float
+        Of the font, points.
     unit : str
         Of the last frequency of the row.
     """
@@ -420,7 +414,7 @@ def label_peaks(
     low, high = axes.get_xlim()
     for peak in reversed(peaks):
         near = any(abs(np.log(peak[0] / other[0])) < 5e-3 for other in chosen)
-        if low <= peak[0] <= high and not near and len(chosen) < most:
+        if low <= peak[0] <= high and not near and len(chosen) < MOST_PEAKS:
             chosen.append(peak)
     if not chosen:
         return
