@@ -121,7 +121,7 @@ def test_response_without_loss_marks_its_peaks():
     frequency, value = add_points(pole, grid, pole(grid), np.empty(0))
     signals = (("support.x",), ("test.x",), (("m/m",),))
     figure = draw_response(Response(frequency, *signals, value, 1), "A design")
-    assert "1 ∞" in said(figure)
+    assert "1 Hz ∞" in said(figure)
     low, high = figure.axes[0].get_ylim()
     assert high - low < 200
     assert_legible(figure)

@@ -20,6 +20,7 @@ from suspension_cli.drawing.style import (
     PALETTE,
     RED,
     add_axes,
+    format_raised,
     house_style,
     new_figure,
     single_line,
@@ -353,5 +354,5 @@ def _name_limit(found: Optimum, number: int) -> str:
         name, size, unit = name.removeprefix("stress of "), 100 * size, "% of breaking stress"
     elif unit == "1" and name.startswith("|"):
         unit = curves.unit_of_ratio(name.split("|")[1])
-    tail = f" {SIGN[limits.sense[number]]} {curves.write_shortly(size)} {unit.removeprefix('1')}"
+    tail = f" {SIGN[limits.sense[number]]} {format_raised(size, 3)} {unit.removeprefix('1')}"
     return single_line(name, 40 - len(tail)) + tail.rstrip()

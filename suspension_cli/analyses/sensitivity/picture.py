@@ -18,6 +18,7 @@ from suspension_cli.drawing.style import (
     NOTE,
     PALE,
     add_axes,
+    format_raised,
     house_style,
     new_figure,
     shorten,
@@ -111,7 +112,7 @@ def name_number(path: str, perturbations: Sequence[Any] = ()) -> str:
 
 
 def _name_result(found: Sensitivity, n: int) -> str:
-    value = curves.write_shortly(float(found.nominal[n]))
+    value = format_raised(float(found.nominal[n]), 3)
     unit = "" if found.unit[n] == "1" else f" {found.unit[n]}"
     return f"{single_line(found.result[n], 20)} {value}{unit}"
 
@@ -146,7 +147,7 @@ def _draw_table(
     for row, n in enumerate(rows):
         values = np.where(found.nominal != 0, change[n], 0.0)
         most = float(values[np.argmax(np.abs(values))])
-        text = ("+" * (most > 0) + curves.write_shortly(most)).replace("-", "−")
+        text = ("+" * (most > 0) + format_raised(most, 3)).replace("-", "−")
         axes.annotate(
             f"{text} per {found.step_unit[n]}" if most else "from 0",
             (1, row),

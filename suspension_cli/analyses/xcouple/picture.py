@@ -18,6 +18,7 @@ from suspension_cli.drawing.style import (
     NOTE,
     PALETTE,
     RED,
+    format_raised,
     house_style,
     new_figure,
     single_line,
@@ -81,7 +82,7 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         _write_conditions(axes, coupling)
         size = np.abs(coupling.ratio)
         most = float(np.nanmax(size)) if np.isfinite(size).any() else np.nan
-        said = f": at most {curves.write_shortly(most, 2)}" if np.isfinite(most) else ""
+        said = f": at most {format_raised(most)}" if np.isfinite(most) else ""
         curves.write_heading(figure, f"Cross-coupling{at}{said}", title)
         return figure
 
@@ -188,7 +189,7 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
             _draw_limit(axes, limit)
         else:
             axes.annotate(
-                f"limit {limit:g} is above",
+                f"↑ limit {limit:g}",
                 (1, 1),
                 (0, 2),
                 xycoords="axes fraction",
