@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter
 
 from suspension_cli.analyses.damp.solve import LocalControl
@@ -212,6 +213,7 @@ def _write_counts(
             va="center",
             fontsize=7.5,
             color=colour,
+            path_effects=[withStroke(linewidth=1.6, foreground="white")],  # over lines of Q
         )
 
 
