@@ -19,7 +19,7 @@ SMALLEST = 5.5
 """Smallest text where a picture is scaled to a column's width, points."""
 PAGE = 17.8 / 2.54
 """Width of a page, in, for pictures with panels side by side."""
-PAGES = {"map", "modes", "modes-pages", "draw", "draw-imperfect", "draw-wide"}
+PAGES = {"map", "modes", "modes-pages", "draw-imperfect", "draw-wide"}
 FREQUENCY = np.geomspace(0.1, 100, 100)
 GOALS = """
 [[goal]]
@@ -51,7 +51,6 @@ CALLS = {
     "modes": lambda _: sus.modes(sus.example("geo-silica-triple"), model="string"),
     "modes-pages": lambda _: sus.modes(sus.example("tower"), model="string"),
     "modes-wires": lambda _: sus.modes(double(), max_frequency=500.0).figures()["-wires"],
-    "draw": lambda _: sus.draw(sus.example("ligo-quad-2005")),
     "draw-imperfect": lambda _: sus.draw(sus.example("imperfect")),
     "draw-wide": lambda _: sus.draw(sus.example("tower")),
     "response": lambda _: sus.response(double(), inputs=["support.x"], frequency=FREQUENCY),

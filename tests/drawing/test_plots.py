@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from PIL import Image
 
+import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
-from suspension_cli.drawing import dimensions, draw, style, tables
+from suspension_cli.drawing import bodies, dimensions, draw, style, tables
+from suspension_cli.equilibrium.nominal import expand
 from tests.support.pictures import DESIGNS, FIVE, SINGLE, TREE, TRIPLE, made, solved
 
 
@@ -138,6 +141,19 @@ def test_a_drawing_has_the_dimensions():
         and "10 / 5" in said
         and "2 × 1500" in said
     )
+
+
+def test_the_label_of_a_wire_cuts_no_body():
+    design, stage, label = sus.example("ligo-quad-2005").design, 1, "308.5 mm"
+    scene = expand(design)
+    figure = draw.draw(design, scene)
+    view = next(axes for axes in figure.axes if axes.get_ylabel())
+    (text,) = [one for one in figure.findobj(Text) if one.get_text() == label]
+    extents = text.get_window_extent(figure.canvas.get_renderer())
+    _, (low, high) = view.transData.inverted().transform(extents).T
+    half = [one.half[2] for one in bodies.outlines(design, scene)]
+    centre = scene.bodies.position[1:, 2]
+    assert centre[stage] + half[stage] < low < high < centre[stage - 1] - half[stage - 1]
 
 
 def test_tables():
