@@ -441,6 +441,7 @@ def _draw_energies(
         end, low, high = left + width * fraction, middle - 0.062, middle - 0.04
         box = [[left, low], [end, low], [end, high], [left, high]]
         canvas.polygon(box, colours.get(stage, NOTE), "none", 0.0, 2)
-        label = shorten_label(describe(modes.place[n]), int(width / 0.046) - 5)
-        canvas.text(left, middle, f"{label} {_format_percent(fraction)}", **ROW_STYLE)
+        percent = _format_percent(fraction)
+        label = shorten_label(describe(modes.place[n]), int(width / 0.0435) - len(percent) - 1)
+        canvas.text(left, middle, f"{label} {percent}", **ROW_STYLE)
         middle -= ROW
