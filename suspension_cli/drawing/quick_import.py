@@ -20,8 +20,8 @@ def import_matplotlib() -> None:
     describe = artist.kwdoc
     if compose is None:
         return
-    base._update_set_signature_and_docstring = classmethod(lambda cls: None)
-    artist.kwdoc = lambda artist: ""
+    base._update_set_signature_and_docstring = classmethod(lambda _: None)
+    artist.kwdoc = lambda _: ""
     collecting = gc.isenabled()
     gc.disable()  # nearly all that an import makes stays
     try:

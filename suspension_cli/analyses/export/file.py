@@ -12,7 +12,9 @@ from typing import Any
 import h5py
 import numpy as np
 
+from suspension_cli.analyses.analysis import as_number
 from suspension_cli.analyses.export.solve import Exported
+from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.files.hdf5 import Provenance, add_dataset, add_scale, write
 from suspension_cli.version import __version__
@@ -25,6 +27,26 @@ It replaces that of scipy, which contains the time of day."""
 def save(path: Path, form: str, made: Exported, origin: Provenance) -> None:
     """Write an exported system in one of the `FORMATS`."""
     FORMATS[form].write(path, made, origin)
+
+
+def format_of(path: Path, made: Exported) -> str:
+    """Return the name of the format of a path's ending.
+
+    Raises
+    ------
+    InputError
+        If there is none; zeros, poles and gain are in HDF5 alone.
+    """
+    endings = {
+        Path(f"x{form.suffix}").suffix: name
+        for name, form in FORMATS.items()
+        if (name == "zpk") == (made.zpk is not None)
+    }
+    if path.suffix.lower() not in endings:
+        problem = "is of no format" if made.zpk is None else "is of no format with zeros and poles"
+        remedy = f"end it in {', '.join(endings)}"
+        raise InputError([Fault("--out", problem, remedy, format_value(str(path)))])
+    return endings[path.suffix.lower()]
 
 
 def _write_hdf5(path: Path, made: Exported, origin: Provenance) -> None:
@@ -51,13 +73,12 @@ def _write_npz(path: Path, made: Exported, origin: Provenance) -> None:
 
 
 def _write_control(path: Path, made: Exported, origin: Provenance) -> None:
-    plain = {
+    document = {
         key: value.tolist() if isinstance(value, np.ndarray) else value
         for key, value in _fields(made, origin).items()
     }
-    plain["band_hz"] = made.band
-    plain["worst_error"] = made.worst if np.isfinite(made.worst) else None
-    write_bytes(path, json.dumps(plain, indent=1, allow_nan=False).encode())
+    document |= {"band_hz": made.band, "worst_error": as_number(made.worst)}
+    write_bytes(path, json.dumps(document, indent=1, allow_nan=False).encode())
 
 
 @dataclass(frozen=True)
