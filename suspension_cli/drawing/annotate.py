@@ -11,6 +11,7 @@ from suspension_cli.design.schema import Stage
 from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.dimensions import (
     HEAD,
+    SIZE,
     draw_dimension,
     draw_dot,
     draw_extension,
@@ -24,11 +25,11 @@ from suspension_cli.drawing.parts import Sketch, support_box
 from suspension_cli.drawing.style import NOTE, PALE, length, shorten, single_line
 from suspension_cli.scene.arrays import Array
 
-LEAST_ROOM = 0.3
+LEAST_ROOM = 0.25
 """Free height between two bodies that is enough for one dimension line, in."""
-MOST_CLEARANCE = 0.5
+MOST_CLEARANCE = 0.4
 """Largest distance of a wire from its length's dimension line, in."""
-LINE = 0.14
+LINE = 0.115
 """Height of a line of small text, in."""
 MANY = 12
 """Number of bodies above which names are written into the bodies, without masses and numbers of
@@ -94,7 +95,7 @@ def draw_dimensions(canvas: Canvas, plan: Plan) -> None:
             continue  # the lines of bodies that hang from the same one would overlap
         here = _set(plan.sketch, stage, parent, n)
         _separations(canvas, plan, here)
-        _wire_length(canvas, plan.face, here)
+        _wire_length(canvas, plan, here)
         labels += _heights(canvas, plan.side, here)
     for (target, text), y in zip(
         labels, spread([float(target[1]) for target, _ in labels], LINE), strict=True
@@ -189,24 +190,29 @@ def _across(
     draw_dimension(canvas, a, b, f"{symbol} = {length(half)}", view.scale * (wire - half))
 
 
-def _wire_length(canvas: Canvas, view: View, here: _Set) -> None:
-    """Draw l beside the wire at -y in the face view, if the wire is long enough on paper."""
-    shape = here.shape
+def _wire_length(canvas: Canvas, plan: Plan, here: _Set) -> None:
+    """Draw l beside the wire at -y in the face view, if the wire is long enough on paper.
+
+    Its text stands between the two bodies, and below a support between them.
+    """
+    shape, view, ground = here.shape, plan.face, float(support_box(plan.sketch)[1][2])
+    top = ground if here.bottom < ground < here.top else here.top
+    free = view.see(np.array([0.0, 0.0, (top + here.bottom) / 2]))[1]
     upper = view.see(here.above - np.array([0.0, shape.t1, shape.d_upper]))
     lower = view.see(here.below + np.array([0.0, -shape.t2, shape.d]))
     span = lower - upper
     size = float(np.linalg.norm(span))
     out = _clearance(view.scale, here) * np.array([span[1], -span[0]]) / size
-    texts = [
-        text
-        for text in (f"$l$ = {length(shape.length)}", length(shape.length))
-        if width_of(text) + 3 * HEAD < size
-    ]
-    if not texts:
+    texts = [f"$l$ = {length(shape.length)}", length(shape.length)]
+    fitting = [text for text in texts if width_of(text) + 3 * HEAD < size]
+    if not fitting:
         return
+    free_of_bodies = [text for text in fitting if width_of(text) < view.scale * (top - here.bottom)]
     draw_extension(canvas, upper, upper + out)
     draw_extension(canvas, lower, lower + out)
-    draw_dimension(canvas, lower + out, upper + out, texts[0])
+    place = float((free - lower[1] - out[1]) / (upper[1] - lower[1] or 1.0))
+    text = (free_of_bodies or fitting)[0]
+    draw_dimension(canvas, lower + out, upper + out, text, place=place)
 
 
 def _clearance(scale: float, here: _Set) -> float:
@@ -319,7 +325,7 @@ def _write_short_names(
 
 
 def _short_name(canvas: Canvas, x: float, y: float, name: str, colour: str) -> None:
-    canvas.text(x, y, name, fontsize=7.6, color=colour, fontweight="bold", va="bottom", ha="left")
+    canvas.text(x, y, name, fontsize=6.5, color=colour, fontweight="bold", va="bottom", ha="left")
 
 
 def _name(
@@ -330,7 +336,7 @@ def _name(
         where[0],
         where[1] + 0.01,
         single_line(bodies.name[n], 18),
-        fontsize=7.6,
+        fontsize=6.5,
         color=colour,
         fontweight="bold",
         va="bottom",
@@ -340,7 +346,7 @@ def _name(
         where[0],
         where[1] - 0.01,
         f"{float(bodies.mass[n]):.4g} kg",
-        fontsize=6.8,
+        fontsize=SIZE,
         color=NOTE,
         va="top",
         ha=side,

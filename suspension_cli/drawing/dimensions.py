@@ -11,9 +11,9 @@ from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.style import NOTE
 from suspension_cli.scene.arrays import Array
 
-SIZE = 6.8
+SIZE = 5.6
 """Font size of dimensions, points."""
-HEAD = 0.075
+HEAD = 0.06
 """Length of an arrowhead, in."""
 THIN = 0.5
 """Width of a dimension line, points."""
@@ -52,7 +52,9 @@ def draw_extension(canvas: Canvas, start: Any, end: Any) -> None:
         canvas.line([start, end + 0.04 * (end - start) / span], NOTE, 0.35, ORDER - 0.1)
 
 
-def draw_dimension(canvas: Canvas, a: Any, b: Any, text: str, clear: float = 0.0) -> None:
+def draw_dimension(
+    canvas: Canvas, a: Any, b: Any, text: str, clear: float = 0.0, place: float = 0.5
+) -> None:
     """Draw a dimension line from a to b with its text.
 
     The text is in the middle, along the line, if there is room; else beyond b and horizontal. If
@@ -67,6 +69,8 @@ def draw_dimension(canvas: Canvas, a: Any, b: Any, text: str, clear: float = 0.0
     clear : float
         Position, relative to b, in, at which something else crosses the line: text outside stays
         beyond it, text inside before it.
+    place : float
+        Place of text inside, as a fraction of the way from a to b, where it has room.
     """
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     span = float(np.linalg.norm(b - a))
@@ -85,7 +89,9 @@ def draw_dimension(canvas: Canvas, a: Any, b: Any, text: str, clear: float = 0.0
     if inside > width_of(text) + 3 * HEAD:
         angle = float(np.degrees(np.arctan2(along[1], along[0])))
         angle = angle - 180 if angle > 90 else angle + 180 if angle <= -90 else angle
-        write_note(canvas, a + inside / 2 * along, text, rotation=angle)
+        end = (width_of(text) / 2 + 1.5 * HEAD) / inside
+        place = min(max(place, end), 1 - end)
+        write_note(canvas, a + place * inside * along, text, rotation=angle)
         return
     beyond = b + (max(clear, 0.0 if span > 2.6 * HEAD else 2.2 * HEAD) + 0.05) * along
     if abs(along[0]) > 0.5:

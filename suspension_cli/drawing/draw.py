@@ -20,28 +20,28 @@ from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import nominal_pose
 from suspension_cli.scene.scene import Scene
 
-MARGIN = 0.25
+MARGIN = 0.1
 """Margin around everything, in."""
-TOP = 0.95
+TOP = 0.8
 """Height of the heading and the names of the views, in."""
-SCALE = 0.62
+SCALE = 0.56
 """Width of the axis of heights, in."""
-LEADERS = 1.0
+LEADERS = 0.8
 """Width of the texts left of the side view, in."""
-LENGTHS = 0.45
+LENGTHS = 0.38
 """Width of the lengths of wires left of the face view, in."""
-RIGHT = 1.45
+RIGHT = 1.15
 """Width of the dimensions right of the face view, in."""
-FOOT = 0.62
+FOOT = 0.55
 """Height of the horizontal axes, in."""
-SUPPORT = 0.13
+SUPPORT = 0.1
 """Thickness of the support, in."""
-TICK = 0.42
+TICK = 0.36
 """Least distance between ticks, in."""
-WIDEST = 6.0
-"""Largest width of both views together, in; more if there are many bodies."""
-TALLEST = 16.0
-"""Largest height of the views, in."""
+KEY = 0.12
+"""Height of a line of the key, in."""
+LOWEST = 4.0
+"""Height of the views that long tables leave to them, in."""
 
 
 @dataclass(frozen=True)
@@ -82,44 +82,41 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         dimensions are those without.
     """
     with style.house_style():
-        tallest, widest = _largest(len(design.stage))
         bare = Sketch(design, scene, outlines(design, scene), nominal_pose(scene), 0.0)
         flawed = imperfect.exaggerate(bare)
         bounds = _bounds(bare, flawed)
-        scale = min(tallest / max(bounds.height, 1e-9), widest / max(bounds.width, 1e-9))
-        sketch = replace(bare, thick=SUPPORT / scale)
-        bounds = _bounds(sketch, flawed)
-        wide = SCALE + LEADERS + _names(scene) + LENGTHS + RIGHT + scale * bounds.width
-        unstretched = tables.listed(design, scene) if tabulate else []
-        inner = max([wide, *(table.width for table in unstretched)])
-        shown = [table.stretched(inner) for table in unstretched]
+        inner = style.PAGE_WIDTH - 2 * MARGIN
+        shown = [table.stretched(inner) for table in tables.listed(design, scene) if tabulate]
         key = tables.key(scene) if tabulate else []
-        below = TOP + scale * bounds.height + FOOT
-        figure = style.new_figure(
-            inner + 2 * MARGIN,
-            below + sum(table.height + 0.1 for table in shown) + 0.15 * len(key) + 0.2,
+        below = FOOT + sum(table.height + 0.1 for table in shown) + KEY * len(key) + 0.1
+        beside = SCALE + LEADERS + _names(scene) + LENGTHS + RIGHT
+        room = inner - beside, max(style.PAGE_HEIGHT - TOP - below, LOWEST)
+        sketch = replace(bare, thick=SUPPORT / _scale(bounds, room))
+        bounds = _bounds(sketch, flawed)
+        scale = _scale(bounds, room)
+        figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * bounds.height + below)
+        name = design.design.title or design.design.name
+        style.write_title(figure, "Dimensions, to scale" + _remark(flawed), name)
+        plan = _plan(
+            figure, sketch, bounds, scale, MARGIN + (inner - beside - scale * bounds.width) / 2
         )
-        style.write_title(figure, design.design.title, design.design.name + _remark(flawed))
-        plan = _plan(figure, sketch, bounds, scale, MARGIN + (inner - wide) / 2)
         canvas = full_canvas(figure)
         _views(canvas, plan, flawed)
         _axes(figure, plan, bounds)
-        top = float(figure.get_size_inches()[1]) - below
+        top = below - FOOT
         for table in shown:
             tables.write(canvas, MARGIN, top, table, _colours(scene) if table is shown[0] else ())
             top -= table.height + 0.1
         for line in key:
-            canvas.text(MARGIN, top, line, fontsize=6.5, color=NOTE, va="top")
-            top -= 0.15
+            canvas.text(MARGIN, top, line, fontsize=tables.SIZE, color=NOTE, va="top")
+            top -= KEY
         canvas.flush()
         return figure
 
 
-def _largest(bodies: int) -> tuple[float, float]:
-    """Height and width that the views may take, in."""
-    tall = 3.9 + 0.6 * min(bodies, 8)
-    more = max(0, bodies - annotate.MANY)
-    return min(tall + 0.3 * more, TALLEST), WIDEST * min(1 + 0.04 * more, 2.0)
+def _scale(bounds: _Bounds, room: tuple[float, float]) -> float:
+    """Choose the scale, in/m, at which the views fit into a width and height, in."""
+    return min(room[0] / max(bounds.width, 1e-9), room[1] / max(bounds.height, 1e-9))
 
 
 def exaggeration(design: Design, scene: Scene) -> float | None:
@@ -131,7 +128,7 @@ def exaggeration(design: Design, scene: Scene) -> float | None:
 
 def _names(scene: Scene) -> float:
     """Width of the bodies' names between the views, in."""
-    return 0.55 + 0.085 * min(max(len(name) for name in scene.bodies.name), 18)
+    return 0.42 + 0.068 * min(max(len(name) for name in scene.bodies.name), 18)
 
 
 def _remark(flawed: Exaggerated | None) -> str:
@@ -139,7 +136,7 @@ def _remark(flawed: Exaggerated | None) -> str:
     if flawed is None:
         return ""
     size = f"{flawed.factor:,.6g} times larger" if flawed.factor != 1 else "to scale"
-    return f": imperfections drawn {size}; grey: without them"
+    return f"; imperfections {size} (grey: without)"
 
 
 def _bounds(sketch: Sketch, flawed: Exaggerated | None) -> _Bounds:
@@ -192,7 +189,7 @@ def _views(canvas: Canvas, plan: Plan, flawed: Exaggerated | None) -> None:
             imperfect.draw_marks(canvas, view, flawed, look.order + 0.5)
         centres = sketch.scene.bodies.position + sketch.pose.shift
         for n, colour in enumerate(colours, 1):
-            parts.draw_com_mark(canvas, view.see(centres[n]), 0.05, colour)
+            parts.draw_com_mark(canvas, view.see(centres[n]), 0.042, colour)
     annotate.draw_axes_of_symmetry(canvas, plan)
     annotate.draw_dimensions(canvas, plan)
     annotate.write_names(canvas, plan, colours)

@@ -13,7 +13,7 @@ from suspension_cli.drawing import geometry
 from suspension_cli.drawing.bodies import Outline, suspension_size
 from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.geometry import View
-from suspension_cli.drawing.style import NOTE, PALE, with_opacity
+from suspension_cli.drawing.style import NOTE, PALE
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
@@ -224,17 +224,15 @@ def support_box(sketch: Sketch) -> tuple[Array, Array]:
 
 
 def draw_support(canvas: Canvas, view: View, sketch: Sketch) -> None:
-    """Draw the support: a hatched bar with posts to remote attachments; from above, a plate."""
+    """Draw the support: a hatched bar with posts to remote attachments, or plate from above."""
     low, high = support_box(sketch)
     if view.normal == 2:
-        corners = [[low[0], low[1]], [low[0], high[1]], [high[0], high[1]], [high[0], low[1]]]
-        canvas.polygon(
-            view.see(np.column_stack([corners, np.full(4, low[2])])),
-            with_opacity(PALE, 0.25),
-            PALE,
-            0.6,
-            0.5,
-        )
+        corner, (wide, tall) = _plate(view, low, high)
+        frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * (wide, tall)
+        canvas.line(corner + frame, NOTE, 0.6, 0.5)
+        for shift in np.arange(-wide, tall, (wide + tall) / 12)[1:]:
+            ends = np.array([max(-shift, 0.0), min(wide, tall - shift)])
+            canvas.line(corner + np.column_stack([ends, ends + shift]), PALE, 0.6, 0.5)
         return
     points = np.unique(sketch.support_points, axis=0)
     points = points[np.abs(points[:, 2] - low[2]) > 1e-9]
@@ -245,6 +243,12 @@ def draw_support(canvas: Canvas, view: View, sketch: Sketch) -> None:
     tall = abs(top - foot)
     for start in np.linspace(left, right, max(round((right - left) / tall), 3) + 1)[:-1]:
         canvas.line([[start, foot], [start + tall, top]], NOTE, 0.6, 0.5)
+
+
+def _plate(view: View, low: Array, high: Array) -> tuple[Array, Array]:
+    """Lower left corner (2,) and size (2,) of the support in the view from above."""
+    corner, opposite = view.see([high[0], low[1], low[2]]), view.see([low[0], high[1], low[2]])
+    return corner, opposite - corner
 
 
 def draw_com_mark(canvas: Canvas, where: Array, radius: float, colour: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from typing import Any
 
 
@@ -21,6 +22,8 @@ def import_matplotlib() -> None:
         return
     base._update_set_signature_and_docstring = classmethod(lambda _: None)
     artist.kwdoc = lambda _: ""
+    collecting = gc.isenabled()
+    gc.disable()  # nearly all that an import makes stays
     try:
         import matplotlib.axes
         import matplotlib.backends.backend_agg
@@ -28,3 +31,5 @@ def import_matplotlib() -> None:
     finally:
         base._update_set_signature_and_docstring = compose
         artist.kwdoc = describe
+        if collecting:
+            gc.enable()

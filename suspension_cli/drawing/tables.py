@@ -21,9 +21,9 @@ from suspension_cli.drawing.style import (
 )
 from suspension_cli.scene.scene import Scene
 
-ROW = 0.185
+ROW = 0.15
 """Height of a row, in."""
-SIZE = 7.2
+SIZE = 5.6
 """Font size, points."""
 MOST_WIRES = 40
 """Most rows of single wires that are shown; the design file has all."""

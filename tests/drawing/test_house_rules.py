@@ -23,9 +23,7 @@ SMALLEST = 5.5
 """Smallest text where a picture is scaled to a column's width, points."""
 PAGE = 17.8 / 2.54
 """Width of a page, in, for pictures with panels side by side."""
-PAGES = {"map"}
-FREE = {"modes"}
-"""Pictures with a panel per mode, of the size of a poster."""
+PAGES = {"map", "modes", "modes-pages", "draw-imperfect", "draw-wide"}
 FREQUENCY = np.geomspace(0.1, 100, 100)
 GOALS = """
 [[goal]]
@@ -86,6 +84,10 @@ def together():
 
 CALLS = {
     "modes": lambda _: sus.modes(sus.example("geo-silica-triple"), model="string"),
+    "modes-pages": lambda _: sus.modes(sus.example("tower"), model="string"),
+    "modes-wires": lambda _: sus.modes(double(), max_frequency=500.0).figures()["-wires"],
+    "draw-imperfect": lambda _: sus.draw(sus.example("imperfect")),
+    "draw-wide": lambda _: sus.draw(sus.example("tower")),
     "response": lambda _: sus.response(double(), inputs=["support.x"], frequency=FREQUENCY),
     "responses": lambda _: sus.response(
         sus.example("geo-silica-triple"),
@@ -225,6 +227,7 @@ def _is_shown(axes, axis, tick, text):
     )
 
 
+SI = re.compile(r"\bSI\b")
 OFFSET = re.compile(r"[+−-]?\d*\.?\d*e[+−-]?\d+$")
 """A power of ten at the end of an axis as computers write it."""
 UNIT = re.compile(r"\((?!SI\b)[^()]+\)|\bin [A-Za-z%]+$|fraction|count|number|ratio|%|± .*[A-Za-z]")
@@ -315,15 +318,14 @@ def find_faults(name, folder):
         faults += [
             f"offset: {text.get_text()}" for text, _ in texts if OFFSET.match(text.get_text())
         ]
-        faults += [f"(SI): {text.get_text()}" for text, _ in texts if "SI" in text.get_text()]
-        if name not in FREE:
-            scale = min((PAGE if name in PAGES else COLUMN) / figure.get_size_inches()[0], 1.0)
-            small = {
-                (text.get_text(), round(text.get_fontsize() * scale, 2))
-                for text, _ in texts
-                if text.get_fontsize() * scale < SMALLEST
-            }
-            faults += [f"small: {text}" for text in sorted(small)]
+        faults += [f"(SI): {text.get_text()}" for text, _ in texts if SI.search(text.get_text())]
+        scale = min((PAGE if name in PAGES else COLUMN) / figure.get_size_inches()[0], 1.0)
+        small = {
+            (text.get_text(), round(text.get_fontsize() * scale, 2))
+            for text, _ in texts
+            if text.get_fontsize() * scale < SMALLEST
+        }
+        faults += [f"small: {text}" for text in sorted(small)]
     return faults
 
 

@@ -64,6 +64,6 @@ def test_drawing_says_its_factor_and_lists_the_imperfections():
     figure = draw.draw(design, expand_nominal(design))
     said = [text.get_text() for text in figure.texts]
     said += [text.get_text() for axes in figure.axes for text in axes.texts]
-    assert "imperfect: imperfections drawn 50 times larger; grey: without them" in said
+    assert "Dimensions, to scale; imperfections 50 times larger (grey: without)" in said
     assert {"offset of the wire's upper end", "(0.3, 0, 0) mm", "(2, 0, 5) mrad"} <= set(said)
     assert said.count("1") >= 2 <= said.count("4")  # numbers of the wires, in both views

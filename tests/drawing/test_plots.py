@@ -2,17 +2,20 @@
 
 import io
 import os
-import re
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from PIL import Image
 
+import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
-from suspension_cli.drawing import dimensions, draw, style, tables
+from suspension_cli.drawing import bodies, dimensions, draw, style, tables
+from suspension_cli.equilibrium.nominal import expand
 from tests.support.pictures import DESIGNS, FIVE, SINGLE, TREE, TRIPLE, made, solved
 
 
@@ -46,10 +49,12 @@ def assert_legible(figure: Figure) -> None:
 @pytest.mark.parametrize("name", DESIGNS)
 def test_every_mode_has_its_panel(name):
     design, scene, found = solved(DESIGNS[name])
-    figure = modes.draw(found, design, scene)
-    said = texts(figure)
+    pages = modes.draw_pages(found, design, scene, "title and model")
+    assert sorted(n for page in pages for n in page.numbers) == list(range(len(found.frequency)))
+    said = [text for page in pages for text in texts(page.figure)]
+    assert "title and model" in said
     for n, frequency in enumerate(found.frequency):
-        assert modes.format_heading(found, n) in said and modes.format_caption(found, n) in said
+        assert modes.format_heading(found, n) in said
         assert (
             modes.format_heading(found, n)
             == f"{n + 1}  {style.format_significant(float(frequency))} Hz"
@@ -57,14 +62,29 @@ def test_every_mode_has_its_panel(name):
     assert sum(text in ("side on", "face on", "from above") for text in said) == len(
         found.frequency
     )
-    assert_legible(figure)
+    for page in pages:
+        assert_legible(page.figure)
 
 
 def test_the_largest_fraction_comes_first_under_a_mode():
-    _, _, found = solved(SINGLE)
+    design, scene, found = solved(SINGLE)
     n = int(np.argmin(found.fractions.max(1)))
-    assert re.fullmatch(r"test \w+ \d+ %", modes.format_caption(found, n))
-    assert f"{100 * found.fractions[n].max():.0f} %" in modes.format_caption(found, n)
+    (page,) = modes.draw_pages(found, design, scene, "")
+    said = texts(page.figure)
+    first = said[said.index(modes.format_heading(found, n)) + 2]
+    assert first == f"{found.label[n]} {100 * found.fractions[n].max():.0f} %"
+
+
+def test_each_stage_has_its_colour_in_every_mode():
+    design, scene, found = solved(TRIPLE)
+    (page,) = modes.draw_pages(found, design, scene, "")
+    bars = {
+        to_hex(colour)
+        for collection in page.figure.axes[0].collections
+        if collection.get_zorder() == 2
+        for colour in collection.get_facecolor()
+    }
+    assert bars == set(style.stage_colours(scene.bodies.name).values())
 
 
 def test_unstable_and_rigid_modes_say_so():
@@ -74,7 +94,8 @@ def test_unstable_and_rigid_modes_say_so():
     assert modes.format_heading(found, 0).startswith(
         "1  unstable, grows at "
     ) and modes.format_heading(found, 0).endswith(" 1/s")
-    assert modes.format_heading(found, 0) in texts(modes.draw(found, design, scene))
+    (page,) = modes.draw_pages(found, design, scene, "")
+    assert modes.format_heading(found, 0) in texts(page.figure)
     one = (
         SINGLE.replace("count = 4", "count = 1")
         .replace("s = 0.025\nt1 = 0.0\nt2 = 0.133", "")
@@ -82,7 +103,7 @@ def test_unstable_and_rigid_modes_say_so():
     )
     design, scene, found = solved(one)
     assert any(modes.format_heading(found, n).endswith("rigid") for n in range(6))
-    modes.draw(found, design, scene)
+    modes.draw_pages(found, design, scene, "")
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -120,6 +141,19 @@ def test_a_drawing_has_the_dimensions():
         and "10 / 5" in said
         and "2 × 1500" in said
     )
+
+
+def test_the_label_of_a_wire_cuts_no_body():
+    design, stage, label = sus.example("ligo-quad-2005").design, 1, "308.5 mm"
+    scene = expand(design)
+    figure = draw.draw(design, scene)
+    view = next(axes for axes in figure.axes if axes.get_ylabel())
+    (text,) = [one for one in figure.findobj(Text) if one.get_text() == label]
+    extents = text.get_window_extent(figure.canvas.get_renderer())
+    _, (low, high) = view.transData.inverted().transform(extents).T
+    half = [one.half[2] for one in bodies.outlines(design, scene)]
+    centre = scene.bodies.position[1:, 2]
+    assert centre[stage] + half[stage] < low < high < centre[stage - 1] - half[stage - 1]
 
 
 def test_tables():
@@ -176,7 +210,8 @@ def test_a_png_has_the_pixels_of_the_canvas():
     stream = io.BytesIO(style.encode(figure))
     image = Image.open(stream)
     reference = io.BytesIO()
-    figure.savefig(reference, format="png", dpi=style.DPI)
+    with style.house_style():
+        figure.savefig(reference, format="png", dpi=style.DPI)
     assert (np.asarray(image) == np.asarray(Image.open(reference).convert("RGB"))).all()
     assert image.info["Software"] == "pendsus" and image.info["dpi"][0] == pytest.approx(
         style.DPI, 1e-3

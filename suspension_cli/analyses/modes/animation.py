@@ -30,12 +30,16 @@ FRAMES = 24
 """Frames of one period, an even number: the way back shows those of the way there."""
 DURATION = 50
 """Time that a frame is shown, ms; a whole number of hundredths of a second, as GIF needs."""
-COLOURS = 32
+COLOURS = 64
 """Largest number of colours."""
-DPI = 150
+DPI = 200
 """Resolution, dots per inch."""
-FOOT = 0.32
-"""Height of the remark below the bars, in."""
+WIDTH = 1.6
+"""Width of the picture, in."""
+TALLEST, LOWEST = 2.6, 0.9
+"""Bounds of its height, in."""
+FOOT = 0.2
+"""Height of the remark below, in."""
 ALL = "all"
 
 
@@ -154,23 +158,14 @@ def _panel(modes: Modes, number: int, rest: Sketch, factor: float) -> Panel:
 
 
 def _figure(modes: Modes, rest: Sketch, panel: Panel, note: str) -> Figure:
-    frame = picture.measure_frame([panel])
-    width, gap, head = picture.WIDTH, picture.GAP, picture.HEAD
-    tall = picture.choose_height(frame)
-    below = picture.FOOT + picture.BARS
-    figure = style.new_figure(width + 2 * gap, head + tall + below + FOOT + 0.1)
+    frame, gap = picture.measure_frame([panel]), picture.GAP
+    tall = float(np.clip(WIDTH * frame.height / frame.width, LOWEST, TALLEST))
+    figure = style.new_figure(WIDTH + 2 * gap, tall + picture.AROUND + FOOT)
     figure.set_dpi(DPI)
     canvas = full_canvas(figure)
-    top = float(figure.get_size_inches()[1]) - 0.1
-    picture.draw_panel(canvas, (gap, top), tall, modes, panel, rest, frame)
-    canvas.text(
-        gap,
-        0.16,
-        style.single_line(note, 50),
-        va="center",
-        fontsize=5.6,
-        color=NOTE,
-    )
+    corner = gap, float(figure.get_size_inches()[1]) - gap
+    picture.draw_panel(canvas, corner, (WIDTH, tall), modes, panel, rest, frame)
+    canvas.text(gap, FOOT / 2, style.single_line(note, 50), color=NOTE, va="center", fontsize=4.6)
     canvas.flush()
     return figure
 

@@ -182,13 +182,17 @@ class ModesAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw every mode, and where wires have mass the Q of all."""
-        from suspension_cli.analyses.modes import picture, quality_picture
+        from suspension_cli.analyses.modes import picture
         from suspension_cli.equilibrium.nominal import expand
 
-        pages = picture.draw_pages(result.data, result.design, expand(result.design))
+        pages = picture.draw_pages(
+            result.data, result.design, expand(result.design), result.subtitle
+        )
         figures = {f"-{n}" if n > 1 else "": page.figure for n, page in enumerate(pages, 1)}
         if result.data.wire:
-            figures["-wires"] = quality_picture.draw(result.data, result.design)
+            from suspension_cli.analyses.modes import quality_picture
+
+            figures["-wires"] = quality_picture.draw(result.data, result.design, result.subtitle)
         return figures
 
     def animations(self, result: Result, setting: Settings) -> Iterator[tuple[str, bytes]]:

@@ -4,52 +4,50 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
-from suspension_cli.conventions import DOF_NAMES, DOFS
+from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, parts, style
 from suspension_cli.drawing.bodies import Outline, outlines, suspension_size
 from suspension_cli.drawing.canvas import Canvas, full_canvas
 from suspension_cli.drawing.geometry import FACE, SIDE, View
 from suspension_cli.drawing.parts import Look, Sketch
-from suspension_cli.drawing.style import DOF_COLOUR, INK, NOTE, PALE
+from suspension_cli.drawing.style import INK, NOTE, PALE
 from suspension_cli.linear.eigenmodes import Modes, describe, place
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose, nominal_pose
 from suspension_cli.scene.scene import Scene
 
-WIDTH = 1.85
-"""Width of a panel, in."""
-GAP = 0.22
+ACROSS = 6
+"""Largest number of panels side by side."""
+GAP = 0.1
 """Distance between panels, in."""
-HEAD = 0.40
+HEAD = 0.16
 """Height of a panel's title, in."""
-BARS = 0.44
-"""Height of the energy bars below a picture, in."""
-FOOT = 0.13
-"""Height of the view's name between picture and bars, in."""
-LEAST = 7.6
-"""Smallest width of a figure, which its key needs, in."""
-TALLEST, LOWEST = 3.3, 1.25
-"""Bounds of the height of a picture, in."""
-TOP = 1.06
+ROW = 0.125
+"""Height of a row of the energies below a picture, in."""
+SHOWN = 3
+"""Largest number of these rows."""
+AROUND = HEAD + (SHOWN + 1) * ROW + GAP
+"""Height of a panel without its picture, in."""
+SMALL = 5.5
+"""Font size, points; that of a panel's title is `LARGE`."""
+LARGE = 7.0
+ROW_STYLE: Any = {"va": "center", "fontsize": SMALL}
+LEAST = 0.02
+"""Least fraction of kinetic energy that is written."""
+TOP = 0.66
 """Height of the figure's heading, in."""
 THICK = 0.028
 """Thickness of the support over the size of the suspension."""
 MOST = 120
 """Largest number of modes drawn: the lowest ones."""
-SHOWN = 3
-"""Largest number of energy bars per mode."""
 PAGE = 24
 """Largest number of modes of one figure."""
-HIGHEST = 1.4
-"""Largest ratio of height to width of a figure for a page."""
-COLUMNS = 4
-"""Largest number of panels side by side where modes take several figures, for a page."""
 KINDS = {
     "longitudinal and pitch": ("x", "pitch"),
     "transverse and roll": ("y", "roll"),
@@ -116,55 +114,36 @@ class Frame:
     high: float
 
 
-def draw(modes: Modes, design: Design, scene: Scene) -> Figure:
-    """Draw the modes of a suspension, ascending.
+def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> list[Page]:
+    """Draw the modes of a suspension, ascending, on figures of a page's width.
 
     Parameters
     ----------
     modes : Modes
     design : Design
-        For the shapes of bodies, the title and the lengths of blades.
+        For the shapes of bodies and the lengths of blades.
     scene : Scene
         The same design spelled out, without batch axes.
+    subtitle : str
+        Title of the design and name of the model.
 
     Returns
     -------
-    Figure
+    list of Page
         One panel per mode, for the lowest `MOST` (modes of wires alone are in
         `quality_picture`): the suspension at rest (grey) and displaced, in the view that shows most
-        of the motion. The colour is that of the degree of freedom with most kinetic energy; the
-        stronger it is, the larger the fraction of a body.
-    """
-    return draw_pages(modes, design, scene, MOST)[0].figure
-
-
-def draw_pages(
-    modes: Modes, design: Design, scene: Scene, most: int = PAGE, columns: int = 0
-) -> list[Page]:
-    """Draw the modes of a suspension on one figure, or on several where there are many.
-
-    Parameters
-    ----------
-    modes, design, scene
-        As of `draw`.
-    most : int
-        Largest number of modes of one figure. More are split by kind (`KINDS`), and the modes of
-        one kind, ascending, into figures of about equal numbers that fit a page.
-    columns : int
-        Largest number of panels side by side, so that a figure fits a page: `COLUMNS` where there
-        are several; 0 for as many as suit a single one.
+        of the motion. The more kinetic energy a body has, the stronger its stage's colour. More
+        than `PAGE` modes are split by kind (`KINDS`), and those of one kind into figures of about
+        equal numbers.
     """
     bodily = np.flatnonzero(modes.order == 0).tolist()
     numbers = bodily[:MOST]
-    cut = len(numbers) < len(bodily)
-    note = f"The lowest {len(numbers)} of {len(bodily)} modes. " if cut else ""
+    note = f"The lowest {MOST} of {len(bodily)} modes. " if len(bodily) > MOST else ""
     with style.house_style():
         rest = sketch_at_rest(design, scene)
         panels = {number: make_panel(modes, number, rest) for number in numbers}
         common = measure_frame([*panels.values()])
-        pages = [("", numbers)]
-        if len(numbers) > most:
-            pages = [*_split(modes, numbers, _choose_number(common))]
+        pages = [("", numbers)] if len(numbers) <= PAGE else [*_split(modes, numbers)]
         return [
             Page(
                 kind,
@@ -174,9 +153,8 @@ def draw_pages(
                     rest,
                     [panels[n] for n in part],
                     common,
-                    kind,
+                    ((kind or "normal modes").capitalize(), subtitle),
                     note,
-                    columns or (COLUMNS if kind else 0),
                 ),
             )
             for kind, part in pages
@@ -189,18 +167,11 @@ def sketch_at_rest(design: Design, scene: Scene) -> Sketch:
     return Sketch(design, scene, outlines(design, scene), nominal_pose(scene), thick)
 
 
-def _choose_number(common: Frame) -> int:
-    """Choose the number of modes of a page on which pictures need not shrink."""
-    highest = HIGHEST * (COLUMNS * (WIDTH + GAP) + GAP)
-    pitch = choose_height(common) + HEAD + FOOT + BARS + GAP
-    return COLUMNS * max(int((highest - TOP) / pitch), 1)
-
-
-def _split(modes: Modes, numbers: list[int], most: int) -> Iterator[tuple[str, list[int]]]:
-    """Split modes by kind, and a kind into pages of at most `most`, each with its title."""
+def _split(modes: Modes, numbers: list[int]) -> Iterator[tuple[str, list[int]]]:
+    """Split modes by kind, and a kind into pages of at most `PAGE`, each with its title."""
     for title, dofs in KINDS.items():
         kind = [number for number in numbers if modes.home[number][1] in dofs]
-        count = -(-len(kind) // most)
+        count = -(-len(kind) // PAGE)
         for page in range(count):
             part = kind[page * len(kind) // count : (page + 1) * len(kind) // count]
             yield title + (f" modes, {page + 1} of {count}" if count > 1 else " modes"), part
@@ -211,50 +182,42 @@ def _figure(
     rest: Sketch,
     panels: list[Panel],
     common: Frame,
-    kind: str,
+    title: tuple[str, str],
     note: str,
-    widest: int,
 ) -> Figure:
-    """Draw panels on a figure: as wide as it suits, or at most `widest` on one for a page."""
-    tall = choose_height(common)
-    around = HEAD + FOOT + BARS + GAP
-    if widest:
-        rows = -(-len(panels) // widest)
-        across = -(-len(panels) // rows)
-        width = max(across * (WIDTH + GAP) + GAP, LEAST)
-        highest = (1.2 if rows <= 2 else HIGHEST) * width
-        tall = max(min(tall, (highest - TOP) / rows - around), LOWEST)
-    else:
-        across = _choose_columns(len(panels), WIDTH + GAP, tall + around)
-        width = max(across * (WIDTH + GAP) + GAP, LEAST)
-        rows = -(-len(panels) // across)
-    pitch = tall + around
-    figure = style.new_figure(width, TOP + rows * pitch)
-    _draw_heading(figure, rest.design, kind, note)
+    """Draw panels on a figure of a page's width, and of its height at most."""
+    rows = -(-len(panels) // ACROSS)
+    across = -(-len(panels) // rows)
+    width = (style.PAGE_WIDTH - GAP) / across
+    tall = min(
+        (style.PAGE_HEIGHT - TOP) / rows - AROUND, (width - GAP) * common.height / common.width
+    )
+    height = TOP + rows * (tall + AROUND)
+    figure = style.new_figure(style.PAGE_WIDTH, height)
+    style.write_title(figure, *title)
+    key = (
+        f"{note}Grey: at rest. Colour: stage, as in the bars below; stronger where it has more"
+        " kinetic energy. Bars: fractions of this. Motions exaggerated."
+    )
+    style.write_text(figure, 0.1, 0.44, key, SMALL, NOTE)
     canvas = full_canvas(figure)
     for n, one in enumerate(panels):
-        left = GAP + (n % across) * (WIDTH + GAP)
-        top = figure.get_size_inches()[1] - TOP - (n // across) * pitch
-        draw_panel(canvas, (left, top), tall, modes, one, rest, common)
+        corner = GAP + (n % across) * width, height - TOP - (n // across) * (tall + AROUND)
+        draw_panel(canvas, corner, (width - GAP, tall), modes, one, rest, common)
     canvas.flush()
     return figure
-
-
-def choose_height(common: Frame) -> float:
-    """Choose the height of pictures of a frame whose size is not bound by a page, in."""
-    return float(np.clip((WIDTH - 0.1) * common.height / common.width, LOWEST, TALLEST))
 
 
 def draw_panel(
     canvas: Canvas,
     corner: tuple[float, float],
-    tall: float,
+    size: tuple[float, float],
     modes: Modes,
     panel: Panel,
     rest: Sketch,
     frame: Frame,
 ) -> None:
-    """Draw the title, the picture and the energy bars of a mode.
+    """Draw the title, the picture and the energies of a mode.
 
     Parameters
     ----------
@@ -262,18 +225,22 @@ def draw_panel(
         In inches.
     corner : (float, float)
         Upper left corner, in.
-    tall : float
-        Height of the picture, in.
+    size : (float, float)
+        Width and height of the picture, in.
     modes : Modes
     panel : Panel
     rest : Sketch
         The suspension at rest.
     frame : Frame
     """
-    left, top = corner
+    (left, top), (width, tall) = corner, size
+    colours = style.stage_colours(rest.scene.bodies.name)
     _draw_title(canvas, left, top, modes, panel.number)
-    _draw_picture(canvas, (left, top - HEAD), tall, modes, panel, rest, frame)
-    _draw_bars(canvas, left, top - HEAD - tall - FOOT, modes, panel.number)
+    top -= HEAD
+    draw_shape(canvas, (left, top), size, modes, panel, rest, frame, tuple(colours.values()), 0.6)
+    top -= tall + ROW / 2
+    canvas.text(left + width, top, panel.view.name, ha="right", color=NOTE, **ROW_STYLE)
+    _draw_energies(canvas, left, top - ROW, width, modes, panel.number, colours)
 
 
 def choose_view(modes: Modes, number: int, above: View) -> View:
@@ -310,12 +277,6 @@ def format_heading(modes: Modes, number: int) -> str:
     )
 
 
-def format_caption(modes: Modes, number: int) -> str:
-    """Label of a mode, and the percentage of its kinetic energy there."""
-    fraction = float(modes.fractions[number].max())
-    return f"{shorten_label(modes.label[number], 27)} {_format_percent(fraction)}"
-
-
 def shorten_label(label: str, most: int) -> str:
     """Shorten a body and its motion to `most` characters, by the body's name."""
     body, _, motion = label.rpartition(" ")
@@ -326,7 +287,7 @@ def _format_percent(fraction: float) -> str:
     percent = 100 * fraction
     if percent >= 9.5 or percent == 0:
         return f"{percent:.0f} %"
-    return f"{percent:.1f} %" if percent >= 0.05 else "< 0.1 %"
+    return f"{percent:.1f} %"
 
 
 def make_panel(
@@ -361,90 +322,15 @@ def measure_frame(panels: list[Panel]) -> Frame:
     return Frame(max(float(panel.high[0] - panel.low[0]) for panel in panels), max(heights), high)
 
 
-def _choose_columns(count: int, width: float, tall: float) -> int:
-    """Choose the number of columns of panels of some width and height, in.
-
-    One row for up to six, else a figure somewhat wider than tall without a nearly empty last row.
-    """
-    if count <= 6:
-        return count
-
-    def badness(across: int) -> float:
-        down = -(-count // across)
-        shape = abs(np.log((across * width) / (down * tall + TOP) / 1.2))
-        return shape + 1.5 * (across * down - count) / count
-
-    return min(range(1, count + 1), key=badness)
-
-
-def _draw_heading(figure: Figure, design: Design, kind: str, note: str) -> None:
-    name = design.design.name
-    style.write_title(figure, design.design.title, f"{name}: {kind}" if kind else name)
-    across, _ = figure.get_size_inches()
-    swatches = [
-        Patch(
-            facecolor=style.with_opacity(DOF_COLOUR[dof], 0.6),
-            edgecolor=DOF_COLOUR[dof],
-            label=DOF_NAMES[dof],
-        )
-        for dof in DOFS
-    ]
-    swatches.insert(
-        0, Patch(facecolor=style.with_opacity(PALE, 0.25), edgecolor=PALE, label="at rest")
-    )
-    figure.legend(
-        handles=swatches,
-        loc="upper left",
-        bbox_to_anchor=(0.12 / across, 1 - 0.52 / figure.get_size_inches()[1]),
-        ncols=7,
-        fontsize=7.5,
-        handlelength=1.2,
-        columnspacing=1.2,
-        handletextpad=0.5,
-        borderpad=0.2,
-    )
-    key = (
-        f"{note}Colour: degree of freedom with most kinetic energy, stronger where a body has"
-        " more. Bars: fractions of it. Motions exaggerated."
-    )
-    style.write_text(figure, 0.2, 0.78, key, 7.5, NOTE)
-
-
 def _draw_title(canvas: Canvas, left: float, top: float, modes: Modes, number: int) -> None:
-    colour = INK if modes.omega_squared[number] >= 0 else style.PALETTE[1]
-    long = bool(np.isnan(modes.frequency[number]))
     canvas.text(
         left,
-        top - 0.02,
+        top,
         format_heading(modes, number),
         va="top",
-        fontsize=6.5 if long else 9,
+        fontsize=SMALL if np.isnan(modes.frequency[number]) else LARGE,
         fontweight="bold",
-        color=colour,
-    )
-    canvas.text(left, top - 0.20, format_caption(modes, number), va="top", fontsize=7.5)
-
-
-def _draw_picture(
-    canvas: Canvas,
-    corner: tuple[float, float],
-    tall: float,
-    modes: Modes,
-    panel: Panel,
-    rest: Sketch,
-    frame: Frame,
-) -> None:
-    """Draw the suspension at rest and displaced, and name the view."""
-    colour = DOF_COLOUR[modes.home[panel.number][1]]
-    draw_shape(canvas, corner, (WIDTH, tall), modes, panel, rest, frame, colour, 0.7)
-    canvas.text(
-        corner[0] + WIDTH,
-        corner[1] - tall - 0.01,
-        panel.view.name,
-        ha="right",
-        va="top",
-        fontsize=6,
-        color=NOTE,
+        color=INK if modes.omega_squared[number] >= 0 else style.PALETTE[1],
     )
 
 
@@ -456,7 +342,7 @@ def draw_shape(
     panel: Panel,
     rest: Sketch,
     frame: Frame,
-    colour: str,
+    colours: tuple[str, ...],
     thick: float,
 ) -> None:
     """Draw the suspension at rest and displaced, at the scale and height of the frame.
@@ -467,8 +353,8 @@ def draw_shape(
         As of `draw_panel`.
     corner, size : (float, float)
         Upper left corner, width and height of the picture, in.
-    colour : colour
-        Of bodies; the more energy of the mode they have, the stronger.
+    colours : tuple of colours
+        Of each body; the more energy of the mode it has, the stronger.
     thick : float
         Of wires, points.
     """
@@ -484,8 +370,8 @@ def draw_shape(
     energy = modes.energy[panel.number].sum(-1)
     strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
     moving = Look(
-        (colour,) * count,
-        tuple(style.with_opacity(colour, float(s)) for s in strength),
+        colours,
+        tuple(map(style.with_opacity, colours, strength.tolist())),
         INK,
         thick,
         3,
@@ -499,15 +385,17 @@ def draw_shape(
 
     canvas.stamp((id(rest), panel.view.name, scale, thick), origin, draw_rest)
     parts.draw_suspension(canvas, view, panel.sketch, moving)
-    _draw_crosses(canvas, view, panel.sketch, colour, thick)
+    _draw_crosses(canvas, view, panel.sketch, colours, thick)
 
 
-def _draw_crosses(canvas: Canvas, view: View, sketch: Sketch, colour: str, thick: float) -> None:
+def _draw_crosses(
+    canvas: Canvas, view: View, sketch: Sketch, colours: tuple[str, ...], thick: float
+) -> None:
     """Draw a cross through each displaced body, and in a circle a mark on the rim.
 
     They show rotations; `_draw_references` shows where the marks are at rest.
     """
-    for n, body in enumerate(sketch.outlines, 1):
+    for n, (body, colour) in enumerate(zip(sketch.outlines, colours, strict=True), 1):
         for axis in range(3):
             if axis != view.normal:
                 arm = 0.3 * np.eye(3)[axis] * body.half
@@ -535,24 +423,25 @@ def _rim(body: Outline, view: View) -> Array:
     return np.eye(3)[0 if view.normal == 2 else 2] * body.half
 
 
-def _draw_bars(canvas: Canvas, left: float, top: float, modes: Modes, number: int) -> None:
-    """Draw the largest fractions of kinetic energy as bars."""
+def _draw_energies(
+    canvas: Canvas,
+    left: float,
+    middle: float,
+    width: float,
+    modes: Modes,
+    number: int,
+    colours: dict[str, str],
+) -> None:
+    """Write the largest fractions of kinetic energy, over bars in the colours of the stages."""
     fractions = modes.fractions[number]
-    for row, n in enumerate(np.argsort(-fractions, kind="stable")[:SHOWN]):
-        fraction, dof = float(fractions[n]), place(modes.place[n])[1]
-        if fraction < 5e-4:
+    for n in np.argsort(-fractions, kind="stable")[:SHOWN]:
+        fraction, stage = float(fractions[n]), place(modes.place[n])[0].partition(".")[0]
+        if fraction < LEAST:
             break
-        middle = top - (row + 0.5) * BARS / SHOWN
-        start, end = left + 0.60 * WIDTH, left + (0.60 + 0.26 * fraction) * WIDTH
-        box = [
-            [start, middle - 0.045],
-            [end, middle - 0.045],
-            [end, middle + 0.045],
-            [start, middle + 0.045],
-        ]
-        canvas.polygon(box, DOF_COLOUR.get(dof, NOTE), "none", 0.0, 2)
-        canvas.text(
-            left, middle, shorten_label(describe(modes.place[n]), 23), va="center", fontsize=6.2
-        )
-        text = _format_percent(fraction)
-        canvas.text(end + 0.03, middle, text, va="center", fontsize=6.2, color=NOTE)
+        end, low, high = left + width * fraction, middle - 0.062, middle - 0.04
+        box = [[left, low], [end, low], [end, high], [left, high]]
+        canvas.polygon(box, colours.get(stage, NOTE), "none", 0.0, 2)
+        percent = _format_percent(fraction)
+        label = shorten_label(describe(modes.place[n]), int(width / 0.0435) - len(percent) - 1)
+        canvas.text(left, middle, f"{label} {percent}", **ROW_STYLE)
+        middle -= ROW

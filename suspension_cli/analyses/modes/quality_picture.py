@@ -1,28 +1,32 @@
-"""Figure of Q and dilution of all modes against frequency, violin modes by stage."""
+"""Figure of Q and dilution of all modes against frequency, by stage and motion."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from suspension_cli.conventions import WIRE_MODE_NAMES
 from suspension_cli.design.schema import Design
+from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
-    INK,
     NOTE,
-    PALE,
-    PALETTE,
     house_style,
     new_figure,
     single_line,
+    stage_colours,
+    write_title,
 )
 from suspension_cli.linear.eigenmodes import Modes
 
-MARKERS = {"violin-x": "o", "violin-y": "s", "stretch": "^", "twist": "v"}
-"""Marker of each motion of a wire."""
+BODIES = "bodies"
+MARKERS = {BODIES: "x", "violin-x": "<", "violin-y": ">", "stretch": "^", "twist": "v"}
+"""Marker of the modes of bodies, and of each motion of a wire; two at one point differ from one."""
+ROW = 0.14
+"""Height of a row of the legend, in."""
 
 
-def draw(modes: Modes, design: Design) -> Figure:
+def draw(modes: Modes, design: Design, subtitle: str) -> Figure:
     """Draw Q and dilution of every mode against its frequency.
 
     Parameters
@@ -30,69 +34,69 @@ def draw(modes: Modes, design: Design) -> Figure:
     modes : Modes
         In the violin model.
     design : Design
-        For the title.
+        For the order of the stages.
+    subtitle : str
+        Title of the design and name of the model.
     """
+    colours = stage_colours(stage.name for stage in design.stage)
+    stages = np.array([body.partition(".")[0] for body, _ in modes.home])
+    wired = modes.order > 0
+    motions = np.array([dof for _, dof in modes.home], dtype=object)
+    motions[~wired] = BODIES
     with house_style():
-        figure = new_figure(6.3, 4.6)
+        shown = [one for one in MARKERS if one in motions]
+        below = -(-len(shown) // 3)
+        rows = -(-len(colours) // 4) + below
+        figure = new_figure(curves.COLUMN, 4.4 + rows * ROW)
         upper, lower = figure.subplots(2, 1, sharex=True)
-        families = _families(modes)
-        for axes, values in ((upper, modes.q), (lower, modes.dilution)):
-            for label, colour, marker, chosen in families:
-                good = chosen & np.isfinite(values) & (modes.omega_squared > 0)
+        for axes, values, name in ((upper, modes.q, "Q"), (lower, modes.dilution, "dilution")):
+            good = np.isfinite(values) & (modes.omega_squared > 0)
+            for stage, motion in dict.fromkeys(zip(stages.tolist(), motions, strict=True)):
+                chosen = good & (stages == stage) & (motions == motion)
                 axes.plot(
-                    modes.frequency[good],
-                    values[good],
-                    marker,
-                    color=colour,
-                    ms=4.5,
+                    modes.frequency[chosen],
+                    values[chosen],
+                    MARKERS[motion],
+                    color=colours.get(stage, NOTE),
+                    ms=4.0,
                     mfc="none",
                     mew=0.9,
-                    label=label,
                 )
-            axes.set_xscale("log")
-            axes.set_yscale("log")
-            axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
+            axes.set(xscale="log", yscale="log", ylabel=f"{name} (ratio)")
             axes.margins(x=0.03, y=0.12)
+            curves.rule(axes)
         if not np.isfinite(modes.q[modes.omega_squared > 0]).any():
             upper.text(
                 0.5, 0.5, "no losses given", transform=upper.transAxes, ha="center", color=NOTE
             )
-        upper.set_ylabel("Q")
-        lower.set_ylabel("dilution factor")
         lower.set_xlabel("frequency (Hz)")
-        upper.set_title(
-            single_line(design.design.title or design.design.name), loc="left", color=INK
-        )
-        figure.legend(
-            *upper.get_legend_handles_labels(),
-            loc="outside lower center",
-            ncols=3,
-            fontsize=7.0,
-            handletextpad=0.3,
-        )
-        rows = -(-len(families) // 3)
-        figure.tight_layout(rect=(0, 0.02 + 0.04 * rows, 1, 1))
+        write_title(figure, "Q and dilution factor of all modes", subtitle)
+        curves.set_margins(figure, bottom=0.5 + rows * ROW, hspace=0.1)
+        _write_key(figure, colours, shown, below)
         return figure
 
 
-def _families(modes: Modes) -> list[tuple[str, str, str, np.ndarray]]:
-    """Label, colour, marker and members, bool (m,), of bodies, then of the wires of each stage."""
-    home = modes.home
-    result = [("bodies", INK, "x", modes.order == 0)]
-    stages = list(
-        dict.fromkeys(body for (body, _), order in zip(home, modes.order, strict=True) if order)
-    )
-    for stage in sorted(stages, key=modes.body.index):
-        colour = PALETTE[modes.body.index(stage) % len(PALETTE)]
-        for dof, marker in MARKERS.items():
-            chosen = np.array(
-                [
-                    bool(order) and place == (stage, dof)
-                    for place, order in zip(home, modes.order, strict=True)
-                ]
-            )
-            if chosen.any():
-                result.append(
-                    (f"{single_line(stage, 16)} {WIRE_MODE_NAMES[dof]}", colour, marker, chosen)
-                )
-    return result
+def _write_key(figure: Figure, colours: dict[str, str], motions: list[str], below: int) -> None:
+    """Write the colours of the stages and, in rows below, the markers of the motions."""
+    names = {BODIES: BODIES} | WIRE_MODE_NAMES
+    shown = [
+        Line2D([], [], ls="", marker="o", c=colour, label=single_line(name, 14))
+        for name, colour in colours.items()
+    ]
+    markers = [
+        Line2D([], [], ls="", marker=MARKERS[one], c=NOTE, mfc="none", label=names[one])
+        for one in motions
+    ]
+    for handles, place, columns in ((shown, below, 4), (markers, 0, 3)):
+        figure.legend(
+            handles=handles,
+            loc="lower left",
+            bbox_to_anchor=(0.02, place * ROW / figure.get_size_inches()[1]),
+            ncols=columns,
+            fontsize=7.5,
+            markerscale=0.7,
+            handletextpad=0.1,
+            columnspacing=1.0,
+            labelspacing=0.25,
+            borderpad=0.1,
+        )

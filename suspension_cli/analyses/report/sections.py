@@ -18,8 +18,6 @@ from suspension_cli.design.imperfections import perturbed_part
 from suspension_cli.errors import InputError
 from suspension_cli.version import __version__
 
-MODES_PER_PICTURE = 12
-"""Modes above which the pictures of modes are split by kind, so that they fit a page."""
 FLOW = (("x", ("x", "pitch")), ("y", ("y", "roll")), ("z", ("z",)), ("yaw", ("yaw",)))
 """Motions of the support, and of the last stage, whose responses are shown by default."""
 
@@ -147,7 +145,7 @@ def modes(report: Composition) -> Iterator[str]:
     yield report.answer(result)
     found = result.data
     scene = expand(result.design)
-    pages = picture.draw_pages(found, result.design, scene, MODES_PER_PICTURE, picture.COLUMNS)
+    pages = picture.draw_pages(found, result.design, scene, result.subtitle)
     for page in pages:
         named = [(n, float(found.frequency[n])) for n in page.numbers if found.frequency[n] > 0]
         kind = page.kind.capitalize() or "Modes"
@@ -159,13 +157,14 @@ def modes(report: Composition) -> Iterator[str]:
                 f" ({found.label[high]})"
             )
         caption = (
-            f"{kind}{html.text(span)}: at rest in grey, displaced in the colour of the motion with"
-            " most kinetic energy; exaggerated."
+            f"{kind}{html.text(span)}: at rest in grey, displaced in the colours of the stages;"
+            " exaggerated."
         )
         yield html.picture(page.figure, caption, f"{kind}, drawn")
     if found.wire:
         caption = "Q of all modes, those of the wires included."
-        yield html.picture(quality_picture.draw(found, result.design), caption, "Q of the modes")
+        figure = quality_picture.draw(found, result.design, result.subtitle)
+        yield html.picture(figure, caption, "Q of the modes")
 
 
 def response(report: Composition) -> Iterator[str]:

@@ -133,8 +133,9 @@ class Strip:
                 corner = start + k * self._width, top
                 modes, rest = self.shapes.modes[k], self.shapes.rest[k]
                 size = self._width, self._tall
+                colour = (colours[n],) * len(rest.outlines)
                 picture.draw_shape(
-                    canvas, corner, size, modes, panel, rest, self._frame, colours[n], THICK
+                    canvas, corner, size, modes, panel, rest, self._frame, colour, THICK
                 )
                 at = corner[0] + self._width / 2, top - self._tall - 0.02
                 canvas.text(*at, values[k], ha="center", va="top", fontsize=7.5, color=NOTE)
