@@ -86,6 +86,18 @@ def test_added_points_reach_a_tip_and_keep_the_grid():
     assert len(frequency) < 400
 
 
+@pytest.mark.filterwarnings("error")
+def test_added_points_do_not_depend_on_the_size():
+    def count(size):
+        grid = np.geomspace(0.1, 10, 5)
+        return len(add_points(lambda f: size * pole(f), grid, size * pole(grid), np.empty(0))[0])
+
+    def pole(f):
+        return (1 / (1 - f**2 + 1e-2j * f))[:, None, None]
+
+    assert count(1e-250) == count(1e200) == count(1.0) > count(0.0)
+
+
 def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
     found = sus.response(
         triple,

@@ -24,7 +24,7 @@ class SensitivityAnalysis(Analysis):
     Lengths are changed by 1 mm, angles by 1 mrad, all else by 1 %. The effects are first
     derivatives, and include the change of the equilibrium. Writes DIR/NAME-sensitivity.h5 and .png.
 
-    Example: pendsus sensitivity my.toml --result "test pitch"
+    Example: pendsus sensitivity my.toml --result "test longitudinal"
     """
 
     name = "sensitivity"
