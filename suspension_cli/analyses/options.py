@@ -133,6 +133,14 @@ PLOT = option(
     help="Draw the PNG or not.  [default: --plot, with --json --no-plot]",
     group=FILES,
 )
+NO_PICTURE = option(
+    "--plot/--no-plot",
+    "plot",
+    default=False,
+    hidden=True,
+    help="Accepted, as scripts give it to every analysis, where there is no picture.",
+    group=FILES,
+)
 FORMAT = option(
     "--format",
     "picture_format",

@@ -209,9 +209,8 @@ def test_a_response_that_symmetry_forbids_has_no_error():
     for output, reason in (("x", "exactly 0"), ("z", "wire")):
         motion = plants.motions(base, f"{design.stage[-1].name}.{output}")
         for complete in (True, False):
-            decision = auto.decide(
-                design, lambda _: Transfer(drive, motion, frequency), 1e-6, complete=complete
-            )
+            wanted = Transfer(drive, motion, frequency)
+            decision = auto.decide(design, lambda _, own=wanted: own, 1e-6, complete=complete)
             assert decision.choice.level == "violin"
             assert decision.choice.error == 0.0
             assert reason in decision.choice.reason
