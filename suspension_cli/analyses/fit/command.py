@@ -58,13 +58,13 @@ class FitAnalysis(Analysis):
             type=click.IntRange(0, 2**64 - 1),
             default=1,
             show_default=True,
-            help="Of the random numbers.",
+            help="Seed of the random numbers.",
         ),
         option(
             "--relative-uncertainty",
             type=options.Finite(0.0, 10.0, min_open=True),
             metavar="FRACTION",
-            help="Of transfer functions whose files give none.",
+            help="Relative uncertainty of transfer functions whose files give none.",
         ),
         option(
             "--explain/--no-explain",

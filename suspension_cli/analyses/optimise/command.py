@@ -60,7 +60,7 @@ class OptimiseAnalysis(Analysis):
             type=click.IntRange(0),
             default=SEED,
             show_default=True,
-            help="Of the other starts.",
+            help="Seed of the random starts.",
         ),
         options.ACCURACY,
         *options.WRITING,
