@@ -51,7 +51,10 @@ class FitAnalysis(Analysis):
             type=click.IntRange(1, 100_000),
             default=1,
             show_default=True,
-            help="Searches, all but the first from random numbers; the best counts.",
+            help=(
+                "Number of searches; all but the first start from random numbers, and the best is"
+                " kept."
+            ),
         ),
         option(
             "--seed",
