@@ -35,7 +35,7 @@ BUILDS = options.option(
     type=click.IntRange(100, 1_000_000),
     default=1000,
     show_default=True,
-    help="Imperfect builds of the tolerances, where no results file of the design has them.",
+    help="Number of random builds, if no results file has the tolerances of this design.",
 )
 
 

@@ -35,10 +35,11 @@ REFITS = 2
 class FitAnalysis(Analysis):
     """Fit numbers of designs to measured mode frequencies and transfer functions.
 
-    MEASURED is a TOML file of modes with uncertainties, or of files of transfer functions, and of
-    the free numbers: of DESIGN, or (modes alone) of several designs that it names itself, which may
-    share numbers. Writes DIR/NAME-fit.h5 and .png, and each fitted design as DIR/NAME-fitted.toml;
-    NAME is the design's, or the stem of MEASURED and the experiment's.
+    MEASURED is a TOML file that lists modes with uncertainties, or files of transfer functions, and
+    the free numbers of DESIGN. To fit modes of several designs together, leave DESIGN out: MEASURED
+    names them, and which free numbers they have in common. Writes DIR/NAME-fit.h5 and .png, and
+    each fitted design as DIR/NAME-fitted.toml; NAME is the design's, or the stem of MEASURED and
+    the experiment's.
 
     Example: pendsus fit my.toml measured.toml
     """
