@@ -8,15 +8,14 @@ Import it as ``import suspension_cli as sus``; docs/api.md has examples of every
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import re
+import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+import weakref
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
 from suspension_cli.analyses import options, registry, settings
@@ -25,13 +24,18 @@ from suspension_cli.analyses.check.solve import Check
 from suspension_cli.analyses.check.solve import solve as solve_check
 from suspension_cli.analyses.info.solve import Info
 from suspension_cli.analyses.info.solve import solve as solve_info
+from suspension_cli.analyses.python_names import python_names
 from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import Fault, InputError
 
 Grid = str | float | Sequence[float] | np.ndarray[Any, Any]
 """Numbers: ``"0.1:100:2000:log"``, one number, or an array."""
+Names = str | Sequence[str]
+"""One text, or several."""
 PathLike = str | Path
+Paths = PathLike | Sequence[PathLike]
+"""One path, or several."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,7 +68,7 @@ class Design(Source):
         Parameters
         ----------
         changes : mapping
-            Dotted paths, as ``--set`` takes them, and their values.
+            Dotted paths, as ``--set`` takes them, and their values, also of numpy.
 
         Raises
         ------
@@ -78,22 +82,35 @@ class Design(Source):
         >>> design.stage[-1].wires.d
         0.002
         """
-        with _python_names():
+        with python_names(set="changes"):
             source = reader.replaced(self, changes)
         return Design(source.design, source.text, source.file)
+
+    def foton(self) -> str:
+        """Return the filters of the ``[control]`` loops as strings for Foton.
+
+        Examples
+        --------
+        >>> import suspension_cli as sus
+        >>> print(sus.example("triple-damped").foton().splitlines()[-1])
+        zpk([0],[1.3+i*5;1.3-i*5;20],3.184713375796178,"n")
+        """
+        from suspension_cli.analyses.damp import foton_file
+
+        return foton_file.write(self.design)
 
     def __repr__(self) -> str:
         stages = ", ".join(stage.name for stage in self.design.stage)
         return f"<Design {self.name}: {stages}>"
 
 
-def read(file: PathLike, overrides: Sequence[str] = ()) -> Design:
+def read(file: PathLike, overrides: Names = ()) -> Design:
     """Read and check a design file.
 
     Parameters
     ----------
     file : path
-    overrides : sequence of str
+    overrides : str or sequence of str
         Values to change, as ``--set`` takes them: ``"stage.test.wires.d=0.002"``.
 
     Raises
@@ -103,11 +120,14 @@ def read(file: PathLike, overrides: Sequence[str] = ()) -> Design:
 
     Examples
     --------
+    >>> from pathlib import Path
     >>> import suspension_cli as sus
-    >>> design = sus.read("my.toml")  # doctest: +SKIP
+    >>> written = Path("my.toml").write_text(sus.template("double").text)
+    >>> sus.read("my.toml", "design.name=mine")
+    <Design mine: upper, test>
     """
-    with _python_names():
-        source = reader.read(file, tuple(overrides))
+    with python_names(set="overrides"):
+        source = reader.read(file, _items(overrides))
     return Design(source.design, source.text, source.file)
 
 
@@ -137,7 +157,7 @@ def parse(text: str) -> Design:
     >>> design
     <Design pendulum: test>
     """
-    with _python_names():
+    with python_names():
         design = reader.parse(text)
     return Design(design, text, "")
 
@@ -160,7 +180,7 @@ def template(kind: str) -> Design:
     >>> [stage.name for stage in sus.template("triple").stage]
     ['upper', 'middle', 'test']
     """
-    with _python_names():
+    with python_names():
         return parse(reader.template(kind, kind))
 
 
@@ -183,7 +203,7 @@ def example(name: str) -> Design:
     >>> sus.example("geo-silica-triple").name
     'geo-silica-triple'
     """
-    with _python_names():
+    with python_names():
         source = reader.example(name)
     return Design(source.design, source.text, source.file)
 
@@ -211,11 +231,19 @@ def load(file: PathLike) -> Result:
     Raises
     ------
     InputError
-        If the file is none, or holds no result.
+        If the file is none, or holds no result. A state space of `export` is none.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> found = sus.modes(sus.example("double"), model="string")
+    >>> found.save("modes.h5")
+    >>> sus.load("modes.h5").document() == found.document()
+    True
     """
     from suspension_cli.files.hdf5 import open_results
 
-    with _python_names(), open_results(file) as results:
+    with python_names(), open_results(file) as results:
         return registry.loaded(results, str(file))
 
 
@@ -267,10 +295,10 @@ def modes(
 def response(
     design: Design,
     *,
-    inputs: Sequence[str] = (),
-    outputs: Sequence[str] = (),
+    inputs: Names = (),
+    outputs: Names = (),
     frequency: Grid = "0.1:100:2000",
-    measured: Sequence[PathLike] = (),
+    measured: Paths = (),
     model: str = "auto",
     tolerance: float = 1e-3,
     allow_unstable: bool = False,
@@ -281,12 +309,12 @@ def response(
     Parameters
     ----------
     design : Design
-    inputs, outputs : sequences of str
+    inputs, outputs : str or sequences of str
         Signals: ``"support.x"``, ``"upper.force_x"``; ``"test.x"``, ``"test.x@0,0,0.001"``.
         Defaults: the support's x, x of the last stage.
     frequency : grid
         Hz.
-    measured : sequence of paths
+    measured : path or sequence of paths
         Measured transfer functions to compare with: TOML files of measurements, or files of data
         with one input and one output. Signals and frequencies are those of the measurements, beside
         any that are given.
@@ -321,10 +349,10 @@ def response(
         "response",
         design,
         model,
-        inputs=tuple(inputs),
-        outputs=tuple(outputs),
+        inputs=_items(inputs),
+        outputs=_items(outputs),
         frequency=_grid(frequency),
-        measured=tuple(map(str, measured)),
+        measured=_items(measured),
         tolerance=tolerance,
         allow_unstable=allow_unstable,
         closed_loop=closed_loop,
@@ -334,7 +362,7 @@ def response(
 def thermal(
     design: Design,
     *,
-    outputs: Sequence[str] = (),
+    outputs: Names = (),
     frequency: Grid = "0.1:1000:2000",
     arm: float = 0.0,
     model: str = "auto",
@@ -346,7 +374,7 @@ def thermal(
     Parameters
     ----------
     design : Design
-    outputs : sequence of str
+    outputs : str or sequence of str
         Motions: ``"test.x"``. Default: x of the last stage.
     frequency : grid
         Hz.
@@ -377,7 +405,7 @@ def thermal(
         "thermal",
         design,
         model,
-        outputs=tuple(outputs),
+        outputs=_items(outputs),
         frequency=_grid(frequency),
         arm=arm,
         tolerance=tolerance,
@@ -388,10 +416,10 @@ def thermal(
 def budget(
     design: Design,
     *,
-    outputs: Sequence[str] = (),
-    ground: Sequence[str] = ("nhnm",),
-    isolation: Sequence[str] = (),
-    requirements: Sequence[str] = (),
+    outputs: Names = (),
+    ground: Names = ("nhnm",),
+    isolation: Names = (),
+    requirements: Names = (),
     frequency: Grid = "0.01:100:2000",
     model: str = "auto",
     tolerance: float = 1e-3,
@@ -401,14 +429,14 @@ def budget(
     Parameters
     ----------
     design : Design
-    outputs : sequence of str
+    outputs : str or sequence of str
         Motions: ``"test.x"``. Default: x, pitch and yaw of the last stage.
-    ground : sequence of str
+    ground : str or sequence of str
         Motion of the support: ``"nlnm"``, ``"nhnm"``, ``"aligo-isi"``, a CSV file or ``"none"``;
         ``"z=site.csv"`` for some coordinates. Later ones replace earlier ones.
-    isolation : sequence of str
+    isolation : str or sequence of str
         CSV files of a platform's transmissibility, likewise.
-    requirements : sequence of str
+    requirements : str or sequence of str
         CSV files of required spectra: ``"goal.csv"`` for the first output, ``"test.yaw=yaw.csv"``.
     frequency : grid
         Hz. Spectra at numbers are for these alone; a grid ``"start:stop:count"`` gets points around
@@ -439,10 +467,10 @@ def budget(
         "budget",
         design,
         model,
-        outputs=tuple(outputs),
-        ground=tuple(ground),
-        isolation=tuple(isolation),
-        requirements=tuple(requirements),
+        outputs=_items(outputs),
+        ground=_items(ground),
+        isolation=_items(isolation),
+        requirements=_items(requirements),
         frequency=_grid(frequency),
         tolerance=tolerance,
     )
@@ -464,6 +492,10 @@ def xcouple(
     model: str = "auto",
     tolerance: float = 1e-3,
     workers: int = 1,
+    scheduler: str | None = None,
+    chunk: int = 512,
+    folder: PathLike | None = None,
+    resume: bool = False,
     allow_unstable: bool = False,
 ) -> Result:
     """Compute the cross-coupling of imperfect builds.
@@ -491,6 +523,15 @@ def xcouple(
         Error that ``"auto"`` may leave, relative to the largest coupling.
     workers : int
         Number of processes.
+    scheduler : str, optional
+        Address of a Dask scheduler that computes instead: ``"tcp://HOST:PORT"``.
+    chunk : int
+        Builds computed at once.
+    folder : path, optional
+        Folder in which the results file of the command is filled; by default one that lasts as
+        long as the result.
+    resume : bool
+        Continue the interrupted run of `folder`.
     allow_unstable : bool
 
     Returns
@@ -530,6 +571,10 @@ def xcouple(
         matrix=matrix,
         tolerance=tolerance,
         workers=workers,
+        scheduler=scheduler,
+        chunk=chunk,
+        folder=folder,
+        resume=resume,
         allow_unstable=allow_unstable,
     )
 
@@ -540,7 +585,7 @@ def tolerance(
     builds: int = 10_000,
     seed: int = 1,
     limit: float = 1e-3,
-    require: Sequence[str] = (),
+    require: Names = (),
     sampling: str = "random",
     sobol_indices: bool = False,
     input: str = "support.z",
@@ -551,6 +596,10 @@ def tolerance(
     model: str = "auto",
     tolerance: float = 1e-3,
     workers: int = 1,
+    scheduler: str | None = None,
+    chunk: int = 512,
+    folder: PathLike | None = None,
+    resume: bool = False,
     allow_unstable: bool = False,
 ) -> Result:
     """Compute random builds of the design's ``[tolerance]`` table.
@@ -562,7 +611,7 @@ def tolerance(
         Number of builds; the same seed gives the same builds.
     limit : float
         On the cross-coupling.
-    require : sequence of str
+    require : str or sequence of str
         Requirements beside those of the design: ``"test static pitch < 2e-3"``, ``"test pitch in
         0.5:0.7"``, ``"coupling < 1e-3"``; SI units.
     sampling : {"random", "sobol"}
@@ -571,7 +620,7 @@ def tolerance(
         Whether to compute Sobol indices, from (k + 2) N of the builds.
     input, observe, over, under, frequency
         The cross-coupling, as of `xcouple`.
-    model, workers, allow_unstable
+    model, workers, scheduler, chunk, folder, resume, allow_unstable
         As of `xcouple`.
     tolerance : float
         Relative error that ``"auto"`` may leave.
@@ -602,7 +651,7 @@ def tolerance(
         builds=builds,
         seed=seed,
         limit=limit,
-        require=tuple(require),
+        require=_items(require),
         sampling=sampling,
         sobol_indices=sobol_indices,
         drive=input,
@@ -612,6 +661,10 @@ def tolerance(
         frequency=_grid(frequency),
         tolerance=tolerance,
         workers=workers,
+        scheduler=scheduler,
+        chunk=chunk,
+        folder=folder,
+        resume=resume,
         allow_unstable=allow_unstable,
     )
 
@@ -620,10 +673,14 @@ def sweep(
     design: Design,
     *,
     vary: Mapping[str, Grid],
-    result: Sequence[str] = (),
+    result: Names = (),
     model: str = "auto",
     tolerance: float = 1e-3,
     workers: int = 1,
+    scheduler: str | None = None,
+    chunk: int = 512,
+    folder: PathLike | None = None,
+    resume: bool = False,
     allow_unstable: bool = False,
 ) -> Result:
     """Compute modes, responses and couplings over a grid of parameters.
@@ -633,10 +690,10 @@ def sweep(
     design : Design
     vary : mapping
         Dotted paths and their grids: ``{"stage.test.wires.d": "1e-3:5e-3:9"}``.
-    result : sequence of str
+    result : str or sequence of str
         Modes by label, responses ``"OUTPUT/INPUT:HZ"``, couplings ``"OVER/UNDER/INPUT:HZ"``.
         Default: every mode.
-    model, workers, allow_unstable
+    model, workers, scheduler, chunk, folder, resume, allow_unstable
         As of `xcouple`.
     tolerance : float
         Relative error that ``"auto"`` may leave.
@@ -666,9 +723,13 @@ def sweep(
         design,
         model,
         vary=tuple(f"{path}={_grid(values)}" for path, values in vary.items()),
-        result=tuple(result),
+        result=_items(result),
         tolerance=tolerance,
         workers=workers,
+        scheduler=scheduler,
+        chunk=chunk,
+        folder=folder,
+        resume=resume,
         allow_unstable=allow_unstable,
     )
 
@@ -676,7 +737,7 @@ def sweep(
 def sensitivity(
     design: Design,
     *,
-    result: Sequence[str] = (),
+    result: Names = (),
     model: str = "auto",
     tolerance: float = 1e-3,
     allow_unstable: bool = False,
@@ -686,7 +747,7 @@ def sensitivity(
     Parameters
     ----------
     design : Design
-    result : sequence of str
+    result : str or sequence of str
         As of `sweep`.
     model, tolerance, allow_unstable
         As of `response`.
@@ -713,7 +774,7 @@ def sensitivity(
         "sensitivity",
         design,
         model,
-        result=tuple(result),
+        result=_items(result),
         tolerance=tolerance,
         allow_unstable=allow_unstable,
     )
@@ -778,8 +839,8 @@ def export(
     design: Design,
     *,
     format: str = "mat",
-    inputs: Sequence[str] = (),
-    outputs: Sequence[str] = (),
+    inputs: Names = (),
+    outputs: Names = (),
     loss: bool = False,
     model: str = "auto",
     tolerance: float = 1e-3,
@@ -792,7 +853,7 @@ def export(
     design : Design
     format : {"mat", "npz", "hdf5", "zpk", "control"}
         In which `Result.save` writes it.
-    inputs, outputs : sequences of str
+    inputs, outputs : str or sequences of str
         Signals, as of `response`.
     loss : bool
         Include loss angles, as viscous damping of each mode.
@@ -821,8 +882,8 @@ def export(
         design,
         model,
         form=format,
-        inputs=tuple(inputs),
-        outputs=tuple(outputs),
+        inputs=_items(inputs),
+        outputs=_items(outputs),
         loss=loss,
         tolerance=tolerance,
         allow_unstable=allow_unstable,
@@ -831,9 +892,9 @@ def export(
 
 def compare(
     *items: Design | Result | PathLike,
-    inputs: Sequence[str] = (),
-    outputs: Sequence[str] = (),
-    noises: Sequence[str] = (),
+    inputs: Names = (),
+    outputs: Names = (),
+    noises: Names = (),
     frequency: Grid = "0.1:100:2000",
     model: str = "auto",
     tolerance: float = 1e-3,
@@ -844,9 +905,9 @@ def compare(
     ----------
     *items : Design, Result or path
         Two or more; files as of ``pendsus compare``. At least one has a design.
-    inputs, outputs : sequences of str
+    inputs, outputs : str or sequences of str
         Compare responses between these signals.
-    noises : sequence of str
+    noises : str or sequence of str
         Compare the thermal noise of these motions.
     frequency : grid
         Hz, of responses and noises where no result gives its own.
@@ -877,9 +938,9 @@ def compare(
         "compare",
         {"items": items},
         model,
-        inputs=tuple(inputs),
-        outputs=tuple(outputs),
-        noises=tuple(noises),
+        inputs=_items(inputs),
+        outputs=_items(outputs),
+        noises=_items(noises),
         frequency=_grid(frequency),
         tolerance=tolerance,
     )
@@ -928,8 +989,11 @@ def fit(
     --------
     >>> import suspension_cli as sus
     >>> design = sus.example("husman2000/table1-case4")
-    >>> found = sus.fit("measured/husman2000/table1-case4.toml", design)  # doctest: +SKIP
-    >>> found.value, found.sigma  # doctest: +SKIP
+    >>> found = sus.fit("measured/husman2000/table1-case4.toml", design)
+    >>> for name, value, sigma in zip(found.parameters, found.value, found.sigma):
+    ...     print(f"{name}: {value:.3g} +- {sigma:.2g}")
+    materials.steel302.youngs_modulus: 1.66e+11 +- 2.8e+09
+    stage.test.body.inertia.2: 0.118 +- 0.0039
     """
     designs = () if design is None else (design,)
     files = {"files": (*designs, str(measured))}
@@ -978,22 +1042,27 @@ def optimise(
 
     Examples
     --------
+    >>> from pathlib import Path
     >>> import suspension_cli as sus
-    >>> design = sus.example("husman2000/triple-vertical")
-    >>> found = sus.optimise(design, "goals/geo600.toml")  # doctest: +SKIP
-    >>> found.met  # doctest: +SKIP
+    >>> written = Path("goals.toml").write_text('''
+    ... goal = [{ kind = "band", dof = ["yaw"], at_least = 2.0 }]
+    ... free = [{ name = "stage.test.wires.t2", lower = 0.01, upper = 0.2 }]
+    ... ''')
+    >>> found = sus.optimise(sus.template("single"), "goals.toml", starts=1)
+    >>> found.met, found.numbers.after.round(3)
+    (True, array([0.136]))
     """
     files = {"design": design, "goals": str(goals)}
     return _run("optimise", files, model, starts=starts, seed=seed, tolerance=tolerance)
 
 
-def tradeoff(design: Design, *, quantities: Sequence[str] = (), repeat: int = 7) -> Result:
+def tradeoff(design: Design, *, quantities: Names = (), repeat: int = 7) -> Result:
     """Measure time and error of every model and method for one design.
 
     Parameters
     ----------
     design : Design
-    quantities : sequence of str
+    quantities : str or sequence of str
         ``"modes"``, ``"response"``, ``"thermal"``, ``"coupling"``, ``"equilibrium"``; default: all.
     repeat : int
         Samples of every time; fewer of slow methods.
@@ -1011,9 +1080,11 @@ def tradeoff(design: Design, *, quantities: Sequence[str] = (), repeat: int = 7)
     Examples
     --------
     >>> import suspension_cli as sus
-    >>> print(sus.tradeoff(sus.template("single")))  # doctest: +SKIP
+    >>> found = sus.tradeoff(sus.template("single"), quantities="modes", repeat=2)
+    >>> [(panel.quantity, panel.compares) for panel in found.panels]
+    [('modes', 'models'), ('modes', 'methods')]
     """
-    return _run("tradeoff", design, None, quantities=tuple(quantities), repeat=repeat)
+    return _run("tradeoff", design, None, quantities=_items(quantities), repeat=repeat)
 
 
 def check(design: Design) -> Check:
@@ -1037,7 +1108,7 @@ def check(design: Design) -> Check:
     >>> found.stable, len(found.warnings), round(found.statics.wires[0].tension, 2)
     (True, 0, 13.75)
     """
-    with _python_names():
+    with python_names("check"):
         found = solve_check(design)
     found.warn(Log())
     return found
@@ -1078,10 +1149,10 @@ def info(
     ['beam', 'violin', 'violin']
     """
     given = {"drive": input, "output": output, "frequency": _grid(frequency)}
-    with _python_names():
-        given |= {"tolerance": tolerance}
+    given |= {"tolerance": tolerance}
+    with python_names("info", options.INFO):
         setting = settings.of_design("info", options.INFO, (), design, given)
-        return solve_info(design, setting, Log())
+        return solve_info(design, setting, Log(options.INFO))
 
 
 def draw(design: Design) -> Any:
@@ -1103,7 +1174,7 @@ def draw(design: Design) -> Any:
     from suspension_cli.drawing import draw as drawing
     from suspension_cli.equilibrium.nominal import expand_nominal
 
-    with _python_names():
+    with python_names():
         return drawing.draw(design.design, expand_nominal(design.design))
 
 
@@ -1131,14 +1202,17 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
     --------
     >>> import suspension_cli as sus
     >>> found = sus.modes(sus.template("single"), model="string")
-    >>> sus.animate(found, "test yaw", "yaw.gif")  # doctest: +SKIP
+    >>> sus.animate(found, "test yaw", "yaw.gif")
     PosixPath('yaw.gif')
     """
     from suspension_cli.analyses.modes import animation
     from suspension_cli.equilibrium.nominal import expand
     from suspension_cli.files.atomic import write_bytes
 
-    with _python_names():
+    if result.analysis.name != "modes":
+        problem, remedy = "has no modes that move", "give a result of sus.modes"
+        raise InputError([Fault("result", problem, remedy, result.analysis.name)])
+    with python_names("animate"):
         number = animation.parse(result.data, str(mode), "mode")[0]
         scene = expand(result.design)
         moving = animation.animate(result.data, number, result.design, scene)
@@ -1150,9 +1224,9 @@ def report(
     design: Design,
     path: PathLike,
     *,
-    sections: Sequence[str] = (),
-    inputs: Sequence[str] = (),
-    outputs: Sequence[str] = (),
+    sections: Names = (),
+    inputs: Names = (),
+    outputs: Names = (),
     builds: int = 1000,
     model: str = "auto",
     tolerance: float = 1e-3,
@@ -1164,10 +1238,10 @@ def report(
     design : Design
     path : path
         Of the file; results files of the design beside it are used where they save time.
-    sections : sequence of str
+    sections : str or sequence of str
         ``"drawing"``, ``"numbers"``, ``"check"``, ``"modes"``, ``"response"``, ``"coupling"``,
         ``"thermal"``, ``"budget"``, ``"tolerance"``, ``"damping"``; default: all.
-    inputs, outputs : sequences of str
+    inputs, outputs : str or sequences of str
         Signals of the responses. Defaults: motions of the support and of the last stage.
     builds : int
         Imperfect builds of a design with tolerances.
@@ -1187,23 +1261,19 @@ def report(
     Examples
     --------
     >>> import suspension_cli as sus
-    >>> sus.report(sus.example("double"), "double.html")  # doctest: +SKIP
+    >>> sus.report(sus.example("double"), "double.html", sections="numbers")
     PosixPath('double.html')
     """
     from suspension_cli.analyses.report.composition import Request
     from suspension_cli.analyses.report.solve import compose
     from suspension_cli.files.atomic import write_bytes
 
-    request = Request(
-        tuple(sections),
-        tuple(inputs),
-        tuple(outputs),
-        builds,
-        model,
-        tolerance,
-        folder=Path(path).parent,
-    )
-    with _python_names():
+    given = {"sections": ",".join(_items(sections)) or None, "fidelity": model}
+    given |= {"inputs": _items(inputs), "outputs": _items(outputs)}
+    given |= {"builds": builds, "tolerance": tolerance}
+    with python_names("report", options.REPORT):
+        setting = options.context("report", options.REPORT, given).params
+        request = Request(**setting | {"sections": _items(sections), "folder": Path(path).parent})
         write_bytes(Path(path), compose(design, request, Log()).encode(), key="path")
     return Path(path)
 
@@ -1215,49 +1285,42 @@ def _grid(values: Grid) -> str:
     return ",".join(repr(float(value)) for value in np.ravel(values))
 
 
-def _run(name: str, files: Design | dict[str, Any], model: str | None, **given: Any) -> Result:
+def _items(values: Paths) -> tuple[str, ...]:
+    """Return one text or path, or several, as a tuple of texts."""
+    return (str(values),) if isinstance(values, str | Path) else tuple(map(str, values))
+
+
+def _run(
+    name: str,
+    files: Design | dict[str, Any],
+    model: str | None,
+    folder: PathLike | None = None,
+    **given: Any,
+) -> Result:
     """Run an analysis with its defaults, those of the design's `[analysis]` table and `given`."""
     analysis = registry.get(name)
-    folder = tempfile.TemporaryDirectory(prefix="pendsus-")
     if model is not None:
         given["fidelity"] = model
+    if given.get("resume") and folder is None:
+        remedy = "name the folder of the interrupted run"
+        raise InputError([Fault("folder", "is missing, but resume is given", remedy)])
+    place = Path(tempfile.mkdtemp(prefix="pendsus-") if folder is None else folder)
 
     def ask(file: Source | PathLike, overrides: tuple[str, ...] = ()) -> Run:
         design = file if isinstance(file, Source) else read(file, overrides)
         extra = analysis.swept_names()
         setting = settings.of_design(name, analysis.parameters, extra, design, given)
-        command = f"suspension_cli.{name}()"
-        return Run(design, setting, Log(), Path(folder.name), command)
+        return Run(design, setting, Log(analysis.parameters), place, f"suspension_cli.{name}()")
 
-    with _python_names():
-        run = ask(files) if isinstance(files, Design) else analysis.read(ask, files)[0]
-        with run.faults():
-            result = analysis.solve(run)
-    object.__setattr__(result, "_folder", folder)  # keeps the file of a sweep until it is saved
-    return result
-
-
-@contextlib.contextmanager
-def _python_names() -> Iterator[None]:
-    """Report faults under the names of Python arguments instead of those of options."""
+    result = None
     try:
-        yield
-    except click.BadParameter as error:
-        name = error.param.name if error.param is not None else ""
-        raise InputError([Fault(str(name), error.message, "see help() of the function")]) from None
-    except InputError as error:
-        faults = [
-            dataclasses.replace(fault, key=_plain(fault.key), remedy=_plain(fault.remedy))
-            for fault in error.faults
-        ]
-        raise InputError(faults, error.file) from None
-
-
-def _plain(text: str) -> str:
-    """Return a text with ``tolerance`` for ``--tolerance``, ``model`` for ``--fidelity``."""
-    names = {"fidelity": "model", "set": "changes"}
-    return re.sub(
-        r"--([a-z][a-z-]*)",
-        lambda m: names.get(m[1], m[1]).replace("-", "_"),
-        text,
-    )
+        with python_names(name, analysis.parameters):
+            run = ask(files) if isinstance(files, Design) else analysis.read(ask, files)[0]
+            with run.faults():
+                result = analysis.solve(run)
+        return result
+    finally:
+        if folder is None and (result is None or result.file is None):
+            shutil.rmtree(place)
+        elif folder is None:  # keeps the file of a sweep as long as its result
+            weakref.finalize(result, shutil.rmtree, place, ignore_errors=True)

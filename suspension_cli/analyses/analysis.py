@@ -5,7 +5,10 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import importlib
+import json
 import math
+import os
+import sys
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.files.hdf5 import Provenance
     from suspension_cli.linear.eigenmodes import Modes
+    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
 
 Document = dict[str, Any]
@@ -32,8 +36,21 @@ Progress = Callable[[int, int, float], None]
 """Called with (points done, points in all, points per second)."""
 
 
+PACKAGE = os.path.join(Path(__file__).parents[1], "")
+"""Folder of the package."""
+
+
 class Log:
-    """Messages of a run: silent but for warnings, which become Python warnings."""
+    """Messages of a run: silent but for warnings, which become Python warnings.
+
+    Parameters
+    ----------
+    parameters : sequence of click.Parameter
+        Those of the command, whose options warnings call by the names of arguments.
+    """
+
+    def __init__(self, parameters: Sequence[Any] = ()) -> None:
+        self.parameters = parameters
 
     def say(self, text: str) -> None:
         """Report a step that was done."""
@@ -43,7 +60,12 @@ class Log:
 
     def warn(self, text: str) -> None:
         """Report what must not be missed."""
-        warnings.warn(text, PendsusWarning, stacklevel=6)
+        from suspension_cli.analyses.python_names import translate
+
+        frame, level = sys._getframe(), 0
+        while frame is not None and frame.f_code.co_filename.startswith(PACKAGE):
+            frame, level = frame.f_back, level + 1
+        warnings.warn(translate(text, self.parameters), PendsusWarning, stacklevel=level + 1)
 
     @contextlib.contextmanager
     def progress(self) -> Iterator[Progress]:
@@ -150,9 +172,13 @@ class Result(Report):
     data : object
         The arrays: the result type of the analysis.
     extra : dict
-        What text and JSON report beyond the arrays; empty after reading from a file.
+        What text, JSON and names of files report beyond the arrays, in types of JSON.
     file : Path or None
         The results file that the analysis filled while it ran, or that the result was read from.
+    command : str
+        The command line, or the function, that computed it.
+    linear_system : LinearSystem or None
+        The system that pictures solve again; None to build it from the design.
     """
 
     analysis: Analysis
@@ -162,6 +188,7 @@ class Result(Report):
     extra: Document = dataclasses.field(default_factory=dict)
     file: Path | None = None
     command: str = ""
+    linear_system: LinearSystem | None = None
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "data":
@@ -197,29 +224,73 @@ class Result(Report):
         return head | {"fidelity": self.model} | self.analysis.document(self) | error
 
     def figures(self, **setting: Any) -> dict[str, Figure]:
-        """Draw all pictures: the end of each file name, and the figure."""
+        """Draw all pictures: the end of each file name, and the figure.
+
+        Parameters
+        ----------
+        **setting
+            As of `plot`.
+        """
+        from suspension_cli.analyses import options
+        from suspension_cli.analyses.python_names import python_names
+        from suspension_cli.design.faults import suggest
         from suspension_cli.drawing.style import label_frequencies
 
+        name, parameters = self.analysis.command_name, self.analysis.drawn_with
+        known = [str(param.name) for param in parameters]
+        for key in setting:
+            if key not in known:
+                problem = f"is no argument of plot() of {name}"
+                raise InputError([Fault(key, problem, suggest(key, known))])
+        with python_names("Result.plot"):
+            setting = options.context(name, parameters, setting).params
         figures = self.analysis.figures(self, setting)
         return {end: label_frequencies(figure) for end, figure in figures.items()}
 
     def plot(self, **setting: Any) -> Figure:
         """Draw the picture that the command writes.
 
+        Parameters
+        ----------
+        **setting
+            For responses ``scale``, ``"db"`` (the default) or ``"absolute"``; others have none.
+
         Returns
         -------
         matplotlib.figure.Figure
+
+        Raises
+        ------
+        InputError
+            If there is no picture (`export`), or no such argument.
         """
         for figure in self.figures(**setting).values():
             return figure
         raise InputError([Fault("", f"{self.analysis.name} has no picture", "print the result")])
 
     def save(self, path: str | Path) -> None:
-        """Write the results file (HDF5, see docs/format.md), whole or not at all."""
-        self.analysis.save(Path(path), self)
+        """Write the results file (HDF5, see docs/format.md), whole or not at all.
+
+        That of `export` has the format of its ending: .mat, .npz, .h5, .json (python-control).
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written, or `export` has no format of this ending.
+        """
+        from suspension_cli.analyses.python_names import python_names
+
+        with python_names(out="path"):
+            self.analysis.save(Path(path), self)
 
     def to_xarray(self) -> Any:
-        """Return the contents of the results file as an `xarray.Dataset` (needs xarray)."""
+        """Return the contents of the results file as an `xarray.Dataset` (needs xarray).
+
+        Raises
+        ------
+        InputError
+            If there are no labelled arrays (`export`).
+        """
         from suspension_cli.analyses.labelled import to_xarray
 
         return to_xarray(self)
@@ -250,6 +321,8 @@ class Analysis(ABC):
         Of the HDF5 group and, unless `command_name` says otherwise, of the command.
     arguments, parameters : tuple
         Click's arguments and options; their defaults are those of the Python API too.
+    drawn_with : tuple
+        The options that pictures depend on.
     has_model : bool
         Whether results come from one model, which JSON then names with its estimated error.
     """
@@ -258,6 +331,7 @@ class Analysis(ABC):
     has_model: ClassVar[bool] = True
     arguments: ClassVar[tuple[Any, ...]] = ()
     parameters: ClassVar[tuple[Any, ...]] = ()
+    drawn_with: ClassVar[tuple[Any, ...]] = ()
 
     @property
     def command_name(self) -> str:
@@ -335,8 +409,13 @@ class Analysis(ABC):
         """Write the results file."""
         from suspension_cli.files import atomic, hdf5
 
+        def fill(file: h5py.File) -> None:
+            self.fill(file, result)
+            if result.extra:
+                file.attrs["extra"] = json.dumps(result.extra)
+
         if result.file is None:
-            hdf5.write(path, result.provenance, lambda file: self.fill(file, result))
+            hdf5.write(path, result.provenance, fill)
         elif path != result.file:
             atomic.write_bytes(path, result.file.read_bytes())
 

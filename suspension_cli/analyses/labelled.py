@@ -43,15 +43,30 @@ def to_xarray(result: Any) -> Any:
 
 
 def _variables(group: Any) -> dict[str, Any]:
-    """Return (dimensions, values, attributes) of every dataset of a group."""
+    """Return (dimensions, values, attributes) of every dataset of a group and its subgroups.
+
+    Those of subgroups have dotted names.
+    """
     found = {}
-    for name, data in group.items():
+
+    def add(path: str, data: Any) -> None:
         if not isinstance(data, h5py.Dataset):
-            continue
-        labels = [data.dims[n].label for n in range(data.ndim)]
-        if data.is_scale:
-            labels = [name]
-        names = [label or f"{name}_{n}" for n, label in enumerate(labels)]
+            return
+        name = _dotted(path)
+        scales = [data if data.is_scale else dim[0] if len(dim) else None for dim in data.dims]
+        names = [
+            f"{name}_{n}"
+            if scale is None
+            else _dotted(str(scale.name).removeprefix(f"{group.name}/"))
+            for n, scale in enumerate(scales)
+        ]
         values = data.asstr()[...] if h5py.check_string_dtype(data.dtype) else data[...]
         found[name] = (names, np.asarray(values), {"units": str(data.attrs.get("units", ""))})
+
+    group.visititems(add)
     return found
+
+
+def _dotted(path: str) -> str:
+    """Return a path within a group as the name of a variable."""
+    return path.replace("/", ".")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,25 @@ def option(*names: str, group: str = "Options", **how: Any) -> Option:
 def argument(name: str, **how: Any) -> click.Argument:
     """Declare an argument of an analysis, as `click.argument` does."""
     return click.Argument([name], **how)
+
+
+def context(
+    name: str, parameters: Sequence[click.Parameter], given: dict[str, Any]
+) -> click.Context:
+    """Return the context of a command that is run with the values `given` and other defaults.
+
+    Raises
+    ------
+    click.BadParameter
+        If a parameter does not take its value.
+    """
+    result = click.Command(name, params=list(parameters)).make_context(name, [])
+    for param in parameters:
+        value = given.get(str(param.name), result.params[str(param.name)])
+        if value != result.params[str(param.name)]:
+            result.set_parameter_source(str(param.name), click.core.ParameterSource.COMMANDLINE)
+            result.params[str(param.name)] = param.type_cast_value(result, value)
+    return result
 
 
 def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
@@ -273,3 +293,37 @@ INFO = (
     AS_JSON_ONLY,
 )
 """Options of `pendsus info`."""
+REPORT = (
+    option(
+        "--sections",
+        metavar="NAME,...",
+        help=(
+            "Only these sections: drawing, numbers, check, modes, response, coupling, thermal,"
+            " budget, tolerance, damping.  [default: all that the design has]"
+        ),
+    ),
+    option(
+        "--input",
+        "inputs",
+        multiple=True,
+        metavar="SIGNAL",
+        help="Input of the responses (repeatable).  [default: the support's x, y, z and yaw]",
+    ),
+    option(
+        "--output",
+        "outputs",
+        multiple=True,
+        metavar="SIGNAL",
+        help="Output of the responses (repeatable).  [default: motions of the last stage]",
+    ),
+    option(
+        "--builds",
+        type=click.IntRange(100, 1_000_000),
+        default=1000,
+        show_default=True,
+        help="Number of random builds, if no results file has the tolerances of this design.",
+    ),
+    FIDELITY,
+    ACCURACY,
+)
+"""Options of the contents of `pendsus report`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,7 +46,7 @@ def loaded(file: h5py.File, name: str) -> Result:
     found = next((group for group in GROUPS if group in file), None)
     if found is None:
         remedy = f"name a file of pendsus {', '.join(ANALYSES)}"
-        raise InputError([Fault("", "holds nothing that has a plot", remedy)], name)
+        raise InputError([Fault("", "holds no result of an analysis", remedy)], name)
     analysis = get(found)
     choice = Choice(
         str(file.attrs["fidelity"]),
@@ -54,4 +55,5 @@ def loaded(file: h5py.File, name: str) -> Result:
     )
     source = Source(parse(text), text, name)
     data, command = analysis.load(file), str(file.attrs["command"])
-    return Result(analysis, source, choice, data, file=Path(file.filename), command=command)
+    extra = json.loads(str(file.attrs.get("extra", "{}")))
+    return Result(analysis, source, choice, data, extra, Path(file.filename), command)

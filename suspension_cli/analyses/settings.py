@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from suspension_cli.analyses import options
+
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Analysis
     from suspension_cli.design.reader import Source
@@ -54,12 +56,7 @@ def of_design(
     given : dict
         A value that is the default of its option counts as not given.
     """
-    context = click.Command(name, params=list(parameters)).make_context(name, [])  # all defaults
-    for param in parameters:
-        value = given.get(str(param.name), context.params[str(param.name)])
-        if value != context.params[str(param.name)]:
-            context.set_parameter_source(str(param.name), click.core.ParameterSource.COMMANDLINE)
-            context.params[str(param.name)] = param.type_cast_value(context, value)
+    context = options.context(name, parameters, given)
     context.params["as_json"] = True  # nothing is printed
     table = source.design.analysis.get(name, {})
     return with_analysis_table(context, table, source.file, extra)
@@ -145,7 +142,7 @@ def check_tables(tables: dict[str, dict[str, Any]], file: str) -> None:
     InputError
         With the faults of every table.
     """
-    from suspension_cli.analyses import options, registry
+    from suspension_cli.analyses import registry
     from suspension_cli.errors import InputError
 
     faults = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 
 import click
@@ -47,7 +46,6 @@ def command(
     if bad:
         raise join_errors(bad)
     if as_json:
-        documents = [found.document() for found in good]
-        click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
+        terminal.put_documents(good)
     if strict and any(found.warnings for found in good):
         sys.exit(1)

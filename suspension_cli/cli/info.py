@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import click
@@ -27,6 +26,6 @@ def command(
 
     found = solve(*settings.prepared(ctx, design, overrides), terminal.Voice())
     if as_json:
-        click.echo(json.dumps(found.document()))
+        terminal.put_documents([found])
     else:
         terminal.put(str(found))

@@ -8,48 +8,13 @@ from suspension_cli.analyses import options, settings
 from suspension_cli.cli import terminal
 from suspension_cli.cli.runner import Command
 
-SECTIONS = options.option(
-    "--sections",
-    metavar="NAME,...",
-    help=(
-        "Only these sections: drawing, numbers, check, modes, response, coupling, thermal, budget,"
-        " tolerance, damping.  [default: all that the design has]"
-    ),
-)
-INPUT = options.option(
-    "--input",
-    "inputs",
-    multiple=True,
-    metavar="SIGNAL",
-    help="Input of the responses (repeatable).  [default: the support's x, y, z and yaw]",
-)
-OUTPUT = options.option(
-    "--output",
-    "outputs",
-    multiple=True,
-    metavar="SIGNAL",
-    help="Output of the responses (repeatable).  [default: motions of the last stage]",
-)
-BUILDS = options.option(
-    "--builds",
-    type=click.IntRange(100, 1_000_000),
-    default=1000,
-    show_default=True,
-    help="Number of random builds, if no results file has the tolerances of this design.",
-)
-
 
 @click.command(
     "report",
     cls=Command,
     params=[
         options.DESIGN,
-        SECTIONS,
-        INPUT,
-        OUTPUT,
-        BUILDS,
-        options.FIDELITY,
-        options.ACCURACY,
+        *options.REPORT,
         options.OVERRIDES,
         options.OUT,
         options.QUIET,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,7 +68,8 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
             from suspension_cli.drawing.quick_import import import_matplotlib
 
             import_matplotlib()
-            for end, figure in result.figures(**one.setting).items():
+            drawn = {str(param.name): one.setting[param.name] for param in analysis.drawn_with}
+            for end, figure in result.figures(**drawn).items():
                 form = one.setting.get("picture_format", "png")
                 draw(figure, path.with_name(f"{path.stem}{end}.{form}"), voice)
         for end, data in result.analysis.animations(result, one.setting):
@@ -79,8 +79,7 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         if not given["as_json"]:
             terminal.put(("\n" if number else "") + str(result))
     if given["as_json"]:
-        documents = [result.document() for result in results]
-        click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
+        terminal.put_documents(results)
     ctx.exit(max(result.analysis.exit_code(result) for result in results))
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Sequence
 
 import click
 
-from suspension_cli.analyses.analysis import Log, Progress
+from suspension_cli.analyses.analysis import Log, Progress, Report
 from suspension_cli.cli.progress import Bar
 
 
@@ -23,6 +24,12 @@ def put(text: str) -> None:
     from suspension_cli.errors import escape_unprintable
 
     click.echo("\n".join(map(escape_unprintable, text.split("\n"))))
+
+
+def put_documents(found: Sequence[Report]) -> None:
+    """Print the JSON document of one result, or the list of those of several, on stdout."""
+    documents = [one.document() for one in found]
+    click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
 
 
 class Voice(Log):

@@ -277,6 +277,15 @@ def replaced(source: Source, changes: Mapping[str, Any]) -> Source:
     """
     raw = tomllib.loads(source.text)
     for path, value in changes.items():
-        paths.assign(raw, path.split("."), value, path)
+        paths.assign(raw, path.split("."), _as_toml(value), path)
     profiles.resolve_files(raw, Path(source.file).parent)
     return Source(convert(raw), write_toml(raw), source.file)
+
+
+def _as_toml(value: Any) -> Any:
+    """Convert tuples, and numbers and arrays of numpy, to what a TOML file holds."""
+    if isinstance(value, Mapping):
+        return {key: _as_toml(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_as_toml(item) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value

@@ -28,6 +28,22 @@ CHUNK = 1 << 17
 
 
 @dataclass(frozen=True)
+class Peaks:
+    """Largest magnitude of each response, and its frequency.
+
+    Attributes
+    ----------
+    frequency : (output, input) array
+        Hz.
+    size : (output, input) array
+        Magnitude, SI; infinite at a pole without loss.
+    """
+
+    frequency: Float[np.ndarray, "output input"]
+    size: Float[np.ndarray, "output input"]
+
+
+@dataclass(frozen=True)
 class Response:
     """Responses of outputs to inputs.
 
@@ -44,6 +60,8 @@ class Response:
         Number of blocks solved.
     closed_loop : bool
         Whether the loops of the design's local control are closed.
+    largest : Peaks or None
+        Peaks within the band, between the frequencies too; None where they were not searched.
     """
 
     frequency: Float[np.ndarray, " frequency"]
@@ -53,6 +71,7 @@ class Response:
     value: Complex[np.ndarray, "frequency output input"]
     blocks: int
     closed_loop: bool = False
+    largest: Peaks | None = None
 
 
 def solve(

@@ -84,7 +84,7 @@ CHANGES = {
         lambda file: file.attrs.modify("format_version", 99),
         "is not in a known format (version 99)",
     ),
-    "nothing": (lambda file: file.pop("modes"), "holds nothing that has a plot"),
+    "nothing": (lambda file: file.pop("modes"), "holds no result of an analysis"),
     "incomplete": (lambda file: file["modes"].pop("shape"), "is incomplete"),
     "no-design": (lambda file: file.attrs.pop("design"), "is incomplete"),
     "bad-design": (

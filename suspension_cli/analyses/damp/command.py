@@ -105,7 +105,7 @@ class DampAnalysis(Analysis):
         found = damp.solve(run.design, model, output, push, frequency, setting["duration"])
         if not found.stable:
             run.log.warn(f"the closed loop is unstable: {growth(found)}")
-        extra = {"foton": setting["foton"]}
+        extra = {"foton": True} if setting["foton"] else {}
         return Result(self, run.source, choice, found, extra, command=run.command)
 
     def others(self, result: Result, path: Path) -> list[Path]:

@@ -13,6 +13,8 @@ from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, as
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
+    import h5py
+
     from suspension_cli.analyses.export.solve import Exported
 
 FORMATS = ("mat", "npz", "hdf5", "zpk", "control")
@@ -145,11 +147,19 @@ class ExportAnalysis(Analysis):
         return folder / f"{result.name}-statespace{FORMATS[result.extra['format']].suffix}"
 
     def save(self, path: Path, result: Result) -> None:
-        """Write the exported file."""
+        """Write the exported file, in the format of its ending."""
         from suspension_cli.analyses.export import file as stored
 
-        stored.save(path, result.extra["format"], result.data, result.provenance)
-        result.extra["file"] = str(path)
+        form = stored.format_of(path, result.data)
+        stored.save(path, form, result.data, result.provenance)
+        result.extra.update(format=form, file=str(path))  # what document() returns
+
+    def fill(self, file: h5py.File, result: Result) -> None:
+        """Refuse: a state space has no labelled arrays."""
+        from suspension_cli.errors import Fault, InputError
+
+        remedy = "take system.a, b, c and d, or save it as .mat, .npz, .h5 or .json"
+        raise InputError([Fault("", "a state space has no labelled arrays", remedy)])
 
 
 def agreement(made: Exported) -> str:

@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.analyses.export.solve import Exported
+from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.files.hdf5 import Provenance, add_dataset, add_scale, write
 from suspension_cli.version import __version__
@@ -25,6 +26,26 @@ It replaces that of scipy, which contains the time of day."""
 def save(path: Path, form: str, made: Exported, origin: Provenance) -> None:
     """Write an exported system in one of the `FORMATS`."""
     FORMATS[form].write(path, made, origin)
+
+
+def format_of(path: Path, made: Exported) -> str:
+    """Return the name of the format of a path's ending.
+
+    Raises
+    ------
+    InputError
+        If there is none; zeros, poles and gain are in HDF5 alone.
+    """
+    endings = {
+        Path(f"x{form.suffix}").suffix: name
+        for name, form in FORMATS.items()
+        if (name == "zpk") == (made.zpk is not None)
+    }
+    if path.suffix.lower() not in endings:
+        problem = "is of no format" if made.zpk is None else "is of no format with zeros and poles"
+        remedy = f"end it in {', '.join(endings)}"
+        raise InputError([Fault("--out", problem, remedy, format_value(str(path)))])
+    return endings[path.suffix.lower()]
 
 
 def _write_hdf5(path: Path, made: Exported, origin: Provenance) -> None:

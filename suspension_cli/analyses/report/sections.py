@@ -196,7 +196,7 @@ def response(report: Composition) -> Iterator[str]:
 
 
 def _response_caption(result: Any) -> str:
-    data, largest, words = result.data, result.extra["largest"], []
+    data, largest, words = result.data, result.data.largest, []
     first, last = data.frequency[0], data.frequency[-1]
     for o, out in enumerate(data.output):
         for i, into in enumerate(data.input):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,14 @@ if TYPE_CHECKING:
 
 FREQUENCY = "0.1:100:2000"
 """Default frequencies, Hz; with measured transfer functions, these cover them instead."""
+
+SCALE = option(
+    "--scale",
+    type=click.Choice(["db", "absolute"]),
+    default="db",
+    show_default=True,
+    help="Magnitude axis of the plot.",
+)
 
 
 class ResponseAnalysis(Analysis):
@@ -76,13 +85,7 @@ class ResponseAnalysis(Analysis):
                 " HDF5 or DTT XML with --input and --output (repeatable)."
             ),
         ),
-        option(
-            "--scale",
-            type=click.Choice(["db", "absolute"]),
-            default="db",
-            show_default=True,
-            help="Magnitude axis of the plot.",
-        ),
+        SCALE,
         option(
             "--closed-loop",
             is_flag=True,
@@ -92,6 +95,7 @@ class ResponseAnalysis(Analysis):
         options.ACCURACY,
         *options.WRITING,
     )
+    drawn_with = (SCALE,)
 
     def solve(self, run: Run) -> Result:
         """Solve for every input at every frequency."""
@@ -131,14 +135,8 @@ class ResponseAnalysis(Analysis):
             found = _compared(model, items, found, closed, run.log)
             return Result(self, run.source, choice, found, command=run.command)
         largest = peaks.find_peaks(model, found, wanted.inputs, wanted.outputs, solve, resonances)
-        return Result(
-            self,
-            run.source,
-            choice,
-            found,
-            {"largest": largest, "model": model},
-            command=run.command,
-        )
+        found = replace(found, largest=largest)
+        return Result(self, run.source, choice, found, command=run.command, linear_system=model)
 
     def document(self, result: Result) -> dict[str, Any]:
         """Return one response flat, several in a list."""
@@ -168,7 +166,7 @@ class ResponseAnalysis(Analysis):
         data: Response = result.data
         if measured := comparisons(data):
             return f"{result.choice.line}\n\n{_table(measured)}"
-        largest = result.extra.get("largest")
+        largest = data.largest
         lines = [result.choice.line]
         if data.closed_loop and result.design.control is not None:
             names = ", ".join(loop.name for loop in result.design.control.loop)

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.files.hdf5 import add_dataset, add_scale
-from suspension_cli.linear.response import Response
+from suspension_cli.linear.response import Peaks, Response
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.response.measured import Comparison
@@ -24,6 +24,10 @@ def fill(group: h5py.Group, response: Response) -> None:
     if response.closed_loop:
         group.attrs["closed_loop"] = True
     add_dataset(group, "unit", [list(row) for row in response.unit], "name", output, into)
+    if response.largest is not None:
+        size, at = response.largest.size, response.largest.frequency
+        add_dataset(group, "largest", size, "SI, see unit", output, into)
+        add_dataset(group, "largest_frequency", at, "Hz", output, into)
     for number, one in enumerate(getattr(response, "measured", ()), 1):
         _fill_measured(group.create_group(f"measured/{number}"), one)
 
@@ -38,6 +42,9 @@ def load(group: Any) -> Response:
         value=group["value"][:],
         blocks=0,
         closed_loop=bool(group.attrs.get("closed_loop", False)),
+        largest=Peaks(group["largest_frequency"][:], group["largest"][:])
+        if "largest" in group
+        else None,
     )
     if "measured" not in group:
         return plain

@@ -33,7 +33,7 @@ def refine(result: Result) -> Response:
     if len(data.frequency) < 8 or data.frequency[0] <= 0 or (np.diff(data.frequency) <= 0).any():
         return data
     try:
-        model = result.extra.get("model") or result.choice.model.system(result.design)
+        model = result.linear_system or result.choice.model.system(result.design)
         solve, modes = _solver(result, model)
         frequency, value = add_points(
             solve, data.frequency, data.value, modes, few=data.value[0].size <= MANY

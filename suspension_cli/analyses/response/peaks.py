@@ -8,14 +8,13 @@ infinite.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, response
-from suspension_cli.linear.response import Response
+from suspension_cli.linear.response import Peaks, Response
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
@@ -31,22 +30,6 @@ NARROWEST = 1e-13
 """Relative width of a bracket at which the refinement ends: enough for a Q of about 1e12."""
 STEEP = 2.0
 """Ratio of the largest to the smallest value on the narrowest bracket of an infinite peak."""
-
-
-@dataclass(frozen=True)
-class Peaks:
-    """Largest magnitude of each response, and its frequency.
-
-    Attributes
-    ----------
-    frequency : (o, i) array
-        Hz.
-    size : (o, i) array
-        Magnitude, SI; infinite at a pole without loss.
-    """
-
-    frequency: Array
-    size: Array
 
 
 def find_peaks(
