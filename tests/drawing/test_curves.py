@@ -125,6 +125,16 @@ def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
     assert len(found.frequency) == 300
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_response_of_zero_is_said_to_be_zero(triple):
+    found = sus.response(
+        triple, inputs=["support.z"], outputs=["test.x"], frequency="0.1:100:30", model="string"
+    )
+    figure = found.plot()
+    assert "exactly 0 at all frequencies" in said(figure)
+    assert figure.axes[0].get_xlim() == (0.1, 100)
+
+
 def test_response_without_loss_marks_its_peaks():
     def pole(f):
         return (1 / (1 - f**2) + 0j)[:, None, None]

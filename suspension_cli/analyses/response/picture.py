@@ -63,6 +63,8 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
             own = [pair for pair in pairs if response.unit[pair[0]][pair[1]] == unit]
             _draw_magnitudes(axes, response, own, looks, scale, many=many)
             axes.set_ylabel(label_magnitude(unit, scale == "db"))
+            if not any(response.value[:, o, i].any() for o, i in own):
+                _say_zero(axes, response.frequency)
         ends = []
         for o, i in pairs:
             phase = curves.unwrap_phase(response.value[:, o, i])
@@ -72,6 +74,8 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
         panels[-1].set_ylabel("phase (degrees)")
         panels[-1].set_xlabel("frequency (Hz)")
         curves.label_phases(panels[-1])
+        if not response.value.any():
+            panels[-1].set_yticks([])
         if many and len(pairs) <= MOST:
             curves.label_ends(panels[-1], ends)
         figure.align_ylabels(panels)
@@ -79,6 +83,16 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
         one = f"Transfer function {_name(response, 0, 0)}" if not many else "Transfer functions"
         curves.write_heading(figure, one + loops, title)
         return figure
+
+
+def _say_zero(axes: Axes, frequency: Any) -> None:
+    """Say that no response of a panel differs from 0."""
+    axes.set_yticks([])
+    if len(frequency) > 1:
+        axes.set_xlim(frequency[0], frequency[-1])
+    words = "exactly 0 at all frequencies"
+    place = {"transform": axes.transAxes, "ha": "center", "va": "center"}
+    axes.text(0.5, 0.5, words, bbox={"color": "white"}, **place)
 
 
 def _name(response: Response, o: int, i: int) -> str:
