@@ -26,7 +26,10 @@ def cross(
 ) -> Inexact[np.ndarray, "... 3"]:
     """Vector products (..., 3); several times faster than `numpy.cross` for a few vectors."""
     a1, a2, a3, b1, b2, b3 = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
+    first = a2 * b3 - a3 * b2
+    result = np.empty((*first.shape, 3), dtype=first.dtype)
+    result[..., 0], result[..., 1], result[..., 2] = first, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1
+    return result
 
 
 def rotation_minus_identity(

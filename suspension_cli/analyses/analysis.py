@@ -444,7 +444,8 @@ def plain(values: Any) -> Any:
     """Convert numbers for JSON: lists, with null for what is not finite."""
     import numpy as np
 
-    return np.where(np.isfinite(values), values, None).tolist()  # pyright: ignore[reportAttributeAccessIssue]
+    finite: Any = np.where(np.isfinite(values), values, None)
+    return finite.tolist()
 
 
 def as_number(value: float) -> float | None:

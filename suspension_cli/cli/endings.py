@@ -51,7 +51,8 @@ def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> I
     try:
         yield
     except click.ClickException as error:
-        error.message = escape_unprintable(error.message)  # pyright: ignore[reportAttributeAccessIssue]
+        line = escape_unprintable(error.message)
+        error.message = line  # pyright: ignore[reportAttributeAccessIssue]
         raise
     except PendsusError as error:
         _stop(str(error), error.exit_code)

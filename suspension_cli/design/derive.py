@@ -146,7 +146,7 @@ STEPS_OF_A_TURN = 24
 the last bit."""
 
 
-def _direction(angle: Any, quarters: Fraction) -> tuple[Any, Any]:
+def _direction(angle: complex, quarters: Fraction) -> tuple[Any, Any]:
     """Cosine and sine of an angle (rad) plus a number of quarter turns."""
     turns = angle.real / (math.pi / 2)
     nearest = Fraction(round(turns * STEPS_OF_A_TURN), STEPS_OF_A_TURN)
@@ -188,7 +188,7 @@ class SetGeometry:
             return self.length**2 - (self.ring_upper - self.ring_lower) ** 2
         return self.length**2 - (self.t2 - self.t1) ** 2 - (self.s_lower - self.s_upper) ** 2
 
-    def ring_ends(self, number: int) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+    def ring_ends(self, number: int) -> tuple[tuple[float, float], tuple[float, float]]:
         """Compute x and y (m) of the upper and of the lower end of a wire of a ring, from 0."""
         x, y = _direction(self.phase, Fraction(4 * number, self.count))
         upper, lower = self.ring_upper, self.ring_lower
@@ -316,7 +316,9 @@ def gravity_tensor(design: Design) -> list[list[float]] | None:
     return [[-given / 2, 0.0, 0.0], [0.0, -given / 2, 0.0], [0.0, 0.0, given]]
 
 
-def wire_mass_moments(design: Design, wire: WireSet | Wire, length: float) -> tuple[Any, Any, Any]:
+def wire_mass_moments(
+    design: Design, wire: WireSet | Wire, length: float
+) -> tuple[float, float, float]:
     """Compute the moments of the mass of a wire of a loaded length (m) that has weight, kg.
 
     The integrals of (1 - s)^2, s (1 - s) and s^2 over its mass, s being the fraction of its length
@@ -326,7 +328,7 @@ def wire_mass_moments(design: Design, wire: WireSet | Wire, length: float) -> tu
     if not design.constants.wire_weight:
         return 0.0, 0.0, 0.0
     upper = mixed = lower = 0.0
-    start: Any = 0.0
+    start = 0.0
     for piece, density in wire_line_densities(design, wire, length):
         end = start + piece / length
         # of uniform stretches: integrals of powers of s

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from msgspec import Meta
 
@@ -178,15 +178,15 @@ class FilterStatics:
         Loss angle, rad.
     """
 
-    carried: Any
-    load: Any
-    stiffness: Any
-    coupling: Any
-    mass: Any
-    loss: Any
+    carried: float
+    load: float
+    stiffness: float
+    coupling: float
+    mass: float
+    loss: float
 
 
-def filter_statics(table: Filter, carried: Any, gravity: Any) -> FilterStatics:
+def filter_statics(table: Filter, carried: float, gravity: float) -> FilterStatics:
     """Compute the blades of a filter whose keystone carries a weight (N), its own included."""
     load = carried if table.load is None else table.load
     whole = load / gravity
@@ -201,7 +201,7 @@ def filter_statics(table: Filter, carried: Any, gravity: Any) -> FilterStatics:
     return FilterStatics(carried, load, stiffness, coupling, whole - coupling, loss)
 
 
-def keystone_inertia(keystone: Keystone) -> list[Any]:
+def keystone_inertia(keystone: Keystone) -> list[float]:
     """Moments of inertia of a keystone about x, y, z, kg m^2.
 
     If they are not given, those of a steel cylinder of the height 2 r: m r^2 / 2 about z and

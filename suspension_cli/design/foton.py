@@ -277,7 +277,7 @@ class _Reader:
             count = f"{least}" if least == most else f"{least} or {most}"
             self._fail(column, f"{name} takes {count} numbers, found {len(given)}")
         if name == "zpk":
-            zeros, poles = (self._roots(*one, plane) for one in given[:2])
+            zeros, poles = (self._roots(*one) for one in given[:2])
             made = _normalise(self._number(*given[2]), zeros, poles, plane)
             for pole in made.poles:
                 if pole.real < 0:
@@ -312,7 +312,7 @@ class _Reader:
             self._fail(column, "a real number expected")
         return value.real
 
-    def _roots(self, value: object, column: int, plane: str) -> tuple[complex, ...]:
+    def _roots(self, value: object, column: int) -> tuple[complex, ...]:
         """Check the roots of a vector: complex ones come in conjugate pairs."""
         if isinstance(value, complex):  # Foton takes one root without brackets
             value = [(value, column)]

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, defstruct
 
-from suspension_cli.design.units import Angle, Factor, Position, unit
+from suspension_cli.design.units import Angle, Factor, Position, Table, unit
 
 AXES = ("x", "y", "z")
 PARTS = ("wire", "body", "blade", "leg", "link")
@@ -234,7 +234,7 @@ def scattered(part: str) -> tuple[Imperfection, ...]:
     return tuple(item for item in IMPERFECTIONS if item.spread and item.part == part)
 
 
-def with_perturbations(base: type[Any]) -> Any:
+def with_perturbations(base: type[Table]) -> Any:
     """Derive a table of the file from `base`, with a key per imperfection of any part."""
     keys: dict[str, tuple[str, Any, str]] = {}
     for item in (item for part in PARTS for item in perturbed(part)):
@@ -246,7 +246,7 @@ def with_perturbations(base: type[Any]) -> Any:
     return _with_keys(base, list(keys.values()))
 
 
-def with_spreads(base: type[Any], part: str, distribution: type[Any]) -> Any:
+def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> Any:
     """Derive a table of the file from `base`, with a distribution per imperfection of a part."""
     keys = []
     for item in scattered(part):
@@ -256,7 +256,7 @@ def with_spreads(base: type[Any], part: str, distribution: type[Any]) -> Any:
     return _with_keys(base, keys)
 
 
-def _with_keys(base: type[Any], keys: Sequence[tuple[str, Any, str]]) -> Any:
+def _with_keys(base: type[Table], keys: Sequence[tuple[str, Any, str]]) -> Any:
     fields: list[Any] = []
     for key, kind, text in keys:
         described: Any = Annotated[kind, Meta(description=text)]

@@ -28,7 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from msgspec import Meta
 
@@ -187,7 +187,7 @@ def leg_count(legs: InvertedPendulum) -> int:
     return legs.count or 0 if legs.points is None else len(legs.points)
 
 
-def _direction(angle: Any) -> tuple[Any, Any]:
+def _direction(angle: complex) -> tuple[complex, complex]:
     """Cosine and sine, for mirror images equal to the last bit (but for signs) at most angles.
 
     These are the angles on the `TURN` steps of a turn.
@@ -221,12 +221,12 @@ class LegInertia:
         v_f and v_t the velocities of both ends, kg.
     """
 
-    foot: Any
-    coupling: Any
-    top: Any
+    foot: float
+    coupling: float
+    top: float
 
     @property
-    def on_top(self) -> Any:
+    def on_top(self) -> float:
         """Mass whose weight rests on the top, m h / L, kg."""
         return self.coupling + self.top
 
@@ -275,24 +275,24 @@ class LegStatics:
     """
 
     count: int
-    flexure: Any
-    top: Any
-    yaw: Any
-    load: Any
-    critical: Any
-    stiffness: Any
-    elastic: Any
-    mass: Any
-    loss: Any
-    gravity: Any
+    flexure: float
+    top: float
+    yaw: float
+    load: float
+    critical: float
+    stiffness: float
+    elastic: float
+    mass: float
+    loss: float
+    gravity: float
 
     @property
-    def omega_squared(self) -> Any:
+    def omega_squared(self) -> float:
         """Square of the lateral angular frequency, 1/s^2; negative if it tips over."""
         return self.stiffness / self.mass
 
 
-def leg_statics(legs: InvertedPendulum, load: Any, gravity: Any) -> LegStatics:
+def leg_statics(legs: InvertedPendulum, load: float, gravity: float) -> LegStatics:
     """Compute the flexures of an inverted pendulum under a load (N); formulas: see the module."""
     count, length, inertia = len(tops(legs)), legs.length, leg_inertia(legs)
     mass = load / gravity + count * inertia.top

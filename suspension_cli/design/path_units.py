@@ -42,6 +42,22 @@ def unit_of(path: str) -> str:
     return known
 
 
+def displayed_unit(path: str, value: float) -> tuple[str, float]:
+    """Choose the unit in which people read a number of a design, and the factor to it from SI.
+
+    The unit is "" for a pure number.
+
+    Examples
+    --------
+    >>> displayed_unit("stage.test.wires.d", 0.0015), displayed_unit("gas.pressure", 1e-5)
+    (('mm', 1000.0), ('Pa', 1.0))
+    """
+    unit = unit_of(path)
+    if unit == "1" or (unit == "Pa" and abs(value) < LOW_PRESSURE):
+        return unit.removeprefix("1"), 1.0
+    return DISPLAYED.get(unit, (unit, 1.0))
+
+
 def format_with_unit(path: str, value: float, digits: int = 4) -> str:
     """Write a number of a design with the unit in which people read it.
 
@@ -50,10 +66,8 @@ def format_with_unit(path: str, value: float, digits: int = 4) -> str:
     >>> format_with_unit("stage.test.wires.d", 0.0015)
     '1.5 mm'
     """
-    unit = unit_of(path)
-    low = unit == "Pa" and abs(value) < LOW_PRESSURE
-    name, factor = DISPLAYED.get("" if low else unit, (unit, 1.0))
-    return f"{value * factor:.{digits}g}" + (f" {name}" if name not in ("", "1") else "")
+    name, factor = displayed_unit(path, value)
+    return f"{value * factor:.{digits}g} {name}".rstrip()
 
 
 @cache

@@ -16,7 +16,7 @@ from suspension_cli.design import faults
 from suspension_cli.errors import Fault, InputError, format_value
 
 
-def member(items: Sequence[Any], key: str) -> int | None:
+def member(items: Sequence[object], key: str) -> int | None:
     """Position of the member of a list with a name, or a number from 1; None if there is none.
 
     >>> member([{"name": "upper"}, {"name": "test"}], "test"), member([1.0, 2.0], "2")
@@ -30,7 +30,7 @@ def member(items: Sequence[Any], key: str) -> int | None:
     return None
 
 
-def _name(item: Any) -> Any:
+def _name(item: object) -> object:
     return item.get("name") if isinstance(item, dict) else getattr(item, "name", None)
 
 
@@ -46,7 +46,7 @@ def value_at(document: dict[str, Any], path: str) -> Any:
     return node
 
 
-def assign(document: dict[str, Any], keys: list[str], value: Any, override: str) -> None:
+def assign(document: dict[str, Any], keys: list[str], value: object, override: str) -> None:
     """Set a value in a parsed document, in place; missing tables on the way are made.
 
     Parameters
@@ -88,7 +88,7 @@ def assign(document: dict[str, Any], keys: list[str], value: Any, override: str)
     node[place] = value
 
 
-def _existing(items: list[Any], key: str, override: str) -> int:
+def _existing(items: list[object], key: str, override: str) -> int:
     """Position of a member of a list."""
     place = member(items, key)
     if place is not None:
@@ -111,7 +111,7 @@ def changed(node: Any, keys: Sequence[str], change: Callable[[Any], Any]) -> Any
     return msgspec.structs.replace(node, **{key: changed(getattr(node, key), rest, change)})
 
 
-def numbers(path: str, value: Any, skip: Collection[str] = ()) -> Iterator[tuple[str, float]]:
+def numbers(path: str, value: object, skip: Collection[str] = ()) -> Iterator[tuple[str, float]]:
     """List all numbers below a path of a parsed document, but those of some keys.
 
     Of a symmetric matrix (3 or 6 rows) only the upper triangle is listed, see `twins`.

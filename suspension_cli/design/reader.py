@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import tomllib
 from collections.abc import Mapping
@@ -169,7 +170,7 @@ def _text(path: Path) -> str:
 
 def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> dict[str, Any]:
     try:
-        raw = tomllib.loads(text)
+        raw = _copy(_parsed(text))
     except tomllib.TOMLDecodeError as error:
         raise InputError([Fault("", f"is not TOML: {error}", "correct that line")]) from None
     except RecursionError:
@@ -181,6 +182,19 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> dict
     if not raw:
         raise InputError([Fault("", "is empty", remedy)])
     return raw
+
+
+@functools.lru_cache(maxsize=8)
+def _parsed(text: str) -> dict[str, Any]:
+    """Document that a TOML text stands for: searches read one text with many overrides."""
+    return tomllib.loads(text)
+
+
+def _copy(value: Any) -> Any:
+    """Copy the tables and lists of a parsed document; what is in them cannot change."""
+    if isinstance(value, dict):
+        return {key: _copy(item) for key, item in value.items()}
+    return [_copy(item) for item in value] if isinstance(value, list) else value
 
 
 def apply_overrides(raw: dict[str, Any], overrides: tuple[str, ...]) -> None:

@@ -12,7 +12,7 @@ def of_unit(name: str, description: str, **bounds: Any) -> Meta:
     return Meta(description=description or None, extra={"unit": name}, **bounds)
 
 
-def unit(kind: Any) -> str:
+def unit(kind: object) -> str:
     """Read the SI unit of a type of this file; "" if it has none.
 
     >>> unit(Length), unit(Factor), unit(Name)

@@ -31,6 +31,8 @@ STRAIGHT = 0.12
 """Largest deviation of the exponent of a power law that is labelled."""
 LONG = 0.25
 """Shortest part of a curve along a power law that is labelled, decades."""
+MOST_PEAKS = 12
+"""Largest number of labels of peaks."""
 
 
 def write_heading(figure: Figure, quantity: str, design: str) -> None:
@@ -66,9 +68,9 @@ def rule(axes: Axes) -> None:
     axes.tick_params(labelsize=7.5)
 
 
-def room_for(names: Sequence[str], most: int = 26, size: float = SMALL) -> float:
+def room_for(names: Sequence[str], most: int = 26) -> float:
     """Width of labels at line ends, in."""
-    return 0.26 + 0.0085 * size * max((min(len(name), most) for name in names), default=0)
+    return 0.26 + 0.0085 * SMALL * max((min(len(name), most) for name in names), default=0)
 
 
 def label_plainly(axis: Axis) -> None:
@@ -157,12 +159,7 @@ def to_branch(phase: Any, near: Any) -> Any:
     return near + (phase - near + 200.0) % 360.0 - 200.0
 
 
-def label_ends(
-    axes: Axes,
-    ends: Sequence[tuple[Any, Any, str, str]],
-    size: float = SMALL,
-    most: int = 26,
-) -> None:
+def label_ends(axes: Axes, ends: Sequence[tuple[Any, Any, str, str]], most: int = 26) -> None:
     """Write labels at the ends of lines, right of the axes, moved apart, with leaders.
 
     A line that ends outside the panel gets an arrow up or down. Labels follow changed limits.
@@ -173,8 +170,6 @@ def label_ends(
         With its limits and its place in the figure.
     ends : sequence of tuple
         Abscissas and ordinates of a line, its label and its colour.
-    size : float
-        Of the font, points.
     most : int
         Characters of a label.
     """
@@ -189,7 +184,7 @@ def label_ends(
             textcoords="offset points",
             va="center",
             ha="left",
-            fontsize=size,
+            fontsize=SMALL,
             color=colour,
             annotation_clip=False,
         )
@@ -204,7 +199,7 @@ def label_ends(
 
     def place(_axes: Axes | None = None) -> None:
         box = axes.get_window_extent()
-        gap = 1.18 * size * axes.figure.dpi / 72
+        gap = 1.18 * SMALL * axes.figure.dpi / 72
         low, high = sorted(axes.get_xlim())
         raw = []
         for abscissas, ordinates, *_ in ends:
@@ -268,9 +263,7 @@ def find_peaks(size: Any, prominent: float = PROMINENT) -> Any:
     return np.array([top for _, top in sorted(found)], dtype=int)
 
 
-def label_peaks(
-    axes: Axes, peaks: Sequence[tuple[float, float, str]], size: float = SMALL, most: int = 12
-) -> None:
+def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], size: float = SMALL) -> None:
     """Write the frequencies of peaks in a row above them, moved apart, with leaders.
 
     Parameters
@@ -279,14 +272,14 @@ def label_peaks(
         With its limits; there must be room for the row at its top.
     peaks : sequence of tuple
         Frequency (Hz), ordinate and remark of each, the most important last.
-    size, most
-        Font size (points) and largest number of labels.
+    size : float
+        Of the font, points.
     """
     chosen: list[tuple[float, float, str]] = []
     low, high = axes.get_xlim()
     for peak in reversed(peaks):
         near = any(abs(np.log(peak[0] / other[0])) < 5e-3 for other in chosen)
-        if low <= peak[0] <= high and not near and len(chosen) < most:
+        if low <= peak[0] <= high and not near and len(chosen) < MOST_PEAKS:
             chosen.append(peak)
     if not chosen:
         return

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from suspension_cli.design.imperfections import Imperfection, perturbed, perturbed_part
+from suspension_cli.design.path_units import DISPLAYED
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.drawing import geometry
 from suspension_cli.drawing.bodies import suspension_size
@@ -116,7 +117,7 @@ def _quantity(kind: Imperfection) -> str:
 def _value(kind: Imperfection, value: float | tuple[float, ...]) -> str:
     if kind.relative:
         return f"{value:.6g}"
-    unit, per = {"m": ("mm", 1e3), "rad": ("mrad", 1e3)}[kind.unit]
+    unit, per = DISPLAYED[kind.unit]
     numbers = [f"{per * one:.4g}" for one in np.atleast_1d(value)]
     text = f"({', '.join(numbers)})" if len(numbers) > 1 else numbers[0]
     return f"{text} {unit}".replace("-", "−")

@@ -19,8 +19,8 @@ def import_matplotlib() -> None:
     describe = artist.kwdoc
     if compose is None:
         return
-    base._update_set_signature_and_docstring = classmethod(lambda cls: None)
-    artist.kwdoc = lambda artist: ""
+    base._update_set_signature_and_docstring = classmethod(lambda _: None)
+    artist.kwdoc = lambda _: ""
     try:
         import matplotlib.axes
         import matplotlib.backends.backend_agg

@@ -357,7 +357,13 @@ class WireAtFrequencies:
 def _stack(
     values: Iterable[Any],
 ) -> Inexact[np.ndarray, "section *#frequency"]:
-    return np.stack(np.broadcast_arrays(*(np.atleast_1d(value) for value in values)))
+    arrays = [np.asarray(value) for value in values]
+    shapes = {array.shape for array in arrays if array.ndim} or {(1,)}
+    shape = shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
+    result = np.empty((len(arrays), *shape), dtype=np.result_type(*arrays))
+    for row, array in zip(result, arrays, strict=True):  # quicker than numpy.stack
+        row[...] = array
+    return result
 
 
 def _is_bending(part: str) -> bool:

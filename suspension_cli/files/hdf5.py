@@ -168,7 +168,8 @@ def _unsafe(file: h5py.File) -> str:
                         f"is corrupt: {format_value(item.name)} should have {item.size} values,"
                         " more than the file can contain"
                     )
-                place = h5py.h5o.get_info(item.id).addr  # pyright: ignore[reportAttributeAccessIssue]
+                info = h5py.h5o.get_info(item.id)  # pyright: ignore[reportAttributeAccessIssue]
+                place = info.addr
                 if isinstance(item, h5py.Group) and place not in seen:
                     pending.append(item)
                 seen.add(place)

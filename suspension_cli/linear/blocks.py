@@ -366,7 +366,7 @@ def _relative_to_static(
                 np.concatenate([coupling_low, rounding[:, 6:]], axis=1),
             )
         )
-    return tuple(part for part, _ in results), tuple(part for _, part in results)  # pyright: ignore[reportReturnType]
+    return tuple(part for part, _ in results), tuple(part for _, part in results)
 
 
 def _eliminate_tips(

@@ -328,7 +328,8 @@ def _block(model: LinearSystem, group: Int[np.ndarray, " own"]) -> FrequencyDepe
     coupled = np.block(
         [[coupled, tension_pattern.T], [tension_pattern, np.eye(len(tension_pattern), dtype=bool)]]
     )
-    stages = [terms[each.number].stage for each in tensions for _ in each.count]  # pyright: ignore[reportAttributeAccessIssue]
+    wires: list[Any] = [terms[each.number] for each in tensions for _ in each.count]
+    stages = [one.stage for one in wires]
     tree = elimination.tree([*(owner[n] for n in order), *stages], coupled) or elimination.Tree(
         (np.arange(len(coupled)),), (-1,)
     )

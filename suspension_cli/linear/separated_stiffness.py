@@ -54,12 +54,14 @@ def _low_parts(
 
     The elements towards one `body` (w,) of each form follow from the others.
     """
-    low, place = np.zeros_like(form), np.arange(len(form))
-    for dof in TOGETHER:
-        column = 6 * body + dof
-        others = np.arange(form.shape[1]) != column[:, None]
+    low, place = np.zeros_like(form), np.arange(len(form))[:, None]
+    # translations do not depend on each other; yaw moves bodies sideways too
+    for dofs in (np.array(TOGETHER[:3]), np.array(TOGETHER[3:])):
+        column = 6 * body[:, None] + dofs
+        others = np.arange(form.shape[1]) != column[..., None]
         terms = DoubleDouble(
-            np.where(others, form, 0.0), np.where(others, low, 0.0)
-        ) * DoubleDouble.of(np.broadcast_to(rigid[:, dof], form.shape))
-        low[place, column] = (-terms.total() - DoubleDouble.of(form[place, column])).value
+            np.where(others, form[:, None], 0.0), np.where(others, low[:, None], 0.0)
+        ) * DoubleDouble.of(np.broadcast_to(rigid[:, dofs].T, others.shape))
+        total = DoubleDouble(np.moveaxis(terms.high, -1, 0), np.moveaxis(terms.low, -1, 0)).summed()
+        low[place, column] = (-total - DoubleDouble.of(form[place, column])).value
     return low

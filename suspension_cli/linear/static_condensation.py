@@ -147,6 +147,10 @@ def condense_double_double(
     if not len(massless):
         return Reduced(*kept), np.zeros((0, len(columns)))
     (real, imag), count = part(massless, columns), len(massless)
+    if not np.imag(full).any() and not np.imag(low).any():
+        follow = double_double.solve(part(massless, massless_columns)[0], real)
+        lossless = kept[0] - part(kept_rows, massless_columns)[0] @ follow
+        return Reduced(lossless, kept[1]), follow.value
     follow = double_double.solve(
         _embedded(*part(massless, massless_columns)), DoubleDouble.concatenated([real, imag])
     )

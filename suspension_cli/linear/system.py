@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS
+from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.frequency_terms import Term
 from suspension_cli.linear.stretching import Separated, Stretching
 from suspension_cli.scene.arrays import Index
@@ -176,26 +177,8 @@ class LinearSystem:
             *frequency_dependent,
         ):
             coupled |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
-        coupled |= coupled.T  # a damper may sense one body and push another
-        # each row as the bits of one integer: fastest for few coordinates
-        rows = [
-            int.from_bytes(row.tobytes(), "little")
-            for row in np.packbits(coupled, axis=1, bitorder="little")
-        ]
-        remaining = (1 << self.size) - (1 << 6)
-        groups: list[Index] = []
-        while remaining:
-            group, front = 0, remaining & -remaining
-            while front:
-                group |= front
-                reached = 0
-                for n in range(self.size):
-                    if front >> n & 1:
-                        reached |= rows[n]
-                front = reached & remaining & ~group
-            remaining &= ~group
-            groups.append(np.array([n for n in range(self.size) if group >> n & 1]))
-        return tuple(groups)
+        # without the support; a damper may sense one body and push another
+        return tuple(group + 6 for group in connected_groups(coupled[6:, 6:]))
 
 
 def replace_support(model: LinearSystem, ground: Ground) -> LinearSystem:

@@ -14,9 +14,15 @@ from typing import TYPE_CHECKING, ClassVar
 from suspension_cli.models.surroundings import surrounded
 
 if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Inexact
+
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.scene.scene import Scene
+
+    Numbers = complex | Inexact[np.ndarray, "*batch"]
+    """A number of a closed formula: real, complex, or an array of many designs."""
 
 BLADE_TIPS, BENDING, MASS = "blade tip motion", "wire bending", "wire mass"
 """Physics that a model may omit: blade tips as coordinates of their own (else blades act in series

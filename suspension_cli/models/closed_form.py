@@ -13,7 +13,7 @@ A21 and no frequency.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,6 +36,8 @@ from suspension_cli.rotations import cross_matrix
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
+    from suspension_cli.models.base import Numbers
+
 
 @dataclass(frozen=True)
 class FourWires:
@@ -55,40 +57,40 @@ class FourWires:
         m/s^2.
     """
 
-    mass: Any
-    inertia: tuple[Any, Any, Any]
-    l: Any
-    s: Any
-    t1: Any
-    t2: Any
-    d: Any
-    k: Any
-    gravity: Any = 9.81
+    mass: Numbers
+    inertia: tuple[Numbers, Numbers, Numbers]
+    l: Numbers
+    s: Numbers
+    t1: Numbers
+    t2: Numbers
+    d: Numbers
+    k: Numbers
+    gravity: Numbers = 9.81
 
     @property
-    def sin(self) -> Any:
+    def sin(self) -> Numbers:
         """sin(Omega)."""
         return (self.t2 - self.t1) / self.l
 
     @property
-    def cos(self) -> Any:
+    def cos(self) -> Numbers:
         """cos(Omega)."""
         return np.sqrt((1.0 - self.sin) * (1.0 + self.sin))
 
 
-def vertical(p: FourWires) -> Any:
+def vertical(p: FourWires) -> Numbers:
     """omega^2 of the vertical mode, (rad/s)^2; equation 6 (equation 1 for vertical wires)."""
     return 4 * p.k * p.cos**2 / p.mass + p.gravity * p.sin**2 / (p.l * p.cos)
 
 
-def rotation(p: FourWires) -> Any:
+def rotation(p: FourWires) -> Numbers:
     """omega^2 of the yaw mode, (rad/s)^2; equation 9 (equation 4 for vertical wires)."""
     inertia = p.inertia[2]
     pendulum = p.mass * p.gravity * (p.s**2 * p.cos**2 + p.t1 * p.t2) / (p.l * inertia * p.cos)
     return pendulum + 4 * p.k * p.s**2 * (p.t2 - p.t1) ** 2 / (p.l**2 * inertia)
 
 
-def longitudinal_tilt(p: FourWires) -> Any:
+def longitudinal_tilt(p: FourWires) -> Inexact[np.ndarray, "*batch 2 2"]:
     """The matrix A of equations 10 to 14 with right-handed pitch: (x, pitch)'' = A (x, pitch);
     (..., 2, 2), 1/s^2.
 
@@ -102,7 +104,7 @@ def longitudinal_tilt(p: FourWires) -> Any:
     return _matrix(-over, a12, a21, a22)
 
 
-def sideways_roll(p: FourWires) -> Any:
+def sideways_roll(p: FourWires) -> Inexact[np.ndarray, "*batch 2 2"]:
     """The matrix A with (y, roll)'' = A (y, roll); (..., 2, 2), 1/s^2.
 
     A wire at (+-s, +-t2, d) below is lengthened by e and swung by w when the mass moves by y and
@@ -125,7 +127,9 @@ def sideways_roll(p: FourWires) -> Any:
     )
 
 
-def _matrix(a11: Any, a12: Any, a21: Any, a22: Any) -> Any:
+def _matrix(
+    a11: Numbers, a12: Numbers, a21: Numbers, a22: Numbers
+) -> Inexact[np.ndarray, "*batch 2 2"]:
     rows = np.broadcast_arrays(a11, a12, a21, a22)
     return np.stack([np.stack(rows[:2], -1), np.stack(rows[2:], -1)], -2)
 
@@ -182,7 +186,7 @@ def linear_model(design: Design) -> LinearSystem:
     stage = design.stage[0]
     assert stage.wires is not None
     p = four_wires(design)
-    mass = np.diag(np.concatenate([np.zeros(6), [p.mass] * 3, p.inertia]))
+    mass = np.diag(np.array([*[0.0] * 6, *[p.mass] * 3, *p.inertia]))
     return LinearSystem(
         body=(stage.name,),
         coordinate=tuple(f"{body}.{dof}" for body in (SUPPORT, stage.name) for dof in DOFS),

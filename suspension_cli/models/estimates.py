@@ -30,9 +30,9 @@ b.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -54,7 +54,9 @@ from suspension_cli.scene.fibres import explain_unsuitable
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Bool, Float
+
+T = TypeVar("T")
 
 FAR = 0.5
 """Largest (f / f1)^2 at which the series for responses is valid; above it nothing is estimated."""
@@ -262,9 +264,9 @@ class _EndMotion:
             lost = lost + angle[0] / 2 * self._hinges[end, plane, :, 0] * turned**2
         return lost
 
-    def _each(self, function: Callable[[Fibre, float, float], Any]) -> list[Any]:
+    def _each(self, function: Callable[[Fibre, float, float], T]) -> list[T]:
         """A function of composition, tension and length of each wire; once for equal wires."""
-        known: dict[Any, Any] = {}
+        known: dict[Hashable, T] = {}
         found = []
         numbers = zip(self.wires.tension.tolist(), self.wires.length.tolist(), strict=True)
         for fibre, (tension, length) in zip(self.made, numbers, strict=True):
@@ -310,7 +312,7 @@ class _EndMotion:
             found += [(end, n, (slope * across).sum(-1)) for n, across in enumerate(planes)]
         return found
 
-    def inertia(self, here: Any) -> Any:
+    def inertia(self, here: Bool[np.ndarray, " wire"]) -> Float[np.ndarray, "mode mode"]:
         """Magnitudes of v_i^T (Z - K) v_j (m, m) by the mass of the wires `here` at omega_i.
 
         Infinite if omega_i is too close to a violin mode.
@@ -342,7 +344,9 @@ class _EndMotion:
         return np.where(np.isnan(result), np.inf, np.abs(result))
 
 
-def _waves(omega: Any, mass: float, stiffness: float, shorter: float) -> tuple[Any, Any]:
+def _waves(
+    omega: Float[np.ndarray, " mode"], mass: float, stiffness: float, shorter: float
+) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
     """Stiffness (m,) that mass adds to a string or rod, for one end and between its ends.
 
     With X = omega sqrt(mass / stiffness), the stiffness times X cot X - 1 and 1 - X / sin X (any

@@ -21,8 +21,8 @@ assembly is used.
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,6 +44,11 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
 from suspension_cli.models.surroundings import surroundings_key
 from suspension_cli.rotations import cross_matrix
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact, Int
+
+    from suspension_cli.models.base import Numbers
 
 BLOCKS = {
     "longitudinal-pitch": ("x", "pitch"),
@@ -81,22 +86,22 @@ class Stage:
         Of one blade, N/m.  This, k and torsion may be complex, k (1 + i phi).
     """
 
-    mass: Any
-    inertia: tuple[Any, Any, Any]
+    mass: Numbers
+    inertia: tuple[Numbers, Numbers, Numbers]
     count: int
-    l: Any
-    t1: Any = 0.0
-    t2: Any = 0.0
-    s_upper: Any = 0.0
-    s_lower: Any = 0.0
-    d: Any = 0.0
-    d_upper: Any = 0.0
-    k: Any = 1e4
-    torsion: Any = 0.0
+    l: Numbers
+    t1: Numbers = 0.0
+    t2: Numbers = 0.0
+    s_upper: Numbers = 0.0
+    s_lower: Numbers = 0.0
+    d: Numbers = 0.0
+    d_upper: Numbers = 0.0
+    k: Numbers = 1e4
+    torsion: Numbers = 0.0
     blades: int = 0
-    blade_stiffness: Any = field(default=1e3)
+    blade_stiffness: Numbers = 1e3
 
-    def stretching(self, *, together: bool) -> Any:
+    def stretching(self, *, together: bool) -> Numbers:
         """Spring constant of one wire with its blade in series, N/m.
 
         Parameters
@@ -118,10 +123,10 @@ class Chain:
     """Stages from top to bottom, each hanging from the one before."""
 
     stages: tuple[Stage, ...]
-    gravity: Any = 9.81
+    gravity: Numbers = 9.81
 
 
-def stiffness(chain: Chain) -> dict[str, Any]:
+def stiffness(chain: Chain) -> dict[str, Inexact[np.ndarray, "*axes"]]:
     """Stiffness matrices of the four blocks.
 
     Returns
@@ -161,7 +166,7 @@ def stiffness(chain: Chain) -> dict[str, Any]:
     return result
 
 
-def _stage_blocks(p: Stage, load: Any) -> dict[str, list[list[Any]]]:
+def _stage_blocks(p: Stage, load: Numbers) -> dict[str, list[list[Numbers]]]:
     """Stiffness that the wires of one stage add to each block, upper then lower body."""
     height = np.sqrt(p.l**2 - (p.t2 - p.t1) ** 2 - (p.s_lower - p.s_upper) ** 2)
     ux, uy, c = (p.s_lower - p.s_upper) / p.l, (p.t2 - p.t1) / p.l, height / p.l
@@ -199,10 +204,10 @@ def _stage_blocks(p: Stage, load: Any) -> dict[str, list[list[Any]]]:
     return {"longitudinal-pitch": x_pitch, "transverse-roll": y_roll, "vertical": z, "yaw": yaw}
 
 
-def _sum(*terms: tuple[Any, tuple[Any, ...]]) -> list[list[Any]]:
+def _sum(*terms: tuple[Numbers, tuple[Numbers, ...]]) -> list[list[Numbers]]:
     """Sum of factor times outer product of a vector with itself, element by element."""
     size = len(terms[0][1])
-    result: list[list[Any]] = [[0.0] * size for _ in range(size)]
+    result: list[list[Numbers]] = [[0.0] * size for _ in range(size)]
     for factor, vector in terms:
         for i in range(size):
             for j in range(i + 1):
@@ -213,7 +218,7 @@ def _sum(*terms: tuple[Any, tuple[Any, ...]]) -> list[list[Any]]:
     return result
 
 
-def masses(chain: Chain, name: str) -> Any:
+def masses(chain: Chain, name: str) -> Inexact[np.ndarray, "*batch own"]:
     """Masses and moments of inertia (..., c n) of one block's coordinates, kg and kg m^2."""
     moments = {"x": 0, "y": 1, "z": 2, "roll": 0, "pitch": 1, "yaw": 2}
     values = [
@@ -224,7 +229,7 @@ def masses(chain: Chain, name: str) -> Any:
     return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 
-def dynamics(chain: Chain) -> dict[str, Any]:
+def dynamics(chain: Chain) -> dict[str, Inexact[np.ndarray, "*axes"]]:
     """M^(-1/2) K M^(-1/2) of the four blocks, without the support: symmetric, 1/s^2."""
     result = {}
     for name, matrix in stiffness(chain).items():
@@ -233,7 +238,7 @@ def dynamics(chain: Chain) -> dict[str, Any]:
     return result
 
 
-def eigenvalues(chain: Chain) -> dict[str, Any]:
+def eigenvalues(chain: Chain) -> dict[str, Inexact[np.ndarray, "*axes"]]:
     """omega^2 (rad/s)^2 of all modes, ascending in each block, (..., c n); negative if unstable.
 
     Large one-dimensional batches are solved in chunks.
@@ -390,12 +395,12 @@ def assembled(design: Design, links: Chain, lossy: Chain | None) -> LinearSystem
     )
 
 
-def _rows(name: str, bodies: int) -> Any:
+def _rows(name: str, bodies: int) -> Int[np.ndarray, " own"]:
     """The coordinates of one block among six of every body."""
     return np.array([6 * n + DOFS.index(dof) for n in range(bodies) for dof in BLOCKS[name]])
 
 
-def _whole(links: Chain, size: int) -> Any:
+def _whole(links: Chain, size: int) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """All four blocks in one matrix (..., size, size)."""
     blocks = stiffness(links)
     result = np.zeros((*blocks["vertical"].shape[:-2], size, size), dtype=blocks["vertical"].dtype)
@@ -405,7 +410,7 @@ def _whole(links: Chain, size: int) -> Any:
     return result
 
 
-def _rigid_motion(design: Design) -> Any:
+def _rigid_motion(design: Design) -> Float[np.ndarray, "coordinate 6"]:
     """Motion (N, 6) of all coordinates when everything moves with the support as one rigid body."""
     positions = com_positions(design)
     result = np.concatenate([np.eye(6)] * (len(design.stage) + 1))
@@ -421,7 +426,7 @@ def stacked(chains: Sequence[Chain]) -> Chain:
 
 
 def _stacked_stages(stages: Sequence[Stage]) -> Stage:
-    numbers: dict[str, Any] = {
+    numbers: dict[str, Numbers] = {
         name: np.array([vars(stage)[name] for stage in stages])
         for name in vars(stages[0])
         if name not in ("count", "blades", "inertia")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,10 +11,13 @@ import numpy as np
 from suspension_cli.elements import loss, spring
 from suspension_cli.linear.frequency_terms import LossTerm, Term
 from suspension_cli.linear.symmetry import Symmetry
+from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import BladeLoss
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene, Spectrum
 
+Function = Callable[[Array], Array]
+"""A loss angle, or a relative change of stiffness, against angular frequency (rad/s)."""
 Drag = tuple[Any, ...]
 """Damping (6, 6) of each body by the gas around it, in its own frame at its COM; None for none."""
 
@@ -28,13 +32,13 @@ def lossless(scene: Scene) -> Scene:
     )
 
 
-def loss_terms(scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry) -> list[Term]:
+def loss_terms(scene: Scene, numbering: Layout, adapted: Symmetry) -> list[Term]:
     """Losses of blades; any batch axes, left out where the stiffness has none."""
     fibres, terms = scene.fibres, []
     assert fibres is not None
     shape = (*scene.blades.stiffness.shape[:-2], numbering.size, numbering.size)
     place = {label: n for n, label in enumerate(scene.blades.label)}
-    groups: dict[Any, list[int]] = {}
+    groups: dict[tuple[str, float, object, float, float], list[int]] = {}
     for blade in fibres.blade:
         key = (
             blade.label.rsplit(".", 1)[0],
@@ -84,7 +88,9 @@ def spring_terms(
         spectrum, own = springs.spectrum[n], known.get(springs.label[n])
         if spectrum is None and (tables or not (own or springs.loss[n])):
             continue
-        ambient = spectrum.temperature if scene.fibres is None else scene.fibres.temperature  # pyright: ignore[reportOptionalMemberAccess]
+        surroundings = scene.fibres or spectrum
+        assert surroundings is not None
+        ambient = surroundings.temperature
         own = own or BladeLoss("", float(np.real(springs.loss[n])), None, 0.0, ambient)
         jacobian = spring.strain_jacobian(scene, numbering, pose, now, n)
         for axes, angle, storage in _functions(spectrum, own):
@@ -100,14 +106,16 @@ def spring_terms(
     return terms, tuple(ground)
 
 
-def _functions(spectrum: Spectrum | None, own: BladeLoss) -> list[tuple[Any, Any, Any]]:
+def _functions(
+    spectrum: Spectrum | None, own: BladeLoss
+) -> list[tuple[Array, Function, Function | None]]:
     """Axes (6, 6) of a spring that share a function, loss angle and change of the real part."""
     if spectrum is None:
         return [(np.ones((6, 6)), lambda omega: loss.blade_angle(own, omega), None)]
     at = np.log(2 * np.pi * np.array(spectrum.frequency))
 
-    def curve(values: tuple[float, ...], less: float) -> Any:
-        def evaluate(omega: Any) -> Any:
+    def curve(values: tuple[float, ...], less: float) -> Function:
+        def evaluate(omega: Array) -> Array:
             with np.errstate(divide="ignore"):
                 return np.interp(np.log(np.abs(omega)), at, values) - less
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from suspension_cli.models.base import BENDING, MASS
 from suspension_cli.models.estimates import HIGHER, Estimates, repulsion
 from suspension_cli.models.wire_mass import MassiveWires
 from suspension_cli.scene.arrays import Array
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Int
 
 SAMPLES = 12
 """Frequencies at which a response is sampled."""
@@ -145,13 +148,15 @@ class Transfer:
         """List the signals whose blocks matter."""
         return [*self.inputs, *self.outputs]
 
-    def values(self, model: LinearSystem, frequency: Array) -> Any:
+    def values(
+        self, model: LinearSystem, frequency: Array
+    ) -> Complex[np.ndarray, "frequency output input"]:
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
         from suspension_cli.linear import response
 
         return response.solve(model, frequency, self.inputs, self.outputs).value
 
-    def _touched(self, found: Modes) -> Any:
+    def _touched(self, found: Modes) -> Bool[np.ndarray, " mode"]:
         """Modes in the blocks of the inputs and outputs: (m,) bool."""
         places = [
             found.coordinate.index(f"{one.body}.{DOFS[one.dof]}")
@@ -274,7 +279,7 @@ def _massive(model: LinearSystem) -> bool:
     return any(getattr(getattr(term, "strand", None), "massive", False) for term in model.terms)
 
 
-def _shifted(old: Modes, new: Modes, refined: LinearSystem) -> Any:
+def _shifted(old: Modes, new: Modes, refined: LinearSystem) -> Float[np.ndarray, " mode"]:
     """Relative change of each frequency of the refined model, modes paired by their shapes."""
     columns = _pairs(new, old, refined)
     a, b = old.omega_squared[columns], new.omega_squared
@@ -284,14 +289,14 @@ def _shifted(old: Modes, new: Modes, refined: LinearSystem) -> Any:
     return changes
 
 
-def _pairs(rows: Modes, columns: Modes, model: LinearSystem) -> Any:
+def _pairs(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
     """Mode of one model that each mode of another is paired with by its shape."""
     count = 6 * len(model.body)
     mass = model.mass[6 : 6 + count, 6 : 6 + count]
     return pair_by_overlap(body_overlap(rows.shape, columns.shape, mass))
 
 
-def _loaded(found: Modes, model: LinearSystem) -> Any:
+def _loaded(found: Modes, model: LinearSystem) -> Float[np.ndarray, " mode"]:
     """Relative change of each frequency by wire mass, at most.
 
     With the dynamic stiffness Z(omega) of wires with mass, omega^2 of the mode v_i is a root of x =
@@ -321,7 +326,9 @@ def _loaded(found: Modes, model: LinearSystem) -> Any:
     return result
 
 
-def _smooth(size: Any) -> Any:
+def _smooth(
+    size: Float[np.ndarray, "frequency output input"],
+) -> Float[np.ndarray, "frequency output input"]:
     """Geometric mean of each size with its neighbours along the first axis."""
     logs = np.log(np.where(size > 0, size, 1e-300))
     padded = np.concatenate([logs[:1], logs, logs[-1:]])

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
     from suspension_cli.elements.element import Matrix
+    from suspension_cli.linear.frequency_terms import Term
     from suspension_cli.models.batch_terms import BatchTerm
 
 
@@ -97,7 +98,10 @@ def linear_model(
             separated = Separated(separated.soft + 1j * lossy, separated.form, stretching)
             turned = np.swapaxes(separated.form, -1, -2) * stretching.imag[..., None, :]
             lossy = lossy + turned @ separated.form
-        lossy, low = stiffness + 1j * lossy, None if low is None else low + 1j * lossy_low
+        lossy = stiffness + 1j * lossy
+        if low is not None:
+            assert lossy_low is not None
+            low = low + 1j * lossy_low
     terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
     model = LinearSystem(
         body=scene.bodies.name,
@@ -132,9 +136,9 @@ class GroundCouplings:
     in the six rows and columns of the support, which belong to the ground.
     """
 
-    stiffness: Any
-    damping: Any
-    loss: Any
+    stiffness: Float[np.ndarray, "*batch coordinate coordinate"]
+    damping: Float[np.ndarray, "*batch coordinate coordinate"]
+    loss: Float[np.ndarray, "*batch coordinate coordinate"]
 
 
 def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCouplings:
@@ -153,7 +157,7 @@ def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCoupl
     )
     only = replace(scene, springs=own)
 
-    def between(part: Matrix) -> Any:
+    def between(part: Matrix) -> Float[np.ndarray, "*batch coordinate coordinate"]:
         result = _sum_over(only, numbering, pose, [part])
         result[..., 6:, 6:] = 0.0
         return result
@@ -165,7 +169,10 @@ def ground_couplings(scene: Scene, numbering: Layout, pose: Pose) -> GroundCoupl
     )
 
 
-def without_ground(matrix: Any, coupling: Any) -> Any:
+def without_ground(
+    matrix: Inexact[np.ndarray, "*batch coordinate coordinate"],
+    coupling: Inexact[np.ndarray, "*batch coordinate coordinate"],
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Take the coupling to the ground out of the rows and columns of the support.
 
     What rounding leaves where nothing else acts on the support becomes exactly 0.
@@ -176,7 +183,7 @@ def without_ground(matrix: Any, coupling: Any) -> Any:
 
 
 def _on_ground(
-    model: LinearSystem, coupling: GroundCouplings, adapted: Symmetry, terms: tuple[Any, ...]
+    model: LinearSystem, coupling: GroundCouplings, adapted: Symmetry, terms: tuple[Term, ...]
 ) -> LinearSystem:
     """Attach the springs on the ground to the ground, no longer to the support beside it."""
     stiffness, damping, loss = (
@@ -233,7 +240,11 @@ def _is_compiled(scene: Scene) -> bool:
 
 def _separated(
     scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry
-) -> tuple[Separated, Any, Any]:
+) -> tuple[
+    Separated,
+    Float[np.ndarray, "*batch coordinate coordinate"],
+    Float[np.ndarray, "*batch coordinate coordinate"] | None,
+]:
     """The stiffness of a batch apart from the stretching of wires, the whole of it, and the mass.
 
     The mass is None where tips of blades, or bars, have some.
@@ -248,7 +259,10 @@ def _separated(
 
 def _loss(
     scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry, stretched: Stretching | None
-) -> tuple[Any, Any]:
+) -> tuple[
+    Inexact[np.ndarray, "*batch coordinate coordinate"],
+    Float[np.ndarray, "coordinate coordinate"] | None,
+]:
     """The imaginary part of the stiffness, and its rounding error (None if not known).
 
     Of a batch of builds, the part without the stretching of wires.

@@ -89,7 +89,7 @@ def compose(design: Design) -> Fibres:
                     label=wire.label,
                     sections=sections,
                     plane=_plane(wire.direction),
-                    clamp=_clamp(part.stage, number, table, wire),
+                    clamp=_clamp(number, table, wire),
                     temperature=(temperature.upper, temperature.lower)
                     if isinstance(temperature, EndTemperatures)
                     else (temperature, temperature),
@@ -231,7 +231,7 @@ def _plane(direction: Array) -> Array:
     raise AssertionError("no direction is along both x and y")
 
 
-def _clamp(stage: Stage, number: int, table: WireSet | Wire, wire: WirePart) -> tuple[Array, Array]:
+def _clamp(number: int, table: WireSet | Wire, wire: WirePart) -> tuple[Array, Array]:
     """Directions in which a wire leaves its clamps.
 
     A symmetric set gives those of its first wire; they are mirrored (of a ring: turned) for the

@@ -312,13 +312,12 @@ class Scene:
     @cached_property
     def batch(self) -> tuple[int, ...]:
         """Shape of the batch axes."""
-        return np.broadcast_shapes(
-            *(
-                getattr(part, name).shape[:-axes]
-                for part in self.parts.values()
-                for name, axes in inner_axes(type(part)).items()
-            )
-        )
+        shapes = {
+            getattr(part, name).shape[:-axes]
+            for part in self.parts.values()
+            for name, axes in inner_axes(type(part)).items()
+        }
+        return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
 
     @cached_property
     def kind(self) -> Any:
@@ -331,7 +330,7 @@ class Scene:
                 for part in (*self.parts.values(), self.flex, self.field)
                 if part is not None
                 for value in vars(part).values()
-                if isinstance(value, np.ndarray) and value.dtype == complex
+                if isinstance(value, np.ndarray) and value.dtype.kind == "c"
             ),
         )
 

@@ -112,7 +112,7 @@ def _with_derivative(wrenches: Array, load: Array, compliance: Array) -> tuple[A
         + (da.T @ (inverse.T @ solution))
         - inverse @ (a @ (da.T @ (inverse.T @ solution)))
     )
-    whole: Array = root @ solution + 1j * (turned @ solution + root @ change)  # pyright: ignore[reportAssignmentType]
+    whole: Any = root @ solution + 1j * (turned @ solution + root @ change)
     return whole, wrenches.T @ whole + load
 
 

@@ -53,8 +53,8 @@ class Product:
         }
 
 
-def ends_and_middle(axes: tuple[Axis, ...], most: int = 3) -> tuple[Axis, ...]:
-    """Reduce axes to the corners and middles of a grid; of those after `most`, the middle alone.
+def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
+    """Reduce axes to the corners and middles of a grid; of those after the third, the middle alone.
 
     >>> ends_and_middle((Axis("k", (1.0, 2.0, 3.0, 4.0, 5.0)),))
     (Axis(name='k', values=(1.0, 3.0, 5.0)),)
@@ -62,7 +62,7 @@ def ends_and_middle(axes: tuple[Axis, ...], most: int = 3) -> tuple[Axis, ...]:
     result = []
     for n, axis in enumerate(axes):
         middle, last = len(axis.values) // 2, len(axis.values) - 1
-        chosen = sorted({0, middle, last}) if n < most else [middle]
+        chosen = sorted({0, middle, last}) if n < 3 else [middle]
         result.append(Axis(axis.name, tuple(axis.values[i] for i in chosen)))
     return tuple(result)
 

@@ -34,13 +34,6 @@ class Screen(io.StringIO):
         return self.terminal
 
 
-class Full(Screen):
-    """A terminal that takes nothing."""
-
-    def write(self, _text):
-        raise OSError(28, "No space left on device")
-
-
 def drawn(monkeypatch, screen, times, enabled=True):
     """What a bar writes when it is given progress at some times (s), without escapes."""
     clock = iter([100.0, *(100.0 + time for time in times)])
@@ -74,10 +67,6 @@ def test_on_a_terminal(monkeypatch):
 
 def test_not_in_a_log(monkeypatch):
     assert drawn(monkeypatch, Screen(False), [float(n) for n in range(1, 26)]) == ""
-
-
-def test_a_full_terminal_stops_nothing(monkeypatch):
-    assert drawn(monkeypatch, Full(True), [2.0, 3.0]) == ""
 
 
 def test_before_anything_is_known(monkeypatch):

@@ -3,6 +3,7 @@
 import pytest
 
 import suspension_cli as sus
+from suspension_cli.analyses.fit.findings import change_unit
 from suspension_cli.design.path_units import format_with_unit, unit_of
 from suspension_cli.studies import parameters
 
@@ -37,3 +38,12 @@ def test_numbers_are_written_as_people_read_them():
     assert format_with_unit("stage.test.wires.d", -0.0021) == "-2.1 mm"
     assert format_with_unit("materials.a.youngs_modulus", 1.7e11) == "170 GPa"
     assert format_with_unit("stage.test.body.mass", 5.6) == "5.6 kg"
+    assert format_with_unit("materials.a.poisson_ratio", 0.3) == "0.3"
+    assert format_with_unit("gas.pressure", 1e-6) == "1e-06 Pa"
+
+
+def test_changes_of_fitted_numbers_are_printed_in_their_natural_steps():
+    assert change_unit("stage.test.wires.ring", 0.05) == ("mm", 1e3)
+    assert change_unit("stage.test.wires.radius", 2e-4) == ("%", 1 / 2e-6)
+    assert change_unit("stage.test.wires.s", -0.02) == ("mm", 1e3)
+    assert change_unit("link.strap.stiffness.1", 0.0) == ("SI", 1.0)

@@ -398,9 +398,12 @@ def test_signals_between_bodies_are_checked() -> None:
 
 
 @pytest.mark.parametrize("level", ["string", "beam"])
-def test_sensitivity_reaches_links_dampers_and_tables(level: str) -> None:
+def test_sensitivity_reaches_links_dampers_and_tables(
+    level: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from suspension_cli.analyses.sensitivity import solve as sensitivity
     from suspension_cli.linear import eigenmodes, named_results
+    from suspension_cli.studies import parameters
 
     table = TABLE.format("2.0, 3.0, 6.0", "0.1, 0.2, 0.9").replace('"z"', '"x"')
     text = _design(DAMPER) + '[[link]]\nname = "tab"\nbetween = ["test", "ground"]\n' + table
@@ -411,6 +414,18 @@ def test_sensitivity_reaches_links_dampers_and_tables(level: str) -> None:
     names = ["test.x/ground.x:1.3", "test~reaction.yaw/test~reaction.torque_yaw:0.7"]
     known = signals.bodies_with_signals(model)
     results = named_results.parse(names, eigenmodes.solve(model), known)
+    paths = (
+        "link.link2.loss_angle",
+        "link.link3.stiffness.1.1",
+        "link.link3.loss_angle",
+        "link.link1.at.2",
+        "link.tab.table.factor",
+        "damper.feet.damping.1",
+        "damper.brake.damping.6",
+    )
+    # of all numbers of the design, only those that are checked
+    every = [item for item in parameters.every(text, level) if item.name in paths]
+    monkeypatch.setattr(parameters, "every", lambda *_: every)
     found = sensitivity.solve(text, results, level)
 
     def size(values: dict[str, float]) -> Any:
@@ -425,15 +440,6 @@ def test_sensitivity_reaches_links_dampers_and_tables(level: str) -> None:
             ]
         )
 
-    paths = (
-        "link.link2.loss_angle",
-        "link.link3.stiffness.1.1",
-        "link.link3.loss_angle",
-        "link.link1.at.2",
-        "link.tab.table.factor",
-        "damper.feet.damping.1",
-        "damper.brake.damping.6",
-    )
     rows = [found.parameter.index(path) for path in paths]
     value, derivative = found.value[rows], found.derivative[rows]
     size_of_steps = 1e-4 * np.where(value == 0, 1.0, np.abs(value))

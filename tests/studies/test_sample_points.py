@@ -152,6 +152,7 @@ def test_intervals_of_replicates_contain_the_fraction():
         ("perturbation.1.rotation.3", (1e-3, "mrad")),
         ("materials.steel302.loss_angle", (0.02, "%")),
         ("constants.gravity", (0.02, "%")),
+        ("link.strap.strands.diameter", (0.02, "%")),
     ],
 )
 def test_steps_of_numbers(path, step):

@@ -171,9 +171,10 @@ def _at(
         for i in range(k):
             value = sum((MP.mpf(float(c)) * whole[n][i] for n, c in enumerate(row) if c), MP.zero)
             exact[o, i] = complex(value)
-            difference = abs(MP.mpc(complex(found[o, i])) - value)
+            # taken in 50 digits; its size in doubles
+            difference = abs(complex(MP.mpc(complex(found[o, i])) - value))
             error[o, i] = (
-                float(difference / abs(value)) if value else (0.0 if found[o, i] == 0 else np.inf)
+                difference / abs(exact[o, i]) if value else (0.0 if found[o, i] == 0 else np.inf)
             )
     if not condition:
         return exact, error, None

@@ -14,17 +14,17 @@ from tools.stability.row import SHIPPED, Row, relative
 
 RATIO = 10.0 ** np.arange(0, 15)
 FREQUENCY = np.array([0.3, 1.0, 10.0])
-MODELS = {"string": False, "beam": False, "violin": True}
-"""Models, and whether wires have mass in them."""
+MODELS = (registry.STRING, registry.BEAM, registry.VIOLIN)
 
 
 def row(ratio: Any = RATIO) -> Row:
     """Compute errors of the vertical response of two masses on blades and vertical wires."""
     error: dict[str, list[float]] = {}
     for value in ratio:
-        for level, massive in MODELS.items():
-            raw, exact = column(float(value), massive=massive, lossy=level != "string")
-            model = registry.by_name(level).system(design(raw))
+        for kind in MODELS:
+            massive, lossy = kind.has_wire_mass, kind.bends_wires
+            raw, exact = column(float(value), massive=massive, lossy=lossy)
+            model = kind.system(design(raw))
             reference = np.array([exact.response(f) for f in FREQUENCY])
             known = signals.bodies_with_signals(model)
             into, out = (
@@ -32,11 +32,11 @@ def row(ratio: Any = RATIO) -> Row:
                 signals.parse_output("test.z", known),
             )
             found = {
-                f"{SHIPPED}: {level}": (
+                f"{SHIPPED}: {kind.name}": (
                     response.solve(model, FREQUENCY, [into], [out]).value[:, 0, 0]
                 )
             }
-            if level == "string":
+            if not lossy:
                 found |= {
                     "tips with the stage below": naive.upward(model, FREQUENCY, into, out),
                     "tips eliminated first": naive.dense(model, FREQUENCY, into, out),

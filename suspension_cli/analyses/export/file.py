@@ -12,6 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from suspension_cli.analyses.analysis import as_number
 from suspension_cli.analyses.export.solve import Exported
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.atomic import write_bytes
@@ -72,13 +73,12 @@ def _write_npz(path: Path, made: Exported, origin: Provenance) -> None:
 
 
 def _write_control(path: Path, made: Exported, origin: Provenance) -> None:
-    plain = {
+    document = {
         key: value.tolist() if isinstance(value, np.ndarray) else value
         for key, value in _fields(made, origin).items()
     }
-    plain["band_hz"] = made.band
-    plain["worst_error"] = made.worst if np.isfinite(made.worst) else None
-    write_bytes(path, json.dumps(plain, indent=1, allow_nan=False).encode())
+    document |= {"band_hz": made.band, "worst_error": as_number(made.worst)}
+    write_bytes(path, json.dumps(document, indent=1, allow_nan=False).encode())
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.linear import statespace
+from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
@@ -139,14 +140,10 @@ def compute_zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:
 
 def restrict_states(system: statespace.StateSpace, o: int, i: int) -> tuple[Array, Array, Array]:
     """Restrict A, b, c to the states that input i drives and output o observes."""
-    linked = (system.a != 0) | (system.a != 0).T
-
-    def connected(states: Any) -> Any:
-        while (more := states | linked[states].any(0)).sum() > states.sum():
-            states = more
-        return states
-
-    both = connected(system.b[:, i] != 0) & connected(system.c[o] != 0)
+    driven, observed = system.b[:, i] != 0, system.c[o] != 0
+    both = np.zeros(len(system.a), dtype=bool)
+    for group in connected_groups(system.a != 0):
+        both[group] = driven[group].any() and observed[group].any()
     return system.a[np.ix_(both, both)], system.b[both, i], system.c[o, both]
 
 

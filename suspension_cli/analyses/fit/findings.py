@@ -24,6 +24,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.studies import parameters
+from suspension_cli.studies.natural_steps import natural_step
 from suspension_cli.studies.response_matrix import Plant
 
 if TYPE_CHECKING:
@@ -113,25 +114,14 @@ class NumberName:
         return f"{value * self.factor:.2g} {self.unit}"
 
 
-LENGTHS = (
-    *("d", "d_upper", "l", "s", "s_upper", "s_lower", "t1", "t2"),
-    *("radius", "length", "size", "thickness", "base_width"),
-    *("com_offset", "upper_offset", "lower_offset", "position", "at"),
-)
-
-
-def unit_of(name: str, value: float) -> tuple[str, float]:
+def change_unit(name: str, value: float) -> tuple[str, float]:
     """Choose the unit in which a change of a number is printed, and the factor to it from SI.
 
-    >>> unit_of("stage.test.wires.d", 0.001), unit_of("stage.test.body.mass", 40.0)
+    >>> change_unit("stage.test.wires.d", 0.001), change_unit("stage.test.body.mass", 40.0)
     (('mm', 1000.0), ('%', 2.5))
     """
-    keys = [key for key in name.split(".") if not key.isdigit()]
-    if keys[-1] in LENGTHS:
-        return "mm", 1e3
-    if keys[-1] in ("upper", "lower") and len(keys) > 2:
-        return "mm", 1e3
-    return ("%", 100 / abs(value)) if value else ("SI", 1.0)
+    step, unit = natural_step(name, value)
+    return (unit, 1 / abs(step)) if step else ("SI", 1.0)
 
 
 def short(name: str) -> str:
@@ -159,7 +149,9 @@ def describe(
         weak, weak
     )
     sigma, scale = np.sqrt(np.diag(spread)), problem.scale[:p]
-    numbers = [NumberName(short(name), *unit_of(name, float(z[n]))) for n, name in enumerate(names)]
+    numbers = [
+        NumberName(short(name), *change_unit(name, float(z[n]))) for n, name in enumerate(names)
+    ]
     together, taken = combinations(spread, scale, z[:p], numbers)
     good = [n for n in range(p) if sigma[n] <= KNOWN * scale[n] and n not in taken]
     poor = [n for n in range(p) if KNOWN * scale[n] < sigma[n] < UNKNOWN * scale[n]]

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.transforms import blended_transform_factory
 
 from suspension_cli.analyses.fit.solve import Fit
-from suspension_cli.design.path_units import DISPLAYED, LOW_PRESSURE, unit_of
+from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     NOTE,
@@ -196,7 +196,8 @@ def _draw_numbers(
         write_text(figure, 0.1, top - 0.2, "Fitted numbers; bars: 95 %", 8, bold=True)
     joint = not found.shared.all()
     for n, (name, (left, top)) in enumerate(zip(found.name, places, strict=True)):
-        unit, factor = _unit(name, float(found.value[n]))
+        unit, factor = displayed_unit(name, float(found.value[n]))
+        unit = unit.replace("^2", "²")
         start, value = factor * found.start[n], factor * found.value[n]
         sigma = factor * found.scale * found.sigma[n]
         half = INTERVAL * sigma
@@ -236,15 +237,6 @@ def _write_tick(value: float) -> str:
     if value == 0 or 1e-4 <= abs(value) < LARGE:
         return f"{value:.6g}".replace("-", "−")
     return curves.write_plainly(value)
-
-
-def _unit(path: str, value: float) -> tuple[str, float]:
-    """Unit in which a number of a design is read, and the factor to it."""
-    unit = unit_of(path)
-    if unit == "Pa" and abs(value) < LOW_PRESSURE:
-        return unit, 1.0
-    name, factor = DISPLAYED.get(unit, (unit, 1.0))
-    return ("" if name == "1" else name.replace("^2", "²")), factor
 
 
 def format_with_sigma(value: float, sigma: float) -> str:

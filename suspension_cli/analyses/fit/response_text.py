@@ -8,7 +8,7 @@ import numpy as np
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document, plain
-from suspension_cli.analyses.fit.findings import short, unit_of
+from suspension_cli.analyses.fit.findings import change_unit, short
 from suspension_cli.analyses.fit.response_fit import Candidate, ResponseFit, SingleChange
 from suspension_cli.analyses.fit.solve import Fit
 
@@ -136,7 +136,7 @@ def nuisance_unit(name: str) -> tuple[str, float]:
 
 def describe_change(one: SingleChange) -> str:
     """Describe a change of one number: ``upper.d -2.1 mm``."""
-    unit, factor = unit_of(one.name, one.start)
+    unit, factor = change_unit(one.name, one.start)
     return f"{short(one.name)} {one.change * factor:+.3g} {unit}"
 
 
@@ -164,7 +164,7 @@ def _next(found: Fit, responses: ResponseFit) -> list[str]:
     if not responses.candidates or not responses.least:
         return []
     n = found.name.index(responses.least)
-    unit, factor = unit_of(responses.least, float(found.value[n]))
+    unit, factor = change_unit(responses.least, float(found.value[n]))
     sigma = found.sigma[n]
     lines = [
         f"To learn more about {short(responses.least)}, now known to {sigma * factor:.2g} {unit},"

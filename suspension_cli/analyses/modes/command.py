@@ -6,7 +6,15 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, reading_all
+from suspension_cli.analyses.analysis import (
+    Analysis,
+    Document,
+    Result,
+    Run,
+    Settings,
+    as_number,
+    reading_all,
+)
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -109,10 +117,10 @@ class ModesAnalysis(Analysis):
         )
         for n, (body, dof) in enumerate(modes.home):
             row: Document = {
-                "frequency_hz": float(frequency[n]) if np.isfinite(frequency[n]) else None,
+                "frequency_hz": as_number(frequency[n]),
                 "dof": dof,
                 "stage": body,
-                "q": float(modes.q[n]) if np.isfinite(modes.q[n]) else None,
+                "q": as_number(modes.q[n]),
             }
             if np.isfinite(modes.dilution[n]):
                 row["dilution"] = float(modes.dilution[n])

@@ -21,6 +21,7 @@ from suspension_cli.analyses.modes.elastic_losses import ElasticLosses, transfor
 from suspension_cli.analyses.modes.modal_basis import Basis
 from suspension_cli.linear import eigenmodes as undamped
 from suspension_cli.linear import quality
+from suspension_cli.linear.connected_groups import connected_groups
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.system import LinearSystem
@@ -84,7 +85,7 @@ def _split_coupled(basis: Basis) -> list[Int[np.ndarray, " _"]]:
     omega = np.sort(np.sqrt(np.abs(basis.stiffness[basis.inertia > 0])))
     omega = omega[omega > 0]
     probes = 1j * (omega[[0, len(omega) // 2, -1]] if len(omega) else np.ones(1))
-    return weak_damping.connected_groups((basis.losses(probes) != 0).any(0))
+    return connected_groups((basis.losses(probes) != 0).any(0))
 
 
 def solve(model: LinearSystem, found: Modes) -> Modes:

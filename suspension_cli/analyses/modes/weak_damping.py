@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.modes.modal_basis import CONVERGED, ROUNDING, STEPS, Basis, condense
+from suspension_cli.linear.connected_groups import connected_groups
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Int
@@ -109,17 +110,6 @@ def follow_poles(
         if not len(running):
             break
     return 1j * np.sqrt(middle + shift), motions
-
-
-def connected_groups(
-    linked: Bool[np.ndarray, "coordinate coordinate"],
-) -> list[Int[np.ndarray, " _"]]:
-    """Connected groups of a graph, from its adjacency matrix (n, n)."""
-    reached = linked | linked.T | np.eye(len(linked), dtype=bool)
-    while (further := reached.astype(float) @ reached > 0).sum() > reached.sum():
-        reached = further
-    first = reached.argmax(1)
-    return [np.flatnonzero(first == number) for number in sorted(set(first.tolist()))]
 
 
 def _chunks(basis: Basis, count: int) -> list[slice]:

@@ -330,7 +330,7 @@ class Search:
         function: Callable[[Array], float] = (
             (lambda x: x[-1]) if extra else lambda x: evaluate(x)[0]
         )
-        slope: Callable[[Array], Array] = (lambda x: up) if extra else lambda x: evaluate(x)[1]
+        slope: Callable[[Array], Array] = (lambda _: up) if extra else lambda x: evaluate(x)[1]
         begin = np.append(fraction, worst) if extra else fraction
         minimize(
             function,

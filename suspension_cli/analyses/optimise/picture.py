@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from suspension_cli.analyses.optimise.optimum import Optimum
-from suspension_cli.design.path_units import DISPLAYED, LOW_PRESSURE, unit_of
+from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     INK,
@@ -104,13 +104,13 @@ def _write_above(figure: Figure, top: float, text: str) -> None:
     write_text(figure, 0.1, top - 0.18, text, 7.5)
 
 
-def _rows(axes: Axes, names: list[str], size: float = 7.5) -> Any:
+def _rows(axes: Axes, names: list[str]) -> Any:
     """Label rows from the top down; return their positions."""
     rows = np.arange(len(names))
-    axes.set_yticks(rows, names, fontsize=size)
+    axes.set_yticks(rows, names, fontsize=7.5)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.tick_params(axis="y", length=0)
-    axes.tick_params(labelsize=size)
+    axes.tick_params(labelsize=7.5)
     axes.grid(visible=True, axis="x", color=PALE, linewidth=0.4)
     axes.set_axisbelow(True)
     return rows
@@ -282,7 +282,8 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
     for row, (name, lower, upper) in enumerate(
         zip(numbers.name, numbers.lower, numbers.upper, strict=True)
     ):
-        unit, factor = _shown_unit(name, numbers.after[row])
+        unit, factor = displayed_unit(name, numbers.after[row])
+        unit = unit.replace("^2", "²")
         for x, bound, side in ((0.0, lower, "right"), (1.0, upper, "left")):
             if np.isfinite(bound):
                 text = curves.write_plainly(float(f"{factor * bound:.3g}"))
@@ -307,17 +308,9 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
     axes.grid(visible=False)
 
 
-def _shown_unit(path: str, value: float) -> tuple[str, float]:
-    """Unit in which a number is shown, and the factor to it."""
-    unit = unit_of(path)
-    low = unit == "Pa" and abs(value) < LOW_PRESSURE
-    name, factor = DISPLAYED.get("" if low else unit, (unit, 1.0))
-    return ("" if name == "1" else name.replace("^2", "²")), factor
-
-
 def _describe_change(path: str, before: float, after: float) -> str:
     """Name of a number, shortened, and its values before and after."""
-    _, factor = _shown_unit(path, after)
+    _, factor = displayed_unit(path, after)
     values = f"{factor * before:.3g} → {factor * after:.3g}".replace("-", "−")
     name = path.removeprefix("stage.").replace(".geometry.", ".")
     return f"{single_line(name, max(36 - len(values), 8))}  {values}"

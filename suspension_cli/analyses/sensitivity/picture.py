@@ -63,7 +63,7 @@ def draw(found: Sensitivity, title: str) -> Figure:
         columns = np.sort(kept)
         wide = max(CELL[0] * len(columns), min(MAX_WIDTH, 0.4 * len(columns)))
         tall = CELL[1] * max(len(rows), 4)
-        notes = _notes(found, len(rows), largest[order[MAX_ROWS:]], len(columns))
+        notes = _notes(found, largest[order[MAX_ROWS:]], len(columns))
         top = curves.HEAD + RESULTS
         figure = new_figure(
             max(NAMES + wide + CHANGES + 0.1, 4.5), top + tall + FOOT + 0.13 * len(notes)
@@ -159,7 +159,7 @@ def _label_scale(bar: Any, top: float) -> None:
     bar.outline.set_visible(False)
 
 
-def _notes(found: Sensitivity, rows: int, rest: Array, columns: int) -> list[str]:
+def _notes(found: Sensitivity, rest: Array, columns: int) -> list[str]:
     """Sum up in words what the table leaves out."""
     notes = [f"empty: less than {LEAST:g} %"]
     if len(rest):

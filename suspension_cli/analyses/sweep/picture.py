@@ -16,7 +16,7 @@ from suspension_cli.analyses.sweep.crossing_shapes import Shapes, Strip
 from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.file import SweepResult
 from suspension_cli.analyses.sweep.solve import STATUS
-from suspension_cli.design.path_units import DISPLAYED, unit_of
+from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.canvas import full_canvas
 from suspension_cli.drawing.style import (
@@ -106,18 +106,17 @@ def _is_wide(values: Any) -> bool:
 
 def _unit(axis: Axis) -> tuple[str, float]:
     """Unit in which a parameter is read, and the factor to it."""
-    return DISPLAYED.get(unit_of(axis.name), (unit_of(axis.name), 1.0))
+    return displayed_unit(axis.name, float(np.max(np.abs(axis.values))))
 
 
 def _with_unit(axis: Axis, value: float, digits: int = 4) -> str:
     unit, factor = _unit(axis)
-    number = f"{value * factor:.{digits}g}".replace("-", "−")
-    return number + (f" {unit}" if unit not in ("", "1") else "")
+    return f"{value * factor:.{digits}g} {unit}".rstrip().replace("-", "−")
 
 
 def _parameter_label(axis: Axis, most: int) -> str:
     unit = _unit(axis)[0]
-    return single_line(axis.name, most) + (f" ({unit})" if unit not in ("", "1") else "")
+    return single_line(axis.name, most) + (f" ({unit})" if unit else "")
 
 
 def _quantity(swept: SweepResult) -> str:

@@ -12,8 +12,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from suspension_cli.analyses.tolerance.quantities import COUPLING, SHOWN
+from suspension_cli.analyses.tolerance.quantities import COUPLING
 from suspension_cli.analyses.tolerance.statistics import QUANTILES, Spread, Summary, strongest
+from suspension_cli.design.path_units import DISPLAYED
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     INK,
@@ -125,7 +126,7 @@ def _requirements(summary: Summary) -> list[Panel]:
     for number in numbers:
         if required.name[number] == COUPLING:
             continue
-        unit, per = SHOWN.get(required.unit[number], (required.unit[number], 1.0))
+        unit, per = DISPLAYED.get(required.unit[number], (required.unit[number], 1.0))
         values, limits, lines = per * required.sample[:, number], [], []
         for n, place in enumerate(summary.required_place):
             if place == number:
@@ -310,7 +311,7 @@ def _statics(summary: Summary) -> list[Panel]:
     static, panels = summary.static, []
     for unit, what in (("rad", "rotations"), ("m", "displacements")):
         which = [n for n, own in enumerate(static.unit) if own == unit]
-        name, per = SHOWN[unit]
+        name, per = DISPLAYED[unit]
         panels += _spreads(
             f"Static {what}", _short(static, which), per * static.quantiles[which], unit,
             f"static {what[:-1]} ({name})", name,

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.faults import suggest
+from suspension_cli.design.path_units import DISPLAYED
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import named_results
@@ -35,8 +36,6 @@ COUPLING = "coupling"
 """Name of the cross-coupling of the analysis."""
 STATIC = ("x", "y", "height", "roll", "pitch", "yaw")
 """Names of static displacements and rotations, in the order of a body's coordinates."""
-SHOWN = {"m": ("mm", 1e3), "rad": ("mrad", 1e3)}
-"""Units in which statics are shown, and their number per SI unit."""
 SYNTAX = "write 'QUANTITY in LEAST:LARGEST', 'QUANTITY < LIMIT' or 'QUANTITY > LIMIT', in SI units"
 
 
@@ -66,7 +65,9 @@ class Quantity:
     @property
     def shown(self) -> tuple[str, float]:
         """Unit in which it is shown, and its number per SI unit."""
-        return SHOWN.get(self.unit, (self.unit, 1.0)) if self.column == "static" else (self.unit, 1)
+        if self.column != "static":
+            return self.unit, 1
+        return DISPLAYED.get(self.unit, (self.unit, 1.0))
 
     def read(self, group: Stored, rows: slice = slice(None)) -> Float[np.ndarray, " build"]:
         """Read its values in builds; magnitudes of complex ones, NaN where a build failed."""

@@ -8,7 +8,6 @@ import numpy as np
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document, as_number, plain
-from suspension_cli.analyses.tolerance.quantities import SHOWN
 from suspension_cli.analyses.tolerance.statistics import (
     QUANTILES,
     Spread,
@@ -17,6 +16,7 @@ from suspension_cli.analyses.tolerance.statistics import (
     leading,
     strongest,
 )
+from suspension_cli.design.path_units import DISPLAYED
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.natural_steps import STEPS
 
@@ -146,7 +146,7 @@ def _statics(summary: Summary) -> Iterator[str]:
     static, rows = summary.static, []
     for n, name in enumerate(static.name):
         if static.deviation[n] > NEGLIGIBLE:
-            unit, per = SHOWN[static.unit[n]]
+            unit, per = DISPLAYED[static.unit[n]]
             what = _causes(summary, static.rank[n], per * static.slope[n], unit, 1)
             values = (
                 static.mean[n],
@@ -165,7 +165,7 @@ def _statics(summary: Summary) -> Iterator[str]:
 def _what_matters(required: Spread, summary: Summary) -> Iterator[str]:
     """Lines with the numbers that move required quantities, if not among the modes."""
     for n, name in enumerate(required.name):
-        unit, per = SHOWN.get(required.unit[n], (required.unit[n], 1.0))
+        unit, per = DISPLAYED.get(required.unit[n], (required.unit[n], 1.0))
         end = "" if unit == "1" else unit
         if name not in (*summary.label, "coupling"):
             what = _causes(summary, required.rank[n], per * required.slope[n], end, 3)

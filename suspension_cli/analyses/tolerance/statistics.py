@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -201,14 +201,14 @@ def rank_correlation(
     """
     if not len(a):
         return np.zeros((a.shape[1], b.shape[1]))
-    from scipy.stats import spearmanr
+    from scipy.stats import rankdata  # spearmanr ranks each column apart, and tests significance
 
     both = np.hstack([a, b])
     varies = both.max(0) > both.min(0)
     result = np.zeros((both.shape[1], both.shape[1]))
     if varies.sum() > 1:
-        found: Any = spearmanr(both[:, varies])[0]  # a scalar for two columns
-        result[np.ix_(varies, varies)] = found
+        ranks = rankdata(both[:, varies], axis=0)
+        result[np.ix_(varies, varies)] = np.corrcoef(ranks, rowvar=False)
     return result[: a.shape[1], a.shape[1] :]
 
 

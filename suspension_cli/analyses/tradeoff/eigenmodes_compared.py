@@ -155,9 +155,7 @@ def formulas(
     ]
     every = (
         *pairs,
-        closed_form.vertical(p)[..., None]
-        if np.ndim(factor)
-        else np.array([closed_form.vertical(p)]),
+        np.asarray(closed_form.vertical(p))[..., None],
         np.atleast_1d(closed_form.rotation(p)),
     )
     return {kind: signed_frequency(values) for kind, values in zip(KINDS, every, strict=True)}

@@ -40,7 +40,7 @@ def eliminate(matrix: Matrix, right: Matrix) -> Matrix:
     """
     size = len(matrix)
     for n in range(size):
-        pivot = max(range(n, size), key=lambda row: abs(matrix[row][n]))
+        pivot = max(range(n, size), key=lambda row: abs(complex(matrix[row][n])))
         matrix[n], matrix[pivot], right[n], right[pivot] = (
             matrix[pivot],
             matrix[n],

@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.xcouple.file import Coupling
-from suspension_cli.design.path_units import DISPLAYED, unit_of
+from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import INK, NOTE, PALETTE, house_style, new_figure, single_line
 from suspension_cli.studies.axes import Axis
@@ -105,7 +105,7 @@ def _write_conditions(axes: Axes, coupling: Coupling) -> None:
         parts.append("gaps: " + "; ".join(coupling.failures))
     lines = [single_line("; ".join(parts), 62)]
     if len(coupling.frequency) == 1 and len(coupling.axes) > 1:
-        lines.append(f"lines: {_label(coupling.axes[1].name)}")
+        lines.append(f"lines: {_label(coupling.axes[1])}")
     if len(coupling.frequency) > 1 and len(_curve_names(coupling)) > 1:
         lines.append(_name_worst(coupling))
     axes.set_title("\n".join(lines), loc="left", fontsize=7.5, color=NOTE, pad=13)
@@ -181,7 +181,7 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
     while ratio.ndim > 2:  # worst case over further axes
         ratio = np.nanmax(np.abs(ratio), axis=-1)
     first, ends = coupling.axes[0], []
-    x = np.array(first.values) * _scale(first.name)
+    x = np.array(first.values) * _scale(first)
     if ratio.ndim == 1:
         _draw_curve(axes, x, ratio, PALETTE[0])
     else:
@@ -214,7 +214,7 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
         axes.set_xlim(x.min(), x.max())
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4), useMathText=True)
     axes.yaxis.get_offset_text().set_fontsize(7)
-    axes.set_xlabel(_label(first.name))
+    axes.set_xlabel(_label(first))
     at = NOMINAL.get(first.name, 0.0 if first.name in LABELS else np.nan)
     if x.min() < at < x.max():
         axes.axvline(at, color=INK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.6)
@@ -304,23 +304,27 @@ def interpolate(x: Any, ratio: Any) -> tuple[Any, Any]:
     return np.insert(at, crossed + 1, zeros), np.insert(np.abs(found), crossed + 1, least)
 
 
-def _label(name: str) -> str:
-    if name in LABELS:
-        return LABELS[name]
-    unit = DISPLAYED.get(unit_of(name), (unit_of(name), 1.0))[0]
-    return single_line(name, 50) + (f" ({unit})" if unit not in ("", "1") else "")
+def _unit_of_axis(axis: Axis) -> tuple[str, float]:
+    return displayed_unit(axis.name, float(np.max(np.abs(axis.values))))
 
 
-def _scale(name: str) -> float:
-    if name in LABELS:
-        return 1e3 if "(mm)" in LABELS[name] else 1.0
-    return DISPLAYED.get(unit_of(name), ("", 1.0))[1]
+def _label(axis: Axis) -> str:
+    if axis.name in LABELS:
+        return LABELS[axis.name]
+    unit = _unit_of_axis(axis)[0]
+    return single_line(axis.name, 50) + (f" ({unit})" if unit else "")
+
+
+def _scale(axis: Axis) -> float:
+    if axis.name in LABELS:
+        return 1e3 if "(mm)" in LABELS[axis.name] else 1.0
+    return _unit_of_axis(axis)[1]
 
 
 def _format_value(axis: Axis, n: int) -> str:
     """Write a value of the second axis with its unit."""
-    value = axis.values[n] * _scale(axis.name)
-    label = _label(axis.name)
+    value = axis.values[n] * _scale(axis)
+    label = _label(axis)
     if label.startswith("$"):
         return f"{label} = {value:.4g}"
     sign = "+" if min(axis.values) < 0 < value else ""

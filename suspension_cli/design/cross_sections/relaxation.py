@@ -23,13 +23,14 @@ it by 18 or 22 %.
 
 from __future__ import annotations
 
+import functools
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Inexact
+    from jaxtyping import Complex, Float, Inexact
 
 ROUND, FLAT = 1.0, 0.5
 """Order n of a round wire, and of a ribbon or blade."""
@@ -37,6 +38,8 @@ MOST = 1e6
 """|x| beyond which the ratio of Bessel functions equals its limit to the last digit."""
 FAST = 1e4
 """|x^2| beyond which library functions are quicker than the continued fraction."""
+LARGE = 10_000
+"""Number of phases beyond which the result is not kept."""
 MIDDLE = 2.0
 """|x| below which g, and above which g - 1, is computed without cancellation."""
 
@@ -57,6 +60,19 @@ def relaxation(
     if np.iscomplexobj(phase):  # Im g = (g(i p) - g(-i p))/2i for real p, and so for all
         return (_moment(1j * phase, order) - _moment(-1j * phase, order)) / 2j
     phase = np.asarray(phase, dtype=float)
+    if phase.size > LARGE:
+        return _real_relaxation(phase, order)
+    return _known_relaxation(phase.tobytes(), phase.shape, order).copy()
+
+
+@functools.lru_cache(maxsize=64)
+def _known_relaxation(phase: bytes, shape: tuple[int, ...], order: float) -> Any:
+    """Im g at phases given by their bytes: alike sections and both ends of wires have the same."""
+    return _real_relaxation(np.frombuffer(phase).reshape(shape), order)
+
+
+def _real_relaxation(phase: Float[np.ndarray, "*frequency"], order: float) -> Any:
+    """Im g at real phases."""
     fast = phase > FAST
     result = np.asarray(_imaginary_moment(np.where(fast, FAST, phase), order))
     if fast.any():
@@ -64,7 +80,9 @@ def relaxation(
     return result
 
 
-def _imaginary_moment(phase: Any, order: float) -> Any:
+def _imaginary_moment(
+    phase: Float[np.ndarray, "*frequency"], order: float
+) -> Float[np.ndarray, "*frequency"]:
     """Im g at real phases p = -i x^2, by the continued fraction of the Bessel functions.
 
     With q_m = I_(m+1)(x)/(x I_m(x)) = 1/(2 (m + 1) + x^2 q_(m+1)) = a + i b and
@@ -74,16 +92,20 @@ def _imaginary_moment(phase: Any, order: float) -> Any:
 
     real arithmetic without cancellation.
     """
-    a, b = np.zeros_like(phase), np.zeros_like(phase)
-    for n in _steps(phase):
-        real, imag = 2 * (order + 1 + n) - phase * b, phase * a
-        size = 1 / (real * real + imag * imag)
-        a, b = real * size, -imag * size
+    a, minus_b = np.zeros_like(phase), np.zeros_like(phase)
+    real, imag, square, size = (np.empty_like(phase) for _ in range(4))
+    for n in _steps(phase):  # in place: most arrays are short
+        np.add(np.multiply(phase, minus_b, real), 2 * (order + 1 + n), real)
+        np.multiply(phase, a, imag)
+        np.add(np.multiply(real, real, square), np.multiply(imag, imag, size), size)
+        np.divide(1.0, size, size)
+        np.multiply(real, size, a)
+        np.multiply(imag, size, minus_b)
     c, imag = 2 * (order + 1), phase * (1 + a)
-    return c * imag / ((c - phase * b) ** 2 + imag**2)
+    return c * imag / ((c + phase * minus_b) ** 2 + imag**2)
 
 
-def _steps(x2: Any) -> range:
+def _steps(x2: Inexact[np.ndarray, "*frequency"]) -> range:
     """Steps of the continued fraction, last first, for all digits at all x^2."""
     return range(14 + int(1.5 * math.sqrt(np.abs(x2).max(initial=0.0))), 0, -1)
 
@@ -104,7 +126,9 @@ def _moment(
     return np.where(np.abs(x2) < MIDDLE**2, v, -c) / (v + c)
 
 
-def _fast_ratio(x: Any, order: float) -> Any:
+def _fast_ratio(
+    x: Inexact[np.ndarray, "*frequency"], order: float
+) -> Inexact[np.ndarray, "*frequency"]:
     """x I_(n+2)(x)/I_(n+1)(x), with both functions scaled by exp(-Re x): nothing overflows."""
     from scipy import special  # 0.1 s, which most designs do not need
 
