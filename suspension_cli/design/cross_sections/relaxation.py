@@ -66,12 +66,16 @@ def relaxation(
 
 
 @functools.lru_cache(maxsize=64)
-def _known_relaxation(phase: bytes, shape: tuple[int, ...], order: float) -> Any:
-    """Im g at phases given by their bytes: alike sections and both ends of wires have the same."""
+def _known_relaxation(
+    phase: bytes, shape: tuple[int, ...], order: float
+) -> Float[np.ndarray, "*frequency"]:
+    """Im g at phases given by their bytes, kept as equal sections and both ends of wires repeat."""
     return _real_relaxation(np.frombuffer(phase).reshape(shape), order)
 
 
-def _real_relaxation(phase: Float[np.ndarray, "*frequency"], order: float) -> Any:
+def _real_relaxation(
+    phase: Float[np.ndarray, "*frequency"], order: float
+) -> Float[np.ndarray, "*frequency"]:
     """Im g at real phases."""
     fast = phase > FAST
     result = np.asarray(_imaginary_moment(np.where(fast, FAST, phase), order))
