@@ -37,7 +37,7 @@ def draw(found: list[Curve]) -> Figure:
     """Draw both curves on the axes of the paper's figure."""
     printed = PAPER["figure4"]
     figure = new_figure(5.0, 3.9)
-    write_heading(figure, "Rotation frequency against the wires' upper separation in y", AXES)
+    write_heading(figure, "Rotation frequency against half the upper wire separation", AXES)
     axes = figure.subplots()
     set_margins(figure, left=0.55, right=room_for(["wires + cantilevers"]), bottom=0.45)
     axes.set(

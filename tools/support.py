@@ -12,15 +12,18 @@ import math
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from suspension_cli.design import materials
 from suspension_cli.design.derive import body_mass, set_geometry
 from suspension_cli.design.reader import parse_with_overrides
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing.style import NOTE, PALE, PALETTE, house_style, new_figure, save
+from suspension_cli.drawing import curves
+from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
+from suspension_cli.scene.arrays import Array
 from tools.tables import PAPER, ROOT
 
 CASES = (1, 2, 3, 4)
@@ -180,6 +183,46 @@ within the error.
 """
 
 
+def draw(stiffness: Array) -> Figure:
+    """Draw frequencies against the stiffness of the frame, with those measured."""
+    figure = new_figure(5.0, 4.0)
+    axes = figure.subplots()
+    curves.set_margins(figure, right=curves.room_for(["case 1"]), bottom=0.45)
+    ends = []
+    for case, colour in zip(COMPLIANT, PALETTE, strict=False):
+        for mass, line in ((0.0, "-"), (FRAME_MASS, "--")):
+            frequency = [vertical(case, k, mass) for k in stiffness]
+            axes.plot(stiffness, frequency, line, color=colour)
+            axes.plot(
+                frame_stiffness(case, MEASURED[case], mass),
+                MEASURED[case],
+                "o",
+                color=colour,
+                markersize=4,
+                fillstyle="full" if mass == 0 else "none",
+            )
+            if mass == 0:
+                ends.append((stiffness, frequency, f"case {case}", colour))
+        band = MEASURED[case] - ERROR, MEASURED[case] + ERROR
+        axes.axhspan(*band, color=colour, alpha=0.15, linewidth=0)
+    axes.set(
+        xscale="log",
+        xlim=RANGE,
+        ylim=(4, 15),
+        xlabel="vertical stiffness of the frame (N/m)",
+        ylabel="vertical frequency (Hz)",
+    )
+    curves.rule(axes)
+    curves.label_ends(axes, ends)
+    curves.write_heading(
+        figure,
+        "No one frame explains all three vertical frequencies",
+        f"bands, dots: measured ± {ERROR:g} Hz; solid: frame without mass, dashed: of"
+        f" {FRAME_MASS:.0f} kg",
+    )
+    return figure
+
+
 def main() -> None:
     """Write the page and draw the figure."""
     text = report()
@@ -187,54 +230,7 @@ def main() -> None:
     write_bytes(ROOT / "results" / "support.md", text.encode())
     stiffness = np.geomspace(*RANGE, 81)
     with house_style():
-        figure = new_figure(5.6, 4.0)
-        axes = figure.subplots()
-        for case, colour in zip(COMPLIANT, PALETTE, strict=False):
-            for mass, line in ((0.0, "-"), (FRAME_MASS, "--")):
-                axes.plot(
-                    stiffness,
-                    [vertical(case, k, mass) for k in stiffness],
-                    line,
-                    color=colour,
-                    label=f"case {case}" if mass == 0 else None,
-                )
-                axes.plot(
-                    frame_stiffness(case, MEASURED[case], mass),
-                    MEASURED[case],
-                    "o",
-                    color=colour,
-                    markersize=4,
-                    fillstyle="full" if mass == 0 else "none",
-                )
-            axes.axhspan(
-                MEASURED[case] - ERROR,
-                MEASURED[case] + ERROR,
-                color=colour,
-                alpha=0.15,
-                linewidth=0,
-            )
-            axes.annotate(
-                f"measured, case {case}",
-                (RANGE[0], MEASURED[case]),
-                (4, 3),
-                textcoords="offset points",
-                fontsize=6.5,
-                va="bottom",
-                color=colour,
-            )
-        axes.plot([], [], "-", color=NOTE, label="frame without mass")
-        axes.plot([], [], "--", color=NOTE, label=f"frame of {FRAME_MASS:.0f} kg")
-        axes.set(
-            xscale="log",
-            xlim=RANGE,
-            ylim=(4, 15),
-            xlabel="vertical stiffness of the frame (N/m)",
-            ylabel="vertical frequency (Hz)",
-        )
-        axes.grid(visible=True, color=PALE, linewidth=0.4)
-        axes.legend(loc="lower right")
-        figure.tight_layout()
-        save(figure, ROOT / "results" / "support.png")
+        save(draw(stiffness), ROOT / "results" / "support.png")
     print(text)
 
 

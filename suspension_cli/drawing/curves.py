@@ -3,22 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
 from suspension_cli.drawing.dimensions import spread
-from suspension_cli.drawing.style import INK, NOTE, PALE, shorten, single_line, write_text
+from suspension_cli.drawing.style import (
+    INK,
+    NOTE,
+    PALE,
+    RC,
+    new_figure,
+    shorten,
+    single_line,
+    write_text,
+)
+
+_RENDERER = RendererAgg(1, 1, 72)
 
 COLUMN = 4.55
 """Width of a figure whose text is legible in a column of 8.5 cm, in."""
 HEAD = 0.5
 """Room for the heading at the top of a figure, in."""
+ROW = 0.15
+"""Height of a row of names or frequencies above axes, in."""
+PEAKS = 0.25
+"""Room above axes for the frequencies of peaks, in."""
+LIFT = 0.1
+"""Height above axes at which the frequencies of peaks stand, in."""
+FARTHEST = 2.5
+"""Largest distance of a frequency from its peak, in widths of the text."""
+SAMPLE, APART = 0.22, 0.15
+"""Length of the sample of a line beside its name, and distance to the next name, in."""
 FOOT = 0.16
 """Room for the remark on the model at the bottom of a figure, in."""
 SMALL = 7.5
@@ -28,7 +52,7 @@ WIDE = 3.0
 PROMINENT = 2.0
 """Factor by which a peak must exceed the valleys on both sides to be labelled."""
 STRAIGHT = 0.12
-"""Largest deviation of the exponent of a power law that is labelled."""
+"""Largest deviation of the exponent of a power law that is labelled (or 3 % of a large one)."""
 LONG = 0.25
 """Shortest part of a curve along a power law that is labelled, decades."""
 MOST_PEAKS = 12
@@ -61,6 +85,35 @@ def set_margins(
     )
 
 
+def stack_panels(
+    heights: Sequence[float],
+    rooms: Sequence[float],
+    left: float = 0.75,
+    right: float = 0.15,
+    bottom: float = 0.45,
+) -> tuple[Figure, list[Axes]]:
+    """Make a figure of panels below each other, which share their horizontal axis.
+
+    Parameters
+    ----------
+    heights, rooms : sequences of float
+        Of the panels, and above each of them, in.
+    left, right, bottom : float
+        Margins, in.
+    """
+    parts = [part for both in zip(rooms, heights, strict=True) for part in both]
+    figure = new_figure(COLUMN, HEAD + sum(parts) + bottom)
+    set_margins(figure, left, right, HEAD, bottom, hspace=0)
+    grid = figure.add_gridspec(len(parts), 1, height_ratios=[max(part, 1e-6) for part in parts])
+    panels: list[Axes] = []
+    for n in range(1, len(parts), 2):
+        panels.append(figure.add_subplot(grid[n], sharex=panels[0] if panels else None))
+        panels[-1].tick_params(which="both", labelbottom=n == len(parts) - 1)
+        panels[-1].margins(x=0)
+        rule(panels[-1])
+    return figure, panels
+
+
 def rule(axes: Axes) -> None:
     """Draw a faint grid, and tick labels that are legible in a column of 8.5 cm."""
     axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
@@ -71,6 +124,81 @@ def rule(axes: Axes) -> None:
 def room_for(names: Sequence[str], most: int = 26) -> float:
     """Width of labels at line ends, in."""
     return 0.26 + 0.0085 * SMALL * max((min(len(name), most) for name in names), default=0)
+
+
+@cache
+def text_width(text: str, size: float = SMALL) -> float:
+    """Width of a line of text, in."""
+    font = FontProperties(family=RC["font.family"], size=size)
+    return _RENDERER.get_text_width_height_descent(text, font, ismath="$" in text)[0] / 72
+
+
+def wrap(text: str, width: float, size: float = SMALL) -> str:
+    """Break text into lines of a width, in."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".lstrip()
+        lines[-1:] = [longer] if text_width(longer, size) <= width else [lines[-1], word]
+    return "\n".join(line for line in lines if line)
+
+
+def place_key(names: Sequence[str], width: float = COLUMN - 0.9) -> list[tuple[float, int]]:
+    """Arrange names of lines in rows of a width: the left end (in) and row of each name."""
+    places, left, row = [], 0.0, 0
+    for name in names:
+        wide = SAMPLE + 0.05 + text_width(single_line(name, 60))
+        if left > 0 and left + wide > width:
+            left, row = 0.0, row + 1
+        places.append((left, row))
+        left += wide + APART
+    return places
+
+
+def key_room(names: Sequence[str]) -> float:
+    """Room for the names of lines above axes, in."""
+    return ROW * (place_key(names)[-1][1] + 1) + 0.03 if names else 0.0
+
+
+def write_key(
+    axes: Axes, lines: Sequence[tuple[str, str, dict[str, Any]]], above: float = 0.0
+) -> None:
+    """Write the names of lines above axes, with samples of them.
+
+    Parameters
+    ----------
+    axes : Axes
+    lines : sequence of tuple
+        Name and colour of each line, and further properties of its sample.
+    above : float
+        Room between the axes and the names, in.
+    """
+    figure: Any = axes.get_figure()
+    box, (across, up) = axes.get_position(), figure.get_size_inches()
+    wide, high = box.width * across, box.height * up
+    places = place_key([name for name, *_ in lines], wide)
+    for (name, colour, how), (left, row) in zip(lines, places, strict=True):
+        look: dict[str, Any] = {"linewidth": 1.2} | how
+        y = 1 + (above + ROW * (places[-1][1] - row) + ROW / 2 + 0.02) / high
+        axes.add_line(
+            Line2D(
+                [left / wide, (left + SAMPLE / 2) / wide, (left + SAMPLE) / wide],
+                [y] * 3,
+                color=colour,
+                clip_on=False,
+                transform=axes.transAxes,
+                markevery=[1],
+                **look,
+            )
+        )
+        axes.text(
+            (left + SAMPLE + 0.05) / wide,
+            y,
+            single_line(name, 60),
+            color=colour,
+            fontsize=SMALL,
+            va="center_baseline",
+            transform=axes.transAxes,
+        )
 
 
 def label_plainly(axis: Axis) -> None:
@@ -103,6 +231,16 @@ def write_plainly(value: float) -> str:
     if factor in ("1", "-1"):
         return f"${factor[:-1]}10^{{{power}}}$"
     return f"${factor}\\times10^{{{power}}}$"
+
+
+def unit_of_ratio(ratio: str) -> str:
+    """Unit of a ratio of two motions.
+
+    >>> unit_of_ratio("test.pitch/test.x@0,0,0.001")
+    'rad/m'
+    """
+    names = [end.strip().split("@")[0].rpartition(".")[2] for end in ratio.split("/")[:2]]
+    return "/".join("rad" if name in ("roll", "pitch", "yaw") else "m" for name in names)
 
 
 def label_phases(axes: Axes) -> None:
@@ -221,7 +359,7 @@ def label_ends(axes: Axes, ends: Sequence[tuple[Any, Any, str, str]], most: int 
             plain = name if name.startswith("$") else single_line(shorten(name, most))
             text.set_text(outside + plain)
             text.xy = (1, at / box.height)
-            moved = not outside and abs(at - end) > 0.3 * gap
+            moved = not outside and abs(at) > 0.3 * gap
             leader.set_data(
                 [1, 1 + across] if moved else [],
                 [end / box.height, at / box.height] if moved else [],
@@ -263,17 +401,24 @@ def find_peaks(size: Any, prominent: float = PROMINENT) -> Any:
     return np.array([top for _, top in sorted(found)], dtype=int)
 
 
-def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], size: float = SMALL) -> None:
-    """Write the frequencies of peaks in a row above them, moved apart, with leaders.
+def label_peaks(
+    axes: Axes,
+    peaks: Sequence[tuple[float, float, str]],
+    size: float = SMALL,
+    unit: str = " Hz",
+) -> None:
+    """Write the frequencies of peaks in a row above axes, moved apart, with leaders.
 
     Parameters
     ----------
     axes : Axes
-        With its limits; there must be room for the row at its top.
+        With its limits, and room of the height `PEAKS` above.
     peaks : sequence of tuple
         Frequency (Hz), ordinate and remark of each, the most important last.
     size : float
         Of the font, points.
+    unit : str
+        Of the last frequency of the row.
     """
     chosen: list[tuple[float, float, str]] = []
     low, high = axes.get_xlim()
@@ -283,39 +428,49 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], size: flo
             chosen.append(peak)
     if not chosen:
         return
-    box = axes.get_window_extent()
-    dot = axes.figure.dpi / 72
-    texts = [f"{at:.3g}{remark}" for at, _, remark in chosen]
-    wide = max(map(len, texts)) * 0.62 * size * dot + 3 * dot
-    raw = [float(axes.transData.transform((at, 1))[0] - box.x0) for at, *_ in chosen]
-    fits = max(1, int(box.width / wide))
-    chosen, texts, raw = chosen[:fits], texts[:fits], raw[:fits]
-    places = _within(spread([x - wide / 2 for x in raw], wide), wide, box.width - wide)
-    foot = 1 - (1.25 * size + 2) * dot / box.height
-    for (at, top, _), text, place in zip(chosen, texts, places, strict=True):
-        middle = place + wide / 2
+    box, inch = axes.get_window_extent(), axes.figure.dpi
+    texts = {peak: f"{format_frequency(peak[0])}{peak[2]}" for peak in chosen}
+    wide = (max(text_width(text, size) for text in texts.values()) + 0.1) * inch
+    chosen = chosen[: max(1, int((box.width) / wide))]
+    while True:  # without the least important, until no label is far from its peak
+        shown = sorted(chosen)
+        raw = [float(axes.transData.transform((at, 1))[0] - box.x0) for at, *_ in shown]
+        wanted = [x - wide / 2 for x in raw]
+        places = _within(spread(wanted, wide), wide, box.width - wide)
+        if len(chosen) == 1 or np.abs(np.subtract(places, wanted)).max() < FARTHEST * wide:
+            break
+        chosen.pop()
+    foot = 1 + LIFT * inch / box.height
+    texts[shown[-1]] = f"{format_frequency(shown[-1][0])}{unit}{shown[-1][2]}"
+    for peak, place, x in zip(shown, places, raw, strict=True):
+        middle = (place + wide / 2) / box.width
         axes.text(
-            middle / box.width,
-            1 - 1 * dot / box.height,
-            text,
+            middle,
+            foot,
+            texts[peak],
             transform=axes.transAxes,
             ha="center",
-            va="top",
+            va="bottom",
             fontsize=size,
             color=NOTE,
         )
-        height = (axes.transData.transform((at, top))[1] - box.y0) / box.height
-        start = axes.transData.transform((at, top))[0] - box.x0
+        top = (axes.transData.transform(peak[:2])[1] - box.y0) / box.height
         axes.add_line(
             Line2D(
-                [start / box.width, middle / box.width],
-                [min(height + 0.01, foot), foot],
+                [x / box.width, x / box.width, middle],
+                [min(top + 0.01, 1.0), 1.0, foot],
                 transform=axes.transAxes,
                 color=NOTE,
                 linewidth=0.4,
                 zorder=1,
+                clip_on=False,
             )
         )
+
+
+def format_frequency(value: float) -> str:
+    """Write a frequency with three digits, ``1280``."""
+    return f"{float(f'{value:.3g}'):.7g}"
 
 
 def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
@@ -336,7 +491,8 @@ def find_slopes(frequency: Any, size: Any) -> list[tuple[int, float, float]]:
         return []
     slope = np.gradient(np.interp(grid, x, y), 0.02)
     whole = np.round(slope)
-    fits = (np.abs(slope - whole) < STRAIGHT) & (whole != 0) & (np.abs(whole) <= 24)
+    off = np.abs(slope - whole)
+    fits = (off < np.maximum(STRAIGHT, 0.03 * np.abs(whole))) & (whole != 0) & (np.abs(whole) <= 24)
     found: dict[int, tuple[float, float]] = {}
     start = 0
     for n in range(1, len(grid) + 1):

@@ -14,7 +14,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_hex, to_rgb, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 from PIL import Image
@@ -40,6 +40,9 @@ PALE = "#c4c8cc"
 """Colour of parts at rest, and of rules."""
 NOTE = "#5f6770"
 """Colour of dimensions and remarks."""
+
+RED = "#cc0000"
+"""Colour of limits, and of what is unstable or not met."""
 
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00", "#56b4e9", "#882255", "#999933")
 """Colours that can be told apart with every common colour blindness (Okabe and Ito 2008; Tol 2021
@@ -240,6 +243,22 @@ def format_significant(value: float, digits: int = 4) -> str:
     return f"{value:#.{digits}g}".rstrip(".")
 
 
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+"""Digits of an exponent."""
+
+
+def format_raised(value: float, digits: int = 2) -> str:
+    """Write a number with few digits and without mathtext, so that its length is known.
+
+    >>> format_raised(-2312.0, 3), format_raised(0.000594)
+    ('−2310', '5.9·10⁻⁴')
+    """
+    if not value or not np.isfinite(value) or 1e-3 <= abs(value) < 1e5:
+        return f"{float(f'{value:.{digits}g}'):g}".replace("-", "−")
+    mantissa, power = f"{value:.{digits - 1}e}".split("e")
+    return f"{float(mantissa):g}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
+
+
 def millimetres(value: float) -> str:
     """Write a length in m as a number of mm, with four significant digits."""
     value = 1e3 * value + 0.0
@@ -265,6 +284,19 @@ def stage_colours(stages: Iterable[str]) -> dict[str, str]:
     {'upper': '#0072b2', 'test': '#d55e00'}
     """
     return {name: PALETTE[n % len(PALETTE)] for n, name in enumerate(dict.fromkeys(stages))}
+
+
+def shade(colour: str, number: int) -> str:
+    """Return a colour for number 0, else a darker or lighter shade of it, in turn.
+
+    >>> shade("#0072b2", 0), shade("#0072b2", 1), shade("#0072b2", 2)
+    ('#0072b2', '#003959', '#59a3cd')
+    """
+    if not number:
+        return colour
+    towards, part = ((0.0, 0.5), (1.0, 0.35))[(number - 1) % 2]
+    red, green, blue = (part * towards + (1 - part) * one for one in to_rgb(colour))
+    return to_hex((red, green, blue))
 
 
 def write_title(figure: Figure, heading: str, name: str) -> None:

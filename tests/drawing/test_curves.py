@@ -143,7 +143,7 @@ def test_response_without_loss_marks_its_peaks():
     frequency, value = add_points(pole, grid, pole(grid), np.empty(0))
     signals = (("support.x",), ("test.x",), (("m/m",),))
     figure = draw_response(Response(frequency, *signals, value, 1), "A design")
-    assert "1 ∞" in said(figure)
+    assert "1 Hz ∞" in said(figure)
     low, high = figure.axes[0].get_ylim()
     assert high - low < 200
     assert_legible(figure)
@@ -283,21 +283,42 @@ def test_interpolated_couplings_stop_at_gaps():
     assert np.isfinite(size[(at >= 3)]).all()
 
 
-@pytest.mark.parametrize("sign", [-1])
-def test_poles_of_control_lie_in_the_complex_plane(sign):
+def test_poles_of_control_lie_in_the_complex_plane():
+    """Unstable ones in red, between ticks on both sides of 0; the title names the fastest."""
     text = (CONFIGS / "triple-damped.toml").read_text()
-    design = sus.parse(text if sign > 0 else text.replace("gain = 1.0e6 ", "gain = -1.0e6 "))
+    design = sus.parse(text.replace("gain = 1.0e6 ", "gain = -1.0e6 "))
     found = sus.damp(design, frequency="0.1:50:60", duration=5.0)
     figure = found.plot()
     poles = figure.axes[0]
     crosses = [line for line in poles.lines if line.get_marker() == "x"]
     right = [line for line in crosses if line.get_xdata()[0] > 0]
-    assert bool(right) == (sign < 0)
+    assert right
     assert all(line.get_color() == "#cc0000" for line in right)
-    words = f"Local control: closed loop {'stable' if sign > 0 else 'UNSTABLE'}"
-    assert words in said(figure)
+    ticks = [*poles.get_xticks(), *poles.get_xticks(minor=True)]
+    for line in crosses:
+        (rate,) = np.abs(line.get_xdata())
+        beside = np.abs(np.log10(np.abs([t for t in ticks if t]) / rate))
+        assert beside.min() < 0.51
+    rate = found.data.closed.growth_rate
+    where = found.data.closed.state[int(rate.argmax())]
+    assert f"Local control UNSTABLE: {where} grows at {rate.max():.3g}/s" in said(figure)
     assert figure.axes[4].get_ylabel() == "phase (degrees)"
     assert_legible_axes(figure)
+
+
+def test_coupling_over_frequency_is_that_of_the_worst_build_at_each():
+    """And the headline is the highest point of its curve."""
+    ratio = np.array([[1.0, 9.0, 1.0], [3.0, 2.0, 4.0], [2.0, 3.0, np.nan]]) + 0j
+    axes = (Axis("k", (0.9, 1.0, 1.1)),)
+    found = Coupling(
+        axes, np.array([1.0, 2.0, 4.0]), ratio, np.zeros(3), "test.1", "", "z", "a.x", "a.z"
+    )
+    figure = draw_coupling(found, "Made up")
+    worst, median = figure.axes[0].lines[:2]
+    assert worst.get_ydata().tolist() == [3.0, 9.0, 4.0]
+    assert median.get_ydata().tolist() == [2.0, 5.5, 2.5]
+    assert "Cross-coupling: at most 9" in said(figure)
+    assert figure.axes[0].get_title("left").endswith("3 builds; largest at 2 Hz: k = 0.9")
 
 
 def assert_legible_axes(figure):

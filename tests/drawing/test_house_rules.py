@@ -10,9 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
 import suspension_cli as sus
+from suspension_cli.analyses.fit.response_fit import ResponseFit
+from suspension_cli.analyses.fit.response_picture import draw as draw_responses
+from suspension_cli.drawing.style import PALETTE, shade
 from tests.support.legible import said
 
 ROOT = Path(__file__).parents[2]
+CONFIGS = ROOT / "configs"
 COLUMN = 8.5 / 2.54
 """Width of a column, in."""
 SMALLEST = 5.5
@@ -49,14 +53,77 @@ def optimise(folder):
     return sus.optimise(double(), folder / "goals.toml", starts=1, model="string")
 
 
+def fitted_responses():
+    """Figure of a fit to two measured resonances, with a point every 4 % of the frequency."""
+    frequency = np.geomspace(0.4, 5.0, 60)
+    before, after = (1 / (at**2 - frequency**2 + 0.05j * frequency) for at in (0.97, 1.02))
+    noise = 1e-2 * np.exp(1j * np.arange(60.0) ** 2)
+    nothing = np.empty(0)
+    found = ResponseFit(
+        ("x", "pitch"), ("coil-x", "coil-pitch"), ("osem-x", "osem-pitch"),
+        np.repeat([0, 1], 60), np.tile(frequency, 2), np.full(120, 1e-2),
+        np.tile(after + noise, 2), np.tile(before, 2), np.tile(after, 2),
+        (), nothing, nothing, nothing, (), np.empty((0, 6)),
+    )  # fmt: skip
+    return draw_responses(found, "Made up · beam model", ["m/V", "rad/V"])
+
+
+def measured():
+    return sus.response(
+        sus.read(ROOT / "measured/triple/triple.toml"),
+        measured=[ROOT / "measured/triple/measured.toml"],
+    )
+
+
+def together():
+    """Pictures of two stored results in one, as `plot --together` draws them."""
+    stored = [
+        sus.response(sus.example(name), frequency=FREQUENCY, model="string")
+        for name in ("quadruple", "ligo-quad-2005")
+    ]
+    return sus.compare(*stored)
+
+
 CALLS = {
     "modes": lambda _: sus.modes(sus.example("geo-silica-triple"), model="string"),
     "response": lambda _: sus.response(double(), inputs=["support.x"], frequency=FREQUENCY),
+    "responses": lambda _: sus.response(
+        sus.example("geo-silica-triple"),
+        inputs=["support.z", "upper.force_x"],
+        outputs=["test.z", "upper.z", "test.pitch"],
+        frequency=FREQUENCY,
+        model="string",
+    ),
+    "measured": lambda _: measured(),
     "thermal": lambda _: sus.thermal(sus.example("geo-silica-triple"), frequency=FREQUENCY),
     "budget": lambda _: sus.budget(double(), outputs=["test.x"], frequency=FREQUENCY),
+    "budget-requirement": lambda _: sus.budget(
+        sus.example("triple-damped"),
+        outputs=["test.x", "test.pitch"],
+        ground=["aligo-isi"],
+        requirements=[f"test.x={ROOT}/goals/mirror-motion.csv"],
+        frequency=FREQUENCY,
+        model="string",
+    ),
+    "compare-noise": lambda _: sus.compare(
+        double(),
+        sus.example("husman2000/table2"),
+        inputs=["support.x"],
+        outputs=["test.x"],
+        noises=["test.x"],
+        frequency=FREQUENCY,
+        model="beam",
+    ),
+    "together": lambda _: together(),
     "compare": lambda _: sus.compare(double(), sus.example("five-wires"), frequency=FREQUENCY),
     "sweep": lambda _: sus.sweep(
         double(), vary={"stage.test.wires.d": "-0.003:0.006:12"}, model="string"
+    ),
+    "sweep-responses": lambda _: sus.sweep(
+        double(),
+        vary={"stage.test.wires.l": "0.2:0.5:7"},
+        result=["test longitudinal", "test.x/support.x:10"],
+        model="string",
     ),
     "map": lambda _: sus.sweep(
         double(),
@@ -80,6 +147,33 @@ CALLS = {
     "damp": lambda _: sus.damp(sus.example("triple-damped"), frequency=FREQUENCY, model="string"),
     "fit": lambda _: sus.fit(ROOT / "measured/husman2000/table1.toml", model="string"),
     "optimise": optimise,
+    "tolerance-roll": lambda _: sus.tolerance(
+        sus.read(
+            CONFIGS / "triple-tolerance.toml", ["tolerance.require.2.quantity=test static pitch"]
+        ),
+        builds=40,
+        model="string",
+    ),
+    "damp-unstable": lambda _: sus.damp(
+        sus.read(
+            CONFIGS / "triple-damped.toml",
+            ["control.loop.x.gain=-800", "control.loop.yaw.gain=80000"],
+        ),
+        frequency=FREQUENCY,
+        model="string",
+    ),
+    "sensitivity-few": lambda _: sus.sensitivity(
+        sus.example("imperfect"),
+        result=["test pitch", "test.x@0,0,-0.001/test.z/support.z:50"],
+        model="string",
+    ),
+    "fit-responses": lambda _: fitted_responses(),
+    "xcouple-peaks": lambda _: sus.xcouple(
+        sus.example("triple-tolerance"),
+        sweep={"k": "0.6,1.4", "offset": "-2e-3:2e-3:3"},
+        frequency=np.geomspace(1, 100, 60),
+        model="string",
+    ),
 }
 
 
@@ -144,10 +238,19 @@ def test_pictures_keep_the_house_rules(name, folder):
 
 
 SAID = {
+    "budget-requirement": "the requirement is (met|exceeded)",
+    "compare-noise": "relative to double",
+    "sweep-responses": "test.x / support.x at 10 Hz",
     "fit": "8 numbers fitted to 24 modes in 4 experiments",
     "optimise": r"Optimised: \d of (\d) limits met, \d before",
-    "xcouple": "Cross-coupling at 50 Hz: at most .*10⁻",
-    "xcouple-frequency": "largest at 100 Hz of 2 builds: k = 0.9",
+    "xcouple": "Cross-coupling at 50 Hz: at most 0.00",
+    "xcouple-frequency": "2 builds; largest at .* Hz: k = ",
+    "xcouple-peaks": "6 builds; largest at 2.* Hz: k = ",
+    "damp-unstable": "UNSTABLE: upper.yaw grows at .*/s",
+    "sensitivity-few": r"test\.4 lower z\n",
+    "fit-responses": r"drive\| \(m/V\)(.|\n)*drive\| \(rad/V\)",
+    "tolerance-roll": r"for comparison: .*: coupling < 0\.001 at 50 Hz",
+    "tolerance": r"of 40 builds meet all limits(?!(.|\n)*coupling < 0\.001)",
     "matrix": r"at 50 Hz, test \(rows\) per support \(columns\)",
 }
 """Points that pictures make in words."""
@@ -156,8 +259,36 @@ SAID = {
 @pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
 @pytest.mark.parametrize("name", SAID)
 def test_pictures_say_their_point(name, folder):
-    (figure,) = figures(name, folder)
-    assert re.search(SAID[name], "\n".join(said(figure)))
+    words = []
+    for figure in figures(name, folder):
+        words += said(figure)
+        for axes in figure.axes:
+            names = [label.get_text() for label in axes.get_yticklabels()]
+            words += [axes.get_xlabel(), axes.get_ylabel(), *names, ""]
+    assert re.search(SAID[name], "\n".join(words))
+
+
+def test_residuals_can_be_read_within_their_band(folder):
+    (figure,) = figures("fit", folder)
+    assert {-10.0, -2.0, -1.0, 0.0, 1.0, 2.0, 10.0} <= {*figure.axes[0].get_xticks()}
+
+
+@pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
+def test_measured_points_have_the_colour_of_their_stage_and_stay_near_the_model(folder):
+    """Three transfer functions of the upper mass; points beyond the ratio's axis have arrows."""
+    (figure,) = figures("measured", folder)
+    *magnitudes, phases, ratios = figure.axes
+    lines = [line for axes in magnitudes for line in axes.lines if line.get_label() == "_model"]
+    assert {line.get_color() for line in lines} == {shade(PALETTE[0], n) for n in range(3)}
+    for model, points in zip(phases.lines[::2], phases.lines[1::2], strict=True):
+        at, phase = points.get_data()
+        away = np.abs(phase - np.interp(at, *model.get_data()))
+        assert (away[at < 3.5] < 200).all()
+    low, high = ratios.get_ylim()
+    drawn = [line for line in ratios.lines if line.get_marker() in "oD^v"]
+    outside = sum(((y < low) | (y > high)).sum() for y in (line.get_ydata() for line in drawn))
+    edge = sum(np.isin(line.get_ydata(), (low, high)).sum() for line in drawn)
+    assert edge == outside > 0
 
 
 def find_faults(name, folder):
@@ -172,6 +303,9 @@ def find_faults(name, folder):
         faults += [
             f"overlap: {texts[i][0].get_text()} / {texts[j][0].get_text()}"
             for i, j in np.argwhere(over)
+        ]
+        faults += [
+            f"line through: {text.get_text()}" for text, box in texts if _is_struck(text, box)
         ]
         for axes in figure.axes:
             faults += [f"no unit: {label!r}" for label in _labels(axes) if not UNIT.search(label)]
@@ -195,6 +329,33 @@ def find_faults(name, folder):
 
 def _outside(box, figure):
     return (box[:2] < -1).any() or (box[2:] > np.array(figure.bbox.size) + 1).any()
+
+
+def _is_struck(text, box):
+    """Whether a line of the axes of a text without background passes through it."""
+    axes = text.axes
+    if axes is None or text.get_bbox_patch() or text.get_path_effects():
+        return False
+    middle, half = (box[2:] + box[:2]) / 2, np.maximum((box[2:] - box[:2]) / 2 - 2, 0.0)
+    for line in axes.lines:
+        points = line.get_transform().transform(np.asarray(line.get_xydata(), dtype=float))
+        if line.get_clip_on():
+            frame = np.reshape(axes.bbox.extents, (2, 2))
+            points = np.clip(points, frame[0] - 1e3, frame[1] + 1e3)
+        points = points[np.isfinite(points).all(1)]
+        if len(points) < 2 or line.get_linestyle() == "None":
+            continue
+        start, step = points[:-1] - middle, np.diff(points, axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.stack([(-half - start) / step, (half - start) / step])
+            low, high = ends.min(0), ends.max(0)
+        beside = (step == 0) & (np.abs(start) >= half)
+        low, high = np.where(step == 0, 0.0, low), np.where(step == 0, 1.0, high)
+        if ((low.max(1, initial=0) < high.min(1, initial=1)) & ~beside.any(1)).any():
+            clipped = line.get_clip_on() and not axes.bbox.contains(*middle)
+            if not clipped:
+                return True
+    return False
 
 
 def _plain(text):

@@ -295,6 +295,15 @@ def test_overview_shows_how_far_each_method_gets():
     assert_legible(figure)
 
 
+def test_a_method_that_breaks_at_the_last_value_counts_as_broken():
+    from tools.stability.overview import breaks, first_break
+
+    error = {"a": np.array([0.0, 2 * BROKEN, 0.0]), "b": np.array([0.0, 0.0, 2 * BROKEN])}
+    row = Row("t", "load (kg)", "q", np.array([1.0, 2.0, 3.0]), error, "", "")
+    assert first_break(row, error) == (1.0, "b: 3 kg")
+    assert breaks(row, error) and not breaks(row, ["a"])
+
+
 def test_a_method_right_only_at_the_end_is_not_called_right_throughout():
     error = {"pendsus": np.zeros(3), "bulge": np.array([0.0, 2 * BROKEN, 0.0]), "flat": np.zeros(3)}
     line = atlas.table_row(Row("t", "d", "q", np.array([1.0, 2.0, 3.0]), error, "", ""))

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from suspension_cli.drawing.style import INK, NOTE, PALE, PALETTE, new_figure
+from suspension_cli.drawing.style import INK, NOTE, PALE, PALETTE, new_figure, write_text
 from tools.stability.row import BROKEN, Row
 
 OURS, *THEIRS = (colour for colour in PALETTE if colour != "#56b4e9")  # another blue
@@ -37,25 +38,24 @@ WIDTH, HEIGHT = 4.55, 2.9
 """Size of a panel, inches."""
 KEYED = 7.5
 """Font size of legends, points."""
+KEY = 0.62
+"""Height of the key above the panels, in."""
 
 
 def draw_pages(rows: list[Row]) -> list[Figure]:
-    """Draw a panel per row, `COLUMNS` by `LINES` on a page, and the key after the last."""
+    """Draw a panel per row, `COLUMNS` by `LINES` on a page, below a key."""
     most = COLUMNS * LINES
-    return [
-        _draw_page(rows[n * most : (n + 1) * most], n * most, keyed=n + 1 == count_pages(rows))
-        for n in range(count_pages(rows))
-    ]
+    return [_draw_page(rows[n : n + most], n) for n in range(0, len(rows), most)]
 
 
 def count_pages(rows: list[Row]) -> int:
-    """Count the pages of all panels; the last has the key below them."""
+    """Count the pages of all panels."""
     return -(-len(rows) // (COLUMNS * LINES))
 
 
-def _draw_page(rows: list[Row], start: int, *, keyed: bool) -> Figure:
-    lines = -(-(len(rows) + keyed) // COLUMNS)
-    figure = new_figure(COLUMNS * WIDTH, lines * HEIGHT)
+def _draw_page(rows: list[Row], start: int) -> Figure:
+    lines = -(-len(rows) // COLUMNS)
+    figure = new_figure(COLUMNS * WIDTH, lines * HEIGHT + KEY)
     axes = figure.subplots(lines, COLUMNS, squeeze=False).ravel()
     for number, (panel, row) in enumerate(zip(axes, rows, strict=False)):
         _panel(panel, row, f"{'abcdefghijklmnopqrstuvwxyz'[start + number]}  {row.title}")
@@ -63,11 +63,10 @@ def _draw_page(rows: list[Row], start: int, *, keyed: bool) -> Figure:
             panel.set_ylabel("relative error")
     for panel in axes[len(rows) :]:
         panel.set_axis_off()
-    if keyed:
-        _key(axes[len(rows)])
-    figure.tight_layout(w_pad=1.6, h_pad=1.4)
+    figure.tight_layout(w_pad=1.6, h_pad=1.4, rect=(0, 0, 1, 1 - KEY / figure.get_figheight()))
     for panel, row in zip(axes, rows, strict=False):
         _place_key(panel, row)
+    _draw_key(figure)
     return figure
 
 
@@ -211,42 +210,19 @@ def _shown(error: Any) -> Any:
     return np.clip(np.nan_to_num(np.asarray(error), posinf=CEILING), FLOOR, CEILING)
 
 
-def _key(axes: Axes) -> None:
-    """Draw the key of lines and marks."""
-    axes.set(xlim=(0, 1), ylim=(0, 1))
-    items = [
-        ((0.0, 0.12), {"color": OURS, "linewidth": 2.0}, "pendsus"),
-        (
-            (0.0, 0.12),
-            {"color": THEIRS[0], "linewidth": 0.9},
-            "other methods, as people write them",
-        ),
-        (
-            (0.06, 0.06),
-            {"color": THEIRS[0], "marker": "x", "markersize": 4.5, "markeredgewidth": 1.1},
-            "broken from here on",
-        ),
-        (
-            (0.0, 0.12),
-            {"color": NOTE, "linewidth": 0.5, "linestyle": (0, (1, 2))},
-            "0.1 %: what counts as broken",
-        ),
-        (
-            (0.0, 0.12),
-            {"color": PALE, "linewidth": 6, "alpha": 0.6},
-            "rounding of double precision",
-        ),
-    ]
-    for n, (across, look, text) in enumerate(items):
-        y = 0.85 - 0.13 * n
-        axes.plot(across, (y, y), **look)
-        axes.text(0.17, y, text, fontsize=8, va="center", color=INK)
-    axes.text(
-        0.0,
-        0.85 - 0.13 * len(items) - 0.04,
-        "Trouble grows to the right (in c to both sides);\nwhat is beyond the frame is drawn at its"
-        " edge.",
-        fontsize=8,
-        va="center",
-        color=INK,
-    )
+def _draw_key(figure: Figure) -> None:
+    """Draw the key of lines and marks above the panels."""
+    looks: dict[str, dict[str, Any]] = {
+        "pendsus": {"color": OURS, "linewidth": 2.0},
+        "other methods": {"color": THEIRS[0], "linewidth": 0.9},
+        "broken from here on": {"color": INK, "marker": "x", "markersize": 4.5, "linewidth": 0},
+        "0.1 %: broken": {"color": NOTE, "linewidth": 0.5, "linestyle": (0, (1, 2))},
+        "rounding": {"color": PALE, "linewidth": 6, "alpha": 0.6},
+    }
+    figure.legend(
+        handles=[Line2D([], [], label=name, **look) for name, look in looks.items()],
+        loc="upper left", bbox_to_anchor=(0.02, 1 - 0.04 / figure.get_figheight()), ncols=3,
+        fontsize=KEYED, borderpad=0.1, borderaxespad=0.0, handlelength=1.6, labelspacing=0.3,
+    )  # fmt: skip
+    words = "Trouble grows to the right (in c both ways); beyond the frame: at its edge."
+    write_text(figure, 0.1, 0.4, words, KEYED, NOTE)

@@ -85,7 +85,9 @@ def first_break(row: Row, names: Iterable[str]) -> tuple[float, str]:
     >>> first_break(row, ["sum"])
     (0.5, 'sum: 10 kg')
     """
-    at, name = min((progress(row, row.broken_at(name)), name) for name in names)
+    at, _, name = min(
+        (progress(row, row.broken_at(name)), row.broken_at(name) is None, name) for name in names
+    )
     value = row.broken_at(name)
     if value is not None:
         short = re.sub(rf"^{SHIPPED}[:,]? ?", "", name)
@@ -96,12 +98,17 @@ def first_break(row: Row, names: Iterable[str]) -> tuple[float, str]:
     return 1.0, "" if worst <= BROKEN else f"off by {100 * worst:.2g} % before the end"
 
 
+def breaks(row: Row, names: Iterable[str]) -> bool:
+    """Whether one of some methods breaks, be it at the last value."""
+    return any(row.broken_at(name) is not None for name in names)
+
+
 def draw_overview(rows: list[Row]) -> Figure:
     """Draw two bars per row: the common method that breaks first, and pendsus."""
     high = TOP + PITCH * len(rows) + 0.42
     figure = new_figure(WIDTH, high)
-    count = sum(first_break(row, row.shipped)[0] == 1.0 for row in rows)
-    broken = sum(first_break(row, row.others)[0] < 1.0 for row in rows)
+    count = sum(not breaks(row, row.shipped) for row in rows)
+    broken = sum(breaks(row, row.others) for row in rows)
     heading = (
         f"pendsus stays accurate to the end of {count} of {len(rows)} troubles;",
         f"a common method breaks in {broken}",
@@ -142,9 +149,9 @@ def _draw_row(axes: Axes, n: int, row: Row) -> None:
         if longest > end:
             axes.barh(at, longest - end, THICK, end, color=with_opacity(colour, 0.25))
         axes.barh(at, end, THICK, color=colour)
-        if end < 1:
+        if breaks(row, names):
             axes.plot(end, at, "x", color=INK, markersize=4.5, markeredgewidth=1.3, clip_on=False)
-        look = {"va": "center", "size": 7.5, "color": INK if end < 1 else NOTE}
+        look = {"va": "center", "size": 7.5, "color": INK if breaks(row, names) else NOTE}
         axes.annotate(label or "no break", (1, at), (8, 0), **place, **look)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +15,13 @@ from suspension_cli.drawing.style import (
     INK,
     NOTE,
     PALETTE,
+    format_raised,
     house_style,
-    new_figure,
     single_line,
 )
 
-HEIGHT, BETWEEN = 2.4, 0.95
-"""Width of the figure without labels, height of a panel and distance to the next, in."""
+HEIGHT = 2.4
+"""Height of a panel, in."""
 LIMIT = "#cc0000"
 """Colour of requirements."""
 FAINT = 1e-3
@@ -31,30 +30,61 @@ ROOM = (10.0, 3.0)
 """Factors of room below the lowest sum and above the highest."""
 DECADES = 22
 """Largest number of decades in a panel."""
-SMALL = 7.5
-"""Font size of labels, points."""
 MOST = 99.0
 """Part of the mean square, per cent, from which one cause is named alone."""
 
 
 def draw(budgets: list[Budget], title: str) -> Figure:
-    """Draw one panel per output, whose title says what it shows."""
+    """Draw one panel per output, below a sentence that says what it shows."""
     with house_style():
-        right = curves.room_for([name for one in budgets for name in ["all", *_drawn(one)]], 22)
-        head = curves.HEAD + 0.36
-        height = head + (HEIGHT + BETWEEN) * len(budgets) - 0.1
-        figure = new_figure(curves.COLUMN, height)
-        panels = figure.subplots(len(budgets), 1, squeeze=False)[:, 0]
-        curves.set_margins(
-            figure, right=right, top=head, bottom=BETWEEN - 0.1, hspace=BETWEEN / HEIGHT
-        )
         colours = _colours(budgets)
-        for axes, one in zip(panels, budgets, strict=True):
+        keys = [_key(one, colours) for one in budgets]
+        words = [(_wrapped(write_message(one)), _wrapped(_name_faint(one))) for one in budgets]
+        rooms = [
+            curves.key_room([name for name, *_ in key])
+            + curves.ROW * sum(text.count("\n") + 1 for text in said if text)
+            + 0.14
+            for key, said in zip(keys, words, strict=True)
+        ]
+        figure, panels = curves.stack_panels([HEIGHT] * len(budgets), rooms)
+        for axes, one, key, said in zip(panels, budgets, keys, words, strict=True):
             _panel(axes, one, colours)
+            curves.write_key(axes, key)
+            above = curves.key_room([name for name, *_ in key]) + 0.05
+            for text, colour in zip(reversed(said), (NOTE, INK), strict=True):
+                if text:
+                    axes.text(
+                        0, 1 + above / HEIGHT, text, transform=axes.transAxes,
+                        fontsize=curves.SMALL, color=colour, va="bottom", linespacing=1.25,
+                    )  # fmt: skip
+                    above += curves.ROW * (text.count("\n") + 1)
+        panels[-1].set_xlabel("frequency (Hz)")
         figure.align_ylabels(panels)
         outputs = ", ".join(one.output for one in budgets)
         curves.write_heading(figure, f"Noise budget of {outputs}", title)
         return figure
+
+
+def _wrapped(text: str) -> str:
+    return curves.wrap(text, curves.COLUMN - 0.9)
+
+
+def _name_faint(one: Budget) -> str:
+    """Name the causes that are not drawn."""
+    drawn = _drawn(one)
+    faint = ", ".join(name for name in one.cause if name not in drawn)
+    return f"not drawn, below {FAINT:g} of the sum everywhere: {faint}" if faint else ""
+
+
+def _key(one: Budget, colours: dict[str, tuple[str, Any]]) -> list[tuple[str, str, dict[str, Any]]]:
+    """Names, colours and looks of the lines of a panel."""
+    lines: list[tuple[str, str, dict[str, Any]]] = [("all", INK, {"linewidth": 2.0})]
+    lines += [(name, colours[name][0], {"linestyle": colours[name][1]}) for name in _drawn(one)]
+    if np.isfinite(one.rms).all():
+        lines.append((f"RMS above f ({one.unit})", NOTE, {"linewidth": 0.7}))
+    if one.requirement is not None:
+        lines.append((Path(one.requirement.name).stem, LIMIT, {"linestyle": "--"}))
+    return lines
 
 
 def write_message(one: Budget) -> str:
@@ -65,7 +95,8 @@ def write_message(one: Budget) -> str:
         by = int(square.argmax())
         part = 100 * square[by] / square.sum()
         most = "nearly all" if part >= MOST else f"{part:.0f} % of its square"
-        text = f"{one.output} moves by {rms:.2g} {one.unit} RMS, {most} due to {one.cause[by]}"
+        size = f"{format_raised(rms)} {one.unit}"
+        text = f"{one.output} moves by {size} RMS, {most} due to {one.cause[by]}"
     elif np.isinf(rms):
         text = f"{one.output} has an infinite RMS: a resonance without loss is driven"
     else:
@@ -98,14 +129,12 @@ def _drawn(one: Budget) -> list[str]:
 def _panel(axes: Axes, one: Budget, colours: dict[str, tuple[str, Any]]) -> None:
     mark = "" if len(one.frequency) > 8 else "o"
     total = one.amplitude
-    ends = [(one.frequency, _positive(total), "all", INK)]
     if total.any():
         axes.set_ylim(*_limits(one))
     axes.loglog(
         one.frequency, _positive(total), color=INK, linewidth=2.0, marker=mark, markersize=3
     )
-    drawn = _drawn(one)
-    for name in drawn:
+    for name in _drawn(one):
         colour, style = colours[name]
         axes.plot(
             one.frequency,
@@ -116,17 +145,8 @@ def _panel(axes: Axes, one: Budget, colours: dict[str, tuple[str, Any]]) -> None
             marker=mark,
             markersize=2,
         )
-        ends.append((one.frequency, _positive(one.parts[name]), name, colour))
     if np.isfinite(one.rms).all():
         axes.plot(one.frequency, _positive(one.rms), color=NOTE, linewidth=0.7)
-        axes.annotate(
-            f"RMS above f ({one.unit})",
-            (one.frequency[0], one.rms[0]),
-            (3, 2),
-            textcoords="offset points",
-            fontsize=SMALL,
-            color=NOTE,
-        )
     if one.requirement is not None:
         axes.plot(
             one.requirement.frequency,
@@ -135,30 +155,9 @@ def _panel(axes: Axes, one: Budget, colours: dict[str, tuple[str, Any]]) -> None
             linewidth=1.1,
             linestyle="--",
         )
-        name = single_line(Path(one.requirement.name).stem)
-        ends.append((one.requirement.frequency, _positive(one.requirement.density), name, LIMIT))
     axes.set_xlim(one.frequency[0], one.frequency[-1] * (1 + 1e-9 + (len(one.frequency) == 1)))
-    axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel(f"{single_line(one.output, 40)} ({one.unit}/√Hz)")
-    message = textwrap.fill(write_message(one), 78)
-    axes.set_title(message, loc="left", fontsize=7.5, color=INK)
-    curves.rule(axes)
     curves.label_plainly(axes.yaxis)
-    curves.label_ends(axes, ends, most=22)
-    faint = [name for name in one.cause if name not in drawn]
-    if faint:
-        axes.annotate(
-            textwrap.fill(
-                f"not drawn, below {FAINT:g} of the sum everywhere: {', '.join(faint)}", 64
-            ),
-            (0, 0),
-            (0, -28),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            va="top",
-            fontsize=SMALL,
-            color=NOTE,
-        )
 
 
 def _positive(values: Any) -> Any:

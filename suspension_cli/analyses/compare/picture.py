@@ -8,7 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.compare.solve import Comparison, Overlay, PairedModes
+from suspension_cli.analyses.compare.fine import refine
+from suspension_cli.analyses.compare.solve import Comparison, Curve, Overlay, PairedModes
+from suspension_cli.analyses.response.picture import find_limits, find_tops, lowest_and_highest
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     PALE,
@@ -16,6 +18,7 @@ from suspension_cli.drawing.style import (
     format_significant,
     house_style,
     new_figure,
+    shorten,
     single_line,
 )
 
@@ -36,7 +39,7 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         tall = 0.17 * max(len(shown), 4)
         figure = new_figure(curves.COLUMN, curves.HEAD + 0.3 + tall + 0.55)
         axes = figure.subplots()
-        curves.set_margins(figure, left=left, top=curves.HEAD + 0.3, bottom=0.55)
+        curves.set_margins(figure, left=left, right=0.28, top=curves.HEAD + 0.3, bottom=0.55)
         change: Any = 100 * (modes.frequency[shown] / first[:, None] - 1)
         rows = np.arange(len(shown))
         for n, name in enumerate(found.name):
@@ -48,7 +51,7 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
                 axes.plot(change[own, n], rows[own], marker, ms=4, color=colour, label=name)
         largest = float(np.nanmax(np.abs(change), initial=0.0))
         if largest > 5:
-            axes.set_xscale("symlog", linthresh=1.0)
+            axes.set_xscale("symlog", linthresh=1.0 if largest < 100 else 10.0)
             axes.xaxis.set_major_formatter(lambda x, _: f"{x:+g}".replace("-", "−") if x else "0")
         axes.axvline(0, color=PALE, lw=0.8, zorder=0)
         axes.set_yticks(
@@ -81,50 +84,37 @@ def _modes_title(found: Comparison, change: Any, labels: list[str]) -> str:
     row, column = np.unravel_index(np.nanargmax(np.abs(change)), change.shape)
     if change[row, column] == 0:
         return "none differs"
-    return single_line(f"{labels[row]} {change[row, column]:+.3g} % in {found.name[column]}", 40)
+    text = f"{labels[row]} {change[row, column]:+.3g} % in ".replace("-", "−")
+    return text + shorten(found.name[column], max(54 - len("Mode frequencies: " + text), 6))
 
 
 def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
     """Draw magnitudes (and phases of responses) over each other, and their ratio below."""
-    response = overlay.kind == "response"
+    response, compared = overlay.kind == "response", len(overlay.curves) > 1
+    drawn = refine(overlay)
     with house_style():
-        compared = len(overlay.curves) > 1
-        heights = [2.3, *[1.2] * (response + compared)]
-        names = [single_line(found.name[curve.item], 40) for curve in overlay.curves]
-        right = curves.room_for(names)
-        figure = new_figure(curves.COLUMN, curves.HEAD + sum(heights) + 0.15 * len(heights) + 0.6)
-        panels = figure.subplots(
-            len(heights), 1, sharex=True, height_ratios=heights, squeeze=False
-        )[:, 0]
-        curves.set_margins(figure, right=right, top=curves.HEAD + 0.08, bottom=0.5, hspace=0.1)
-        for axes in panels:
-            axes.set_xscale("log")
-            curves.rule(axes)
-            axes.margins(x=0)
-        panels[0].set_yscale("log")
-        ends = []
-        for curve, name in zip(overlay.curves, names, strict=True):
-            measured = found.kind[curve.item] == "measurement"
-            how: dict[str, Any] = {"color": PALETTE[curve.item % len(PALETTE)]}
-            how |= {"ls": DASHES[curve.item % len(DASHES)]}
-            how |= {"ls": "none", "marker": ".", "ms": 3} if measured else {}
+        key = [(found.name[c.item], PALETTE[c.item % len(PALETTE)], _look(found, c)) for c in drawn]
+        rooms = [curves.key_room([name for name, *_ in key]) + 0.08, *[0.12] * response]
+        rooms += [0.22] * compared
+        figure, panels = curves.stack_panels([2.3, *[1.2] * (response + compared)], rooms)
+        panels[0].set(xscale="log", yscale="log")
+        for curve, (_, colour, how) in zip(drawn, key, strict=True):
+            known = np.isfinite(curve.uncertainty)
             size = np.where(curve.value == 0, np.nan, np.abs(curve.value))
-            panels[0].plot(curve.frequency, size, label=name, **how)
-            ends.append((curve.frequency, size, name, how["color"]))
-            if measured and np.isfinite(curve.uncertainty).any():
-                panels[0].errorbar(
-                    curve.frequency,
-                    size,
-                    curve.uncertainty,
-                    fmt="none",
-                    lw=0.6,
-                    ecolor=how["color"],
-                )
+            panels[0].plot(curve.frequency, size, color=colour, **how)
+            if known.any():
+                low, high = size - curve.uncertainty, size + curve.uncertainty
+                at = curve.frequency[known]
+                panels[0].vlines(at, low[known], high[known], color=colour, linewidth=0.6)
             if response:
-                panels[1].plot(curve.frequency, curves.unwrap_phase(curve.value), **how)
+                phase = curves.unwrap_phase(curve.value)
+                panels[1].plot(curve.frequency, phase, color=colour, **how)
             if len(curve.ratio):
-                panels[-1].plot(curve.ratio_frequency, np.abs(curve.ratio), **how)
-        panels[0].set_ylabel(overlay.unit)
+                panels[-1].plot(curve.ratio_frequency, np.abs(curve.ratio), color=colour, **how)
+        _limit(panels[0], drawn, [colour for _, colour, _ in key])
+        unit = overlay.unit.replace("sqrt(Hz)", "√Hz")
+        name = "magnitude" if response else overlay.output
+        panels[0].set_ylabel(f"{single_line(name, 30)} ({unit})")
         curves.label_plainly(panels[0].yaxis)
         if response:
             panels[1].set_ylabel("phase (degrees)")
@@ -132,17 +122,45 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
         if compared:
             _finish_ratios(panels[-1], found, overlay)
         panels[-1].set_xlabel("frequency (Hz)")
-        curves.label_ends(panels[0], ends)
+        curves.write_key(panels[0], key)
         kind = "Transfer function " if response else "Thermal noise of "
-        curves.write_heading(figure, kind + overlay.name, _model_line(found))
+        what = overlay.name if response else overlay.output
+        curves.write_heading(figure, kind + what, _model_line(found))
         figure.align_ylabels(panels)
         return figure
 
 
+def _limit(axes: Axes, drawn: list[Curve], colours: list[str]) -> None:
+    """Limit an axis to what lies beside infinite peaks, which get arrows."""
+    levels, endless = [], []
+    for curve, colour in zip(drawn, colours, strict=True):
+        size = np.where(curve.value == 0, np.nan, np.abs(curve.value))
+        tops, around = find_tops(curve.frequency, size)
+        levels.append(lowest_and_highest(size[around]))
+        endless += [(curve.frequency[top], colour) for top, remark in tops if remark]
+    low, high = find_limits(levels, decibels=False)
+    if 0 < low < high:
+        axes.set_ylim(low, high)
+        for at, colour in endless:
+            axes.plot(at, high, "^", color=colour, markersize=3, clip_on=False)
+
+
+def _look(found: Comparison, curve: Curve) -> dict[str, Any]:
+    """Dashes of a computed curve, points of a measured one."""
+    if found.kind[curve.item] == "measurement":
+        return {"linestyle": "none", "marker": ".", "markersize": 3}
+    return {"linestyle": DASHES[curve.item % len(DASHES)]}
+
+
 def _finish_ratios(axes: Axes, found: Comparison, overlay: Overlay) -> None:
     """Label the panel of ratios, with a logarithmic axis where they differ much."""
-    reference = single_line(found.name[overlay.curves[0].item], 24)
-    axes.set_ylabel(f"ratio to\n{reference}")
+    axes.set_ylabel("ratio")
+    axes.set_title(
+        f"relative to {single_line(found.name[overlay.curves[0].item], 60)}",
+        loc="left",
+        fontsize=curves.SMALL,
+        pad=3,
+    )
     sizes = [np.abs(curve.ratio) for curve in overlay.curves if len(curve.ratio)]
     known = np.concatenate([s[np.isfinite(s) & (s > 0)] for s in sizes] or [np.ones(1)])
     if len(known) and known.max() > 3 * known.min():

@@ -92,6 +92,9 @@ class Overlay:
         Signals; a noise has no input.
     unit : str
     curves : tuple of Curve
+    source : dict
+        Result of the analysis behind the curve of each item, to draw it between its points; empty
+        for stored comparisons.
     """
 
     kind: str
@@ -99,6 +102,7 @@ class Overlay:
     input: str
     unit: str
     curves: tuple[Curve, ...]
+    source: dict[int, Result] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def name(self) -> str:
@@ -381,7 +385,9 @@ def _responses(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> 
             units[out, into] = result.unit[0][0]
         if curves:
             unit = units.get((out, into), "")
-            overlays.append(Overlay("response", out, into, unit, _with_ratios(items, curves)))
+            ordered = _with_ratios(items, curves)
+            known = _stored(items, "response", curves) | solved
+            overlays.append(Overlay("response", out, into, unit, ordered, known))
     return overlays
 
 
@@ -407,8 +413,16 @@ def _noises(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> lis
             noise = result.data[0]
             curves[n] = _exact(n, noise.frequency, noise.amplitude.astype(complex))
             units[out] = f"{noise.unit}/sqrt(Hz)"
-        overlays.append(Overlay("noise", out, "", units[out], _with_ratios(items, curves)))
+        ordered = _with_ratios(items, curves)
+        known = _stored(items, "thermal", curves) | solved
+        overlays.append(Overlay("noise", out, "", units[out], ordered, known))
     return overlays
+
+
+def _stored(items: Sequence[Item], name: str, curves: dict[int, Curve]) -> dict[int, Result]:
+    """Collect the stored results of one analysis that have a curve."""
+    found = {n: items[n].result for n in curves}
+    return {n: result for n, result in found.items() if result and result.analysis.name == name}
 
 
 @contextlib.contextmanager

@@ -18,6 +18,7 @@ from suspension_cli.drawing.style import (
     NOTE,
     PALE,
     PALETTE,
+    RED,
     add_axes,
     house_style,
     new_figure,
@@ -27,12 +28,14 @@ from suspension_cli.linear.poles import Poles
 
 LEFT, WIDE, TALL, APART = 0.72, 3.1, 1.45, 2.08
 """Left margin, size of panels, and distance of one from the next, in."""
-RED = "#cc0000"
-"""Colour of unstable poles."""
 OPEN = "#9aa1a8"
 """Colour of the open loop."""
 ALIKE, SIMILAR = 0.08, 0.35
 """Relative distances in frequency and in rate of poles drawn as one, with their number."""
+SHOWN = 3
+"""Largest number of loops whose gains are drawn: the most critical ones."""
+STRIP = 0.14
+"""Height above the poles for labels of Q, as a fraction of the panel."""
 NEAR = 40.0
 """Gains drawn in the Nichols chart, dB to both sides of 1."""
 DECADES = 12
@@ -62,6 +65,10 @@ def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None)
     """
     frequency, gain = gains or (damped.frequency, damped.gain)
     looks = _looks(damped.loop)
+    growing = {
+        damped.closed.state[n].rpartition(".")[2] for n in np.flatnonzero(damped.closed.growth_rate)
+    }
+    critical = find_critical(gain, [name in growing for name in damped.loop])
     with house_style():
         figure = new_figure(curves.COLUMN, 0.62 + 6 * APART)
         poles, impulse, size, noise, phase, nichols = (
@@ -71,13 +78,32 @@ def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None)
             curves.rule(axes)
         _draw_poles(poles, damped)
         _draw_impulse(impulse, damped)
-        _draw_gains(size, damped, frequency, gain, looks)
+        _draw_gains(size, damped, frequency, gain, looks, critical)
         _draw_noise(noise, damped, looks)
-        _draw_phases(phase, damped, frequency, gain, looks)
-        _draw_nichols(nichols, damped, gain, looks)
-        state = "stable" if damped.stable else "UNSTABLE"
-        curves.write_heading(figure, f"Local control: closed loop {state}", title)
+        _draw_phases(phase, damped, frequency, gain, looks, critical)
+        _draw_nichols(nichols, damped, gain, looks, critical)
+        curves.write_heading(figure, _say(damped), title)
         return figure
+
+
+def _say(damped: LocalControl) -> str:
+    """Say whether the closed loop is stable, and otherwise what grows fastest."""
+    if damped.stable:
+        return "Local control: closed loop stable"
+    rate = damped.closed.growth_rate
+    worst = int(rate.argmax())
+    where = single_line(damped.closed.state[worst], 14)
+    return f"Local control UNSTABLE: {where} grows at {rate[worst]:.3g}/s"
+
+
+def find_critical(gain: Any, first: Any) -> Any:
+    """Find the loops whose gains (f, l) come nearest to -1, and `first` (l) of all.
+
+    >>> find_critical(np.array([[-0.9, 0.1, -0.5, -0.8]]), [False, True, False, False]).tolist()
+    [0, 1, 3]
+    """
+    distance = np.where(first, -1.0, np.nanmin(np.abs(1 + gain), axis=0))
+    return np.sort(distance.argsort(kind="stable")[:SHOWN])
 
 
 def _looks(loops: Sequence[str]) -> list[tuple[str, Any]]:
@@ -107,8 +133,9 @@ def _draw_poles(axes: Axes, damped: LocalControl) -> None:
     axes.set_yscale("log")
     grows = bool((real > 0).any())
     right = 10 ** np.ceil(np.log10(max(real.max(), least))) if grows else 2 * least
-    axes.set_xlim(-high, right * (1.0 if not grows else 2.0))
-    axes.set_ylim(frequency.min() / 1.5, frequency.max() * 1.5)
+    axes.set_xlim(-2 * high, right)
+    low, top = frequency.min() / 1.5, frequency.max() * 1.5
+    axes.set_ylim(low, top * (top / low) ** (STRIP / (1 - STRIP)))
     axes.axvspan(0, right * 10, color=RED, alpha=0.08, linewidth=0)
     axes.axvline(0, color=INK, linewidth=0.6)
     _draw_q(axes, least, high)
@@ -136,13 +163,12 @@ def _draw_poles(axes: Axes, damped: LocalControl) -> None:
             if count > 1 and marker == "x":
                 counts.append((rate, at, f"×{count}", own))
     _write_counts(axes, counts, [*_group(damped.open), *_group(damped.closed)])
-    decades = np.log10(high / least)
-    step = int(np.ceil((decades + 1) / 4))
-    powers = np.arange(round(np.log10(high)), round(np.log10(least)), -step)
-    ticks = [*(-(10.0**powers)), 0.0]
-    axes.set_xticks([*ticks, *([right] if grows else [])])
-    axes.set_xticks([], minor=True)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: _plain_or_power(x)))
+    every = np.arange(round(np.log10(high)), round(np.log10(least)) - 1, -1.0)
+    step = int(np.ceil(len(every) / (3 if grows else 4)))
+    for powers, minor in ((every[:-1:step], False), (every, True)):
+        ticks = [*(-(10.0**powers)), *([] if minor else [0.0]), *(10.0**powers)]
+        axes.set_xticks([tick for tick in ticks if tick <= right * grows], minor=minor)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: curves.write_plainly(x)))
     curves.label_plainly(axes.yaxis)
     axes.set_xlabel("Re pole (1/s), unstable right of 0")
     axes.set_ylabel("|pole|/2π (Hz)")
@@ -167,13 +193,12 @@ def _write_counts(
 
     marks = place([(rate, at) for rate, at, _ in poles])
     taken = np.zeros((0, 2))
+    frame = axes.get_window_extent().extents * pixel + np.array([9.0, 6.0, -9.0, -6.0])
     for rate, at, text, colour in counts:
         middle = place([(rate, at)])[0] + COUNT_SHIFTS
         room = [
-            min(
-                _distance(marks - one, (8.0, 6.0)),
-                _distance(taken - one, (16.0, 9.0)),
-            )
+            min(_distance(marks - one, (8.0, 6.0)), _distance(taken - one, (16.0, 9.0)))
+            * ((one >= frame[:2]) & (one <= frame[2:])).all()
             for one in middle
         ]
         best = next((n for n, free in enumerate(room) if free >= 1.0), int(np.argmax(room)))
@@ -193,10 +218,6 @@ def _write_counts(
 def _distance(apart: Any, size: tuple[float, float]) -> float:
     """Smallest of distances (k, 2), in units of the least ones across and up; at most 9."""
     return float(np.abs(apart / size).max(1).min(initial=9.0)) if len(apart) else 9.0
-
-
-def _plain_or_power(value: float) -> str:
-    return "0" if value == 0 else curves.write_plainly(value)
 
 
 def _rates(poles: Poles) -> Any:
@@ -222,8 +243,9 @@ def _group(poles: Poles) -> list[tuple[float, float, int]]:
 
 
 def _draw_q(axes: Axes, least: float, high: float) -> None:
-    """Draw lines of constant Q."""
-    low, top = axes.get_ylim()
+    """Draw lines of constant Q, labelled in a strip above the poles where there is room."""
+    (low, top), free = axes.get_ylim(), -np.inf
+    pixel = axes.figure.dpi / 72
     for power in range(0, 12, 2):
         q = 10.0**power
         at = np.array([max(low, least * q / np.pi), min(top, high * q / np.pi)])
@@ -231,10 +253,13 @@ def _draw_q(axes: Axes, least: float, high: float) -> None:
             continue
         rate = -np.pi * at / q
         axes.plot(rate, at, color=PALE, linewidth=0.7, zorder=1)
-        if rate[1] < -least and top * 0.98 <= at[1]:
+        text = f"Q {curves.write_plainly(q)}"
+        start = axes.transData.transform((rate[1], top))[0] / pixel
+        if rate[1] < -least and top * 0.98 <= at[1] and start > free:
+            free = start + 4.5 * (len(text) - 5 * ("{" in text)) + 3.0
             axes.annotate(
-                f"Q {curves.write_plainly(q)}",
-                (rate[1], at[1]),
+                text,
+                (rate[1], top),
                 (2, -2),
                 textcoords="offset points",
                 fontsize=7.5,
@@ -264,34 +289,46 @@ def _draw_impulse(axes: Axes, damped: LocalControl) -> None:
 
 
 def _draw_gains(
-    axes: Axes, damped: LocalControl, frequency: Any, gain: Any, looks: list[tuple[str, Any]]
+    axes: Axes,
+    damped: LocalControl,
+    frequency: Any,
+    gain: Any,
+    looks: list[tuple[str, Any]],
+    critical: Any,
 ) -> None:
     ends = []
     axes.set_xscale("log")
     axes.set_yscale("log")
-    for n, name in enumerate(damped.loop):
-        colour, dashes = looks[n]
+    for n in critical:
+        name, (colour, dashes) = damped.loop[n], looks[n]
         size = np.abs(gain[:, n])
         axes.plot(frequency, size, color=colour, linestyle=dashes, linewidth=0.9)
         ends.append((frequency, size, name, colour))
     axes.axhline(1.0, color=INK, linewidth=0.6, linestyle="--")
     axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel("|loop gain| (ratio)")
-    _name(axes, "loop gain, the other loops closed")
+    left = len(damped.loop) - len(critical)
+    which = f" of the {SHOWN} most critical of {left + SHOWN} loops" if left else ""
+    _name(axes, f"loop gain{which}, others closed")
     axes.margins(x=0)
     curves.label_plainly(axes.yaxis)
     curves.label_ends(axes, ends, most=10)
 
 
 def _draw_phases(
-    axes: Axes, damped: LocalControl, frequency: Any, gain: Any, looks: list[tuple[str, Any]]
+    axes: Axes,
+    damped: LocalControl,
+    frequency: Any,
+    gain: Any,
+    looks: list[tuple[str, Any]],
+    critical: Any,
 ) -> None:
     """Draw unwrapped phases, with a dot at each phase margin."""
     ends = []
     axes.set_xscale("log")
-    for n, name in enumerate(damped.loop):
+    for n in critical:
         phase = curves.unwrap_phase(gain[:, n])
-        colour, dashes = looks[n]
+        name, (colour, dashes) = damped.loop[n], looks[n]
         axes.plot(frequency, phase, color=colour, linestyle=dashes, linewidth=0.9)
         ends.append((frequency, phase, name, colour))
         if damped.margin is not None:
@@ -308,7 +345,11 @@ def _draw_phases(
 
 
 def _draw_nichols(
-    axes: Axes, damped: LocalControl, gain: Any, looks: list[tuple[str, Any]]
+    axes: Axes,
+    damped: LocalControl,
+    gain: Any,
+    looks: list[tuple[str, Any]],
+    critical: Any,
 ) -> None:
     """Draw loop gains against phases from -270 to 90 degrees, with -1 and the margins."""
     turn = np.linspace(0, 2 * np.pi, 181)[1:-1]
@@ -316,7 +357,7 @@ def _draw_nichols(
     phase = (np.degrees(np.angle(circle)) + 270) % 360 - 270
     axes.plot(phase, 20 * np.log10(np.abs(circle)), color=NOTE, linewidth=0.7, linestyle="--")
     axes.plot(-180, 0, "+", color=INK, markersize=7)
-    for n in range(len(damped.loop)):
+    for n in critical:
         colour, dashes = looks[n]
         phase = curves.unwrap_phase(gain[:, n])
         size = 20 * np.log10(np.maximum(np.abs(gain[:, n]), np.finfo(float).tiny))
@@ -338,6 +379,7 @@ def _draw_nichols(
                         linestyle=dashes,
                         linewidth=0.8,
                     )
+                    _mark_exits(axes, own, size, colour)
         if damped.margin is None:
             continue
         margin = damped.margin[n]
@@ -360,6 +402,18 @@ def _draw_nichols(
     axes.annotate(
         "$|1+L|=\\frac{1}{2}$", (-180, 6.5), ha="center", va="bottom", fontsize=7.5, color=NOTE
     )
+
+
+def _mark_exits(axes: Axes, phase: Any, size: Any, colour: str) -> None:
+    """Mark with arrowheads where a curve leaves the chart upwards or downwards."""
+    for edge, marker in ((NEAR, "^"), (-NEAR, "v")):
+        crossed = np.flatnonzero((size[:-1] - edge) * (size[1:] - edge) < 0)
+        crossed = crossed[np.abs(phase[crossed] + 90) < 180]
+        if len(crossed):
+            axes.plot(
+                phase[crossed], np.full(len(crossed), edge), marker, color=colour, markersize=2.5,
+                clip_on=False,
+            )  # fmt: skip
 
 
 def _unit(motion: str) -> str:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.analysis import Progress
+    from suspension_cli.analyses.fit.response_fit import ResponseFit
     from suspension_cli.analyses.fit.solve import Fit
     from suspension_cli.design.measured import Measured
     from suspension_cli.design.reader import Source
@@ -209,8 +210,18 @@ class FitAnalysis(Analysis):
         pages = {"": style.name_neglected(drawn, result.choice)}
         if result.data.responses is not None:
             from suspension_cli.analyses.fit import response_picture
+            from suspension_cli.design import measured
+            from suspension_cli.measurements import read as read_measured
 
-            drawn = response_picture.draw(result.data.responses, title)
+            found: ResponseFit = result.data.responses
+            given = measured.read(result.data.title, result.data.measurements)
+            units = [
+                read_measured.unit_of_value(
+                    measured.TransferFunction(file="", input=into, output=out), given
+                )
+                for into, out in zip(found.input, found.output, strict=True)
+            ]
+            drawn = response_picture.draw(found, title, units)
             pages["-responses"] = style.name_neglected(drawn, result.choice)
         return pages
 

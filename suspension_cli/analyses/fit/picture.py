@@ -66,12 +66,12 @@ def draw(found: Fit, title: str) -> Figure:
         left = 0.15 + LETTER * (max(map(len, names), default=10) + max(map(len, who), default=-2))
         left += 0.1 if who else 0.0
         tall = max(ROW * len(names) + 0.1, 0.5)
-        sigmas = bool(found.label) or found.responses is None
         below = TOP + tall + 0.78
         places, foot = _places(found, below)
         figure = new_figure(curves.COLUMN, foot + 0.2)
         axes = add_axes(figure, left, TOP, curves.COLUMN - left - 0.15, tall)
-        _draw_residuals(axes, names, residuals, sigmas=sigmas)
+        known = "measured" if found.label or found.responses is None else "peak read off"
+        _draw_residuals(axes, names, residuals, f"(model − {known}) / uncertainty")
         _name_experiments(figure, axes, who, starts)
         _draw_numbers(figure, found, places, below)
         curves.write_heading(figure, _say(found), title)
@@ -114,8 +114,8 @@ def _count(count: int, thing: str) -> str:
 def _residuals(found: Fit) -> tuple[list[str], Any, Any]:
     """Labels (k), residuals (k, 2) before and after, and the first of each of several experiments.
 
-    Of modes, in standard deviations; or of the resonances of measured transfer functions, in per
-    cent: those are read off the peaks for comparison and are not what is fitted.
+    In standard deviations, of modes; or of the resonances of measured transfer functions, which
+    are read off the peaks for comparison and are not what is fitted.
     """
     if found.label or found.responses is None:
         off = np.stack([found.before, found.after], axis=1) - found.measured[:, None]
@@ -131,19 +131,18 @@ def _residuals(found: Fit) -> tuple[list[str], Any, Any]:
         f"{single_line(name, LONGEST - 10)}  {f:.4g} Hz, Q {q:.3g}"
         for name, f, q in zip(found.responses.mode, table[:, 0], table[:, 4], strict=True)
     ]
-    return names, 100 * (table[:, 2:4] / table[:, :1] - 1), np.empty(0, int)
+    return names, (table[:, 2:4] - table[:, :1]) / table[:, 1:2], np.empty(0, int)
 
 
-def _draw_residuals(axes: Axes, names: list[str], residuals: Any, *, sigmas: bool) -> None:
+def _draw_residuals(axes: Axes, names: list[str], residuals: Any, label: str) -> None:
     """Draw every residual before and after the fit."""
     rows = np.arange(len(names))
-    if sigmas:
-        axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0, label="95 %")
+    axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0, label="95 %")
     axes.axvline(0.0, color=NOTE, linewidth=0.5)
     known = residuals[np.isfinite(residuals)]
-    most = float(np.abs(known).max(initial=2.5 if sigmas else 0.1))
+    most = float(np.abs(known).max(initial=2.5))
     axes.hlines(rows, residuals[:, 0], residuals[:, 1], color=PALE, linewidth=0.8, zorder=1.5)
-    for column, marker, face, colour, label in (
+    for column, marker, face, colour, text in (
         (0, "o", "white", BEFORE, "before"),
         (1, "D", AFTER, AFTER, "after"),
     ):
@@ -154,14 +153,17 @@ def _draw_residuals(axes: Axes, names: list[str], residuals: Any, *, sigmas: boo
             markersize=3.5,
             markeredgecolor=colour,
             markerfacecolor=face,
-            label=label,
+            label=text,
         )
     if most > FAR:
-        axes.set_xscale("symlog", linthresh=2.0, linscale=0.7)
-        top = 1 + int(np.log10(most))
-        powers = [10.0**n for n in range(1, top + 1)][-1 :: -max(1, top // 3)]
-        axes.set_xticks(sorted([0.0, *powers, *(-p for p in powers)]))
-        axes.set_xticks([], minor=True)
+        decades = np.log10(most)
+        axes.set_xscale("symlog", linthresh=2.0, linscale=0.5 + 0.3 * decades)
+        powers = np.arange(np.ceil(decades), 0, -np.ceil(decades / 3))
+        tens = 10.0 ** powers[10.0**powers <= 2 * most]
+        both = np.array([[1.0], [-1.0]])
+        axes.set_xticks([0.0, *(both * [1.0, 2.0, *tens]).ravel()])
+        fine = np.outer(10.0 ** np.arange(np.ceil(decades)), np.arange(2.0, 10.0)).ravel()
+        axes.set_xticks((both * fine).ravel(), minor=True)
         axes.set_xlim(-2.2 * most, 2.2 * most)
     else:
         axes.set_xlim(-1.15 * most, 1.15 * most)
@@ -171,7 +173,7 @@ def _draw_residuals(axes: Axes, names: list[str], residuals: Any, *, sigmas: boo
     axes.set_yticks(rows, names)
     axes.tick_params(axis="y", labelsize=7.5, length=0)
     axes.set_ylim(max(len(rows), 1) - 0.4, -0.6)
-    axes.set_xlabel("(model − measured) / uncertainty" if sigmas else "model less measured (%)")
+    axes.set_xlabel(label)
 
 
 def _name_experiments(figure: Figure, axes: Axes, who: list[str], starts: Any) -> None:

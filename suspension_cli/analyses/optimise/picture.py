@@ -18,14 +18,16 @@ from suspension_cli.drawing.style import (
     NOTE,
     PALE,
     PALETTE,
+    RED,
     add_axes,
+    format_raised,
     house_style,
     new_figure,
     single_line,
     write_text,
 )
 
-BEFORE, AFTER, MISSED = PALETTE[4], PALETTE[0], PALETTE[1]
+BEFORE, AFTER = PALETTE[4], PALETTE[0]
 BAND = "#dcefe8"
 ROW = 0.17
 """Height of a row, inches."""
@@ -37,6 +39,7 @@ ASIDE = 0.17
 """Shift of markers up before and down after, so that equal values are both seen, rows."""
 MET = 1e-4
 """Margin below a limit that counts as rounding, %."""
+SIGN = {"at_most": "≤", "at_least": "≥", "equals": "="}
 MAX_ROOM = 100.0
 """Distance from a limit in % at which bars are cut off."""
 MIN_FRACTION = 1e-4
@@ -153,7 +156,6 @@ def _draw_modes(axes: Axes, found: Optimum) -> None:
         min([low, *(edge / 1.25 for edge in edges)]),
         max([high, *(edge * 1.25 for edge in edges)]),
     )
-    missed = {row for row, _, _, met in bands if not met}
     for n, (row, a, b, _) in enumerate(bands):
         a, b = low if a is None else a, high if b is None else b
         line = 2.0 if a == b else 0.0  # an equality allows only a line
@@ -167,36 +169,7 @@ def _draw_modes(axes: Axes, found: Optimum) -> None:
             label=None if n else "allowed",
         )
     _join(axes, modes.before, modes.after, rows)
-    axes.plot(
-        modes.before,
-        rows - ASIDE,
-        "o",
-        markersize=4,
-        markerfacecolor="white",
-        markeredgecolor=BEFORE,
-        linestyle="",
-        label="before",
-    )
-    kept = np.array([row not in missed for row in rows])
-    axes.plot(
-        modes.after[kept],
-        rows[kept] + ASIDE,
-        "D",
-        markersize=3.4,
-        color=AFTER,
-        linestyle="",
-        label="after",
-    )
-    if missed:
-        axes.plot(
-            modes.after[~kept],
-            rows[~kept] + ASIDE,
-            "D",
-            markersize=3.4,
-            color=MISSED,
-            linestyle="",
-            label="after, not met",
-        )
+    _mark(axes, modes.before, modes.after, rows, _missed(found, "Hz"))
     axes.set_xscale("log")
     axes.set_xlim(low, high)
     curves.label_plainly(axes.xaxis)
@@ -211,33 +184,41 @@ def _join(axes: Axes, before: Any, after: Any, rows: Any) -> None:
     )
 
 
+def _missed(found: Optimum, unit: str) -> tuple[Any, Any]:
+    """Whether the mode of each row misses a limit, before and after."""
+    mine = [_limits_of_row(found, row, unit) for row in range(len(found.modes.name))]
+    before = [any(_margin_before(found, n) < -MET for n in own) for own in mine]
+    return np.array(before), np.array([any(not found.limits.met[n] for n in own) for own in mine])
+
+
+def _mark(axes: Axes, before: Any, after: Any, rows: Any, missed: tuple[Any, Any]) -> None:
+    """Mark values before and after, those that miss a limit in red, not clipped at an edge."""
+    for values, wrong, shift, name, look in (
+        (before, missed[0], -ASIDE, "before", {"marker": "o", "markersize": 4, "mfc": "white"}),
+        (after, missed[1], ASIDE, "after", {"marker": "D", "markersize": 3.4}),
+    ):
+        own = BEFORE if name == "before" else AFTER
+        for which, colour, remark in ((~wrong, own, ""), (wrong, RED, ", not met")):
+            if which.any():
+                axes.plot(
+                    values[which], rows[which] + shift, color=colour, linestyle="",
+                    label=name + remark, clip_on=False, zorder=3, **look,
+                )  # fmt: skip
+
+
 def _draw_fractions(axes: Axes, found: Optimum) -> None:
     modes, limits = found.modes, found.limits
     rows = _rows(axes, [""] * len(modes.name))
     after, before = (
         np.maximum(values, MIN_FRACTION) for values in (modes.fraction_after, modes.fraction_before)
     )
-    # markers on the edge of the axes are not clipped
-    edge: dict[str, Any] = {"linestyle": "", "clip_on": False, "zorder": 3}
     _join(axes, before, after, rows)
-    axes.plot(
-        before,
-        rows - ASIDE,
-        "o",
-        markersize=4,
-        markerfacecolor="white",
-        markeredgecolor=BEFORE,
-        **edge,
-    )
-    good = np.ones(len(rows), dtype=bool)
     for row in rows:
         for n in _limits_of_row(found, row, "1"):
             axes.fill_betweenx(
                 [row - 0.5, row + 0.5], limits.asked[n], 1.0, color=BAND, linewidth=0, zorder=0
             )
-            good[row] &= limits.met[n]
-    for which, colour in ((good, AFTER), (~good, MISSED)):
-        axes.plot(after[which], rows[which] + ASIDE, "D", markersize=3.4, color=colour, **edge)
+    _mark(axes, before, after, rows, _missed(found, "1"))
     axes.set_xscale("log")
     axes.set_xlim(MIN_FRACTION, 1.0)
     axes.set_xticks([1e-4, 1e-2, 1.0], ["≤0.01", "1", "100"])
@@ -268,17 +249,8 @@ def _draw_numbers(axes: Axes, found: Optimum) -> None:
     before, after = (numbers.before - low) / span, (numbers.after - low) / span
     axes.hlines(rows[both], 0.0, 1.0, color=PALE, linewidth=5)
     _join(axes, before, after, rows)
-    edge: dict[str, Any] = {"linestyle": "", "clip_on": False, "zorder": 3}
-    axes.plot(
-        before,
-        rows - ASIDE,
-        "o",
-        markersize=4,
-        markerfacecolor="white",
-        markeredgecolor=BEFORE,
-        **edge,
-    )
-    axes.plot(after, rows + ASIDE, "D", markersize=3.4, color=AFTER, **edge)
+    none = np.zeros(len(rows), dtype=bool)
+    _mark(axes, before, after, rows, (none, none))
     for row, (name, lower, upper) in enumerate(
         zip(numbers.name, numbers.lower, numbers.upper, strict=True)
     ):
@@ -329,29 +301,22 @@ def _draw_margins(axes: Axes, found: Optimum, which: list[int]) -> None:
     limits = found.limits
     rows = _rows(
         axes,
-        [single_line(_typeset(limits.name[n].removesuffix(" of breaking")), 38) for n in which],
+        [_name_limit(found, n) for n in which],
     )
     values = np.nan_to_num(100 * limits.room[which], nan=-MAX_ROOM)
     shown = np.clip(values, -MAX_ROOM, MAX_ROOM)
-    colours = [AFTER if limits.met[n] else MISSED for n in which]
+    colours = [AFTER if limits.met[n] else RED for n in which]
     axes.barh(rows, shown, height=0.55, color=colours)
     before = np.array([_margin_before(found, n) for n in which])
-    axes.plot(
-        np.clip(before, -MAX_ROOM, MAX_ROOM),
-        rows,
-        "o",
-        markersize=4,
-        markerfacecolor="white",
-        markeredgecolor=BEFORE,
-        linestyle="",
-        clip_on=False,
-        zorder=3,
-    )
+    for value, row in zip(np.clip(before, -MAX_ROOM, MAX_ROOM), rows, strict=True):
+        colour = RED if value < -MET else BEFORE
+        axes.plot(value, row, "o", markersize=4, color=colour, mfc="white", clip_on=False, zorder=3)
     axes.axvline(0.0, color=INK, linewidth=0.6)
     ends = np.nan_to_num(np.clip(before, -MAX_ROOM, MAX_ROOM), nan=0.0)
     widest = max(float(np.abs(shown).max()), float(np.abs(ends).max()), 1.0)
     low, high = min(shown.min(), ends.min()), max(shown.max(), ends.max())
-    axes.set_xlim(min(-0.04 * widest, 1.1 * low), high + 0.42 * max(widest, high - low))
+    span = max(widest, high - low)
+    axes.set_xlim(min(-0.04 * widest, low - 0.1 * span * (low < 0)), high + 0.42 * span)
     ends = np.maximum(np.maximum(shown, 0.0), np.maximum(ends, 0.0))
     for row, value, end in zip(rows, values, ends, strict=True):
         text = f"{value:+.{0 if abs(value) >= 10 else 1}f} %" + (" →" if value > MAX_ROOM else "")
@@ -378,6 +343,16 @@ def _margin_before(found: Optimum, number: int) -> float:
     return -abs(margin) if sense == "equals" else -margin if sense == "at_most" else margin
 
 
-def _typeset(text: str) -> str:
-    """Replace ASCII comparison signs of a limit by typographic ones."""
-    return text.replace("<=", "≤").replace(">=", "≥")
+def _name_limit(found: Optimum, number: int) -> str:
+    """Name a limit with its size and unit; a stress in % of that at which it breaks."""
+    limits, quantities = found.limits, found.quantities
+    if limits.other[number] >= 0:
+        return single_line(limits.name[number].replace("<=", "≤").replace(">=", "≥"), 40)
+    k, size = limits.quantity[number], float(limits.asked[number])
+    name, unit = quantities.name[k], quantities.unit[k]
+    if unit == "of breaking":
+        name, size, unit = name.removeprefix("stress of "), 100 * size, "% of breaking stress"
+    elif unit == "1" and name.startswith("|"):
+        unit = curves.unit_of_ratio(name.split("|")[1])
+    tail = f" {SIGN[limits.sense[number]]} {format_raised(size, 3)} {unit.removeprefix('1')}"
+    return single_line(name, 40 - len(tail)) + tail.rstrip()

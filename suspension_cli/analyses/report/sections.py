@@ -288,12 +288,22 @@ def tolerance(report: Composition) -> Iterator[str]:
         result = report.run("tolerance", "--builds", str(count), builds=count)
     yield report.answer(result)
     one = result.data
-    low, high = one.under_interval
+    if one.joint is not None:
+        met, (low, high), what = (
+            one.joint.fraction,
+            (one.joint.low, one.joint.high),
+            "meet all limits",
+        )
+    else:
+        met, (low, high) = one.under, one.under_interval
+        what = (
+            f"have a coupling |{html.text(one.ratio)}| below {html.number(one.limit)} at"
+            f" {html.number(one.frequency)} Hz"
+        )
     yield report.pictures(
         result,
-        f"Of {one.good:,} imperfect builds, {100 * one.under:.3g} % (95 % confidence:"
-        f" {100 * low:.3g} to {100 * high:.3g} %) have a coupling |{html.text(one.ratio)}| below"
-        f" {html.number(one.limit)} at {html.number(one.frequency)} Hz.",
+        f"Of {one.good:,} imperfect builds, {100 * met:.3g} % (95 % confidence:"
+        f" {100 * low:.3g} to {100 * high:.3g} %) {what}.",
     )
 
 

@@ -191,10 +191,11 @@ class ResponseAnalysis(Analysis):
         from suspension_cli.analyses.response import fine, measured_picture, picture
 
         scale = setting.get("scale", "db")
+        stages = [stage.name for stage in result.design.stage]
         if measured := comparisons(result.data):
             closed = ", loops closed" if result.data.closed_loop else ""
-            return {"": measured_picture.draw(measured, result.subtitle + closed, scale)}
-        stages = [stage.name for stage in result.design.stage]
+            title, seen = result.subtitle + closed, result.data.output
+            return {"": measured_picture.draw(measured, title, scale, stages, seen)}
         return {"": picture.draw(fine.refine(result), result.subtitle, scale, stages)}
 
 

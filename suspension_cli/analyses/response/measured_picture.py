@@ -12,14 +12,27 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.response.measured import Comparison
 from suspension_cli.analyses.response.picture import draw_magnitude, insert_gaps, label_magnitude
 from suspension_cli.drawing import curves
-from suspension_cli.drawing.style import INK, PALETTE, house_style, new_figure
+from suspension_cli.drawing.style import INK, house_style, shade, stage_colours
 
 MANY = 300
 """Number of points above which they are drawn small and without error bars."""
 
+BAR = "#9aa1a8"
+"""Colour of error bars."""
+MARKERS = ("o", "D", "^", "s", "v")
+"""Markers of points of outputs of one stage."""
 
-def draw(measured: Sequence[Comparison], title: str, scale: str = "db") -> Figure:
+
+def draw(
+    measured: Sequence[Comparison],
+    title: str,
+    scale: str = "db",
+    stages: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+) -> Figure:
     """Draw magnitudes (a panel per unit) and unwrapped phases, and below the ratio of magnitudes.
+
+    Curves have the colours of the stages of their outputs, in shades where several have the same.
 
     Parameters
     ----------
@@ -28,64 +41,89 @@ def draw(measured: Sequence[Comparison], title: str, scale: str = "db") -> Figur
         Names of the design and the model.
     scale : {"db", "absolute"}
         Magnitude axis: 20 log10 of the SI value, or the value itself on a log axis.
+    stages : sequence of str
+        Of the design, top to bottom.
+    outputs : sequence of str
+        Motions of stages that sensors observe.
     """
     decibels, units = scale == "db", list(dict.fromkeys(one.data.unit for one in measured))
+    many = len(measured) > 1
+    looks = _looks(measured, stages, outputs)
     with house_style():
-        heights = [*[2.2] * len(units), 1.3, 1.3]
-        names = [one.data.name for one in measured]
-        many = len(measured) > 1
-        right = curves.room_for(names) if many else 0.2
-        figure = new_figure(curves.COLUMN, sum(heights) + 0.15 * len(heights) + 0.95)
-        panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
-        curves.set_margins(figure, right=right, top=curves.HEAD, bottom=0.45, hspace=0.1)
+        own = [[n for n, one in enumerate(measured) if one.data.unit == unit] for unit in units]
+        keys = [[(measured[n].data.name, *looks[n]) for n in part] if many else [] for part in own]
+        rooms = [curves.key_room([key[0] for key in part]) + curves.PEAKS + 0.05 for part in keys]
+        heights = [*[2.0] * len(units), 1.3, 1.3]
+        figure, panels = curves.stack_panels(heights, [*rooms, 0.12, 0.12])
         phases, ratios = panels[-2:]
         for axes in panels:
             axes.set_xscale("log")
-            axes.margins(x=0)
-            curves.rule(axes)
+            axes.margins(x=0.015)
         ratios.axhline(0 if decibels else 1, color=INK, linewidth=0.6)
         if not decibels:
             ratios.set_yscale("log")
-        for axes, unit in zip(panels, units, strict=False):
-            own = [n for n, one in enumerate(measured) if one.data.unit == unit]
-            for n in own:
-                one, colour = measured[n], PALETTE[n % len(PALETTE)]
+        for axes, unit, part, key in zip(panels, units, own, keys, strict=False):
+            for n in part:
+                one, (colour, how) = measured[n], looks[n]
                 at = one.curve_frequency
                 draw_magnitude(axes, at, one.curve, scale, colour, "_model")
                 phase = curves.unwrap_phase(one.curve)
                 phases.plot(at, phase, color=colour)
-                _draw_measured((axes, phases, ratios), one, phase, decibels, colour)
+                _draw_measured((axes, phases, ratios), one, phase, decibels, colour, how["marker"])
             axes.set_ylabel(label_magnitude(unit, decibels))
-            _limit(axes, [np.abs(_nearby(measured[n])) for n in own], decibels, room=0.15)
+            _limit(axes, [np.abs(_nearby(measured[n])) for n in part], decibels)
             if not decibels:
                 curves.label_plainly(axes.yaxis)
-            _label_resonances(axes, [measured[n] for n in own], decibels)
+            _label_resonances(axes, [measured[n] for n in part], decibels)
+            curves.write_key(axes, key, above=curves.PEAKS)
         phases.set_ylabel("phase (degrees)")
         curves.label_phases(phases)
         ratios.set_ylabel("meas./model (dB)" if decibels else "|meas./model|")
         ratios.set_xlabel("frequency (Hz)")
         _limit(ratios, [np.ones(1), *(np.abs(one.ratio[one.clear]) for one in measured)], decibels)
+        for one, (colour, _) in zip(measured, looks, strict=True):
+            _mark_outside(ratios, one, decibels, colour)
         if not decibels:
             curves.label_plainly(ratios.yaxis)
         figure.align_ylabels(panels)
-        if many:
-            for axes, unit in zip(panels, units, strict=False):
-                _label_names(axes, measured, unit, decibels)
-        one = f"Transfer function {names[0]}" if not many else "Transfer functions"
+        one = f"Transfer function {measured[0].data.name}" if not many else "Transfer functions"
         curves.write_heading(figure, f"{one}: points measured, lines modelled", title)
         return figure
 
 
-def _label_names(axes: Axes, measured: Sequence[Comparison], unit: str, decibels: bool) -> None:
-    """Name the curves of one unit at their ends."""
-    ends = []
-    for n, one in enumerate(measured):
-        if one.data.unit == unit:
-            with np.errstate(divide="ignore"):
-                size = np.abs(one.curve)
-                size = 20 * np.log10(size) if decibels else size
-            ends.append((one.curve_frequency, size, one.data.name, PALETTE[n % len(PALETTE)]))
-    curves.label_ends(axes, ends)
+def _looks(
+    measured: Sequence[Comparison], stages: Sequence[str], outputs: Sequence[str]
+) -> list[tuple[str, dict[str, Any]]]:
+    """Shade of the colour of each output's stage, and the marker of its points.
+
+    Sensors have the colour of the stage that they observe if all observe one.
+    """
+    body = [_body(one.data.output) for one in measured]
+    seen = {_body(output) for output in outputs}
+    if len(seen) == 1:
+        body = [name if name in stages else min(seen) for name in body]
+    colours = stage_colours([*stages, *body])
+    before = [body[:n].count(name) for n, name in enumerate(body)]
+    return [
+        (shade(colours[name], k), {"marker": MARKERS[k % len(MARKERS)], "markersize": 3})
+        for name, k in zip(body, before, strict=True)
+    ]
+
+
+def _body(signal: str) -> str:
+    return signal.partition("@")[0].rpartition(".")[0]
+
+
+def _mark_outside(axes: Axes, one: Comparison, decibels: bool, colour: str) -> None:
+    """Mark points beyond the vertical axis by arrows at its edge."""
+    with np.errstate(divide="ignore"):
+        size = np.abs(one.ratio)
+        size = 20 * np.log10(size) if decibels else size
+    for edge, beyond, mark in zip(
+        axes.get_ylim(), (size < axes.get_ylim()[0], size > axes.get_ylim()[1]), "v^", strict=True
+    ):
+        at = one.data.frequency[beyond & (one.data.frequency > 0)]
+        axes.plot(at, np.full(len(at), edge), mark, color=colour, markersize=3, clip_on=False)
 
 
 def _label_resonances(axes: Axes, measured: Sequence[Comparison], decibels: bool) -> None:
@@ -100,16 +138,20 @@ def _label_resonances(axes: Axes, measured: Sequence[Comparison], decibels: bool
 
 
 def _draw_measured(
-    panels: tuple[Axes, Axes, Axes], one: Comparison, modelled: Any, decibels: bool, colour: str
+    panels: tuple[Axes, Axes, Axes],
+    one: Comparison,
+    modelled: Any,
+    decibels: bool,
+    colour: str,
+    mark: str,
 ) -> None:
-    """Draw points of magnitude, phase and ratio, with error bars where they are known."""
+    """Draw points of magnitude, phase and ratio, with grey error bars where they are known."""
     data = one.data
     positive = (data.frequency > 0) & (data.value != 0)
     at, value, sigma = data.frequency[positive], data.value[positive], data.uncertainty[positive]
     size, ratio = np.abs(value), np.abs(one.ratio[positive])
     relative = np.where(np.isfinite(sigma), sigma / size, np.nan)
-    turn = np.interp(at, one.curve_frequency, modelled)
-    phase = curves.to_branch(np.degrees(np.angle(value)), turn)
+    phase = _phase_near(np.degrees(np.angle(value)), at, one.curve_frequency, modelled)
     few = len(at) <= MANY
     for axes, values, errors in (
         (panels[0], *_scaled(size, relative, decibels)),
@@ -117,20 +159,26 @@ def _draw_measured(
         (panels[2], *_scaled(ratio, relative, decibels)),
     ):
         if few:
-            bars = np.where(np.isfinite(errors), errors, np.nan)
-            axes.errorbar(
-                at,
-                values,
-                yerr=bars if np.isfinite(bars).any() else None,
-                fmt="o",
-                markersize=2.4,
-                markeredgewidth=0,
-                linewidth=0.6,
-                color=colour,
-            )
+            known = np.isfinite(errors).all(0)
+            low, high = values - errors[0], values + errors[1]
+            axes.vlines(at[known], low[known], high[known], color=BAR, linewidth=0.6, zorder=1.5)
+            axes.plot(at, values, mark, color=colour, markersize=2.4, markeredgewidth=0)
         else:
             drawn = insert_gaps(values) if axes is panels[1] else values
             axes.plot(at, drawn, ".", color=colour, markersize=1.8, markeredgewidth=0, alpha=0.7)
+
+
+def _phase_near(phase: Any, at: Any, frequency: Any, modelled: Any) -> Any:
+    """Shift measured phases (degrees) to the branch of the model, beside its steps, too.
+
+    An offset of all points, as of a sensor of the other sign, remains.
+    """
+    around = [np.interp(at * factor, frequency, modelled) for factor in (1.0, 0.97, 1.03)]
+    mean = np.exp(1j * np.radians(phase - around[0])).sum()
+    offset = curves.to_branch(np.degrees(np.angle(mean)), 0.0)
+    away = np.abs([(phase - offset - near + 180.0) % 360.0 - 180.0 for near in around])
+    away[1:] += 30.0  # the point itself, unless another is much nearer
+    return curves.to_branch(phase - offset, np.choose(away.argmin(0), around)) + offset
 
 
 def _nearby(one: Comparison) -> Any:
@@ -139,15 +187,15 @@ def _nearby(one: Comparison) -> Any:
     return np.concatenate([one.data.value, one.curve[(at >= band[0]) & (at <= band[-1])]])
 
 
-def _limit(axes: Axes, sizes: Sequence[Any], decibels: bool, room: float = 0.0) -> None:
-    """Set the vertical axis to magnitudes, whatever error bars extend to, with room above."""
+def _limit(axes: Axes, sizes: Sequence[Any], decibels: bool) -> None:
+    """Set the vertical axis to magnitudes, whatever error bars extend to."""
     whole = np.concatenate(sizes)
     whole = whole[np.isfinite(whole) & (whole > 0)]
     if not len(whole):
         return
     low, high = 20 * np.log10(whole.min()), 20 * np.log10(whole.max())
     edge = 0.06 * (high - low) + 1.0
-    ends = np.array([low - edge, high + edge + room * (high - low)])
+    ends = np.array([low - edge, high + edge])
     axes.set_ylim(*(ends if decibels else 10 ** (ends / 20)))
 
 

@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from suspension_cli.drawing import curves
-from suspension_cli.drawing.style import house_style, new_figure, stage_colours
+from suspension_cli.drawing.style import house_style, stage_colours
 from suspension_cli.linear.response import Response
 
 PANEL, PHASE = 2.3, 1.3
-"""Width of the figure, and heights of a panel of magnitudes and of that of phases, in."""
+"""Heights of a panel of magnitudes and of that of phases, in."""
 ENDLESS = 3e6
 """Ratio of the highest point of a peak to the response around it, from which it is infinite."""
 NEAR = 3e-4
@@ -43,41 +43,34 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
     """
     pairs = [(o, i) for o in range(len(response.output)) for i in range(len(response.input))]
     units = list(dict.fromkeys(response.unit[o][i] for o, i in pairs))
+    own = [[pair for pair in pairs if response.unit[pair[0]][pair[1]] == unit] for unit in units]
     many = len(pairs) > 1
     with house_style():
-        heights = [PANEL] * len(units) + [PHASE]
-        height = sum(heights) + 0.18 * len(units) + curves.HEAD + 0.55
-        right = curves.room_for([_name(response, *pair) for pair in pairs]) if many else 0.2
-        figure = new_figure(curves.COLUMN, height)
-        panels = figure.subplots(
-            len(heights), 1, sharex=True, height_ratios=heights, squeeze=False
-        )[:, 0]
-        curves.set_margins(figure, right=right, top=curves.HEAD, bottom=0.45, hspace=0.09)
+        keys = [[_name(response, *pair) for pair in part] if many else [] for part in own]
+        rooms = [curves.key_room(key) + curves.PEAKS + 0.05 for key in keys]
+        figure, panels = curves.stack_panels([PANEL] * len(units) + [PHASE], [*rooms, 0.12])
         looks = _looks(response, pairs, stages)
         logarithmic = response.frequency[0] > 0 and len(response.frequency) > 1
-        for axes in panels:
-            axes.set_xscale("log" if logarithmic else "linear")
-            axes.margins(x=0)
-            curves.rule(axes)
-        for axes, unit in zip(panels, units, strict=False):
-            own = [pair for pair in pairs if response.unit[pair[0]][pair[1]] == unit]
-            _draw_magnitudes(axes, response, own, looks, scale, many=many)
+        panels[0].set_xscale("log" if logarithmic else "linear")
+        for axes, unit, part, key in zip(panels, units, own, keys, strict=False):
+            _draw_magnitudes(axes, response, part, looks, scale)
             axes.set_ylabel(label_magnitude(unit, scale == "db"))
-            if not any(response.value[:, o, i].any() for o, i in own):
+            samples = [
+                (name, looks[pair][0], {"linestyle": looks[pair][1]})
+                for name, pair in zip(key, part, strict=False)
+            ]
+            curves.write_key(axes, samples, above=curves.PEAKS)
+            if not any(response.value[:, o, i].any() for o, i in part):
                 _say_zero(axes, response.frequency)
-        ends = []
         for o, i in pairs:
             phase = curves.unwrap_phase(response.value[:, o, i])
             colour, dashes = looks[o, i]
             panels[-1].plot(response.frequency, phase, color=colour, linestyle=dashes)
-            ends.append((response.frequency, phase, _name(response, o, i), colour))
         panels[-1].set_ylabel("phase (degrees)")
         panels[-1].set_xlabel("frequency (Hz)")
         curves.label_phases(panels[-1])
         if not response.value.any():
             panels[-1].set_yticks([])
-        if many and len(pairs) <= MOST:
-            curves.label_ends(panels[-1], ends)
         figure.align_ylabels(panels)
         loops = ", loops closed" if response.closed_loop else ""
         one = f"Transfer function {_name(response, 0, 0)}" if not many else "Transfer functions"
@@ -120,28 +113,19 @@ def _draw_magnitudes(
     pairs: Sequence[tuple[int, int]],
     looks: dict[tuple[int, int], tuple[str, Any]],
     scale: str,
-    *,
-    many: bool,
 ) -> None:
-    frequency, ends, peaks, levels = response.frequency, [], [], []
+    frequency, lines, peaks, levels = response.frequency, [], [], []
     for o, i in pairs:
         colour, dashes = looks[o, i]
         size = np.abs(response.value[:, o, i])
         drawn = draw_magnitude(
             axes, frequency, response.value[:, o, i], scale, colour, _name(response, o, i), dashes
         )
-        ends.append((frequency, drawn, _name(response, o, i), colour))
-        around = np.ones(len(size), dtype=bool)
-        for top in curves.find_peaks(size):
-            at = frequency[top]
-            beyond = np.abs(frequency / at - 1) > NEAR
-            endless = beyond.any() and size[top] > ENDLESS * np.interp(
-                at * (1 + NEAR), frequency, size
-            )
-            around &= beyond | (not endless)
-            peaks.append((at, drawn[top], " ∞" if endless else ""))
-        levels.append(_lowest_and_highest(drawn[around]))
-    low, high = _limits(levels, scale == "db")
+        lines.append((size, drawn, colour))
+        tops, around = find_tops(frequency, size)
+        peaks += [(frequency[top], drawn[top], remark) for top, remark in tops]
+        levels.append(lowest_and_highest(drawn[around]))
+    low, high = find_limits(levels, scale == "db")
     if low < high:
         axes.set_ylim(low, high)
     peaks = [(at, min(level, high), remark) for at, level, remark in peaks]
@@ -149,26 +133,38 @@ def _draw_magnitudes(
         curves.label_plainly(axes.yaxis)
     if len(frequency) > 1 and frequency[0] > 0 and len(pairs) <= MOST:
         curves.label_peaks(axes, peaks)
-        for (o, i), (_, drawn, *_) in zip(pairs, ends, strict=True):
-            curves.label_slopes(
-                axes, frequency, np.abs(response.value[:, o, i]), drawn, looks[o, i][0]
-            )
-    if not many:
-        return
-    if len(pairs) <= MOST:
-        curves.label_ends(axes, ends)
-    else:
-        axes.legend(fontsize=7.5, ncols=1 + len(pairs) // 16, loc="lower left")
+        for size, drawn, colour in lines:
+            curves.label_slopes(axes, frequency, size, drawn, colour)
 
 
-def _lowest_and_highest(drawn: Any) -> tuple[float, float]:
+def find_tops(frequency: Any, size: Any) -> tuple[list[tuple[int, str]], Any]:
+    """Find the peaks of a magnitude, and which points are not beside an infinite one.
+
+    Returns
+    -------
+    tops : list of tuple
+        Index and remark (" ∞" of an infinite one) of each peak.
+    around : (f,) array of bool
+    """
+    tops, around = [], np.ones(len(size), dtype=bool)
+    for top in curves.find_peaks(size).tolist():
+        at = frequency[top]
+        beyond = np.abs(frequency / at - 1) > NEAR
+        beside = np.interp(at * (1 + NEAR), frequency, size)
+        endless = bool(beyond.any() and size[top] > ENDLESS * beside)
+        around &= beyond | (not endless)
+        tops.append((top, " ∞" if endless else ""))
+    return tops, around
+
+
+def lowest_and_highest(drawn: Any) -> tuple[float, float]:
     """Smallest value (but for the tips of zeros) and largest value."""
     finite = drawn[np.isfinite(drawn)]
     return (float(finite.min()), float(finite.max())) if len(finite) else (np.nan, np.nan)
 
 
-def _limits(levels: Sequence[tuple[float, float]], decibels: bool) -> tuple[float, float]:
-    """Limits of the magnitude axis, with room for a row of labels at the top."""
+def find_limits(levels: Sequence[tuple[float, float]], decibels: bool) -> tuple[float, float]:
+    """Limits of the magnitude axis."""
     found = np.array(levels)
     if np.isnan(found).all():
         return 0.0, 0.0
@@ -176,7 +172,7 @@ def _limits(levels: Sequence[tuple[float, float]], decibels: bool) -> tuple[floa
     if not decibels:
         low, high = 20 * np.log10([low, high])
     span = max(high - low, 6.0)
-    low, high = low - 0.04 * span, high + 0.17 * span
+    low, high = low - 0.04 * span, high + 0.04 * span
     return (low, high) if decibels else (10 ** (low / 20), 10 ** (high / 20))
 
 

@@ -147,7 +147,7 @@ class SensitivityAnalysis(Analysis):
         from suspension_cli.analyses.sensitivity import picture
         from suspension_cli.drawing import style
 
-        drawn = picture.draw(result.data, result.subtitle)
+        drawn = picture.draw(result.data, result.subtitle, result.design.perturbation)
         return {"": style.name_neglected(drawn, result.choice)}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,14 @@ from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.sensitivity.solve import Sensitivity
+from suspension_cli.design.imperfections import AXES, named, perturbed_part
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
     PALE,
     add_axes,
+    format_raised,
     house_style,
     new_figure,
     shorten,
@@ -35,15 +38,15 @@ MAX_WIDTH = 1.98
 """Width of the table, in."""
 NAMES, CHANGES = 1.62, 0.86
 """Width of the names of numbers left of the table, and of the largest changes right of it, in."""
-MAX_NAME = 25
+MAX_NAME = 27
 """Characters of the name of a number."""
-RESULTS = 1.55
-"""Height of the names of results above the table, in."""
+LETTER = 0.058
+"""Height of a letter of the names of results above the table, in."""
 FOOT = 0.85
 """Height of the colour scale below the table, in."""
 
 
-def draw(found: Sensitivity, title: str) -> Figure:
+def draw(found: Sensitivity, title: str, perturbations: Sequence[Any] = ()) -> Figure:
     """Draw the figure of `pendsus sensitivity`.
 
     Parameters
@@ -51,6 +54,8 @@ def draw(found: Sensitivity, title: str) -> Figure:
     found : Sensitivity
     title : str
         Names of the design and the model.
+    perturbations : sequence of Perturbation
+        Of the design.
     """
     with house_style():
         change, relative = np.nan_to_num(found.per_step), found.nominal != 0
@@ -64,15 +69,22 @@ def draw(found: Sensitivity, title: str) -> Figure:
         wide = max(CELL[0] * len(columns), min(MAX_WIDTH, 0.4 * len(columns)))
         tall = CELL[1] * max(len(rows), 4)
         notes = _notes(found, largest[order[MAX_ROWS:]], len(columns))
-        top = curves.HEAD + RESULTS
+        labels = [_name_result(found, n) for n in columns]
+        top = curves.HEAD + 0.1 + LETTER * max(map(len, labels), default=0)
         figure = new_figure(
             max(NAMES + wide + CHANGES + 0.1, 4.5), top + tall + FOOT + 0.13 * len(notes)
         )
         curves.write_heading(figure, "Change of results per mm, mrad or % of a number", title)
         axes = add_axes(figure, NAMES, top, wide, tall)
         drawn = _draw_table(axes, found, change, rows, columns)
+        axes.set_yticks(
+            range(len(rows)),
+            [shorten(name_number(found.parameter[n], perturbations), MAX_NAME) for n in rows],
+            fontsize=7.5,
+        )
+        axes.set_xticks(range(len(labels)), labels, fontsize=7.5, rotation=90)
         bar = figure.colorbar(
-            drawn, cax=add_axes(figure, NAMES, top + tall + 0.12, wide, 0.09),
+            drawn, cax=add_axes(figure, NAMES, top + tall + 0.12, MAX_WIDTH, 0.09),
             orientation="horizontal",
         )  # fmt: skip
         _label_scale(bar, float(drawn.norm.vmax or 1.0))
@@ -81,6 +93,28 @@ def draw(found: Sensitivity, title: str) -> Figure:
             at = (FOOT - 0.32 + 0.13 * (len(notes) - n)) - 0.25
             figure.text(0.02, at / height, note, fontsize=7.5, color=NOTE, va="top")
         return figure
+
+
+def name_number(path: str, perturbations: Sequence[Any] = ()) -> str:
+    """Name a number without its table; an imperfection by its wire or body and in words.
+
+    >>> from suspension_cli.design.schema import Perturbation
+    >>> name_number("perturbation.1.lower_offset.3", [Perturbation(wire="test.4")])
+    'test.4 lower z'
+    """
+    table, _, rest = path.partition(".")
+    if table != "perturbation":
+        return path.removeprefix("stage.").removeprefix("materials.")
+    number, key, *axis = rest.split(".")
+    part, name = perturbed_part(perturbations[int(number) - 1])
+    words = [name, named(part, key).spread or key, *(AXES[int(n) - 1] for n in axis)]
+    return single_line(" ".join(words))
+
+
+def _name_result(found: Sensitivity, n: int) -> str:
+    value = format_raised(float(found.nominal[n]), 3)
+    unit = "" if found.unit[n] == "1" else f" {found.unit[n]}"
+    return f"{single_line(found.result[n], 20)} {value}{unit}"
 
 
 def _draw_table(
@@ -102,20 +136,9 @@ def _draw_table(
     # a result of 0 has no change in %
     low, across = np.nonzero(~relative & (cells != 0))
     axes.plot(across, low, "o", markersize=2.5, color=INK, linestyle="")
-    axes.set_yticks(
-        range(len(rows)),
-        [shorten(found.parameter[n].removeprefix("stage."), MAX_NAME) for n in rows],
-        fontsize=7.5,
-    )
-    labels = [
-        f"{single_line(found.result[n], 20)} {found.nominal[n]:.3g}"
-        + ("" if found.unit[n] == "1" else f" {found.unit[n]}")
-        for n in columns
-    ]
-    axes.set_xticks(range(len(labels)), labels, fontsize=7.5, rotation=90)
     axes.xaxis.tick_top()
     axes.tick_params(length=0, pad=2)
-    axes.set_xticks(np.arange(len(labels) + 1) - 0.5, minor=True)
+    axes.set_xticks(np.arange(len(columns) + 1) - 0.5, minor=True)
     axes.set_yticks(np.arange(count + 1) - 0.5, minor=True)
     axes.grid(visible=True, which="minor", color=PALE, linewidth=0.3)
     axes.tick_params(which="minor", length=0)
@@ -124,9 +147,9 @@ def _draw_table(
     for row, n in enumerate(rows):
         values = np.where(found.nominal != 0, change[n], 0.0)
         most = float(values[np.argmax(np.abs(values))])
-        text = f"{most:+.3g} per {found.step_unit[n]}" if most else "from 0"
+        text = ("+" * (most > 0) + format_raised(most, 3)).replace("-", "−")
         axes.annotate(
-            text.replace("-", "−"),
+            f"{text} per {found.step_unit[n]}" if most else "from 0",
             (1, row),
             (4, 0),
             xycoords=("axes fraction", "data"),
@@ -152,7 +175,14 @@ def _draw_table(
 def _label_scale(bar: Any, top: float) -> None:
     """Label the colour scale at powers of ten."""
     ticks = [tick for tick in (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100) if abs(tick) <= top]
-    bar.set_ticks(ticks, labels=[f"{tick:g}".replace("-", "−") for tick in ticks])
+    # 10 beside 100 has no room
+    bar.set_ticks(
+        ticks,
+        labels=[
+            "" if abs(tick) == 10 and top >= LARGEST else curves.write_plainly(tick)
+            for tick in ticks
+        ],
+    )
     bar.minorticks_off()
     bar.ax.tick_params(labelsize=7.5, length=2, pad=1)
     bar.set_label("change of the result (%)", fontsize=7.5, labelpad=1)

@@ -16,6 +16,7 @@ from suspension_cli.analyses.sweep.crossing_shapes import Shapes, Strip
 from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.file import SweepResult
 from suspension_cli.analyses.sweep.solve import STATUS
+from suspension_cli.conventions import DOFS
 from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.canvas import full_canvas
@@ -23,7 +24,7 @@ from suspension_cli.drawing.style import (
     INK,
     NOTE,
     PALE,
-    PALETTE,
+    RAISED,
     house_style,
     new_figure,
     single_line,
@@ -47,12 +48,16 @@ MOST_CROSSINGS = 5
 """Crossings marked at most."""
 LETTERS = "abcdefgh"
 """Names of crossings."""
-LETTER_SHIFTS = ((0, -11), (8, -11), (-8, -11), (0, 11), (8, 11), (-8, 11), (13, -3), (-13, -3))
+LETTER_SHIFTS = ((0, -13), (9, -13), (-9, -13), (0, 13), (9, 13), (-9, 13), (15, -4), (-15, -4))
 """Places of a letter from its point, points, best first."""
 LINE = 0.14
 """Height of a line of remarks, in."""
 MOST_CHARACTERS = 76
 """Largest number of characters in a line of remarks."""
+PARTS = np.array([0.5, 0.3, 0.7, 0.15, 0.85])
+"""Places along a contour where its label may stand."""
+CLEAR = 0.25
+"""Smallest distance of the label of a contour from a mark, in."""
 SHADES = {1: "#f3d9c9", 2: "#e3e3e3", 3: "#f6d5dc", 4: "#e3e3e3", 5: "#e3e3e3"}
 """Shade of points without results, by status."""
 SHORT = {1: "slack", 2: "no equilibrium", 3: "unstable", 4: "impossible", 5: "other coordinates"}
@@ -119,6 +124,30 @@ def _parameter_label(axis: Axis, most: int) -> str:
     return single_line(axis.name, most) + (f" ({unit})" if unit else "")
 
 
+def _title(swept: SweepResult, n: int) -> str:
+    """Name of a result: the mode, or ``test.x / support.x at 10 Hz``."""
+    name = swept.result[n]
+    if swept.unit[n] == "Hz":
+        return name
+    signals, _, frequency = name.rpartition(":")
+    return f"{signals.replace('/', ' / ')} at {frequency} Hz"
+
+
+def _body(swept: SweepResult, n: int) -> str:
+    """Stage of a mode, or of the output of a response."""
+    output = swept.degree[n] or swept.result[n].partition("/")[0].partition("@")[0]
+    return output.rpartition(".")[0]
+
+
+def _axis_label(swept: SweepResult, n: int) -> str:
+    """Label of the axis of a result; ratios of equal units are m/m or rad/rad."""
+    unit = swept.unit[n]
+    if unit == "1":
+        angle = swept.result[n].partition("/")[0].partition("@")[0].rpartition(".")[2] in DOFS[3:]
+        unit = "rad/rad" if angle else "m/m"
+    return "frequency (Hz)" if unit == "Hz" else f"magnitude ({unit})"
+
+
 def _quantity(swept: SweepResult) -> str:
     kinds = dict.fromkeys("mode frequencies" if u == "Hz" else "responses" for u in swept.unit)
     return " and ".join(kinds).capitalize()
@@ -132,11 +161,19 @@ def _draw_lines(
     crossings: Sequence[Crossing],
     shapes: Sequence[Shapes],
 ) -> Figure:
-    units = list(dict.fromkeys(swept.unit))
+    labels = [_axis_label(swept, n) for n in range(len(swept.result))]
+    units = list(dict.fromkeys(labels))
     first = swept.axes[0]
     looks = _looks(swept, stages)
     named = [swept.result[n] for n in looks]
-    right = curves.room_for(named, 30) if named else 0.2
+    at_ends = [n for n in looks if swept.unit[n] == "Hz"]
+    at_ends = at_ends if len(at_ends) > 1 else []
+    keys = [
+        [(_title(swept, n), looks[n][0], {"linestyle": looks[n][1]}) for n in looks
+         if labels[n] == unit and n not in at_ends]
+        for unit in units
+    ]  # fmt: skip
+    right = curves.room_for([swept.result[n] for n in at_ends], 30) if at_ends else 0.15
     marked = [one for one in crossings if {*one.modes} & {*named}][:MOST_CROSSINGS]
     strips = {id(one.crossing): Strip(one, curves.COLUMN - 0.2) for one in shapes}
     height = 3.0
@@ -145,18 +182,25 @@ def _draw_lines(
         2 * LINE * (len(looks) < len(swept.result)),
     ]
     foot = 0.45 + sum(below) + 0.24
-    figure = new_figure(curves.COLUMN, curves.HEAD + 0.2 + (height + 0.12) * len(units) + foot)
-    panels: list[Axes] = [*figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]]
-    curves.set_margins(figure, right=right, top=curves.HEAD + 0.2, bottom=foot, hspace=0.1)
+    rooms = [curves.key_room([name for name, *_ in key]) + 0.12 for key in keys]
+    rooms[0] += 0.1
+    figure, panels = curves.stack_panels([height] * len(units), rooms, right=right, bottom=foot)
     x = np.array(first.values) * _unit(first)[1]
     remarks = []
-    for axes, unit in zip(panels, units, strict=True):
-        chosen = [n for n, own in enumerate(swept.unit) if own == unit]
+    for axes, unit, key in zip(panels, units, keys, strict=True):
+        chosen = [n for n, own in enumerate(labels) if own == unit]
         remarks += _panel(axes, swept, value, chosen, looks, x)
-        axes.set_ylabel(_axis_label(unit))
+        axes.set_ylabel(unit)
+        if axes.get_yscale() == "linear":
+            _scale(axes, unit)
+        curves.write_key(axes, key, above=0.15 if axes is panels[0] else 0.0)
+    ends = [(x, value[:, n], swept.result[n], looks[n][0]) for n in at_ends]
+    curves.label_ends(panels[units.index("frequency (Hz)")] if ends else panels[0], ends, most=30)
+    figure.align_ylabels(panels)
     _mark_failures(panels, swept, x)
     _mark_nominal(panels, swept)
-    _mark_crossings(panels[units.index("Hz")] if "Hz" in units else panels[0], marked, first)
+    if marked:
+        _mark_crossings(panels[units.index("frequency (Hz)")], marked, first)
     panels[-1].set_xlabel(_parameter_label(first, 60))
     lines = [f"{LETTERS[n]}: {one}" for n, one in enumerate(marked)]
     lines += textwrap.wrap(remarks[0], MOST_CHARACTERS)[:2] if remarks else []
@@ -186,18 +230,18 @@ def _draw_lines(
 
 
 def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, Any]]:
-    """Colour and dashes of the results that change: of its stage for a mode."""
+    """Colour of the stage, and dashes, of the results that change."""
     modes = [n for n, home in enumerate(swept.degree) if home]
     most = max((swept.change[n] for n in modes), default=0.0)
     limit = min(MOVES, 0.3 * most)
-    bodies = [home.rpartition(".")[0] for home in swept.degree if home]
+    bodies = [_body(swept, n) for n in range(len(swept.result))]
     colours = stage_colours([*stages, *bodies])
     used: dict[str, int] = {}
     looks: dict[int, tuple[str, Any]] = {}
     for n, home in enumerate(swept.degree):
         if home and not (swept.change[n] >= limit > 0 or len(modes) <= 3):
             continue
-        colour = colours[home.rpartition(".")[0]] if home else PALETTE[n % len(PALETTE)]
+        colour = colours[bodies[n]]
         number = used[colour] = used.get(colour, -1) + 1
         looks[n] = colour, DASHES[number % len(DASHES)]
     return looks
@@ -232,21 +276,16 @@ def _panel(
     for n in still:
         if n not in beyond:
             axes.plot(x, value[:, n], color=STILL, linewidth=0.8, marker=marker, zorder=1.5)
-    ends = []
     for n in moving:
         colour, dashes = looks[n]
         axes.plot(
             x, value[:, n], color=colour, linestyle=dashes, linewidth=1.4, marker=marker,
             markersize=3, label=swept.result[n],
         )  # fmt: skip
-        ends.append((x, value[:, n], swept.result[n], colour))
-    axes.margins(x=0)
     if len(x) > 1:
         axes.set_xlim(x.min(), x.max())
-    curves.rule(axes)
     if logarithmic:
         curves.label_plainly(axes.yaxis)
-    curves.label_ends(axes, ends, most=30)
     if not still:
         return []
     text = f"grey: modes that change by less than {100 * MOVES:g} %"
@@ -254,6 +293,16 @@ def _panel(
         at = [f"{swept.nominal[n]:.3g}" for n in beyond]
         text += f"; not drawn of these: {', '.join(at)} Hz"
     return [text]
+
+
+def _scale(axes: Axes, label: str) -> None:
+    """Put the power of ten of small or large values into the label of their axis."""
+    top = float(np.abs(axes.get_ylim()).max())
+    if 0.01 <= top < 1e4:
+        return
+    power = int(np.floor(np.log10(top)))
+    axes.set_ylabel(label.replace("(", f"(10{str(power).translate(RAISED)} "))
+    axes.yaxis.set_major_formatter(lambda y, _: f"{y / 10.0**power:.6g}".replace("-", "−"))
 
 
 def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
@@ -271,14 +320,20 @@ def _mark_failures(panels: Sequence[Axes], swept: SweepResult, x: Any) -> None:
             low, high = sorted((edges[start], edges[n]))
             for axes in panels:
                 axes.axvspan(low, high, color=SHADES.get(code, PALE), linewidth=0, zorder=0.5)
-            panels[0].annotate(
-                SHORT.get(code, STATUS[code]),
-                ((low + high) / 2, 0.02),
+            shade = SHADES.get(code, PALE)
+            text = SHORT.get(code, STATUS[code])
+            axes, middle = panels[0], (low + high) / 2
+            ends = axes.transData.transform([(low, 1), (high, 1)])[:, 0] / axes.figure.dpi
+            axes.annotate(
+                text,
+                (middle, 0.02),
                 xycoords=("data", "axes fraction"),
                 ha="center",
                 va="bottom",
                 fontsize=7.5,
                 color=NOTE,
+                rotation=0 if np.ptp(ends) > curves.text_width(text) + 0.05 else 90,
+                bbox={"facecolor": shade, "edgecolor": "none", "pad": 0.8},
             )
         start = n
 
@@ -307,8 +362,6 @@ def _mark_nominal(panels: Sequence[Axes], swept: SweepResult) -> None:
 
 def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> None:
     """Mark where modes meet, with letters apart from each other that the remarks explain."""
-    if not crossings:
-        return
     axes.autoscale_view()
     points = [(one.at * _unit(first)[1], one.frequency) for one in crossings]
     marks = axes.transData.transform(points) * 72 / axes.figure.dpi
@@ -331,11 +384,14 @@ def _mark_crossings(axes: Axes, crossings: Sequence[Crossing], first: Axis) -> N
             fontsize=7.5,
             color="white" if one.is_avoided else INK,
             bbox={"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5},
+            arrowprops={
+                "arrowstyle": "-",
+                "color": INK,
+                "linewidth": 0.5,
+                "shrinkA": 0,
+                "shrinkB": 2.5,
+            },
         )
-
-
-def _axis_label(unit: str) -> str:
-    return "frequency (Hz)" if unit == "Hz" else f"magnitude ({unit})" if unit != "1" else "ratio"
 
 
 def _draw_maps(swept: SweepResult, value: Any, title: str) -> Figure:
@@ -366,12 +422,13 @@ def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
         high = low + (abs(low) or 1.0) * 1e-9
     norm = LogNorm(low, high) if wide else Normalize(low, high)
     axes.set_facecolor("#eeeeee")
+    lines, marks = None, []
     if min(value.shape) > 1 and finite.count() and np.ptp(finite) > 1e-9 * abs(high):
-        _draw_surface(axes, x, y, finite, norm)
+        lines = _draw_surface(axes, x, y, finite, norm)
     else:
         axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
     bar = axes.figure.colorbar(ScalarMappable(norm, "viridis"), ax=axes, pad=0.02)
-    bar.set_label(_axis_label(swept.unit[n]), fontsize=7.5)
+    bar.set_label(_axis_label(swept, n), fontsize=7.5)
     bar.ax.tick_params(labelsize=7.5)
     if wide:
         curves.label_plainly(bar.ax.yaxis)
@@ -384,15 +441,32 @@ def _draw_map(axes: Axes, swept: SweepResult, value: Any, n: int) -> None:
         for axis, at in zip(swept.axes[:2], swept.drawn[:2], strict=True)
     ):
         here = [at * _unit(axis)[1] for axis, at in zip(swept.axes[:2], swept.drawn, strict=False)]
+        marks.append(here)
         axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
         axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0, label="as designed")
-    axes.set_title(textwrap.fill(single_line(swept.result[n], 70), 40), loc="left", fontsize=7.5)
+    axes.set_title(curves.wrap(single_line(_title(swept, n), 70), 2.4), loc="left", fontsize=7.5)
     axes.set_xlabel(_parameter_label(first, 34), fontsize=7.5)
     axes.set_ylabel(_parameter_label(second, 34), fontsize=7.5)
+    if lines is not None:
+        _label_contours(axes, lines, marks)
 
 
-def _draw_surface(axes: Axes, x: Any, y: Any, finite: Any, norm: Normalize) -> None:
-    """Draw smooth colours and labelled contours."""
+def _label_contours(axes: Axes, lines: Any, marks: Sequence[Any]) -> None:
+    """Label contours in their middle, or beside it where a mark is near."""
+    taken = axes.transData.transform(np.reshape(marks, (-1, 2)))
+    places = []
+    for path in lines.get_paths():
+        if not len(path.vertices):
+            continue
+        at = axes.transData.transform(path.vertices[(len(path.vertices) * PARTS).astype(int)])
+        room = [np.hypot(*(taken - one).T).min(initial=np.inf) / axes.figure.dpi for one in at]
+        places.append(at[next((k for k, free in enumerate(room) if free > CLEAR), 0)])
+    where = axes.transData.inverted().transform(np.reshape(places, (-1, 2)))
+    axes.clabel(lines, fontsize=7.5, fmt=curves.write_plainly, manual=where.tolist())
+
+
+def _draw_surface(axes: Axes, x: Any, y: Any, finite: Any, norm: Normalize) -> Any:
+    """Draw smooth colours, and contours, which are returned."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
     spaced = np.geomspace if isinstance(norm, LogNorm) else np.linspace
     levels = spaced(low, high, 48)
@@ -400,10 +474,9 @@ def _draw_surface(axes: Axes, x: Any, y: Any, finite: Any, norm: Normalize) -> N
     drawn = axes.contourf(x, y, finite, levels=levels, norm=norm, cmap="viridis", extend="both")
     drawn.set_rasterized(True)
     drawn.set_edgecolor("face")
-    lines = axes.contour(
+    return axes.contour(
         x, y, finite, levels=_round_levels(low, high, norm), colors="white", linewidths=0.6
     )
-    axes.clabel(lines, fontsize=7.5, fmt=curves.write_plainly)
 
 
 def _round_levels(low: float, high: float, norm: Normalize) -> Any:

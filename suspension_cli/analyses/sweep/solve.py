@@ -175,7 +175,13 @@ def select_models(model: LinearSystem, which: Bool[np.ndarray, " build"]) -> Lin
     def cut(matrix: np.ndarray) -> np.ndarray:
         return np.broadcast_to(matrix, (count, *matrix.shape[-2:]))[which]
 
-    return replace(model, mass=cut(model.mass), stiffness=cut(model.stiffness), lossy=None)
+    own = model.separated
+    if own is not None:
+        wires = np.broadcast_to(own.stiffness, own.form.shape[:2])
+        own = replace(own, soft=own.soft[which], form=own.form[which], stiffness=wires[which])
+    return replace(
+        model, mass=cut(model.mass), stiffness=cut(model.stiffness), lossy=None, separated=own
+    )
 
 
 def evaluate_ratio(found: Builds, ratio: Ratio) -> Complex[np.ndarray, " build"]:

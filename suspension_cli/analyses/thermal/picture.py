@@ -17,7 +17,6 @@ from suspension_cli.drawing.style import (
     INK,
     NOTE,
     house_style,
-    new_figure,
     single_line,
     stage_colours,
 )
@@ -65,29 +64,30 @@ def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figur
     """
     with house_style():
         parts = [(by_stage(noise, stages), by_cause(noise)) for noise in noises]
-        names = [name for both in parts for one in both for name in one]
-        right = curves.room_for(["sum", *names])
-        notes = [_remark(noise) for noise in noises]
-        foot = 0.45 + 0.13 * sum(map(bool, notes))
-        height = curves.HEAD + 0.1 + 2 * len(noises) * (HEIGHT + 0.3) + foot
-        figure = new_figure(curves.COLUMN, height)
-        panels = figure.subplots(2 * len(noises), 1, sharex=True, squeeze=False)[:, 0]
-        curves.set_margins(figure, right=right, top=curves.HEAD + 0.18, bottom=foot, hspace=0.16)
         colours = stage_colours([*stages, *(name for one, _ in parts for name in one)])
         colours |= {OTHER: NOTE, SUPPORT: NOTE}
         shades = {
             label: SHADES[n % len(SHADES)] for n, label in enumerate(dict.fromkeys(CAUSES.values()))
         }
         shades[OTHER] = NOTE
+        keys = [
+            [_look(name, n, found) for n, name in enumerate(["sum", *one], -1)]
+            for both in parts
+            for one, found in zip(both, (colours, shades), strict=True)
+        ]
+        rooms = [curves.key_room([name for name, *_ in key]) + 0.3 for key in keys]
+        notes = [note for note in map(_remark, noises) if note]
+        foot = 0.45 + 0.13 * len(notes)
+        figure, panels = curves.stack_panels([HEIGHT] * len(rooms), rooms, bottom=foot)
         for n, (noise, (own, causes)) in enumerate(zip(noises, parts, strict=True)):
-            _panel(panels[2 * n], noise, own, colours, "by stage")
-            _panel(panels[2 * n + 1], noise, causes, shades, "by cause")
+            _panel(panels[2 * n], noise, own, keys[2 * n], "by stage")
+            _panel(panels[2 * n + 1], noise, causes, keys[2 * n + 1], "by cause")
         panels[-1].set_xlabel("frequency (Hz)")
         figure.align_ylabels(panels)
         outputs = ", ".join(noise.output for noise in noises)
         curves.write_heading(figure, f"Thermal noise of {outputs}", title)
-        for n, note in enumerate(filter(None, notes)):
-            at = (foot - 0.42 - 0.13 * n) / height
+        for n, note in enumerate(notes):
+            at = (foot - 0.42 - 0.13 * n) / figure.get_figheight()
             figure.text(0.02, at, textwrap.shorten(note, 78), va="top", fontsize=7.5, color=NOTE)
         return figure
 
@@ -127,33 +127,25 @@ def _sum_groups(noise: Thermal, group: Any) -> dict[str, Any]:
     return {name: np.sqrt(density) for name, density in square.items()}
 
 
-def _panel(
-    axes: Axes, noise: Thermal, parts: dict[str, Any], colours: dict[str, str], what: str
-) -> None:
+def _look(name: str, n: int, colours: dict[str, str]) -> tuple[str, str, dict[str, Any]]:
+    """Name, colour and looks of a line; the sum is the line before the first."""
+    if n < 0:
+        return name, INK, {"linewidth": 2.2, "zorder": 2}
+    return name, colours[name], {"linestyle": DASHES[n % len(DASHES)], "linewidth": 1.0}
+
+
+def _panel(axes: Axes, noise: Thermal, parts: dict[str, Any], key: Any, what: str) -> None:
     mark = "" if len(noise.frequency) > 1 else "o"
     frequency, total = noise.frequency, noise.amplitude
-    axes.loglog(frequency, total, color=INK, linewidth=2.2, marker=mark, zorder=2)
-    ends = [(frequency, total, "sum", INK)]
-    for n, (name, amplitude) in enumerate(parts.items()):
+    for amplitude, (_, colour, look) in zip([total, *parts.values()], key, strict=True):
         part = np.where(amplitude > 0, amplitude, np.nan)
-        axes.plot(
-            frequency,
-            part,
-            color=colours[name],
-            linestyle=DASHES[n % len(DASHES)],
-            linewidth=1.0,
-            marker=mark,
-            markersize=3,
-            zorder=3,
-        )
-        ends.append((frequency, part, name, colours[name]))
+        axes.loglog(frequency, part, color=colour, marker=mark, markersize=3, **look)
     axes.set_ylim(*_limits(total))
-    axes.margins(x=0)
     axes.set_ylabel(f"{single_line(noise.output, 30)} ({noise.unit}/√Hz)")
-    axes.set_title(what, loc="left", fontsize=8, color=INK, pad=2)
-    curves.rule(axes)
+    room = curves.key_room([name for name, *_ in key])
+    axes.set_title(what, loc="left", fontsize=8, color=INK, pad=72 * room + 2)
     curves.label_plainly(axes.yaxis)
-    curves.label_ends(axes, ends)
+    curves.write_key(axes, key)
 
 
 def _limits(total: Any) -> tuple[float, float]:

@@ -107,16 +107,18 @@ def _draw_key(figure: Figure) -> None:
             Patch(color=MET, label="within limits"),
             Patch(color=MISSED, label="beyond"),
             Line2D([], [], color=INK, linestyle="--", linewidth=0.9, label="limit"),
-            Line2D([], [], linewidth=0, label="(95 % confidence)"),
         ],
         loc="upper left",
         bbox_to_anchor=(0.02, 1 - 0.43 / figure.get_size_inches()[1]),
-        ncols=4,
+        ncols=3,
         fontsize=7.5,
         handlelength=1.4,
         columnspacing=1.2,
         borderpad=0.1,
     )
+    at = 1 - 0.47 / figure.get_size_inches()[1]
+    words = "in brackets: 95 % confidence"
+    figure.text(1 - 0.15 / WIDTH, at, words, ha="right", va="top", fontsize=7.5, color=NOTE)
 
 
 def _requirements(summary: Summary) -> list[Panel]:
@@ -139,13 +141,15 @@ def _requirements(summary: Summary) -> list[Panel]:
     low, high = (100 * end for end in summary.under_interval)
     limits, lines = [summary.limits[n] for n in own], [_describe(summary, n) for n in own]
     marks = []
-    if not any(limit[1] == summary.limit for limit in limits):
-        (marks if limits else limits).append((-np.inf, summary.limit, True))
+    if not own:
+        # without any requirement it is one; next to others it is for comparison
+        (marks if numbers else limits).append((-np.inf, summary.limit, True))
         lines.append(
-            f"{100 * summary.under:.3g} % ({low:.3g} to {high:.3g}):"
+            ("for comparison: " if numbers else "")
+            + f"{100 * summary.under:.3g} % ({low:.3g} to {high:.3g}):"
             f" {COUPLING} < {summary.limit:g} at {summary.frequency:g} Hz"
         )
-    label = f"|{single_line(summary.ratio, 52)}| ({_unit_of_ratio(summary.ratio)})"
+    label = f"|{single_line(summary.ratio, 52)}| ({curves.unit_of_ratio(summary.ratio)})"
     paint = _histogram(summary.ratio_sorted, limits, label, marks, logarithmic=True)
     panels.append((TALL, LEFT, lines, paint))
     return panels
@@ -158,12 +162,6 @@ def _describe(summary: Summary, number: int) -> str:
         f"{100 * one.fraction:.3g} % ({100 * one.low:.3g} to {100 * one.high:.3g}): {one.name}"
         + (f" at {summary.frequency:g} Hz" if one.name.startswith(COUPLING) else "")
     )
-
-
-def _unit_of_ratio(ratio: str) -> str:
-    """Unit of a ratio of two motions: m/m, rad/m."""
-    names = [end.strip().split("@")[0].rpartition(".")[2] for end in ratio.split("/")[:2]]
-    return "/".join("rad" if name in ("roll", "pitch", "yaw") else "m" for name in names)
 
 
 def _histogram(
@@ -183,19 +181,20 @@ def _histogram(
     def paint(axes: Axes) -> None:
         shown = values[np.isfinite(values) & ((values > 0) | (not logarithmic))]
         met = np.ones(len(shown), dtype=bool)
-        ends: set[float] = set()
+        ends: dict[float, Any] = {}
         for n, (low, high, magnitude) in enumerate((*limits, *marks)):
             size = np.abs(shown) if magnitude else shown
             if n < len(limits):
                 met &= (size >= low) & (size <= high)
-            own = {end for end in (low, high) if np.isfinite(end)}
-            ends |= own | {-end for end in own if magnitude and (shown < 0).any()}
+            own = [end for end in (low, high) if np.isfinite(end)]
+            own += [-end for end in own if magnitude and (shown < 0).any()]
+            ends |= dict.fromkeys(own, "--" if n < len(limits) else (0, (1, 2)))
         if len(shown) and shown.max() > shown.min():
             _draw_bins(axes, shown, met, sorted(ends), logarithmic=logarithmic)
         elif len(shown):
             axes.axvline(float(shown[0]), color=MET, linewidth=2)
-        for end in ends:
-            axes.axvline(end, color=INK, linestyle="--", linewidth=0.9)
+        for end, dashes in ends.items():
+            axes.axvline(end, color=INK, linestyle=dashes, linewidth=0.9)
         axes.set_xlabel(label, fontsize=7.5, labelpad=2)
         axes.set_ylabel("builds (%)", fontsize=7.5)
         axes.yaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2))

@@ -40,7 +40,7 @@ PAGES = {
     "-methods-batch": ("methods", ("batch",)),
 }
 """End of the name of each page, what it compares, and the kinds of its charts side by side."""
-LEFT, EDGE, GAP = 0.86, 0.14, 0.2
+LEFT, EDGE, GAP = 0.86, 0.19, 0.2
 """Left of all charts, right of them and between them, in."""
 HIGH, FLAT, FOOT, LINE, KEYED = 1.2, 0.66, 0.5, 0.145, 0.43
 """Heights of a chart, of one with rounding errors alone, below it and of a line of text, and

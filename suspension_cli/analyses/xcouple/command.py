@@ -248,7 +248,7 @@ class MatrixAnalysis(Analysis):
                 for dof, row in zip(DOFS, matrix, strict=True)
             ]
             lines += [
-                f"|motion of {observed} for motion of the support| at {frequency:.4g} Hz (SI)",
+                f"|motion of {observed} for motion of the support| at {frequency:.4g} Hz (m, rad)",
                 tables.render({"": "", **dict.fromkeys(DOFS, ".3e")}, rows),
             ]
         return "\n".join(lines)

@@ -13,7 +13,16 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.xcouple.file import Coupling
 from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.drawing import curves
-from suspension_cli.drawing.style import INK, NOTE, PALETTE, house_style, new_figure, single_line
+from suspension_cli.drawing.style import (
+    INK,
+    NOTE,
+    PALETTE,
+    RED,
+    format_raised,
+    house_style,
+    new_figure,
+    single_line,
+)
 from suspension_cli.studies.axes import Axis
 
 LABELS = {
@@ -37,9 +46,6 @@ FINE = 16
 """Points per interval of the first axis, interpolated, so that zeros are sharp."""
 NOMINAL = {"k": 1.0, "mass": 1.0, "inertia": 1.0}
 """Value without imperfection of parameters that are ratios; of others 0."""
-LIMIT = "#cc0000"
-"""Colour of the limit."""
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 COLOURS = "viridis"
 """Colour map of the second axis."""
 
@@ -47,8 +53,7 @@ COLOURS = "viridis"
 def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
     """Draw the figure of `pendsus xcouple`: a curve per value of the second axis.
 
-    With several frequencies: ratio against frequency, of the build with the largest ratio and as
-    the median of all builds.
+    With several frequencies: largest and median ratio of all builds against frequency.
 
     Parameters
     ----------
@@ -71,29 +76,15 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         else:
             _draw_over_axes(axes, coupling, limit)
             at = f" at {coupling.frequency[0]:g} Hz"
-        ratio = single_line(f"|{coupling.over} / {coupling.under}|", 46)
-        axes.set_ylabel(f"{ratio} ({_unit(coupling)})")
+        ratio = f"{coupling.over} / {coupling.under}"
+        axes.set_ylabel(f"{single_line(f'|{ratio}|', 46)} ({curves.unit_of_ratio(ratio)})")
         axes.yaxis.get_offset_text().set_fontsize(curves.SMALL)
         _write_conditions(axes, coupling)
         size = np.abs(coupling.ratio)
         most = float(np.nanmax(size)) if np.isfinite(size).any() else np.nan
-        said = f": at most {_write(most)}" if np.isfinite(most) else ""
+        said = f": at most {format_raised(most)}" if np.isfinite(most) else ""
         curves.write_heading(figure, f"Cross-coupling{at}{said}", title)
         return figure
-
-
-def _write(size: float) -> str:
-    """Write a ratio with two digits, ``5.9·10⁻⁴``."""
-    if not size or 0.01 <= size < 1000:
-        return f"{size:.2g}"
-    power = int(np.floor(np.log10(size)))
-    return f"{size / 10.0**power:.1f}·10{str(power).translate(RAISED)}"
-
-
-def _unit(coupling: Coupling) -> str:
-    """Unit of the ratio of two motions."""
-    names = [point.split("@")[0].rpartition(".")[2] for point in (coupling.over, coupling.under)]
-    return "/".join("rad" if name in ("roll", "pitch", "yaw") else "m" for name in names)
 
 
 def _write_conditions(axes: Axes, coupling: Coupling) -> None:
@@ -127,23 +118,19 @@ def _shown(axis: Axis) -> Any:
     return np.unique(np.linspace(0, count - 1, min(MOST_CURVES, count)).round().astype(int))
 
 
-def _find_worst(size: Any) -> int:
-    """Find the build (b) with the largest ratio at the highest frequency, of (b, f) ratios."""
-    return int(np.where(np.isfinite(size).all(1), size[:, -1], -np.inf).argmax())
-
-
 def _name_worst(coupling: Coupling) -> str:
-    """Name the build whose ratio at the highest frequency is largest."""
-    shape = coupling.ratio.shape[:-1]
-    worst = _find_worst(np.abs(coupling.ratio).reshape(-1, len(coupling.frequency)))
-    place = np.unravel_index(worst, shape)
+    """Name the build and the frequency with the largest ratio."""
+    size = np.abs(coupling.ratio)
+    if not np.isfinite(size).any():
+        return ""
+    *place, at = np.unravel_index(int(np.nanargmax(size)), size.shape)
     values = (
         f"{axis.name} = {_format_value(axis, int(n)).rpartition(' = ')[2]}"
         for axis, n in zip(coupling.axes, place, strict=True)
     )
+    where = f"{coupling.frequency[at]:.3g} Hz"
     return single_line(
-        f"largest at {coupling.frequency[-1]:g} Hz of {np.prod(shape)} builds: {', '.join(values)}",
-        62,
+        f"{np.prod(size.shape[:-1])} builds; largest at {where}: {', '.join(values)}", 62
     )
 
 
@@ -155,11 +142,10 @@ def _draw_over_frequency(axes: Axes, coupling: Coupling, limit: float | None) ->
         return
     axes.set_xscale("log")
     axes.set_yscale("log")
-    worst = size[_find_worst(size)]
     ends = []
     several = good.sum() > 1
     for values, colour, name in (
-        (worst, PALETTE[1], "largest" if several else ""),
+        (size[good].max(axis=0), PALETTE[1], "largest" if several else ""),
         (np.median(size[good], axis=0), PALETTE[0], "median"),
     )[: 1 + several]:
         drawn = np.where(values > 0, values, np.nan)
@@ -203,12 +189,15 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
             _draw_limit(axes, limit)
         else:
             axes.annotate(
-                f"limit {limit:g} is above",
-                (0.01, 0.985),
+                f"↑ limit {limit:g}",
+                (1, 1),
+                (0, 2),
                 xycoords="axes fraction",
-                va="top",
+                textcoords="offset points",
+                ha="right",
+                va="bottom",
                 fontsize=7.5,
-                color=LIMIT,
+                color=RED,
             )
     if len(x) > 1:
         axes.set_xlim(x.min(), x.max())
@@ -233,7 +222,7 @@ def _draw_over_axes(axes: Axes, coupling: Coupling, limit: float | None) -> None
 
 
 def _draw_limit(axes: Axes, limit: float) -> None:
-    axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle=(0, (6, 2)), zorder=1.7)
+    axes.axhline(limit, color=RED, linewidth=1.0, linestyle=(0, (6, 2)), zorder=1.7)
     axes.annotate(
         f"limit {limit:g}",
         (0.01, limit),
@@ -242,7 +231,7 @@ def _draw_limit(axes: Axes, limit: float) -> None:
         textcoords="offset points",
         va="top",
         fontsize=7.5,
-        color=LIMIT,
+        color=RED,
     )
 
 

@@ -364,6 +364,9 @@ def test_command(files, tmp_path):
         assert figure.get_figwidth() == COLUMN
         assert_legible(figure)
     assert "fitted to 4 transfer functions" in " ".join(said(figures[0]))
+    table, axes = loaded.responses.resonance, figures[0].axes[0]
+    after = next(line.get_xdata() for line in axes.lines if line.get_label() == "after")
+    np.testing.assert_allclose(after, (table[:, 3] - table[:, 0]) / table[:, 1])
     assert sorted(path.name for path in out.iterdir()) == [
         "double-fit-responses.png",
         "double-fit.h5",

@@ -231,8 +231,9 @@ def test_an_unstable_start_has_no_frequency(tmp_path):
 
 
 def test_a_value_to_equal_is_drawn(tmp_path):
-    """As a line in the row of its mode, which is in another colour where it is not met."""
+    """As a line in the row of its mode, which is in red where it is not met."""
     from suspension_cli.analyses.optimise import picture
+    from suspension_cli.drawing.style import RED
 
     free = [Free(name=f"{WIRES}.l", lower=0.2, upper=0.3)]
     goal = [
@@ -248,7 +249,8 @@ def test_a_value_to_equal_is_drawn(tmp_path):
         if "allowed" in str(one.get_label()) or len(path.vertices) > 2
     ]
     assert {0.5, 1.79} <= {round(float(path.vertices[0][0]), 6) for path in drawn}
-    assert "after, not met" in axes.get_legend_handles_labels()[1]
+    handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+    assert {handles[f"{when}, not met"].get_color() for when in ("before", "after")} == {RED}
 
 
 BAND = {"kind": "band", "dof": ["x"], "at_least": 0.5}

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.analyses.sweep import file as files
 from suspension_cli.analyses.sweep import solve as sweep
 from suspension_cli.design import reader
@@ -260,6 +261,16 @@ def test_unstable_and_impossible_points_are_findings(tmp_path):
         t1 >= reach for t1 in np.linspace(0, 0.5, 11)
     ]
     assert sum(answer["failures"].values()) == 3
+
+
+def test_slack_points_of_an_imperfect_design_leave_the_others_as_they_are():
+    """Where only some of the points of a batch have modes, they are those of each point alone."""
+    design, name = sus.example("imperfect"), "perturbation.2.length_change"
+    both = sus.sweep(design, vary={name: "0,-0.002,0.0002"}, model="string", workers=1)
+    assert both.data.status.tolist() == [0, 1, 0]
+    alone = sus.sweep(design, vary={name: "0,0.0002"}, model="string", workers=1)
+    assert np.isnan(both.data.value[1]).all()
+    np.testing.assert_array_equal(both.data.value[[0, 2]], alone.data.value)
 
 
 def test_results_by_name(tmp_path):

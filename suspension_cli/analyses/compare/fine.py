@@ -1,0 +1,56 @@
+"""Curves of a comparison between their points, for drawing alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from suspension_cli.analyses.compare.solve import Curve, Overlay
+from suspension_cli.scene.arrays import Array
+
+
+def refine(overlay: Overlay) -> list[Curve]:
+    """Add the frequencies at which resonances and zeros are resolved to computed curves.
+
+    Ratios are those of the refined curves, interpolated. Measured and stored curves are as given.
+    """
+    drawn = [_refined(overlay, curve) for curve in overlay.curves]
+    first = drawn[0]
+    return [
+        first,
+        *(_with_ratio(one, first) if one.item in overlay.source else one for one in drawn[1:]),
+    ]
+
+
+def _refined(overlay: Overlay, curve: Curve) -> Curve:
+    result = overlay.source.get(curve.item)
+    if result is None:
+        return curve
+    if overlay.kind == "response":
+        from suspension_cli.analyses.response import fine
+
+        data = fine.refine(result)
+        pair = data.output.index(overlay.output), data.input.index(overlay.input)
+        frequency, value = data.frequency, data.value[(slice(None), *pair)]
+    else:
+        from suspension_cli.analyses.thermal import fine
+
+        noise = next(one for one in fine.refine(result) if one.output == overlay.output)
+        frequency, value = noise.frequency, noise.amplitude.astype(complex)
+    unknown = np.full(len(frequency), np.nan)
+    return replace(curve, frequency=frequency, value=value, uncertainty=unknown)
+
+
+def _with_ratio(curve: Curve, first: Curve) -> Curve:
+    """Replace the ratio of a curve to the first by that of the two between all points."""
+    at = np.union1d(curve.frequency, first.frequency)
+    ends = [(one.frequency[0], one.frequency[-1]) for one in (curve, first)]
+    at = at[(at >= max(low for low, _ in ends)) & (at <= min(high for _, high in ends))]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        over, under = (np.exp(np.interp(np.log(at), *_logs(one))) for one in (curve, first))
+        return replace(curve, ratio_frequency=at, ratio=over / under + 0j)
+
+
+def _logs(curve: Curve) -> tuple[Array, Array]:
+    return np.log(curve.frequency), np.log(np.abs(curve.value))
