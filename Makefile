@@ -61,7 +61,7 @@ stability: $(READY) ## where methods fail, and that ours does not
 tradeoff: $(READY) ## speed against accuracy of every model and method (two minutes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.tradeoff
 
-auto: $(READY)   ## what auto leaves out, and what that costs, on 1,000 random suspensions
+auto: $(READY)   ## what auto leaves out, and what that costs, on random suspensions
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.auto
 
 modulus: $(READY) ## Young's modulus from the measured frequencies of Table I

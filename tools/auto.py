@@ -1,4 +1,4 @@
-"""Error and cost of `auto` on 1,000 random suspensions, against the violin model.
+"""Error and cost of `auto` on random suspensions, against the violin model.
 
 For each, one quantity of interest to a random tolerance; half of the suspensions are of common
 kinds, half of unusual ones. Writes `results/auto.md` and `.png`. Run by `make auto`; a number of

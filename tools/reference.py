@@ -148,7 +148,7 @@ def takes(hint: Any) -> str:
 
 
 def list_of(item: Any, metas: list[msgspec.Meta]) -> str:
-    """Describe the items of a list: numbers (how many, if fixed) or tables."""
+    """Describe the items of a list: tables, or numbers or names (how many, if fixed)."""
     if any(
         isinstance(choice, type) and issubclass(choice, msgspec.Struct) for choice in choices(item)
     ):
@@ -157,7 +157,8 @@ def list_of(item: Any, metas: list[msgspec.Meta]) -> str:
         next((getattr(meta, bound) for meta in reversed(metas) if getattr(meta, bound)), None)
         for bound in ("min_length", "max_length")
     )
-    return f"{low} numbers" if low == high and low else "numbers"
+    kind = "names" if item is str else "numbers"
+    return f"{low} {kind}" if low == high and low else kind
 
 
 def description(hint: Any) -> str:

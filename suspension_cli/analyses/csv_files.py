@@ -21,9 +21,6 @@ from suspension_cli.analyses.analysis import Result
 from suspension_cli.analyses.labelled import stored_group
 from suspension_cli.files.atomic import write_bytes
 
-FREQUENCIES = ("frequency", "ratio_frequency")
-"""Datasets that are the first column of numbers, if they are no dimension."""
-
 
 def write(result: Result, path: Path) -> list[Path]:
     """Write the CSV files of a result, and return their paths.
@@ -63,7 +60,7 @@ def _tables(group: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
     for rows in sorted(tables, key=rank):  # the main results first: points of a sweep, not modes
         names = sorted(
             tables[rows],
-            key=lambda n: (_is_numeric(members[n]), n not in FREQUENCIES, n != "value", n),
+            key=lambda n: (_is_numeric(members[n]), n != "value", n),
         )
         if any(_is_numeric(members[name]) for name in names):
             stem = "-".join(part for part in (prefix, *rows) if part)
@@ -76,7 +73,7 @@ def _tables(group: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
 def _labels(data: Any, name: str) -> tuple[str, ...]:
     """Names of the dimensions of a dataset; numbers of its own where it has no scales."""
     if data.ndim == 1 and not data.dims[0].label:
-        return ("ratios" if "ratio" in name else "row",)
+        return ("row",)
     return tuple(data.dims[n].label or f"{name}_{n}" for n in range(data.ndim))
 
 

@@ -115,7 +115,7 @@ def for_builds(
         If the wanted model is not among `models`, or is not valid for the design.
     """
     from suspension_cli.models import registry
-    from suspension_cli.models.auto import MARGIN
+    from suspension_cli.models.auto import MARGIN, NOT_MET
 
     design = source.design
     if wanted == registry.AUTO:
@@ -145,7 +145,7 @@ def for_builds(
     if wanted != registry.AUTO:
         reason, end = registry.choose(design, wanted).reason, ""
     else:
-        met = " not met by any model of this analysis" if errors[number - first] > tolerance else ""
+        met = NOT_MET if errors[number - first] > tolerance else ""
         reason, end = model.valid_for, f" (tolerance {100 * tolerance:g} %{met})"
         if number:
             reason = _why([one for one in before if not one.change <= limit] or before)

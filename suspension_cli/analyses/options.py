@@ -153,6 +153,14 @@ PLOT = option(
     help="Draw the PNG or not.  [default: --plot, with --json --no-plot]",
     group=FILES,
 )
+NO_PICTURE = option(
+    "--plot/--no-plot",
+    "plot",
+    default=False,
+    hidden=True,
+    help="Accepted, as scripts give it to every analysis, where there is no picture.",
+    group=FILES,
+)
 FORMAT = option(
     "--format",
     "picture_format",
@@ -313,7 +321,7 @@ REPORT = (
         type=click.IntRange(100, 1_000_000),
         default=1000,
         show_default=True,
-        help="Imperfect builds of the tolerances, where no results file of the design has them.",
+        help="Number of random builds, if no results file has the tolerances of this design.",
     ),
     FIDELITY,
     ACCURACY,

@@ -6,7 +6,11 @@ import click
 
 
 @click.command("schema")
-@click.option("--measured", is_flag=True, help="Of files of measurements (docs/measurements.md).")
+@click.option(
+    "--measured",
+    is_flag=True,
+    help="Print that of files of measurements (docs/measurements.md).",
+)
 def command(measured: bool) -> None:
     """Print the JSON Schema of the design file, for editors that complete and check TOML."""
     import json

@@ -355,7 +355,7 @@ def wire_line_densities(
 
 
 def beyond_symmetric_chains(design: Design) -> str:
-    """What the models of symmetric chains omit besides bending and wire mass; "" if nothing."""
+    """Name the physics that symmetric-chain models omit besides bending and wire mass, or ""."""
     if gravity_vector(design) is not None or gravity_tensor(design) is not None:
         return "its gravity is a vector or has a gradient"
     if design.constants.wire_weight:

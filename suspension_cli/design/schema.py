@@ -462,7 +462,7 @@ class Loop(Table, frozen=True):
                 le=1e20,
                 description=(
                     "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
-                    " times Hz to the number of poles less that of zeros"
+                    " times Hz^(number of poles - number of zeros)"
                 ),
             ),
         ]

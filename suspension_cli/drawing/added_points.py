@@ -71,7 +71,8 @@ def add_points(
     for number in range(MOST if few else 0):
         flat = np.sqrt((value**2).sum(-1)) if sums else value.reshape(len(value), -1)
         size = np.maximum(np.abs(flat), np.finfo(float).tiny)
-        turn = np.angle(flat[1:] * flat[:-1].conj() / (size[1:] * size[:-1]))
+        direction = flat / size
+        turn = np.angle(direction[1:] * direction[:-1].conj())
         change = np.maximum(np.abs(np.diff(np.log(size), axis=0)), np.abs(turn))
         change = np.where((flat[1:] == 0) | (flat[:-1] == 0), 0.0, change).max(1, initial=0.0)
         gap = np.log(frequency[1:] / frequency[:-1])

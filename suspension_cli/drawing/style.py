@@ -189,7 +189,7 @@ METADATA = {
     "pdf": {"Creator": "pendsus", "Producer": "pendsus", "CreationDate": None},
     "svg": {"Creator": "pendsus", "Date": None},
 }
-"""What pictures say of their origin; no date, so that equal pictures are equal files."""
+"""Origin recorded in pictures; no date, so that equal pictures are equal files."""
 
 
 def encode(figure: Figure, form: str = "png") -> bytes:

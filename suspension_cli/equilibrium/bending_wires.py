@@ -19,7 +19,7 @@ from suspension_cli.scene.scene import Scene
 if TYPE_CHECKING:
     from jaxtyping import Inexact
 
-SETTLED = 1e-12
+CONVERGED = 1e-12
 """Relative change of tensions below which the bending stiffness of wires is not computed again."""
 CLAMP_ITERATIONS = 4
 """Iterations of the distance u from clamp to hinge; each reduces the change by the factor u / l."""
@@ -55,7 +55,7 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
         tension, length = found.tension, string.state(scene, found.pose).length
         scene = bending.with_bending(scene, tension, length)
         found = equilibrium.solve(scene, numbering, start=found.pose)
-        threshold = SETTLED
+        threshold = CONVERGED
     return scene, found
 
 

@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 
 STEPS = 40
 """Most iterations of the loads."""
-SETTLED = 1e-13
+CONVERGED = 1e-13
 """Change of a load, relative to the weight, at which the iteration stops."""
 COARSE = 1e3
-"""Multiple of `SETTLED` that is accepted after `STEPS`, as rounding of stiff wires may leave it."""
+"""Multiple of `CONVERGED` that is accepted after `STEPS`: rounding of stiff wires may leave it."""
 
 
 def expand(design: Design) -> Scene:
@@ -97,7 +97,7 @@ def _with_loads_of_pose(scene: Scene, unknown: Bool[np.ndarray, "blade 3"]) -> S
         poses.append(found.pose)
         return _blade_loads(now, found.pose)[unknown]
 
-    loads = _fixed_point(next_loads, whole.blades.load[unknown], SETTLED * float(whole.weight))
+    loads = _fixed_point(next_loads, whole.blades.load[unknown], CONVERGED * float(whole.weight))
     if not np.issubdtype(scene.kind, np.complexfloating):
         return _with_loads(whole, unknown, loads)
 
@@ -106,7 +106,7 @@ def _with_loads_of_pose(scene: Scene, unknown: Bool[np.ndarray, "blade 3"]) -> S
         return _blade_loads(now, _first_order_pose(now, numbering, poses[-1])).imag[unknown]
 
     first = next_rates(np.zeros(len(loads)))
-    rates = _fixed_point(next_rates, first, SETTLED * np.abs(first).max())
+    rates = _fixed_point(next_rates, first, CONVERGED * np.abs(first).max())
     return _with_loads(scene, unknown, loads + 1j * rates)
 
 

@@ -37,7 +37,7 @@ CONVERGED = 1e-11
 """Residual (relative to the weight) of an equilibrium, unless rounding of lengths leaves more."""
 COARSE = 1e-4
 """Residual (relative to the weight) from rounding of lengths above which a result is useless."""
-SETTLED = 1e-12
+SEARCH_END = 1e-12
 """Residual (relative to the weight) at which the search stops; it also stops where rounding keeps
 the residual from falling further."""
 LAST_STEP = 1e-8
@@ -424,7 +424,7 @@ def _newton_arrays(
         gradient, hessian = gradient_and_stiffness(scene, numbering, pose)
         before, residual = residual, _largest((gradient[..., free] - wanted) / scale)
         converged = converged | (
-            (_largest(step) < LAST_STEP) & ((residual < SETTLED) | (residual > before / 2))
+            (_largest(step) < LAST_STEP) & ((residual < SEARCH_END) | (residual > before / 2))
         )
         count += 1
     tension = string.state(scene, pose).tension

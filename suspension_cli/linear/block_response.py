@@ -106,7 +106,7 @@ def _solve_range(
         again = np.flatnonzero(np.any(inaccurate & moderate, axis=0))
         if len(again):
             high, low = two_sum(v[..., again], correction[..., again])
-            second = factors.some(again).solve(
+            second = factors.select(again).solve(
                 drive.equations.residual(omega[again], loads, high, low)
             )
             v[..., again], correction[..., again] = high, low + second
@@ -122,7 +122,7 @@ def _solve_range(
     where = inaccurate.nonzero()
     if len(where[0]):
         i, f = where
-        refined = _refine(block, drive.equations, omega[f], loads.some(i), v[:, i, f])
+        refined = _refine(block, drive.equations, omega[f], loads.select(i), v[:, i, f])
         for n, form in enumerate(request.outputs):
             values[n][where] = _evaluate_output(form, offset[0][n, i], offset[1][n, i], *refined)[0]
     return values
@@ -214,7 +214,7 @@ def _refine(
         for _ in range(STEPS):
             residual = equations.residual(
                 omega[active],
-                loads.some(active),
+                loads.select(active),
                 high[:, None, active],
                 low[:, None, active],
                 slices=FINE,

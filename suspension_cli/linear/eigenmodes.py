@@ -188,9 +188,9 @@ class Modes:
 
     def up_to(self, highest: float) -> Modes:
         """Select the modes up to a frequency (Hz); those that do not oscillate are kept."""
-        return self.some(self.omega_squared <= (2 * np.pi * highest) ** 2)
+        return self.select(self.omega_squared <= (2 * np.pi * highest) ** 2)
 
-    def some(self, chosen: Any) -> Modes:
+    def select(self, chosen: Any) -> Modes:
         """Select modes by number or mask."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in PER_MODE})
 

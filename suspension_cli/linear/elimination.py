@@ -167,7 +167,7 @@ class Factors:
     own: tuple[Inexact[np.ndarray, "_ _ system"], ...]
     transmission: tuple[Any, ...]
 
-    def some(self, which: Bool[np.ndarray, " system"] | Int[np.ndarray, " some"]) -> Factors:
+    def select(self, which: Bool[np.ndarray, " system"] | Int[np.ndarray, " some"]) -> Factors:
         """Select systems."""
         return Factors(
             self.structure,

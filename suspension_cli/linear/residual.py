@@ -65,7 +65,7 @@ class Loads:
     powers: tuple[tuple[int, Int[np.ndarray, " _"]], ...]
     single: bool = False
 
-    def some(
+    def select(
         self, which: Int[np.ndarray, " some"] | Bool[np.ndarray, " frequency"] | slice
     ) -> Loads:
         """Select the inputs of single frequencies."""
@@ -169,7 +169,7 @@ class Equations:
             i, f = np.nonzero(size < SMALL)
             if len(i):
                 result[:, i, f] = self._multiply(
-                    omega[f], loads.some(i), high[:, None, i, f], low[:, None, i, f], slices, 1
+                    omega[f], loads.select(i), high[:, None, i, f], low[:, None, i, f], slices, 1
                 )[0][:, 0]
         return result
 

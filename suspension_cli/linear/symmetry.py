@@ -67,7 +67,9 @@ class Symmetry:
         """Whether the adapted coordinates are the scene's."""
         return np.array_equal(self.basis, np.eye(len(self.basis)))
 
-    def carried(self, flags: Bool[np.ndarray, " coordinate"]) -> Bool[np.ndarray, " coordinate"]:
+    def adapt_flags(
+        self, flags: Bool[np.ndarray, " coordinate"]
+    ) -> Bool[np.ndarray, " coordinate"]:
         """Change flags (N,) that mirror images share to adapted coordinates."""
         return (np.abs(self.basis).T @ flags) > 0.5 * np.abs(self.basis).sum(0)
 

@@ -36,6 +36,10 @@ CHANGED = 0.1
 """Relative change of a result by bending above which the modes of straight wires tell little."""
 OTHER = 4.0
 """Safety factor on the estimate of wire mass from these modes."""
+ZERO = "symmetry makes the response exactly 0"
+"""Why the most complete model is taken, if nothing that it adds changes a response of 0."""
+NOT_MET = " not met by any model of this analysis"
+"""What follows the tolerance in a reason if the most complete model allowed exceeds it."""
 MARGIN = 0.8
 """Fraction of the tolerance that all neglected refinements together may change."""
 
@@ -140,12 +144,15 @@ def decide(
     if not (complete or highest.omits or explain_unsuitable(design, massive=True)):
         # without the frequencies, which the quantity has, no other model need be built
         still = build.wires().effect_on_response(0.0).error > MARGIN * tolerance
-        bound = make(build(highest if still else base.model)).mass_bound(build.wires)
+        quantity = make(build(highest if still else base.model))
+        bound = quantity.mass_bound(build.wires)
         if bound > MARGIN * tolerance:
             why = f"{MASS} may change the result by up to {percent(bound)}"
             if not np.isfinite(bound):
                 why = f"{MASS}: frequencies lie near or above the first violin mode"
-            return Decision(Choice(highest.name, why, 0.0), build(highest), ())
+            model = build(highest)
+            why = ZERO if quantity.is_zero(model) else why
+            return Decision(Choice(highest.name, why, 0.0), model, ())
     quantity, estimate, found = _estimator(build, build(base.model), make)
     refinements = _series(design, base.model, quantity, build, _room([], tolerance))
     for name in (BENDING, MASS):
@@ -166,15 +173,11 @@ def decide(
     refinements = [replace(item, words=_words(item, found, build)) for item in refinements]
     model = _chosen(refinements) or base.model
     why = base.reason if model is base.model else _clauses(refinements, quantity)
-    return Decision(
-        Choice(
-            model.name,
-            why + _remainder(model, refinements, f" (tolerance {100 * tolerance:g} %)"),
-            _error(refinements, model),
-        ),
-        build(model),
-        tuple(refinements),
-    )
+    why = ZERO if not model.omits and quantity.is_zero(build(model)) else why
+    error = _error(refinements, model)
+    met = NOT_MET if error > tolerance else ""
+    why += _remainder(model, refinements, f" (tolerance {100 * tolerance:g} %{met})")
+    return Decision(Choice(model.name, why, error), build(model), tuple(refinements))
 
 
 def estimate_error(

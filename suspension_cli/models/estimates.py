@@ -92,7 +92,7 @@ class Estimates:
 
     @cached_property
     def bending(self) -> Float[np.ndarray, "mode stage"]:
-        """Of the mode's frequency, by bending.
+        """Relative change of the mode's frequency by bending.
 
         Infinite for a mode without restoring force on strings; NaN where the design lacks the
         wires' properties (so for all).
@@ -118,7 +118,7 @@ class Estimates:
 
     @cached_property
     def mass(self) -> Float[np.ndarray, "mode stage"]:
-        """Of the mode's frequency, by wire mass."""
+        """Relative change of the mode's frequency by wire mass."""
         if not (self._made and self._weighable):
             return self._unknown
         squared = np.abs(self._found.omega_squared)[:, None]
@@ -347,7 +347,7 @@ class _EndMotion:
 def _waves(
     omega: Float[np.ndarray, " mode"], mass: float, stiffness: float, shorter: float
 ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
-    """What mass adds to the stiffness (m,) of a string or rod, for one end and between its ends.
+    """Stiffness (m,) that mass adds to a string or rod, for one end and between its ends.
 
     With X = omega sqrt(mass / stiffness), the stiffness times X cot X - 1 and 1 - X / sin X (any
     text on vibrations). A clamped wire vibrates on a length that is less by the fraction `shorter`:

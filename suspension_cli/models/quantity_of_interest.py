@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 
 from suspension_cli.conventions import DOFS, GROUND, SUPPORT
+from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
@@ -57,6 +58,10 @@ class QuantityOfInterest(Protocol):
         """Upper estimate of its change by wire mass, without modes; 0 where they are needed."""
         ...
 
+    def is_zero(self, model: LinearSystem) -> bool:
+        """Whether it is exactly 0 in a model."""
+        ...
+
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
         """Compute its largest relative change from one model to a refined one, and where it is."""
         ...
@@ -83,6 +88,11 @@ class Frequencies:
         """Return 0, as modes differ by far in what mass changes."""
         del wires
         return 0.0
+
+    def is_zero(self, model: LinearSystem) -> bool:
+        """Return False, as the frequencies of a pendulum are not 0."""
+        del model
+        return False
 
     def change(self, without: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
         """Compute that of the mode that changes most; modes are paired by their shapes."""
@@ -126,6 +136,13 @@ class Transfer:
     def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
         """Upper estimate for any response at these frequencies, without modes."""
         return wires().effect_on_response(float(np.max(self.frequency))).error
+
+    def is_zero(self, model: LinearSystem) -> bool:
+        """Whether symmetry forbids all these responses: exactly 0 at the highest frequency."""
+        try:
+            return not self.values(model, np.array([np.max(self.frequency)])).any()
+        except InputError:  # it is infinite there
+            return False
 
     def signals(self) -> list[Signal]:
         """List the signals whose blocks matter."""
@@ -198,6 +215,11 @@ class Several:
         """Return 0, as these may be modes."""
         del wires
         return 0.0
+
+    def is_zero(self, model: LinearSystem) -> bool:
+        """Return False, as these may be modes."""
+        del model
+        return False
 
     def _estimate(self, item: Scalar, physics: str, found: Modes, of: Estimates) -> Array:
         if isinstance(item, Mode):

@@ -107,7 +107,7 @@ def linear_model(
         body=scene.bodies.name,
         coordinate=numbering.name,
         basis=adapted.basis,
-        massless=adapted.carried(tips),
+        massless=adapted.adapt_flags(tips),
         mass=adapted.apply(
             mass_matrix(scene, numbering, pose, wire_inertia=wire_inertia) if mass is None else mass
         ),

@@ -17,8 +17,8 @@ bends, at its ends, and goes with the square of the slope there:
 
     upper: (x/L)^2 (1 + X^2/3 + ...),    lower: (x/L)^2 (1 - 2 X^2/3 + ...).
 
-So the amplitude of the noise without mass is wrong by up to X^2/3, that of the end which is worse
-off (X^2/12 for the mean of both).
+So the amplitude of the noise without mass is wrong by up to X^2/3 (lower end, which has the larger
+error; X^2/12 for the mean of both).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from suspension_cli.scene.composition import Fibre
 from suspension_cli.scene.scene import Scene
 
 VALID = 0.5
-"""Of a first violin mode: above it the series are not valid."""
+"""Frequency over the first violin mode, above which the series are not valid."""
 FORCE = np.pi**2 / 6
 """Relative change of the force of a wire on its far end, over (f/f1)^2."""
 NOISE = np.pi**2 / 3
@@ -51,10 +51,10 @@ class MassEffect:
     Attributes
     ----------
     inertia : float
-        Of the wires' inertia on responses: the number of stages times the largest ratio of the
-        wires' kinetic energy to that of the bodies.
+        Effect of the wires' inertia on responses: the number of stages times the largest ratio of
+        the wires' kinetic energy to that of the bodies.
     waves : float
-        Of waves on the wires, all stages together; infinite near violin modes.
+        Effect of waves on the wires, all stages together; infinite near violin modes.
     highest, lowest : float
         That frequency and the lowest first violin mode, Hz.
     wire : str

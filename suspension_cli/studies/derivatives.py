@@ -47,7 +47,7 @@ from suspension_cli.studies.parameters import STEP, stepped
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact
 
-SETTLED = 1e-11
+CONVERGED = 1e-11
 """Relative change of the derivative of a pose at which it is final, where wires bend."""
 PASSES = 12
 """Most steps of that derivative."""
@@ -264,7 +264,7 @@ def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
         if not (base.turned or _searched(base) or np.abs(rest).max() > balanced):
             break
         step = -_solved(base.stiffness[free, free], rest)
-        if np.abs(step).max() <= SETTLED * np.abs(change).max():
+        if np.abs(step).max() <= CONVERGED * np.abs(change).max():
             break
         change[free] += step
         pose = displace(base.numbering, base.pose, 1j * STEP * change)

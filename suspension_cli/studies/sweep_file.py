@@ -77,7 +77,7 @@ class Store:
 
     count: int
     path: Path
-    """Of the finished file."""
+    """Path of the finished file."""
     handle: int
     record: int
     done: Int[np.ndarray, " unit"]

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
+import shlex
+
 import pytest
 
+from suspension_cli.analyses import registry
 from suspension_cli.cli import new
 from suspension_cli.design import reader
 from tests.support.commandline import run
@@ -37,3 +41,15 @@ def test_examples(tmp_path):
 def test_what_it_takes_is_said(words):
     done = run("new", *words)
     assert done.exit_code == 2 and "pendsus new triple my.toml" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["response", "sensitivity"])
+def test_examples_of_help_run_on_a_new_triple(name, tmp_path):
+    file = tmp_path / "my.toml"
+    assert run("new", "triple", file).exit_code == 0
+    text = inspect.cleandoc(registry.get(name).__doc__ or "")
+    (line,) = (line for line in text.splitlines() if line.startswith("Example: "))
+    words = shlex.split(line.removeprefix("Example: pendsus "))
+    words = [str(file) if word == "my.toml" else word for word in words]
+    done = run(*words, "--no-plot", "--out", tmp_path)
+    assert done.exit_code == 0, done.stderr

@@ -86,6 +86,18 @@ def test_added_points_reach_a_tip_and_keep_the_grid():
     assert len(frequency) < 400
 
 
+@pytest.mark.filterwarnings("error")
+def test_added_points_do_not_depend_on_the_size():
+    def count(size):
+        grid = np.geomspace(0.1, 10, 5)
+        return len(add_points(lambda f: size * pole(f), grid, size * pole(grid), np.empty(0))[0])
+
+    def pole(f):
+        return (1 / (1 - f**2 + 1e-2j * f))[:, None, None]
+
+    assert count(1e-250) == count(1e200) == count(1.0) > count(0.0)
+
+
 def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
     found = sus.response(
         triple,
@@ -111,6 +123,16 @@ def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
     assert phase[-1] == pytest.approx(-540, abs=2)
     assert_legible(figure)
     assert len(found.frequency) == 300
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_response_of_zero_is_said_to_be_zero(triple):
+    found = sus.response(
+        triple, inputs=["support.z"], outputs=["test.x"], frequency="0.1:100:30", model="string"
+    )
+    figure = found.plot()
+    assert "exactly 0 at all frequencies" in said(figure)
+    assert figure.axes[0].get_xlim() == (0.1, 100)
 
 
 def test_response_without_loss_marks_its_peaks():

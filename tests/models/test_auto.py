@@ -200,6 +200,29 @@ def test_a_tighter_tolerance_takes_more():
     assert levels[-1] == "violin"
 
 
+def test_a_response_that_symmetry_forbids_has_no_error():
+    """From vertical to longitudinal in a symmetric chain, with wires whose mass would change any
+    other response: the bound for all responses is no reason then."""
+    design = random_design(0)
+    base = registry.STRING.system(design)
+    drive, frequency = plants.drives(base, "support.z"), np.geomspace(0.1, 100, 50)
+    for output, reason in (("x", "exactly 0"), ("z", "wire")):
+        motion = plants.motions(base, f"{design.stage[-1].name}.{output}")
+        for complete in (True, False):
+            wanted = Transfer(drive, motion, frequency)
+            decision = auto.decide(design, lambda _, own=wanted: own, 1e-6, complete=complete)
+            assert decision.choice.level == "violin"
+            assert decision.choice.error == 0.0
+            assert reason in decision.choice.reason
+
+
+def test_a_tolerance_that_the_models_allowed_cannot_keep_is_reported():
+    design = random_design(4)
+    for tolerance, says in ((1e-9, True), (1.0, False)):
+        reason = auto.decide(design, lambda _: Frequencies(), tolerance, "beam").choice.reason
+        assert ("not met by any model" in reason) == says
+
+
 def test_wires_of_unknown_section_are_reported():
     raw = scenes.chain(np.random.default_rng(1), 1)
     decision = auto.decide(scenes.design_of(raw), lambda _: Frequencies(), 1e-3)

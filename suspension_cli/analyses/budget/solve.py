@@ -44,7 +44,7 @@ STEEP = 1e6
 RANGE = 0.05
 """Relative distance from a resonance up to which points are placed around it."""
 STEP = 1.0
-"""Of the points f + w sinh(u) around a resonance of half width w, in u."""
+"""Step in u of the points f + w sinh(u) around a resonance of half width w."""
 
 
 @dataclass(frozen=True)

@@ -41,19 +41,19 @@ LINK_WEIGHT = 1e-3
 """Weight of a link, relative to the tensions of all wires, that matters."""
 
 
-def find_implausible_loads(design: Design, carried: Statics) -> list[ImplausibleNumber]:
+def find_implausible_loads(design: Design, statics: Statics) -> list[ImplausibleNumber]:
     """Find implausible stress, strain and sag of wires and blades, the worst of each stage.
 
     Parameters
     ----------
     design : Design
-    carried : Carried
-        The statics of the design.
+    statics : Statics
+        Loads of its wires, blades and links.
     """
     found: list[ImplausibleNumber] = []
     for stage in design.stage:
-        wires = [wire for wire in carried.wires if _stage_of(wire.label) == stage.name]
-        blades = [blade for blade in carried.blades if _stage_of(blade.label) == stage.name]
+        wires = [wire for wire in statics.wires if _stage_of(wire.label) == stage.name]
+        blades = [blade for blade in statics.blades if _stage_of(blade.label) == stage.name]
         path = f"stage.{stage.name}"
         found += _check_stress(
             design, wires, f"{path}.{'wires' if stage.wires is not None else 'wire'}", "wire"
@@ -63,8 +63,8 @@ def find_implausible_loads(design: Design, carried: Statics) -> list[Implausible
             design, blades, f"{path}.{'blades' if stage.blades is not None else 'blade'}", "blade"
         )
         found += _check_sag(stage, blades, path)
-    for link in carried.links:
-        found += _check_link(link, carried)
+    for link in statics.links:
+        found += _check_link(link, statics)
     return found
 
 

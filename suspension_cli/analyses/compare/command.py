@@ -31,7 +31,6 @@ class CompareAnalysis(Analysis):
     """
 
     name = "compare"
-    has_model = False
     arguments = (argument("items", nargs=-1, required=True, metavar="ITEM ITEM..."),)
     parameters = (
         option(
@@ -79,19 +78,16 @@ class CompareAnalysis(Analysis):
         """Analyse the designs and compare all items."""
         from suspension_cli.analyses.compare import items as reading
         from suspension_cli.analyses.compare import solve as compare
-        from suspension_cli.models.registry import Choice
 
         signals = run.setting["inputs"], run.setting["outputs"]
         items = [reading.resolve_signals(item, *signals) for item in run.inputs["items"]]
-        found = compare.solve(items, run)
+        found, choice = compare.solve(items, run)
         opened = [i.name for i in items if i.run and i.source and i.source.design.control]
         if found.overlay and opened:
             run.log.say(
                 f"control loops of {', '.join(opened)} are open; for closed loops compare results"
                 " of pendsus response --closed-loop"
             )
-        models = sorted({model for model in found.model if model})
-        choice = Choice(", ".join(models), "as the designs need it")
         return Result(self, run.source, choice, found, command=run.command)
 
     def document(self, result: Result) -> Document:

@@ -20,9 +20,11 @@ def fill(group: h5py.Group, found: Comparison) -> None:
     rows = [(n, change) for n, changes in enumerate(found.change) for change in changes]
     if rows:
         changes = group.create_group("design_changes")
-        add_dataset(changes, "item", [n for n, _ in rows], "1")
+        number = add_scale(changes, "change", range(len(rows)), "1")
+        add_dataset(changes, "item", [n for n, _ in rows], "1", number)
         for name in ("path", "before", "after"):
-            add_dataset(changes, name, [getattr(change, name) for _, change in rows], "name")
+            texts = [getattr(change, name) for _, change in rows]
+            add_dataset(changes, name, texts, "name", number)
     if found.modes is not None:
         modes = group.create_group("modes")
         mode = add_scale(modes, "mode", list(found.modes.label), "name")
@@ -35,9 +37,11 @@ def fill(group: h5py.Group, found: Comparison) -> None:
         for m, curve in enumerate(overlay.curves, 1):
             own = part.create_group(f"curve_{m}")
             own.attrs["item"] = curve.item
-            units = {"frequency": "Hz", "ratio_frequency": "Hz", "ratio": "1"}
-            for name in SHORT:
-                add_dataset(own, name, getattr(curve, name), units.get(name, overlay.unit))
+            frequency = add_scale(own, "frequency", curve.frequency, "Hz")
+            for name in ("value", "uncertainty"):
+                add_dataset(own, name, getattr(curve, name), overlay.unit, frequency)
+            ratios = add_scale(own, "ratio_frequency", curve.ratio_frequency, "Hz")
+            add_dataset(own, "ratio", curve.ratio, "1", ratios)
 
 
 def load(group: Stored) -> Comparison:

@@ -26,6 +26,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.grids import parse_grid
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap
+from suspension_cli.models.registry import FILES, Choice
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -144,12 +145,18 @@ class _Silent(Log):
             self.log.warn(text)
 
 
-def solve(items: Sequence[Item], run: Run) -> Comparison:
+def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
     """Analyse the designs among the items, and compare all.
 
     Modes are compared where designs or measured modes are given; responses and noises where a
     result or a measurement has them or the setting asks for them. All designs are computed with one
     model, the most complete that one of them needs.
+
+    Returns
+    -------
+    comparison : Comparison
+    choice : Choice
+        The models of all items, with the largest of their estimated errors.
 
     Raises
     ------
@@ -159,10 +166,11 @@ def solve(items: Sequence[Item], run: Run) -> Comparison:
     quiet = dataclasses.replace(run, log=_Silent(run.log))
     texts = [item.source.text if item.source else None for item in items]
     first = next(text for text in texts if text is not None)
-    models = [item.result.model if item.result else "" for item in items]
-    listed = _modes(items, quiet, models)
-    overlays = [*_responses(items, quiet, models), *_noises(items, quiet, models)]
-    return Comparison(
+    choices = [[item.result.choice] if item.result else [] for item in items]
+    listed = _modes(items, quiet, choices)
+    overlays = [*_responses(items, quiet, choices), *_noises(items, quiet, choices)]
+    models = [_most_complete(own) for own in choices]
+    found = Comparison(
         name=tuple(item.name for item in items),
         kind=tuple(item.kind for item in items),
         model=tuple(models),
@@ -173,10 +181,25 @@ def solve(items: Sequence[Item], run: Run) -> Comparison:
         modes=listed,
         overlay=tuple(overlays),
     )
+    return found, _common_choice(models, [choice for own in choices for choice in own])
+
+
+def _most_complete(choices: Sequence[Choice]) -> str:
+    """Name the most complete of the models; "" if there is none."""
+    return max((choice.level for choice in choices), key=[*FILES].index, default="")
+
+
+def _common_choice(models: Sequence[str], choices: Sequence[Choice]) -> Choice:
+    """Name all models, with the largest of their errors and what is neglected there."""
+    reason, error = "as the designs need it", np.nan
+    if choices:
+        worst = max(choices, key=lambda one: np.inf if np.isnan(one.error) else one.error)
+        reason, error = "; ".join(filter(None, (reason, worst.neglected))), worst.error
+    return Choice(", ".join(sorted({*models} - {""})), reason, error)
 
 
 def _results(
-    name: str, items: Sequence[Item], run: Run, models: list[str], **given: object
+    name: str, items: Sequence[Item], run: Run, choices: list[list[Choice]], **given: object
 ) -> dict[int, Result]:
     """Run an analysis for every design, all with the most complete model that one needs."""
     from suspension_cli.models import registry as known
@@ -198,14 +221,11 @@ def _results(
         assert top is not None
         if result.choice.model is not top and not top.unsuitable(item.source.design):
             found[n] = one(item, top.name)
-        if not models[n] or known.MODELS.index(found[n].choice.model) > known.MODELS.index(
-            known.by_name(models[n])
-        ):
-            models[n] = found[n].model
+        choices[n].append(found[n].choice)
     return found
 
 
-def _modes(items: Sequence[Item], run: Run, models: list[str]) -> PairedModes | None:
+def _modes(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> PairedModes | None:
     stored = {
         n: item.result
         for n, item in enumerate(items)
@@ -214,7 +234,7 @@ def _modes(items: Sequence[Item], run: Run, models: list[str]) -> PairedModes | 
     alone = not stored and not any(item.modes for item in items)
     if alone and sum(item.run is not None for item in items) < 2:
         return None
-    found = stored | _results("modes", items, run, models)
+    found = stored | _results("modes", items, run, choices)
     if not found:
         return None
     return pair_modes(
@@ -330,7 +350,7 @@ def _exact(item: int, frequency: np.ndarray, value: np.ndarray) -> Curve:
     return Curve(item, frequency, value, np.full(len(frequency), np.nan))
 
 
-def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]:
+def _responses(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> list[Overlay]:
     """Collect the responses of results, measurements and the setting, an overlay per pair."""
     data: dict[tuple[str, str], dict[int, Curve]] = {}
     units: dict[tuple[str, str], str] = {}
@@ -358,7 +378,7 @@ def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overl
     for (out, into), curves in data.items():
         grid = _grid(items, curves, run)
         solved = _results(
-            "response", items, run, models, inputs=(into,), outputs=(out,), frequency=grid
+            "response", items, run, choices, inputs=(into,), outputs=(out,), frequency=grid
         )
         for n, result in solved.items():
             curves[n] = _exact(n, result.frequency, result.value[:, 0, 0])
@@ -371,7 +391,7 @@ def _responses(items: Sequence[Item], run: Run, models: list[str]) -> list[Overl
     return overlays
 
 
-def _noises(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]:
+def _noises(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> list[Overlay]:
     """Collect the thermal noise of results and the setting, an overlay per output."""
     data: dict[str, dict[int, Curve]] = {}
     units: dict[str, str] = {}
@@ -387,7 +407,7 @@ def _noises(items: Sequence[Item], run: Run, models: list[str]) -> list[Overlay]
     for out, curves in data.items():
         with _option_named("--noise"):
             solved = _results(
-                "thermal", items, run, models, outputs=(out,), frequency=_grid(items, curves, run)
+                "thermal", items, run, choices, outputs=(out,), frequency=_grid(items, curves, run)
             )
         for n, result in solved.items():
             noise = result.data[0]

@@ -73,6 +73,7 @@ class ExportAnalysis(Analysis):
         options.FIDELITY,
         options.ACCURACY,
         options.AS_JSON_ONLY,
+        options.NO_PICTURE,
         options.QUIET,
         options.VERBOSE,
     )

@@ -1,1 +1,1 @@
-"""Fit numbers of designs to measured mode frequencies."""
+"""Fit numbers of designs to measured mode frequencies and transfer functions."""

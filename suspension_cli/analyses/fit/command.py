@@ -36,10 +36,11 @@ REFITS = 2
 class FitAnalysis(Analysis):
     """Fit numbers of designs to measured mode frequencies and transfer functions.
 
-    MEASURED is a TOML file of modes with uncertainties, or of files of transfer functions, and of
-    the free numbers: of DESIGN, or (modes alone) of several designs that it names itself, which may
-    share numbers. Writes DIR/NAME-fit.h5 and .png, and each fitted design as DIR/NAME-fitted.toml;
-    NAME is the design's, or the stem of MEASURED and the experiment's.
+    MEASURED is a TOML file that lists modes with uncertainties, or files of transfer functions, and
+    the free numbers of DESIGN. To fit modes of several designs together, leave DESIGN out: MEASURED
+    names them, and which free numbers they have in common. Writes DIR/NAME-fit.h5 and .png, and
+    each fitted design as DIR/NAME-fitted.toml; NAME is the design's, or the stem of MEASURED and
+    the experiment's.
 
     Example: pendsus fit my.toml measured.toml
     """
@@ -52,20 +53,23 @@ class FitAnalysis(Analysis):
             type=click.IntRange(1, 100_000),
             default=1,
             show_default=True,
-            help="Searches, all but the first from random numbers; the best counts.",
+            help=(
+                "Number of searches; all but the first start from random numbers, and the best is"
+                " kept."
+            ),
         ),
         option(
             "--seed",
             type=click.IntRange(0, 2**64 - 1),
             default=1,
             show_default=True,
-            help="Of the random numbers.",
+            help="Seed of the random numbers.",
         ),
         option(
             "--relative-uncertainty",
             type=options.Finite(0.0, 10.0, min_open=True),
             metavar="FRACTION",
-            help="Of transfer functions whose files give none.",
+            help="Relative uncertainty of transfer functions whose files give none.",
         ),
         option(
             "--explain/--no-explain",

@@ -37,7 +37,7 @@ RELATIVE = {
     "youngs_modulus": 0.02,
     "k": 0.02,
 }
-"""The same, relative to the number."""
+"""Prior standard deviations by key, relative to the number."""
 TABLES = ("stage", "perturbation", "materials")
 
 

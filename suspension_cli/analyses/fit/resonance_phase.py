@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 FAR = 0.2
 """Largest ln of measured over computed frequency of a peak that may belong to a mode."""
 FARTHEST = 0.9
-"""The same for a peak that no mode has nearby, and a mode that has no peak nearby."""
+"""Largest ln of their ratio if neither has another partner nearby."""
 EXPECTED = 0.5
 """Size of a resonance, as for `FAINT`, from which a peak is expected."""
 ROUGH = 0.02

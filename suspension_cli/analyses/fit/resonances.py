@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PROMINENCE = 0.6
 """Height of a peak in ln |H| above the saddles beside it, below which it is none."""
 NOISE = 5.0
-"""The same in standard deviations of ln |H|."""
+"""Least height of a peak above these saddles, in standard deviations of ln |H|."""
 WINDOW = 0.06
 """Relative distance of the frequencies around a peak that its fit uses."""
 POINTS = 7

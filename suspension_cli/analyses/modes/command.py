@@ -61,7 +61,7 @@ class ModesAnalysis(Analysis):
             "--all",
             "every",
             is_flag=True,
-            help=f"Compute all modes of wires with mass, be they more than {MOST}.",
+            help=f"Compute all modes of wires with mass, even if there are more than {MOST}.",
         ),
         option(
             "--animate",

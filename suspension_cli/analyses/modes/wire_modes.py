@@ -332,7 +332,7 @@ def _solve_damped(
             (wire, {part: ends[..., own] for part, ends in each.items()}) for wire, each in moved
         ]
         basis = _build_basis(model, motion, omega[own], shapes[own], lost[own])
-        parts.append(_solve_damped_part(found.some(own), model, basis, shapes[own], dynamic))
+        parts.append(_solve_damped_part(found.select(own), model, basis, shapes[own], dynamic))
     return parts[0].followed_by(*parts[1:])
 
 
@@ -381,6 +381,6 @@ def _solve_damped_part(
 
 def _prepend_static(found: Modes, static: Modes) -> Modes:
     """Prepend the modes that do not oscillate, from a solution without wire mass."""
-    first = static.some(slice(int((static.omega_squared <= 0).sum())))
+    first = static.select(slice(int((static.omega_squared <= 0).sum())))
     energy = np.zeros((len(first.q), len(found.wire)))
     return replace(first, wire=found.wire, wire_energy=energy).followed_by(found)

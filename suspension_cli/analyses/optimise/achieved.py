@@ -100,7 +100,7 @@ def evaluate(
     found = eigenmodes.solve(model)
     if choice.model.has_wire_mass:  # wire mass lowers all frequencies
         found = wire_modes.solve(model, float(np.nanmax(found.frequency)))
-        found = found.some(found.order == 0)  # without violin modes
+        found = found.select(found.order == 0)  # without violin modes
     ranked = families.ranked(found.energy)
     named = any(isinstance(item, OfMode) and item.number >= 0 for item in quantities)
     followed = follow(found, model.basis @ model.mass @ model.basis.T) if named else None

@@ -38,7 +38,7 @@ margin."""
 class OptimiseAnalysis(Analysis):
     """Choose numbers of a design so that it meets goals.
 
-    GOALS is a TOML file of goals, and of the free numbers with their bounds. Writes the design as
+    GOALS is a TOML file that lists goals, and the free numbers with bounds. Writes the design as
     DIR/NAME-optimised.toml, and DIR/NAME-optimise.h5 and .png. The written design is checked
     against every goal by the ordinary analyses; exit code 1 if a limit is not met.
 
@@ -60,7 +60,7 @@ class OptimiseAnalysis(Analysis):
             type=click.IntRange(0),
             default=SEED,
             show_default=True,
-            help="Of the other starts.",
+            help="Seed of the random starts.",
         ),
         options.ACCURACY,
         *options.WRITING,

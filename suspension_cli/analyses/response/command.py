@@ -43,7 +43,7 @@ class ResponseAnalysis(Analysis):
     measured transfer functions are drawn over those of the model, with their ratio, deviations and
     shifts of resonances; signals and frequencies are then those of the measurements.
 
-    Example: pendsus response my.toml --input support.z --output test.x
+    Example: pendsus response my.toml --input support.x --output test.pitch
     """
 
     name = "response"

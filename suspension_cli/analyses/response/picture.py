@@ -60,6 +60,8 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
                 for name, pair in zip(key, part, strict=False)
             ]
             curves.write_key(axes, samples, above=curves.PEAKS)
+            if not any(response.value[:, o, i].any() for o, i in part):
+                _say_zero(axes, response.frequency)
         for o, i in pairs:
             phase = curves.unwrap_phase(response.value[:, o, i])
             colour, dashes = looks[o, i]
@@ -67,11 +69,23 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
         panels[-1].set_ylabel("phase (degrees)")
         panels[-1].set_xlabel("frequency (Hz)")
         curves.label_phases(panels[-1])
+        if not response.value.any():
+            panels[-1].set_yticks([])
         figure.align_ylabels(panels)
         loops = ", loops closed" if response.closed_loop else ""
         one = f"Transfer function {_name(response, 0, 0)}" if not many else "Transfer functions"
         curves.write_heading(figure, one + loops, title)
         return figure
+
+
+def _say_zero(axes: Axes, frequency: Any) -> None:
+    """Say that no response of a panel differs from 0."""
+    axes.set_yticks([])
+    if len(frequency) > 1:
+        axes.set_xlim(frequency[0], frequency[-1])
+    words = "exactly 0 at all frequencies"
+    place = {"transform": axes.transAxes, "ha": "center", "va": "center"}
+    axes.text(0.5, 0.5, words, bbox={"color": "white"}, **place)
 
 
 def _name(response: Response, o: int, i: int) -> str:

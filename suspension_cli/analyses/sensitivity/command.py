@@ -22,9 +22,11 @@ class SensitivityAnalysis(Analysis):
     """Compute the effect of every number of a design on modes, responses and couplings.
 
     Lengths are changed by 1 mm, angles by 1 mrad, all else by 1 %. The effects are first
-    derivatives, and include the change of the equilibrium. Writes DIR/NAME-sensitivity.h5 and .png.
+    derivatives, and include the change of the equilibrium. The estimated error of the model is that
+    of the modes and responses; single derivatives may be wrong by many times more. Writes
+    DIR/NAME-sensitivity.h5 and .png.
 
-    Example: pendsus sensitivity my.toml --result "test pitch"
+    Example: pendsus sensitivity my.toml --result "test longitudinal"
     """
 
     name = "sensitivity"

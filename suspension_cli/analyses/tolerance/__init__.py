@@ -1,1 +1,1 @@
-"""Compute random builds: scatter of modes and cross-coupling, and its causes."""
+"""Compute the scatter of modes and cross-coupling over random builds, and its causes."""

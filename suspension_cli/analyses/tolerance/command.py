@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 
 class ToleranceAnalysis(Analysis):
-    """Compute random builds within the design's [tolerance] table.
+    """Compute the scatter of modes and cross-coupling over random builds, and its causes.
 
-    Prints quantiles of mode frequencies, of the static pose of every stage and of the
-    cross-coupling, the fraction of builds that meet each requirement, and which imperfections
-    matter most. Writes DIR/NAME-tolerance.h5 and .png.
+    The builds follow the design's [tolerance] table. Prints quantiles of mode frequencies, of the
+    static pose of every stage and of the cross-coupling, the fraction of builds that meet each
+    requirement, and which imperfections matter most. Writes DIR/NAME-tolerance.h5 and .png.
 
     Example: pendsus tolerance configs/triple-tolerance.toml --builds 1000
     """

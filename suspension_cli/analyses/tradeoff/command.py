@@ -44,7 +44,7 @@ class TradeoffAnalysis(Analysis):
             "quantities",
             multiple=True,
             type=click.Choice(NAMES),
-            help="Compare for this alone (repeatable).  [default: all]",
+            help="Compare for this quantity alone (repeatable).  [default: all]",
         ),
         option(
             "--repeat",

@@ -29,7 +29,7 @@ OTHER_GRID = "-2e-3:2e-3:5"
 
 
 class CouplingAnalysis(Analysis):
-    """Compute the cross-coupling of imperfect builds: the fraction of one motion in another.
+    """Compute the cross-coupling of imperfect builds: the ratio of two motions.
 
     Sweeps the product of any number of imperfections; writes DIR/NAME-xcouple.h5 and .png.
 
@@ -57,7 +57,7 @@ class CouplingAnalysis(Analysis):
             type=click.Choice(["loaded-length", "natural-length"]),
             default="loaded-length",
             show_default=True,
-            help="What stays the same when the wire changes.",
+            help="Length that stays the same when the wire changes.",
         ),
         *options.COUPLING,
         option(

@@ -69,7 +69,7 @@ def relaxation(
 def _known_relaxation(
     phase: bytes, shape: tuple[int, ...], order: float
 ) -> Float[np.ndarray, "*frequency"]:
-    """Im g at phases given by their bytes: alike sections and both ends of wires have the same."""
+    """Im g at phases given by their bytes, kept as equal sections and both ends of wires repeat."""
     return _real_relaxation(np.frombuffer(phase).reshape(shape), order)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import h5py
 import numpy as np
 import pytest
 
@@ -39,6 +40,11 @@ def compared(folder, out, *items):
 def test_modes_of_two_designs_are_those_of_each(folder, tmp_path):
     found = compared(folder, tmp_path, "a.toml", "b.toml")
     assert found["designs"] == ["double", "longer"]
+    errors = [
+        sus.modes(sus.read(folder / name), model="beam").estimated_error
+        for name in ("a.toml", "b.toml")
+    ]
+    assert (found["fidelity"], found["estimated_error"]) == ("beam", max(errors))
     rows = np.array([row["frequency_hz"] for row in found["modes"]])
     for column, name in ((0, "a.toml"), (1, "b.toml")):
         design = sus.read(folder / name)
@@ -143,10 +149,14 @@ def test_text_pictures_and_stored_comparison(folder, tmp_path):
     stem = "double-and-b-and-1-more-compare"
     names = {path.name for path in tmp_path.iterdir()}
     assert {f"{stem}.h5", f"{stem}.svg", f"{stem}-test.x-support.x.svg"} <= names
-    ratios = (tmp_path / f"{stem}-overlay_1-curve_2-ratios.csv").read_text()
+    ratios = (tmp_path / f"{stem}-overlay_1-curve_2-ratio_frequency.csv").read_text()
     assert ratios.startswith("ratio_frequency (Hz),ratio real (1),ratio imag (1)\n0.3,")
     again = sus.load(tmp_path / f"{stem}.h5")
     assert str(again) == done.stdout.rstrip("\n")
+    with h5py.File(tmp_path / f"{stem}.h5") as file:
+        for name in ("design_changes/before", "overlay_1/curve_2/value", "overlay_1/curve_2/ratio"):
+            data = file[f"compare/{name}"]
+            assert [len(scale[0]) for scale in data.dims] == [*data.shape]
 
 
 @pytest.mark.parametrize(
