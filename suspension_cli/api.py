@@ -263,7 +263,7 @@ def modes(
     max_frequency : float, optional
         Hz; list all modes up to here, violin modes too.
     every : bool
-        Compute all modes of wires with mass, be they more than a thousand.
+        Compute all modes of wires with mass, even if there are more than a thousand.
     model : str
         ``"auto"`` or the name of a model.
     tolerance : float
@@ -602,7 +602,7 @@ def tolerance(
     resume: bool = False,
     allow_unstable: bool = False,
 ) -> Result:
-    """Compute random builds of the design's ``[tolerance]`` table.
+    """Compute the scatter of modes and couplings over random builds (``[tolerance]`` table).
 
     Parameters
     ----------

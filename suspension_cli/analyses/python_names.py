@@ -42,8 +42,8 @@ def translate(text: str, parameters: Sequence[click.Parameter] = (), **names: st
 
     Examples
     --------
-    >>> translate("rerun with --fidelity beam, or give --max-frequency")
-    'rerun with model="beam", or give max_frequency'
+    >>> translate("rerun with --no-plot, or lower --max-frequency")
+    'rerun with no_plot, or lower max_frequency'
     """
     for pattern, call in CALLS:
         text = re.sub(pattern, call, text)

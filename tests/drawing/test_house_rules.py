@@ -241,7 +241,7 @@ def test_pictures_keep_the_house_rules(name, folder):
 
 
 SAID = {
-    "budget-requirement": "the requirement is (met|exceeded)",
+    "budget-requirement": r"the\srequirement\sis\s(met|exceeded)",
     "compare-noise": "relative to double",
     "sweep-responses": "test.x / support.x at 10 Hz",
     "fit": "8 numbers fitted to 24 modes in 4 experiments",

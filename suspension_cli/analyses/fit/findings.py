@@ -1,4 +1,4 @@
-"""What a fit of transfer functions determines, which single changes explain most, what to measure.
+"""Findings of a fit of transfer functions: numbers determined, likely changes, what to measure.
 
 All follow from the information matrix J^T J of the weighted residuals at the end of the fit, with
 the nuisance parameters eliminated (Schur's complement).
@@ -35,7 +35,7 @@ WEAK = 10.0
 KNOWN = 0.3
 """Standard deviation over that of the prior below which a number is determined by the data."""
 UNKNOWN = 0.8
-"""The same, above which the data say nothing of it."""
+"""Standard deviation over that of the prior above which the data say nothing of a number."""
 TOGETHER = 0.2
 """Standard deviation of a combination over that of its best known member, below which only the
 combination is determined."""
