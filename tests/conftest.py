@@ -6,6 +6,7 @@ import functools
 import gc
 import sys
 
+import pytest
 from matplotlib.mathtext import MathTextParser
 
 from suspension_cli.drawing import style
@@ -28,3 +29,9 @@ def pytest_collection_finish():
     again and again: a seventh of all time."""
     gc.freeze()
     gc.set_threshold(100_000, 20, 50)
+
+
+@pytest.fixture
+def full_resolution(monkeypatch):
+    """Draw pictures as they are shipped: at few pixels, boxes of text differ by their rounding."""
+    monkeypatch.setattr(style, "DPI", SHIPPED_DPI)

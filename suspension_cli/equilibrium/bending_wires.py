@@ -87,7 +87,8 @@ def to_clamps(scene: Scene) -> Scene:
     M, as if it were hinged at u = M / V from there (sqrt(EI / T) for a long uniform one; Gonzalez
     and Saulson, J. Acoust. Soc. Am. 96, 207 (1994)). So the clamps lie u beyond the hinges, in line
     with the wire, which leaves the forces that carry the weight unchanged. For a ribbon u is taken
-    in its soft plane.
+    in its soft plane. Tension and length are those of the nominal scene: imperfections change them,
+    but not the distance of a clamp that is there already.
     """
     fibres, wires = scene.fibres, scene.wires
     assert fibres is not None
@@ -95,15 +96,16 @@ def to_clamps(scene: Scene) -> Scene:
         return scene
     kind = np.result_type(scene.kind, *(s.rigidity[0] for f in fibres.wire for s in f.sections))
     ends = np.zeros((*scene.batch, len(wires.label), 2), dtype=kind)
-    shape = (*scene.batch, len(wires.label))
-    numbers = [np.broadcast_to(v, shape) for v in (wires.length, wires.stiffness, wires.tension)]
+    nominal = scene.drawn or scene
+    drawn, shape = nominal.wires, (*nominal.batch, len(wires.label))
+    numbers = [np.broadcast_to(v, shape) for v in (drawn.length, drawn.stiffness, drawn.tension)]
     for group in group_identical(fibres.wire, *numbers):
         fibre = fibres.wire[group[0]]
         if fibre.effective:
             own = [v[..., group[0]] for v in numbers]
-            if scene.batch and kind == np.float64:
+            if nominal.batch and kind == np.float64:
                 distance = _batch_distances(fibre, *own)
-            elif scene.batch:
+            elif nominal.batch:
                 distance = _hinge_distances(fibre, *own)
             else:
                 distance = _known_distances(fibre.sections, *(v.item() for v in own))

@@ -15,6 +15,8 @@ from suspension_cli.analyses.fit.response_picture import draw as draw_responses
 from suspension_cli.drawing.style import PALETTE, shade
 from tests.support.legible import said
 
+pytestmark = pytest.mark.usefixtures("full_resolution")
+
 ROOT = Path(__file__).parents[2]
 CONFIGS = ROOT / "configs"
 COLUMN = 8.5 / 2.54

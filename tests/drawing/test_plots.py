@@ -18,6 +18,8 @@ from suspension_cli.drawing import bodies, dimensions, draw, style, tables
 from suspension_cli.equilibrium.nominal import expand
 from tests.support.pictures import DESIGNS, FIVE, SINGLE, TREE, TRIPLE, made, solved
 
+pytestmark = pytest.mark.usefixtures("full_resolution")
+
 
 def texts(figure: Figure) -> list[str]:
     return [text.get_text() for axes in figure.axes for text in axes.texts] + [
