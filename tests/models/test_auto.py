@@ -208,9 +208,9 @@ def test_a_response_that_symmetry_forbids_has_no_error():
     drive, frequency = plants.drives(base, "support.z"), np.geomspace(0.1, 100, 50)
     for output, reason in (("x", "exactly 0"), ("z", "wire")):
         motion = plants.motions(base, f"{design.stage[-1].name}.{output}")
-        for complete in (True, False):
+        for highest in (None, 100.0):
             wanted = Transfer(drive, motion, frequency)
-            decision = auto.decide(design, lambda _, own=wanted: own, 1e-6, complete=complete)
+            decision = auto.decide(design, lambda _, own=wanted: own, 1e-6, highest=highest)
             assert decision.choice.level == "violin"
             assert decision.choice.error == 0.0
             assert reason in decision.choice.reason

@@ -124,7 +124,7 @@ def responses(design: Design, rng: Generator, tolerance: float) -> Question:
         return response.solve(model, frequency, one.inputs, one.outputs).value[:, 0, 0]
 
     def solve_auto() -> tuple[Choice, Any]:
-        decision = auto.decide(design, quantity, tolerance, complete=False)
+        decision = auto.decide(design, quantity, tolerance, highest=float(grid[-1]))
         return decision.choice, solved(decision.model, grid)
 
     def solve_on(level: str) -> Any:

@@ -206,7 +206,11 @@ class MatrixAnalysis(Analysis):
         setting = run.setting
         motions, observed = _all_motions(known, requested, setting)
         decision = model_choice.choose(
-            run.source, setting["fidelity"], lambda _: motions, setting["tolerance"]
+            run.source,
+            setting["fidelity"],
+            lambda _: motions,
+            setting["tolerance"],
+            highest=max(requested.frequency),
         )
         model = model_choice.stable_system(
             run.source,
