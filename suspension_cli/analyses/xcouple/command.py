@@ -106,7 +106,7 @@ class CouplingAnalysis(Analysis):
             run.source,
             setting["fidelity"],
             registry.SCENE_MODELS,
-            model_error.coupling_change(job),
+            model_error.coupling_change(job, setting["tolerance"]),
             setting["tolerance"],
         )
         model_choice.stable_system(run.source, choice, unstable, run.log, bends=True)
