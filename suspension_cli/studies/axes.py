@@ -76,7 +76,7 @@ def ends_and_middle_points(axes: tuple[Axis, ...]) -> Int[np.ndarray, " point"]:
 
 
 def _chosen(axes: tuple[Axis, ...]) -> list[list[int]]:
-    """Choose the numbers of each axis's first, middle and last value; the middle after the third."""
+    """Choose the first, middle and last value of each axis; the middle of those after the third."""
     last = [len(axis.values) - 1 for axis in axes]
     middle = [len(axis.values) // 2 for axis in axes]
     return [
