@@ -12,7 +12,7 @@ import numpy as np
 from suspension_cli.analyses.xcouple.solve import Sweep, couplings, impose
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
-from suspension_cli.models.wire_mass import expand_with_fibres, hinge_distance
+from suspension_cli.models.wire_mass import expand_with_fibres
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds
 from suspension_cli.studies.axes import ends_and_middle, ends_and_middle_points
@@ -27,7 +27,7 @@ FREQUENCIES = 12
 FEW = 512
 """Largest number of builds that are all balanced to compare models at some of them, where bending
 is likely to matter: they are then known for the result."""
-BENT = 0.1
+BENT = 3.0
 """Fraction of its length over which a wire bends, over the tolerance, from which it is likely."""
 ONE_MODEL_ONLY = "some builds have an equilibrium in only one of the models"
 NO_BUILD = "no build at the corners and middles has an equilibrium"
@@ -39,6 +39,9 @@ def coupling_change(job: Sweep, tolerance: float) -> Callable[[Model, Model], tu
 
     Couplings are compared at the corners and middles of the swept space, relative to the largest
     of these; the change is infinite where a build has an equilibrium in only one of the models.
+    They are compared in size, as a sweep at one frequency has no axis along which a resonance could
+    be seen to move. A resonance that a build between the compared ones meets is not seen: there the
+    estimate is that of the frequency at which the coupling is right.
     """
     frequency = job.question.frequency
     count = min(FREQUENCIES, len(frequency))
@@ -93,11 +96,9 @@ def coupling_change(job: Sweep, tolerance: float) -> Callable[[Model, Model], tu
 
 
 def _bending_fraction(scene: Scene) -> float:
-    """Largest fraction of its length over which a wire bends at its clamps."""
-    assert scene.fibres is not None
-    numbers = zip(
-        scene.fibres.wire, scene.wires.tension.tolist(), scene.wires.length.tolist(), strict=True
-    )
-    return max(
-        (hinge_distance(fibre, tension) / length for fibre, tension, length in numbers), default=0.0
-    )
+    """Largest fraction sqrt(EI / T) / l of its length over which a wire bends at its clamps."""
+    wires, made = scene.wires, scene.fibres
+    assert made is not None
+    rigidity = np.array([max(max(one.rigidity) for one in fibre.sections) for fibre in made.wire])
+    tension = np.maximum(wires.tension, 1e-300)
+    return float((np.sqrt(rigidity / tension) / wires.length).max(initial=0.0))
