@@ -27,8 +27,8 @@ FREQUENCIES = 12
 FEW = 512
 """Largest number of builds that are all balanced to compare models at some of them, where bending
 is likely to matter: they are then known for the result."""
-BENT = 3.0
-"""Fraction of its length over which a wire bends, over the tolerance, from which it is likely."""
+STIFF = 2.0
+"""Relative stiffness of bending (`_bending`), over the tolerance, from which that is likely."""
 ONE_MODEL_ONLY = "some builds have an equilibrium in only one of the models"
 NO_BUILD = "no build at the corners and middles has an equilibrium"
 WHAT = "couplings"
@@ -56,7 +56,7 @@ def coupling_change(job: Sweep, tolerance: float) -> Callable[[Model, Model], tu
 
     @cache
     def balance_all() -> bool:
-        return job.count <= FEW and _bending_fraction(scene()) > BENT * tolerance
+        return job.count <= FEW and _bending(scene()) > STIFF * tolerance
 
     @cache
     def balanced(model: Model) -> Builds:
@@ -95,10 +95,14 @@ def coupling_change(job: Sweep, tolerance: float) -> Callable[[Model, Model], tu
     return change
 
 
-def _bending_fraction(scene: Scene) -> float:
-    """Largest fraction sqrt(EI / T) / l of its length over which a wire bends at its clamps."""
+def _bending(scene: Scene) -> float:
+    """Largest stiffness of a wire's bending, relative to that of its tension.
+
+    That of a clamp, sqrt(T EI) / T l; between effective bending points EI / l remains of it.
+    """
     wires, made = scene.wires, scene.fibres
     assert made is not None
     rigidity = np.array([max(max(one.rigidity) for one in fibre.sections) for fibre in made.wire])
-    tension = np.maximum(wires.tension, 1e-300)
-    return float((np.sqrt(rigidity / tension) / wires.length).max(initial=0.0))
+    clamp = np.sqrt(rigidity / np.maximum(wires.tension, 1e-300)) / wires.length
+    effective = np.array([fibre.effective for fibre in made.wire], dtype=bool)
+    return float(np.where(effective, clamp**2, clamp).max(initial=0.0))
