@@ -97,38 +97,24 @@ class Estimates:
         Infinite for a mode without restoring force on strings; NaN where the design lacks the
         wires' properties (so for all).
         """
-        return self.bending_above(0.0)
-
-    def bending_above(self, omega: float) -> Float[np.ndarray, "mode stage"]:
-        """Relative change of the mode's frequency, or of `omega` (rad/s) if that is higher.
-
-        Of stable modes: half of that of responses at this and higher frequencies.
-        """
         if not self._made:
             return self._unknown
-        return _over(self._bent, self._at_least(omega))
-
-    @cached_property
-    def _bent(self) -> Float[np.ndarray, "mode stage"]:
         stored = [
             np.sum([part[:, here] @ part[:, here].T for part in self._motion.bent], axis=0)
             for here in self._groups
         ]
-        return _with_repulsion(stored, self._found) / 2
+        return _over(_with_repulsion(stored, self._found) / 2, self._found.omega_squared)
 
-    def loss_above(self, omega: float) -> Float[np.ndarray, "mode stage"]:
+    @cached_property
+    def loss(self) -> Float[np.ndarray, "mode stage"]:
         """Imaginary part of the relative change of omega^2 that comes with bending."""
         if not self._made:
             return self._unknown
         lost = self._motion.lost()
         return _over(
             np.stack([lost[:, here].sum(1) for here in self._groups], axis=1),
-            self._at_least(omega),
+            self._found.omega_squared,
         )
-
-    def _at_least(self, omega: float) -> Float[np.ndarray, " mode"]:
-        squared = self._found.omega_squared
-        return np.maximum(squared, omega**2) if self._found.stable else squared
 
     @cached_property
     def mass(self) -> Float[np.ndarray, "mode stage"]:

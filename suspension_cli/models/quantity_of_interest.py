@@ -125,14 +125,11 @@ class Transfer:
         """Estimate the change far above all modes.
 
         There a response is proportional to the square of the frequency of every mode in its
-        blocks, and to the force of each wire. Modes below all frequencies change it by no more
-        than if they were at the lowest one.
+        blocks, and to the force of each wire.
         """
         touched = self._touched(found)
         if physics == BENDING:
-            lowest = 2 * np.pi * float(np.min(self.frequency))
-            change = 2 * of.bending_above(lowest) + of.loss_above(lowest)
-            return change[touched].sum(0)
+            return (2 * of.bending[touched] + of.loss[touched]).sum(0)
         return 2 * of.mass[touched].sum(0) + of.curved(float(np.max(self.frequency)))
 
     def mass_bound(self, wires: Callable[[], MassiveWires]) -> float:
