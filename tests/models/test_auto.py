@@ -63,11 +63,11 @@ def test_frequencies_of_modes(seed):
 
 @pytest.mark.parametrize("seed", range(12))
 def test_responses(seed):
-    """From the support to the last body, away from resonances."""
+    """From the support to the last body, away from resonances; of some, above most modes."""
     design = random_design(seed)
     base = registry.STRING.system(design)
     drive, motion = plants.drives(base, "support.x"), plants.motions(base, f"{base.body[-1]}.x")
-    grid = np.geomspace(0.05, 20, 300)
+    grid = np.geomspace(5 if seed % 3 == 2 else 0.05, 20, 300)
     decision = auto.decide(design, lambda _: Transfer(drive, motion, grid), TOLERANCE)
     truth = registry.VIOLIN.system(design)
     known = np.concatenate([eigenmodes.solve(model).frequency for model in (decision.model, truth)])
