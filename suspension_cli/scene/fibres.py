@@ -10,7 +10,13 @@ import numpy as np
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
 from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.derive import blade_material, gravity_strength, is_ring, spring_loss
+from suspension_cli.design.derive import (
+    blade_material,
+    gives_natural_lengths,
+    gravity_strength,
+    is_ring,
+    spring_loss,
+)
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.losses.registry import mechanisms_of
@@ -112,6 +118,7 @@ def compose(design: Design) -> Fibres:
         gas,
         ambient,
         (*_springs(design, parts, lambda name: losses(name, None)), *_links(design, losses)),
+        gives_natural_lengths(design),
     )
 
 
