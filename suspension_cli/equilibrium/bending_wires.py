@@ -40,7 +40,7 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     scene, hanging = to_clamps(scene)
     drawn = scene.drawn and _with_bending(scene.drawn, hanging)
     scene = replace(_with_bending(scene, hanging), drawn=drawn)
-    found = equilibrium.solve(scene, numbering, start=hanging and hanging.pose)
+    found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
     # the first time any change counts
     tension, threshold = (hanging or scene.wires).tension, 0.0
     for _ in range(PASSES):
@@ -60,14 +60,27 @@ def _solve_batch(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     drawn = scene.drawn
     if drawn is not None and not drawn.batch:
         scene = replace(scene, drawn=_with_bending(drawn, hanging))
-    found = equilibrium.solve(scene, numbering, start=hanging and hanging.pose)
+    found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
+    if hanging is not None:
+        found = _without_unknown_clamps(found, hanging)
     assert scene.flex is not None and found.flex is not None
     bend = found.flex[..., :6].reshape(*found.flex.shape[:-1], 2, 3)
     return replace(scene, flex=replace(scene.flex, bend=bend, twist=found.flex[..., 6])), found
 
 
+def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equilibrium:
+    """Report the strings that decide on the clamps, for builds in which these do not hang."""
+    unknown = np.asarray(np.isnan(hanging.tension).any(-1))
+    strings = hanging.found
+    return replace(
+        found,
+        residual=np.where(unknown, strings.residual, found.residual),
+        tension=np.where(unknown[..., None], strings.tension, found.tension),
+    )
+
+
 def _with_bending(scene: Scene, hanging: HangingWires | None) -> Scene:
-    """Fill the bending stiffness of wires, at their nominal tensions or those in which they hang."""
+    """Fill the bending stiffness of wires, at nominal tensions or those at which they hang."""
     if hanging is None:
         return bending.with_bending(scene)
     return bending.with_bending(scene, hanging.tension, hanging.length)

@@ -21,12 +21,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.design.schema import Design
 from suspension_cli.elements import bending, joined_sections, string
 from suspension_cli.elements.dynamic_wire import TautWire, fit_to_equilibrium, group_identical
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.equilibrium.nominal import drop_complex_step, first_order_pose
-from suspension_cli.scene.composition import Fibre, Section
-from suspension_cli.scene.pose import Pose, layout
+from suspension_cli.equilibrium.nominal import (
+    drop_complex_step,
+    expand_nominal,
+    first_order_pose,
+)
+from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.errors import InputError
+from suspension_cli.scene import fibres as fibres_of
+from suspension_cli.scene.composition import Fibre, Fibres, Section
+from suspension_cli.scene.pose import layout
 from suspension_cli.scene.scene import Scene, Wires
 
 if TYPE_CHECKING:
@@ -46,16 +54,20 @@ class HangingWires:
 
     Attributes
     ----------
-    pose : Pose
+    found : Equilibrium
+        Of these strings, without complex steps.
     length, tension
-        m and N; NaN where there is no equilibrium on taut wires.
+        m and N; NaN, like all that follows, where there is no equilibrium on taut wires.
+    rise
+        Upward component of the unit vector along each wire towards its lower end.
     upper, lower
-        Unit vectors along each wire towards its lower end, in the frames of its two bodies.
+        This vector in the frames of the two bodies.
     """
 
-    pose: Pose
+    found: Equilibrium
     length: Inexact[np.ndarray, "*batch wire"]
     tension: Inexact[np.ndarray, "*batch wire"]
+    rise: Inexact[np.ndarray, "*batch wire"]
     upper: Inexact[np.ndarray, "*batch wire 3"]
     lower: Inexact[np.ndarray, "*batch wire 3"]
 
@@ -83,26 +95,50 @@ def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:
     InputError
         If this pose is that of a single scene and does not exist, or a wire is slack in it.
     """
-    drawn = None if scene.drawn is None else replace(scene.drawn, fibres=scene.fibres)
+    fibres = scene.fibres
+    assert fibres is not None
+    drawn = None if scene.drawn is None else replace(scene.drawn, fibres=fibres)
     nominal, hanging = drawn or scene, None
-    assert scene.fibres is not None
-    effective = np.array([fibre.effective for fibre in scene.fibres.wire], dtype=bool)
+    effective = np.array([fibre.effective for fibre in fibres.wire], dtype=bool)
+    u: Any = 0.0
     if effective.any():
-        if scene.fibres.solves_pose:
-            hanging = hang(nominal)
+        hanging = hang(nominal) if fibres.solves_pose else None
         u = _all_distances(nominal, hanging)
 
-        def moved(one: Scene) -> Scene:
-            return replace(one, wires=_lengthened(one.wires, u, effective, hanging))
+    def moved(one: Scene) -> Scene:
+        if effective.any():
+            one = replace(one, wires=_lengthened(one.wires, u, effective, hanging))
+        one = bending.with_planes(one)
+        return one if hanging is None else _with_hanging_planes(one, effective, hanging)
 
-        scene, drawn = moved(scene), drawn and moved(drawn)
-        hanging = hanging and replace(hanging, length=hanging.length + u.sum(-1))
-    scene, drawn = (one and bending.with_planes(one) for one in (scene, drawn))
-    if hanging is not None:
-        scene, drawn = (
-            one and _with_hanging_planes(one, effective, hanging) for one in (scene, drawn)
+    scene = replace(moved(scene), drawn=None if drawn is None else moved(drawn))
+    return scene, hanging and replace(hanging, length=hanging.length + u.sum(-1))
+
+
+def compose(design: Design) -> Fibres:
+    """List the composition of wires and blades, as `fibres.compose` does.
+
+    The tension that wires of some weight have along them follows from the slope at which they hang.
+    """
+    made = fibres_of.compose(design)
+    if not (made.solves_pose and design.constants.wire_weight):
+        return made
+    try:
+        nominal = expand_nominal(design)
+        hanging = hang(nominal)
+    except InputError:  # whoever needs its equilibrium reports it
+        return made
+    slopes = hanging.rise * nominal.wires.length / nominal.wires.span[..., 2]
+    wires = (
+        replace(
+            fibre,
+            sections=tuple(
+                replace(own, tension_offset=own.tension_offset * slope) for own in fibre.sections
+            ),
         )
-    return replace(scene, drawn=drawn), hanging
+        for fibre, slope in zip(made.wire, slopes.tolist(), strict=True)
+    )
+    return replace(made, wire=tuple(wires))
 
 
 def hang(nominal: Scene) -> HangingWires:
@@ -128,19 +164,21 @@ def hang(nominal: Scene) -> HangingWires:
     pose = found.pose if plain is strings else first_order_pose(strings, numbering, found.pose)
     now = string.state(strings, pose)
     turn = np.swapaxes(pose.rotation, -1, -2)
-    numbers = [now.length[..., None], now.tension[..., None]]
+    numbers = [now.length[..., None], now.tension[..., None], now.direction[..., 2:]]
     for body in (wires.upper, wires.lower):
         numbers.append((turn[..., body, :, :] @ now.direction[..., None])[..., 0])
     each = _equal_if_mirrored(nominal, np.concatenate(numbers, axis=-1))
     taut = found.converged & (found.tension > 0).all(-1)
     each = np.where(np.asarray(taut)[..., None, None], each, np.nan)
-    return HangingWires(pose, each[..., 0], each[..., 1], each[..., 2:5], each[..., 5:])
+    return HangingWires(
+        found, *(each[..., n] for n in range(3)), upper=each[..., 3:6], lower=each[..., 6:]
+    )
 
 
 def _equal_if_mirrored(
-    scene: Scene, numbers: Inexact[np.ndarray, "*batch wire 8"]
-) -> Inexact[np.ndarray, "*batch wire 8"]:
-    """Make length, tension and directions of wires at mirrored points equal but for their signs.
+    scene: Scene, numbers: Inexact[np.ndarray, "*batch wire 9"]
+) -> Inexact[np.ndarray, "*batch wire 9"]:
+    """Make lengths, tensions and directions of wires at mirrored points equal but for their signs.
 
     Only where the difference is rounding.
     """
@@ -155,19 +193,23 @@ def _equal_if_mirrored(
         mirror = np.concatenate([flip, flip, [1.0]])
         same = own & (points[..., :, None, :] == (points * mirror)[..., None, :, :]).all(-1)
         paired = ((same.sum(-1) == 1) & (same.sum(-2) == 1)).all(-1)
-        images = same.astype(float) @ numbers * np.concatenate([[1.0, 1.0], flip, flip])
+        images = same.astype(float) @ numbers * np.concatenate([np.ones(3), flip, flip])
         even = (numbers + images) / 2
-        alike = paired & _close(even.real, numbers.real) & _close(even.imag, numbers.imag)
+        alike = (
+            paired
+            & _close(np.real(even), np.real(numbers))
+            & _close(np.imag(even), np.imag(numbers))
+        )
         numbers = np.where(alike[..., None, None], even, numbers)
     return numbers
 
 
 def _close(
-    even: Inexact[np.ndarray, "*batch wire 8"], numbers: Inexact[np.ndarray, "*batch wire 8"]
+    even: Inexact[np.ndarray, "*batch wire 9"], numbers: Inexact[np.ndarray, "*batch wire 9"]
 ) -> Bool[np.ndarray, "*batch"]:
     """Whether all numbers are as even as rounding lets them be."""
     scale = np.abs(numbers).max(-2, keepdims=True)
-    scale[..., 2:] = scale[..., 2:].max(-1, keepdims=True)
+    scale[..., 2:] = scale[..., 2:].max(-1, keepdims=True)  # components of unit vectors
     return (np.abs(even - numbers) <= MIRRORED * scale).all((-2, -1))
 
 

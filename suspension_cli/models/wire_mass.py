@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from suspension_cli.design.schema import Design
+from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene import fibres
 from suspension_cli.scene.arrays import Array, Index
@@ -93,7 +94,7 @@ def expand_with_fibres(design: Design) -> Scene:
     scene = expand(design)
     if fibres.explain_unsuitable(design, massive=False):
         return scene
-    return replace(scene, fibres=fibres.compose(design))
+    return replace(scene, fibres=clamps.compose(design))
 
 
 @dataclass(frozen=True)

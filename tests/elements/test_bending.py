@@ -33,7 +33,9 @@ def bending_scene(kind, seed, *, crooked=True):
         clamps = [chord[n] + (0.2 * rng.normal(size=3) if crooked else 0.0) for _ in range(2)]
         ends.append(
             [
-                bending.principal_planes(plane / np.linalg.norm(plane), clamp / np.linalg.norm(clamp))
+                bending.principal_planes(
+                    plane / np.linalg.norm(plane), clamp / np.linalg.norm(clamp)
+                )
                 for clamp in clamps
             ]
         )
