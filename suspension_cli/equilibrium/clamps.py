@@ -50,7 +50,7 @@ ALONG_X = 1e-6
 
 @dataclass(frozen=True)
 class HangingWires:
-    """Wires of a nominal suspension as strings between their bending points, where these hang.
+    """Wires of a suspension as they hang, as strings between the points that the design gives.
 
     Attributes
     ----------
@@ -141,8 +141,8 @@ def compose(design: Design) -> Fibres:
     return replace(made, wire=tuple(wires))
 
 
-def hang(nominal: Scene) -> HangingWires:
-    """Find the wires of a nominal scene as they hang, as strings between the given points.
+def hang(scene: Scene) -> HangingWires:
+    """Find the wires of a scene as they hang, as strings between the given points.
 
     Exactly equal where wires are mirror images, so that the clamps keep the symmetry.
 
@@ -151,15 +151,15 @@ def hang(nominal: Scene) -> HangingWires:
     InputError
         If a single scene has no equilibrium, or a wire is slack in it.
     """
-    wires = nominal.wires
+    wires = scene.wires
     strings = replace(
-        nominal, fibres=None, flex=None, wires=replace(wires, torsion=np.zeros_like(wires.torsion))
+        scene, fibres=None, flex=None, wires=replace(wires, torsion=np.zeros_like(wires.torsion))
     )
     numbering, plain = layout(strings), strings
     if np.issubdtype(strings.kind, np.complexfloating):
         plain = drop_complex_step(strings)
     found = equilibrium.solve(plain, numbering)
-    if not nominal.batch:
+    if not scene.batch:
         found.demand(plain)
     pose = found.pose if plain is strings else first_order_pose(strings, numbering, found.pose)
     now = string.state(strings, pose)
@@ -167,7 +167,7 @@ def hang(nominal: Scene) -> HangingWires:
     numbers = [now.length[..., None], now.tension[..., None], now.direction[..., 2:]]
     for body in (wires.upper, wires.lower):
         numbers.append((turn[..., body, :, :] @ now.direction[..., None])[..., 0])
-    each = _equal_if_mirrored(nominal, np.concatenate(numbers, axis=-1))
+    each = _equal_if_mirrored(scene, np.concatenate(numbers, axis=-1))
     taut = found.converged & (found.tension > 0).all(-1)
     each = np.where(np.asarray(taut)[..., None, None], each, np.nan)
     return HangingWires(
