@@ -167,7 +167,9 @@ class WireAtFrequencies:
             the middle of the wire; and ``gas``.
         """
         joints = self._joined(self._twin(part))[1]
-        if _is_bending(part):
+        if not joints:
+            motions = motion[None]
+        elif _is_bending(part):
             lengths = np.array([section.length for section in self.strand.fibre.sections])
             chord = np.einsum("ij,jrf->irf", joined_sections.to_chord(lengths.sum(0)), motion)
             back = np.linalg.inv(joined_sections.to_chord(lengths))
