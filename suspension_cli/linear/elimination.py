@@ -59,14 +59,13 @@ class Pattern:
     @cached_property
     def row(self) -> Int[np.ndarray, " element"]:
         """Coordinate of the step of each element."""
-        return self.order[np.repeat(np.arange(self.size), np.diff(self.start))]
+        return np.repeat(self.order, np.diff(self.start))
 
     @cached_property
     def column(self) -> Int[np.ndarray, " element"]:
         """Coordinate of the step itself, on the diagonal, or of a later one."""
-        return self.order[
-            np.concatenate([np.append(n, steps) for n, steps in enumerate(self.later)])
-        ]
+        steps = [step for n, later in enumerate(self.later) for step in (n, *later)]
+        return self.order[np.array(steps, dtype=int)]
 
     @cached_property
     def coupled(self) -> list[Positions]:

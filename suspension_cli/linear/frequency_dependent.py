@@ -105,7 +105,9 @@ class FrequencyDependentBlock:
     @cached_property
     def whole(self) -> Elements:
         """All elements (c + t, 6 + c + t)."""
-        return self._elements(*np.indices((self.pattern.size, 6 + self.pattern.size)).reshape(2, -1))
+        return self._elements(
+            *np.indices((self.pattern.size, 6 + self.pattern.size)).reshape(2, -1)
+        )
 
     @cached_property
     def in_order(self) -> Elements:
@@ -245,7 +247,9 @@ class EvaluatedBlock:
     @cached_property
     def matrix(self) -> Inexact[np.ndarray, "all 6+all frequency"]:
         """Dynamic stiffness (c + t, 6 + c + t, f); columns: support, block, tensions."""
-        return self._evaluate(self.block.whole).reshape(self.block.pattern.size, -1, len(self.omega))
+        return self._evaluate(self.block.whole).reshape(
+            self.block.pattern.size, -1, len(self.omega)
+        )
 
     def _evaluate(self, elements: Elements) -> Inexact[np.ndarray, "element frequency"]:
         return elements.at(self.omega, self.terms, lossy=self.lossy)

@@ -143,7 +143,9 @@ class WireTerm:
         return self._distinct(6)
 
     def _distinct(self, first: int) -> dict[str, DistinctMotions]:
-        forms = {part: form * (np.arange(form.shape[-1]) >= first) for part, form in self.forms.items()}
+        forms = {
+            part: form * (np.arange(form.shape[-1]) >= first) for part, form in self.forms.items()
+        }
         if self.strand.round:
             planes = forms.pop("bend-1"), forms.pop("bend-2")
             forms = {"bend-1": np.concatenate(planes), **forms}
@@ -271,10 +273,10 @@ class EvaluatedWires:
         }
         result: dict[tuple[str, float], Any] = {}
         moves = self.term.distinct if motion[:6].any() else self.term.distinct_at_rest
-        for part, distinct in moves.items():
-            for cause, value in self.moving.dissipated(part, distinct.ends(motion)).items():
+        for part, own in moves.items():
+            for cause, value in self.moving.dissipated(part, own.ends(motion)).items():
                 key = (f"{self.term.stage}.{cause}", temperatures.get(cause, (upper + lower) / 2))
-                result[key] = result.get(key, 0.0) + distinct.count @ value
+                result[key] = result.get(key, 0.0) + own.count @ value
         return result
 
 
