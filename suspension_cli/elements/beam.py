@@ -215,7 +215,8 @@ def stiffness(
         -wave.even * over_odd,
         wave.sum2 * wave.sin * wave.tanh * over_odd,
     )
-    return 2 * rigidity * np.stack(_even_elements(wave) + odd)
+    twice = 2 * rigidity
+    return np.stack([twice * element for element in _even_elements(wave) + odd])
 
 
 def chord_stiffness(

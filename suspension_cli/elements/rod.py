@@ -66,28 +66,26 @@ def square_integrals(rigidity: Any, mass: Any, half: float, omega: Any) -> tuple
     kappa2 = mass * omega**2 / rigidity + 0 * omega
     kappa_h: Any = np.sqrt(kappa2 + 0j) * half
     size2, deep = kappa_h.real**2 + kappa_h.imag**2, np.abs(kappa_h.imag) > DEEP
-    a, b = np.where(deep, 1.0, kappa_h.real), np.where(deep, 0.0, kappa_h.imag)
-    static = size2 == 0
-    # 1/h times the integrals of |cos(kappa x)|^2 and of |sin(kappa x)|^2, the latter also over
-    # |kappa h|^2
-    cos2 = sinhc(2 * b) + sinc(2 * a)
-    sin2 = sinhc_minus_sinc(2 * a, 2 * b)
-    slow_sin2 = np.where(static, 2 / 3, sin2 / np.where(static, 1.0, size2))
+    some_deep, static = np.any(deep), size2 == 0
+    a, b = kappa_h.real, kappa_h.imag
+    if some_deep:
+        a, b = np.where(deep, 1.0, a), np.where(deep, 0.0, b)
     (sin, cos), sinh = sin_cos(a), np.sinh(b)
-    # |cos(kappa h)|^2 = cos^2 a + sinh^2 b, |sin(kappa h)|^2 = sin^2 a + sinh^2 b
-    over_cos2 = 1 / (cos**2 + sinh**2)
-    over_sin2 = np.where(static, 1.0, size2 / np.where(static, 1.0, sin**2 + sinh**2))
-    # of a motion that decays along the rod every such ratio is 1 / Im(kappa h)
-    decay = 1 / np.where(deep, np.abs(kappa_h.imag), 1.0)
-    strain = (
-        np.where(deep, size2 * decay, size2 * sin2 * over_cos2) / half,
-        np.where(deep, size2 * decay, cos2 * over_sin2) / half,
-    )
-    displacement = (
-        np.where(deep, decay, cos2 * over_cos2) * half,
-        np.where(deep, decay, slow_sin2 * over_sin2) * half,
-    )
-    return strain, displacement
+    # |cos(kappa h)|^2 and |sin(kappa h)|^2
+    outer_cos2, outer_sin2 = cos**2 + sinh**2, sin**2 + sinh**2
+    # 1/h times the integrals of |cos(kappa x)|^2 and of |sin(kappa x)|^2
+    cos2, sin2 = sinhc(2 * b) + sinc(2 * a), sinhc_minus_sinc(2 * a, 2 * b)
+    even_strain = size2 * sin2 / outer_cos2
+    if np.any(static):  # sin2 / outer_sin2 tends to 2/3, size2 / outer_sin2 to 1
+        sin2, size2 = np.where(static, 2 / 3, sin2), np.where(static, 1.0, size2)
+        outer_sin2 = np.where(static, 1.0, outer_sin2)
+    found = (even_strain, cos2 * size2 / outer_sin2, cos2 / outer_cos2, sin2 / outer_sin2)
+    if some_deep:  # of a motion that decays along the rod every such ratio is 1 / Im(kappa h)
+        decay = 1 / np.where(deep, np.abs(kappa_h.imag), 1.0)
+        limit = (size2 * decay, size2 * decay, decay, decay)
+        found = [np.where(deep, deeply, own) for deeply, own in zip(limit, found, strict=True)]
+    even_strain, odd_strain, even, odd = found
+    return (even_strain / half, odd_strain / half), (even * half, odd * half)
 
 
 def resonances_below(

@@ -99,20 +99,6 @@ class Pattern:
                 elements[changed] -= multipliers[-1][k] * row[1 + k :]
         return Factors(self, pivots, multipliers)
 
-    def multiply(
-        self,
-        elements: Inexact[np.ndarray, "element system"],
-        columns: Inexact[np.ndarray, "coordinate input system"],
-    ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Multiply systems by columns (c, k, P)."""
-        x = columns[self.order]
-        product = np.zeros(x.shape, dtype=np.result_type(elements, x))
-        for n, coupled in enumerate(self.coupled):
-            row = elements[self.start[n] : self.start[n + 1], None]
-            product[n] += row[0] * x[n] + (row[1:] * x[coupled]).sum(0)
-            product[coupled] += row[1:] * x[n]
-        return self._restore(product)
-
     def assemble(
         self, elements: Inexact[np.ndarray, "element system"]
     ) -> Inexact[np.ndarray, "coordinate coordinate system"]:
@@ -127,22 +113,34 @@ class Pattern:
         rhs: Inexact[np.ndarray, "coordinate input system"],
     ) -> Inexact[np.ndarray, "coordinate input system"]:
         """Solve D x = b (c, k, P), with one correction, and with pivoting where it is large."""
+        right = rhs[self.order]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factors = self.factor(elements.copy())
-            result = factors.solve(rhs)
-            correction = factors.solve(rhs - self.multiply(elements, result))
-            large = ~(np.abs(correction) <= LARGE * np.abs(result)).all((0, 1))
-            result += correction
+            x = right.astype(np.result_type(right, elements))
+            factors.solve_steps(x)
+            correction = self._residual(elements, x, right)
+            factors.solve_steps(correction)
+            large = ~(np.abs(correction) <= LARGE * np.abs(x)).all((0, 1))
+            x += correction
+        result = np.empty_like(x)
+        result[self.order] = x
         if large.any():
             result[..., large] = dense(self.assemble(elements[:, large]), rhs[..., large])
         return result
 
-    def _restore(
-        self, by_step: Inexact[np.ndarray, "coordinate input system"]
+    def _residual(
+        self,
+        elements: Inexact[np.ndarray, "element system"],
+        x: Inexact[np.ndarray, "coordinate input system"],
+        right: Inexact[np.ndarray, "coordinate input system"],
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Sort rows by coordinate."""
-        result = np.empty_like(by_step)
-        result[self.order] = by_step
+        """Compute b - D x (c, k, P) in doubles, all by steps."""
+        result = right.astype(x.dtype)
+        for n, coupled in enumerate(self.coupled):
+            row = elements[self.start[n] : self.start[n + 1], None]
+            result[n] -= row[0] * x[n]
+            result[n] -= (row[1:] * x[coupled]).sum(0)
+            result[coupled] -= row[1:] * x[n]
         return result
 
 
@@ -202,19 +200,25 @@ class Factors:
         self, rhs: Inexact[np.ndarray, "coordinate input system"]
     ) -> Inexact[np.ndarray, "coordinate input system"]:
         """Solve for right-hand sides (c, k, P)."""
-        pattern = self.pattern
-        driven = rhs[pattern.order].any((1, 2))
-        x = rhs[pattern.order].astype(np.result_type(rhs, *self.pivots), copy=False)
-        for n, coupled in enumerate(pattern.coupled):
+        order = self.pattern.order
+        x = rhs[order].astype(np.result_type(rhs, *self.pivots), copy=False)
+        self.solve_steps(x)
+        result = np.empty_like(x)
+        result[order] = x
+        return result
+
+    def solve_steps(self, x: Inexact[np.ndarray, "coordinate input system"]) -> None:
+        """Solve for right-hand sides (c, k, P) by steps, in place."""
+        multipliers = [part[:, None] for part in self.multipliers]
+        driven = x.any((1, 2))
+        for n, coupled in enumerate(self.pattern.coupled):
             if driven[n]:
-                x[coupled] -= self.multipliers[n][:, None] * x[n]
-                driven[coupled] = True
-        for n in range(pattern.size - 1, -1, -1):
-            if driven[n]:
+                x[coupled] -= multipliers[n] * x[n]
                 x[n] *= self.pivots[n]
-            if len(self.multipliers[n]):
-                x[n] -= (self.multipliers[n][:, None] * x[pattern.coupled[n]]).sum(0)
-        return pattern._restore(x)
+                driven[coupled] = True
+        for n in range(len(x) - 1, -1, -1):
+            if len(multipliers[n]):
+                x[n] -= (multipliers[n] * x[self.pattern.coupled[n]]).sum(0)
 
 
 def solve(

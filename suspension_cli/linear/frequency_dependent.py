@@ -219,20 +219,14 @@ class Elements:
     def _without_tensions(
         self, omega: Inexact[np.ndarray, " frequency"], now: list[Evaluated], *, lossy: bool
     ) -> Inexact[np.ndarray, "nonzero frequency"]:
-        constants = [np.ones(len(omega)), np.full(len(omega), 1j), 1j * omega, omega**2]
         present = np.any(self.weights[:, :4], axis=0) & np.array([True, lossy, lossy, True])
-        functions = [
-            np.stack([part for part, here in zip(constants, present, strict=True) if here])
-            if present.any()
-            else np.zeros((0, len(omega))),
-            *(
-                term.functions(which)
-                for term, which in zip(now, self.used, strict=True)
-                if len(which)
-            ),
-        ]
+        parts = [np.ones(len(omega)), np.full(len(omega), 1j), 1j * omega, omega**2]
+        parts = [part for part, here in zip(parts, present, strict=True) if here]
+        for term, which in zip(now, self.used, strict=True):
+            parts += term.functions(which)
         chosen = np.append(present, np.ones(self.weights.shape[1] - 4, dtype=bool))
-        return multiply_real(self.weights[:, chosen], np.concatenate(functions))
+        functions = np.array(parts).reshape(-1, len(omega))
+        return multiply_real(self.weights[:, chosen], functions)
 
 
 @dataclass(frozen=True)

@@ -59,8 +59,8 @@ class Evaluated(Protocol):
 
     def functions(
         self, which: Int[np.ndarray, " function"]
-    ) -> Inexact[np.ndarray, "function frequency"]:
-        """Select functions f_n by number: (w, f), complex where lossy."""
+    ) -> list[Inexact[np.ndarray, " frequency"]]:
+        """Select functions f_n (f,) by number, complex where lossy."""
         ...
 
     def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
@@ -221,18 +221,16 @@ class EvaluatedWires:
 
     def functions(
         self, which: Int[np.ndarray, " function"]
-    ) -> Inexact[np.ndarray, "function frequency"]:
-        """Select functions f_n by number: (w, f)."""
+    ) -> list[Inexact[np.ndarray, " frequency"]]:
+        """Select functions f_n (f,) by number."""
         static = self.term.strand.static
         wanted = [self.term.functions[n] for n in which]
-        return np.stack(
-            [
-                self.beside
-                if part == "stretch"
-                else self.moving.stiffness(part)[i, j] - static[part][i, j]
-                for part, i, j in wanted
-            ]
-        )
+        return [
+            self.beside
+            if part == "stretch"
+            else self.moving.stiffness(part)[i, j] - static[part][i, j]
+            for part, i, j in wanted
+        ]
 
     def all_functions(self) -> Inexact[np.ndarray, "function frequency"]:
         """Functions f_n (n + 1, f) of `all_matrices`.
@@ -240,7 +238,7 @@ class EvaluatedWires:
         For wires without mass, which only the odd motion of their ends stretches.
         """
         odd = self.stretching[2] - self.term.strand.static["stretch"][1, 1]
-        return np.concatenate([self.functions(np.arange(len(self.term.functions))), odd[None]])
+        return np.stack([*self.functions(np.arange(len(self.term.functions))), odd])
 
     @property
     def beside(self) -> Inexact[np.ndarray, " frequency"]:
@@ -360,14 +358,14 @@ class EvaluatedLoss:
 
     def functions(
         self, which: Int[np.ndarray, " function"]
-    ) -> Inexact[np.ndarray, "function frequency"]:
-        """Select functions f_n by number: (w, f)."""
+    ) -> list[Inexact[np.ndarray, " frequency"]]:
+        """Select functions f_n (f,) by number."""
         value = 1j * self.angle if self.lossy else self.angle
-        return (value if self.stored is None else value + self.stored)[None][which]
+        return [value if self.stored is None else value + self.stored] * len(which)
 
     def all_functions(self) -> Inexact[np.ndarray, "1 frequency"]:
         """All functions f_n: (1, f)."""
-        return self.functions(np.arange(1))
+        return np.stack(self.functions(np.arange(1)))
 
     def dissipated(
         self, motion: Inexact[np.ndarray, "coordinate frequency"]
