@@ -125,6 +125,16 @@ class Waves:
         return self.alpha2 + self.beta2
 
     @cached_property
+    def over_even(self) -> Inexact[np.ndarray, "*shape"]:
+        """1/D, m."""
+        return 1 / self.even
+
+    @cached_property
+    def over_odd(self) -> Inexact[np.ndarray, "*shape"]:
+        """1/N, 1/m."""
+        return 1 / self.odd
+
+    @cached_property
     def cache(self) -> dict[str, Any]:
         """Integrals over these waves, kept for further motions of the same wire."""
         return {}
@@ -209,7 +219,7 @@ def stiffness(
     (6, ...) array
         From `EVEN_WW` to `ODD_TT`: N/m (WW), N (WT), N m (TT).
     """
-    over_odd = 1 / wave.odd
+    over_odd = wave.over_odd
     odd = (
         wave.sum2 * wave.cos * over_odd,
         -wave.even * over_odd,
@@ -244,9 +254,10 @@ def chord_stiffness(
     cosh = np.cosh(np.where(np.abs(n) < 1, wave.alpha * h, 0))
     lag = np.where(np.abs(n) < 1, h * _gap_series(n) / cosh, h - wave.tanh)
     ww, wt, tt = _even_elements(wave)
-    pp = tension / rigidity * h + wave.sum2 * behind * lag / wave.odd
-    pd = -(wave.alpha2 * wave.tanh * behind + wave.beta2 * wave.sin * lag) / wave.odd
-    dd = wave.sum2 * wave.sin * wave.tanh / wave.odd
+    over_odd = wave.over_odd
+    pp = tension / rigidity * h + wave.sum2 * behind * lag * over_odd
+    pd = -(wave.alpha2 * wave.tanh * behind + wave.beta2 * wave.sin * lag) * over_odd
+    dd = wave.sum2 * wave.sin * wave.tanh * over_odd
     none, same, across = np.zeros_like(tt), (dd + tt) / 4, (dd - tt) / 4
     return (
         2
@@ -264,7 +275,7 @@ def chord_stiffness(
 
 def _even_elements(wave: Waves) -> tuple[Inexact[np.ndarray, "*shape"], ...]:
     """WW, WT and TT of the even motion over 2 EI."""
-    product, over_even = wave.alpha2 * wave.beta2, 1 / wave.even
+    product, over_even = wave.alpha2 * wave.beta2, wave.over_even
     return (
         -product * wave.sum2 * wave.sin * wave.tanh * over_even,
         product * wave.odd * over_even,

@@ -116,10 +116,10 @@ def _factors(wave: Waves, ends: Inexact[np.ndarray, "4 motion frequency"]) -> Fa
     even, even_slope, odd, odd_slope = ends
     alpha2, beta2 = wave.alpha2, wave.beta2
     return (
-        alpha2 * (beta2 * wave.sin * even + wave.cos * even_slope) / wave.even,
-        -beta2 * (alpha2 * wave.tanh * even - even_slope) / wave.even,
-        wave.alpha * (wave.sin * odd_slope - wave.cos * odd) / wave.odd,
-        -wave.beta * (odd - wave.tanh * odd_slope) / wave.odd,
+        (alpha2 * wave.over_even) * (beta2 * wave.sin * even + wave.cos * even_slope),
+        (-beta2 * wave.over_even) * (alpha2 * wave.tanh * even - even_slope),
+        (wave.alpha * wave.over_odd) * (wave.sin * odd_slope - wave.cos * odd),
+        (-wave.beta * wave.over_odd) * (odd - wave.tanh * odd_slope),
     )
 
 
