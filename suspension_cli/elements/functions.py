@@ -19,8 +19,8 @@ def sin_cos(
 ) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
     """sin(z) and cos(z); of a real z through tan(z/2), with an error of about 2^-52."""
     if np.iscomplexobj(z):
-        sin, cos = sin_cos(z.real)
-        sinh, cosh = np.sinh(z.imag), np.cosh(z.imag)
+        sin, cos = sin_cos(np.real(z))
+        sinh, cosh = np.sinh(np.imag(z)), np.cosh(np.imag(z))
         return _join(sin * cosh, cos * sinh), _join(cos * cosh, -sin * sinh)
     half = np.tan(0.5 * z)
     square = half * half
@@ -32,7 +32,7 @@ def tan(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
     """tan(z), for real or complex z."""
     if not np.iscomplexobj(z):
         return np.tan(z)
-    a, b = np.tan(z.real), np.tanh(z.imag)
+    a, b = np.tan(np.real(z)), np.tanh(np.imag(z))
     a2, b2 = a * a, b * b
     scale = 1 / (1 + a2 * b2)
     return _join(a * (1 - b2) * scale, b * (1 + a2) * scale)
@@ -42,8 +42,8 @@ def tanh(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
     """tanh(z), for real or complex z."""
     if not np.iscomplexobj(z):
         return np.tanh(z)
-    turned = tan(_join(-z.imag, z.real))  # tan(iz) = i tanh(z)
-    return _join(turned.imag, -turned.real)
+    turned = tan(_join(-np.imag(z), np.real(z)))  # tan(iz) = i tanh(z)
+    return _join(np.imag(turned), -np.real(turned))
 
 
 def _join(

@@ -210,7 +210,7 @@ class Factors:
     def solve_steps(self, x: Inexact[np.ndarray, "coordinate input system"]) -> None:
         """Solve for right-hand sides (c, k, P) by steps, in place."""
         multipliers = [part[:, None] for part in self.multipliers]
-        driven = x.any((1, 2))
+        driven = np.asarray(x.any((1, 2)))
         for n, coupled in enumerate(self.pattern.coupled):
             if driven[n]:
                 x[coupled] -= multipliers[n] * x[n]
