@@ -28,6 +28,8 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
+    from suspension_cli.analyses.fit.array_types import Frequencies
+
 GAIN, DELAY, MIX = "gain", "delay", "mix"
 
 
@@ -130,7 +132,7 @@ class Channels:
         return one.with_transducer(side, second, signal=a.signal, mix=a.mix)
 
     def matrices(
-        self, omega: Float[np.ndarray, " frequency"], values: dict[Nuisance, float]
+        self, omega: Frequencies, values: dict[Nuisance, float]
     ) -> tuple[
         tuple[Float[np.ndarray, "sensor output"], Complex[np.ndarray, "sensor frequency"]],
         tuple[Float[np.ndarray, "actuator input"], Complex[np.ndarray, "actuator frequency"]],
@@ -163,7 +165,7 @@ class Channels:
     def combine(
         self,
         response: Complex[np.ndarray, "frequency output input"],
-        omega: Float[np.ndarray, " frequency"],
+        omega: Frequencies,
         values: dict[Nuisance, float],
     ) -> Complex[np.ndarray, "frequency sensor actuator"]:
         """Compute readings per drive from responses of the signals."""
@@ -178,7 +180,7 @@ class Channels:
     def differentiate(
         self,
         response: Complex[np.ndarray, "frequency output input"],
-        omega: Float[np.ndarray, " frequency"],
+        omega: Frequencies,
         values: dict[Nuisance, float],
         nuisance: Nuisance,
     ) -> Complex[np.ndarray, "frequency sensor actuator"]:

@@ -27,6 +27,8 @@ from suspension_cli.studies.parameters import Parameter
 if TYPE_CHECKING:
     from jaxtyping import Float
 
+    from suspension_cli.analyses.fit.array_types import ModeValues, Numbers
+
 FORBIDDEN = 1e6
 """Cost, in the assignment of modes, of one that a measurement cannot belong to; others cost the
 square of a logarithm of frequencies."""
@@ -59,7 +61,7 @@ class Experiment:
     text: str
     mode: list[Mode]
     free: list[str]
-    start: Float[np.ndarray, " number"]
+    start: Numbers
     where: str = ""
     file: str = ""
     level: str = registry.STRING.name
@@ -105,20 +107,18 @@ class Experiment:
         """Attribute errors in the design to its file."""
         return attribute_faults_to(self.file)
 
-    def document(self, x: Float[np.ndarray, " number"]) -> Document:
+    def document(self, x: Numbers) -> Document:
         """Return the parsed TOML of the design with the free numbers x."""
         raw = copy.deepcopy(self.table)
         values = {name: float(value) for name, value in zip(self.free, x, strict=True)}
         reader.apply_overrides(raw, paths.symmetric_settings(values))
         return raw
 
-    def design(self, x: Float[np.ndarray, " number"]) -> Design:
+    def design(self, x: Numbers) -> Design:
         """Return the design with the free numbers x."""
         return reader.convert(self.document(x))
 
-    def evaluate(
-        self, x: Float[np.ndarray, " number"]
-    ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "mode number"]]:
+    def evaluate(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
         """Solve for all frequencies, Hz, and their derivatives; both are cached.
 
         Modes are in the order of `nominal_modes`; NaN for an unstable mode.
@@ -129,9 +129,7 @@ class Experiment:
                 self.cache[key] = self._solve(x)
         return self.cache[key]
 
-    def _solve(
-        self, x: Float[np.ndarray, " number"]
-    ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "mode number"]]:
+    def _solve(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
         design = self.design(x)
         model = replace(registry.by_name(self.level).system(design), terms=())
         found, shape = eigenmodes.solve(model), batch_modes.solve_one(model).shape[0]
@@ -155,7 +153,7 @@ class Experiment:
         return found.frequency[order], slope
 
     def predict(
-        self, x: Float[np.ndarray, " number"]
+        self, x: Numbers
     ) -> tuple[Float[np.ndarray, " measured"], Float[np.ndarray, "measured number"]]:
         """Model frequencies of the measured modes, Hz, and their derivatives.
 
@@ -164,7 +162,7 @@ class Experiment:
         (frequency, slope), places = self.evaluate(x), self.assign_modes(x)
         return np.nan_to_num(frequency[places], nan=0.0), np.nan_to_num(slope[places])
 
-    def assign_modes(self, x: Float[np.ndarray, " number"]) -> list[int]:
+    def assign_modes(self, x: Numbers) -> list[int]:
         """Assign a mode to each measurement.
 
         Labelled measurements take their modes; the others share the remaining modes such that

@@ -15,7 +15,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from suspension_cli.analyses.fit.array_types import Unknowns
 
 LARGEST_DAMPING = 1e12
 
@@ -23,14 +23,14 @@ LARGEST_DAMPING = 1e12
 def minimise(
     residual: Callable[[Array], Array],
     jacobian: Callable[[Array], Array],
-    start: Float[np.ndarray, " unknown"],
-    scale: Float[np.ndarray, " unknown"],
+    start: Unknowns,
+    scale: Unknowns,
     bounds: tuple[Array, Array],
     *,
     tolerance: float = 1e-5,
     relative: float = 1e-8,
     steps: int = 60,
-) -> tuple[Float[np.ndarray, " unknown"], float]:
+) -> tuple[Unknowns, float]:
     """Minimise the sum of squares of residuals; return the unknowns and the sum.
 
     Parameters

@@ -24,6 +24,8 @@ from suspension_cli.studies import parameters
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
+    from suspension_cli.analyses.fit.array_types import ModeValues, Numbers
+
 CONVERGED = 1e-9
 """Relative change of chi^2, numbers and gradient at which a search ends."""
 MAX_DRAWS = 100
@@ -47,15 +49,13 @@ class Problem:
 
     experiment: list[Experiment]
     shared: Bool[np.ndarray, "number experiment"]
-    start: Float[np.ndarray, " number"]
-    low: Float[np.ndarray, " number"]
-    high: Float[np.ndarray, " number"]
-    prior: Float[np.ndarray, " number"]
-    prior_sigma: Float[np.ndarray, " number"]
+    start: Numbers
+    low: Numbers
+    high: Numbers
+    prior: Numbers
+    prior_sigma: Numbers
 
-    def predict(
-        self, x: Float[np.ndarray, " number"]
-    ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, "mode number"]]:
+    def predict(self, x: Numbers) -> tuple[ModeValues, Float[np.ndarray, "mode number"]]:
         """Solve for the frequencies of all measured modes, Hz, and their derivatives."""
         rows, slopes = [], []
         for item, own in zip(self.experiment, self.shared.T, strict=True):
@@ -72,7 +72,7 @@ class Problem:
         return (self.low > 0) & (self.start > 0)
 
     def weighted(
-        self, x: Float[np.ndarray, " number"]
+        self, x: Numbers
     ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, "row number"]]:
         """Compute residuals over standard deviations, modes then priors, and derivatives."""
         frequency, slope = self.predict(x)
@@ -153,7 +153,7 @@ def _start(
     measured: Measured,
     shared: Bool[np.ndarray, "number experiment"],
     level: str,
-) -> Float[np.ndarray, " number"]:
+) -> Numbers:
     """Choose starting values: those requested, else those of the designs, else the priors."""
     known = [{item.name: item.value for item in parameters.every(text, level)} for text in texts]
     found, bad = [], []
@@ -224,8 +224,8 @@ def _check_starts(
 
 
 def starts(
-    problem: Problem, count: int, seed: int, begin: Float[np.ndarray, " number"] | None = None
-) -> Iterator[Float[np.ndarray, " number"]]:
+    problem: Problem, count: int, seed: int, begin: Numbers | None = None
+) -> Iterator[Numbers]:
     """Yield starting values: first `begin` (by default the given ones), then random ones.
 
     Numbers with a prior are drawn from it, others evenly between their bounds (evenly in the
@@ -261,9 +261,7 @@ def starts(
             break
 
 
-def least_squares(
-    problem: Problem, start: Float[np.ndarray, " number"]
-) -> tuple[Float[np.ndarray, " number"], float]:
+def least_squares(problem: Problem, start: Numbers) -> tuple[Numbers, float]:
     """Minimise chi^2 from starting values; return the numbers and their chi^2."""
     from scipy import optimize
 

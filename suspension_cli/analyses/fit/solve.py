@@ -42,7 +42,15 @@ from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.models import registry
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
+    from jaxtyping import Bool, Float
+
+    from suspension_cli.analyses.fit.array_types import (
+        ModeIndex,
+        ModeValues,
+        NumberMatrix,
+        Numbers,
+        UnknownMatrix,
+    )
 
 SIGNIFICANCE = 1e-3
 """Probability of a chi^2 this large by chance, below which a fit is a misfit."""
@@ -101,17 +109,17 @@ class Fit:
     experiment: tuple[str, ...]
     name: tuple[str, ...]
     shared: Bool[np.ndarray, "number experiment"]
-    start: Float[np.ndarray, " number"]
-    value: Float[np.ndarray, " number"]
-    sigma: Float[np.ndarray, " number"]
-    covariance: Float[np.ndarray, "number number"]
+    start: Numbers
+    value: Numbers
+    sigma: Numbers
+    covariance: NumberMatrix
     at_bound: Bool[np.ndarray, " number"]
-    of: Int[np.ndarray, " mode"]
+    of: ModeIndex
     label: tuple[str, ...]
-    measured: Float[np.ndarray, " mode"]
-    uncertainty: Float[np.ndarray, " mode"]
-    before: Float[np.ndarray, " mode"]
-    after: Float[np.ndarray, " mode"]
+    measured: ModeValues
+    uncertainty: ModeValues
+    before: ModeValues
+    after: ModeValues
     chi_squared: float
     freedom: int
     singular: Float[np.ndarray, " combination"]
@@ -140,7 +148,7 @@ class Fit:
         return float(np.sqrt(self.chi_squared / self.freedom)) if self.misfit else 1.0
 
     @property
-    def residual(self) -> Float[np.ndarray, " mode"]:
+    def residual(self) -> ModeValues:
         """Residuals after the fit over the uncertainties."""
         return (self.after - self.measured) / self.uncertainty
 
@@ -171,7 +179,7 @@ def solve(
     level: str = registry.STRING.name,
     starts: int = 1,
     seed: int = 1,
-    begin: Float[np.ndarray, " number"] | None = None,
+    begin: Numbers | None = None,
     tell: Progress | None = None,
 ) -> Fit:
     """Fit numbers of designs to measured modes.
@@ -227,7 +235,7 @@ def solve_responses(
     level: str = registry.STRING.name,
     starts: int = 1,
     seed: int = 1,
-    begin: Float[np.ndarray, " number"] | None = None,
+    begin: Numbers | None = None,
     explain: bool = True,
     tell: Progress | None = None,
 ) -> Fit:
@@ -315,7 +323,7 @@ def _with_responses(
     measured: Measured,
     problem: response_problem.ResponseProblem,
     found: Solution,
-    spread: Float[np.ndarray, "unknown unknown"],
+    spread: UnknownMatrix,
     ends: Float[np.ndarray, " start"],
     responses: ResponseFit,
 ) -> Fit:
@@ -371,7 +379,7 @@ def _positive(
 def _summarise(
     problem: Problem,
     measured: Measured,
-    value: Float[np.ndarray, " number"],
+    value: Numbers,
     ends: Float[np.ndarray, " start"],
 ) -> Fit:
     residual, slope = problem.weighted(value)
@@ -428,7 +436,7 @@ def _summarise(
     )
 
 
-def _inverse(slope: Float[np.ndarray, "row number"]) -> Float[np.ndarray, "number number"]:
+def _inverse(slope: Float[np.ndarray, "row number"]) -> NumberMatrix:
     """(J^T J)^-1 of J; infinite on the diagonal for numbers that J does not determine."""
     if not slope.shape[1]:
         return np.zeros((0, 0))

@@ -19,8 +19,7 @@ from suspension_cli.design.measured import Measured, Mode
 from suspension_cli.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Float
+    from suspension_cli.analyses.fit.array_types import Numbers
 
 MAX_REFITS = 3
 """Exchanges that are fitted again."""
@@ -52,7 +51,7 @@ def find_exchange(
     texts: Sequence[str],
     files: Sequence[str],
     level: str,
-    end: Float[np.ndarray, " number"],
+    end: Numbers,
     chi_squared: float,
 ) -> Exchange | None:
     """Find the exchange of two labels that reduces chi^2 most; None if none does enough.
@@ -86,7 +85,7 @@ def find_exchange(
 
 
 def _candidates(
-    problem: Problem, measured: Measured, end: Float[np.ndarray, " number"]
+    problem: Problem, measured: Measured, end: Numbers
 ) -> list[tuple[float, int, int, int]]:
     """Estimate the change of chi^2 by each exchange: (change, experiment, first mode, second mode).
 

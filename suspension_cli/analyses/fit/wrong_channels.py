@@ -22,6 +22,8 @@ from suspension_cli.analyses.fit.response_problem import ResponseProblem
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
+    from suspension_cli.analyses.fit.array_types import Frequencies, Unknowns
+
 SIGN, EXCHANGE, FACTOR = "sign", "exchange", "factor"
 TABLES = ("sensor", "actuator")
 MOST_EXCHANGES = 4
@@ -137,9 +139,7 @@ def name_factor(factor: float) -> str:
     return text
 
 
-def guess(
-    problem: ResponseProblem, z: Float[np.ndarray, " unknown"]
-) -> tuple[list[Correction], Channels]:
+def guess(problem: ResponseProblem, z: Unknowns) -> tuple[list[Correction], Channels]:
     """Find exchanged, scaled and inverted channels before a fit."""
     found: list[Correction] = []
     channels = problem.channels
@@ -150,7 +150,7 @@ def guess(
             break
         found.append(change)
         channels = change.apply(channels)
-        compared = _Comparison.of(problem.with_channels(channels), z)
+        compared = _Comparison.of(problem.changed(channels=channels), z)
     for make in (compared.factors, compared.signs):
         for change in make():
             found.append(change)
@@ -179,7 +179,7 @@ class _Comparison:
     agreement: Float[np.ndarray, " function"]
 
     @staticmethod
-    def of(problem: ResponseProblem, z: Float[np.ndarray, " unknown"]) -> _Comparison:
+    def of(problem: ResponseProblem, z: Unknowns) -> _Comparison:
         channels, now = problem.channels, problem.predict(z)
         values = problem.nuisance_values(z)
         heavy = np.full(len(now.order), HEAVY)
@@ -298,7 +298,7 @@ class _Comparison:
         return f"{TABLES[1 - side]} {self.channels.names(1 - side)[other]}"
 
 
-def _averaging(frequency: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, "place frequency"]:
+def _averaging(frequency: Frequencies) -> Float[np.ndarray, "place frequency"]:
     """Compute the weights of Gaussian averages over ln frequency at `POINTS` frequencies."""
     place = np.log(frequency)
     centers = np.linspace(place[0], place[-1], POINTS)
@@ -308,7 +308,7 @@ def _averaging(frequency: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, 
     return weight / np.maximum(weight.sum(1, keepdims=True), 1e-300)
 
 
-def alternatives(problem: ResponseProblem, z: Float[np.ndarray, " unknown"]) -> list[Correction]:
+def alternatives(problem: ResponseProblem, z: Unknowns) -> list[Correction]:
     """Changes of one channel, or exchanges of two, with their chi^2 at the values z, best first.
 
     `chi_squared` is that with the change.
