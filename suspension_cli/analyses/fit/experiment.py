@@ -159,6 +159,8 @@ class Experiment:
 
         Both are 0 for an unstable mode.
         """
+        if not self.mode:
+            return np.zeros(0), np.zeros((0, len(self.free)))
         (frequency, slope), places = self.evaluate(x), self.assign_modes(x)
         return np.nan_to_num(frequency[places], nan=0.0), np.nan_to_num(slope[places])
 

@@ -272,9 +272,8 @@ class ResponseProblem:
         pairs = zip(self.predict(z).reading, self.channels.function, strict=True)
         rows = [stack_parts((reading - item.value) / item.uncertainty) for reading, item in pairs]
         target = self.base.experiment[0]
-        if target.mode:
-            frequency, _ = self.base.predict(z[: self.numbers])
-            rows.append((frequency - target.frequency) / target.uncertainty)
+        frequency, _ = target.predict(z[: self.numbers])
+        rows.append((frequency - target.frequency) / target.uncertainty)
         center, width = self.prior
         rows.append(((z - center) / width)[np.isfinite(width)])
         return np.concatenate(rows)
@@ -286,10 +285,9 @@ class ResponseProblem:
             for slope, item in zip(self.differentiate(z), self.channels.function, strict=True)
         ]
         target = self.base.experiment[0]
-        if target.mode:
-            slope = np.zeros((len(target.mode), len(z)))
-            slope[:, : self.numbers] = self.base.predict(z[: self.numbers])[1]
-            rows.append(slope / target.uncertainty[:, None])
+        slope = np.zeros((len(target.mode), len(z)))
+        slope[:, : self.numbers] = target.predict(z[: self.numbers])[1]
+        rows.append(slope / target.uncertainty[:, None])
         width = self.prior[1]
         rows.append(np.diag(1 / width)[np.isfinite(width)])
         return np.concatenate(rows)

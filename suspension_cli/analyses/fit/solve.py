@@ -14,7 +14,7 @@ combinations the data determine.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ from suspension_cli.analyses.fit import (
     search,
     swapped_labels,
 )
-from suspension_cli.analyses.fit.response_fit import ResponseFit, Solution
+from suspension_cli.analyses.fit.response_fit import ResponseFit
 from suspension_cli.analyses.fit.search import Problem
 from suspension_cli.analyses.fit.swapped_labels import Exchange
 from suspension_cli.design import reader
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
         ModeValues,
         NumberMatrix,
         Numbers,
-        UnknownMatrix,
     )
 
 SIGNIFICANCE = 1e-3
@@ -209,21 +208,49 @@ def solve(
     """
     files = files or [""] * len(texts)
     problem = search.build_problem(texts, measured, files, level)
-    ends, started = [], time.monotonic()
-    for start in search.starts(problem, starts, seed, begin):
-        ends.append(search.least_squares(problem, start))
-        if tell is not None:
-            tell(len(ends), starts, len(ends) / (time.monotonic() - started))
+    ends = [
+        search.least_squares(problem, start)
+        for start in _reporting(search.starts(problem, starts, seed, begin), starts, tell)
+    ]
     value, _ = min(ends, key=lambda end: end[1])
-    found = _summarise(problem, measured, value, np.sort([end for _, end in ends]))
+    residual, slope = problem.weighted(value)
+    scale = np.where(value != 0, np.abs(value), 1.0)
+    edges = np.array([problem.low, problem.high])
+    with np.errstate(invalid="ignore"):
+        at_bound = (np.abs(value - edges) <= 1e-8 * scale).any(0)
+    inner = ~at_bound
+    covariance = np.full((len(value), len(value)), np.nan)
+    covariance[np.ix_(inner, inner)] = _inverse(slope[:, inner] * scale[inner]) * np.outer(
+        scale[inner], scale[inner]
+    )
+    modes = sum(map(len, measured.modes))
+    _, singular, direction = np.linalg.svd(slope[:modes] * scale, full_matrices=False)
+    found = _collect(
+        problem,
+        measured,
+        value,
+        covariance,
+        chi_squared=float(residual @ residual),
+        freedom=len(residual) - int(inner.sum()),
+        singular=singular,
+        direction=direction,
+        ends=np.sort([end for _, end in ends]),
+    )
     if not found.misfit:
         return found
-    return replace(
-        found,
-        exchange=swapped_labels.find_exchange(
-            problem, measured, texts, files, level, value, found.chi_squared
-        ),
+    exchange = swapped_labels.find_exchange(
+        problem, measured, texts, files, level, value, found.chi_squared
     )
+    return replace(found, exchange=exchange)
+
+
+def _reporting(starts: Iterator[Numbers], count: int, tell: Progress | None) -> Iterator[Numbers]:
+    """Yield starting values, and report the progress when the next ones are wanted."""
+    started = time.monotonic()
+    for n, start in enumerate(starts, 1):
+        yield start
+        if tell is not None:
+            tell(n, count, n / (time.monotonic() - started))
 
 
 def solve_responses(
@@ -269,34 +296,36 @@ def solve_responses(
     problem = response_problem.build(
         text, measured, channels.build(measured, functions, system), file, level
     )
-    p, started = problem.numbers, time.monotonic()
-    ends: list[Solution] = []
-    for x in search.starts(problem.base, starts, seed, begin):
-        ends.append(response_fit.solve(problem, np.concatenate([x, problem.start[p:]])))
-        if tell is not None:
-            tell(len(ends), starts, len(ends) / (time.monotonic() - started))
+    p, free = problem.numbers, problem.base.experiment[0].free
+    ends = [
+        response_fit.solve(problem, np.concatenate([x, problem.start[p:]]))
+        for x in _reporting(search.starts(problem.base, starts, seed, begin), starts, tell)
+    ]
     found = min(ends, key=lambda end: end.chi_squared)
     start = response_fit.onto(problem, found.problem, problem.start)
     spread = findings.covariance(found.problem, found.z)
-    extra: dict[str, Any] = {
-        "sentences": findings.describe(found.problem, found.z, problem.base.experiment[0].free)
-    }
-    least = findings.least_known(found.problem, spread)
+    extra: dict[str, Any] = {"sentences": findings.describe(found.problem, found.z, free)}
     if explain:
         before, changes = findings.single_changes(found, text, measured, file, start)
-        extra |= {"chi_squared_before": before, "changes": changes}
-        which, extra["candidates"] = findings.next_measurements(found, least)
-        if which is not None:
-            extra["least"] = problem.base.experiment[0].free[which]
-    responses = response_fit.collect(found, start, spread, **extra)
-    return _with_responses(
-        text,
+        least = findings.least_known(found.problem, spread)
+        which, candidates = findings.next_measurements(found, least)
+        extra |= {"chi_squared_before": before, "changes": changes, "candidates": candidates}
+        extra["least"] = "" if which is None else free[which]
+    value = found.z[:p]
+    relative = np.where(value != 0, np.abs(value), 1.0) / problem.scale[:p]
+    known = findings.data_information(found.problem, found.z) * np.outer(relative, relative)
+    squared, vectors = np.linalg.eigh(known)
+    return _collect(
+        problem.base,
         measured,
-        problem,
-        found,
-        spread,
-        np.sort([end.chi_squared for end in ends]),
-        responses,
+        value,
+        spread[:p, :p],
+        chi_squared=found.chi_squared,
+        freedom=found.freedom + int(np.isnan(np.diag(spread)).sum()),
+        singular=np.sqrt(np.clip(squared, 0.0, None))[::-1],
+        direction=vectors.T[::-1],
+        ends=np.sort([end.chi_squared for end in ends]),
+        responses=response_fit.collect(found, start, spread, **extra),
     )
 
 
@@ -318,94 +347,30 @@ def _check_uncertainties(functions: Sequence[MeasuredResponse]) -> None:
         raise InputError(bad)
 
 
-def _with_responses(
-    text: str,
-    measured: Measured,
-    problem: response_problem.ResponseProblem,
-    found: Solution,
-    spread: UnknownMatrix,
-    ends: Float[np.ndarray, " start"],
-    responses: ResponseFit,
+def _collect(
+    problem: Problem, measured: Measured, value: Numbers, covariance: NumberMatrix, **rest: Any
 ) -> Fit:
-    p, item = problem.numbers, problem.base.experiment[0]
-    value, covariance = found.z[:p], spread[:p, :p]
-    at_bound = np.isnan(np.diag(covariance))
-    relative = np.where(value != 0, np.abs(value), 1.0) / problem.scale[:p]
-    known = findings.data_information(found.problem, found.z) * np.outer(relative, relative)
-    squared, vectors = np.linalg.eigh(known)
-    singular, direction = np.sqrt(np.clip(squared, 0.0, None))[::-1], vectors.T[::-1]
-    labels: tuple[str, ...] = ()
-    modes = np.zeros((2, 0))
-    if item.mode:
-        modes = np.array([problem.base.predict(x)[0] for x in (problem.base.start, value)])
-        named = np.array(named_results.labels(item.nominal_modes))[item.assign_modes(value)]
-        labels = tuple(str(name) for name in named)
-    before, after = np.where(modes > 0, modes, np.nan)
-    return Fit(
-        experiment=(reader.parse(text).design.name,),
-        name=tuple(one.name for one in measured.parameter),
-        shared=problem.base.shared,
-        start=problem.base.start,
-        value=value,
-        sigma=np.sqrt(np.diag(covariance)),
-        covariance=covariance,
-        at_bound=at_bound,
-        of=np.zeros(len(labels), dtype=int),
-        label=labels,
-        measured=item.frequency,
-        uncertainty=item.uncertainty,
-        before=before,
-        after=after,
-        chi_squared=found.chi_squared,
-        freedom=found.freedom + int(np.isnan(np.diag(spread)).sum()),
-        singular=singular,
-        direction=_positive(direction),
-        design=(reader.write_toml(item.document(value)),),
-        ends=ends,
-        responses=responses,
-    )
+    """Collect the result of a fit: the fitted numbers, designs and modes, and what else is given.
 
-
-def _positive(
-    direction: Float[np.ndarray, "combination number"],
-) -> Float[np.ndarray, "combination number"]:
-    """Combinations (s, p) with the sign that makes their largest coefficient positive."""
-    if not direction.size:
-        return direction
-    largest = direction[np.arange(len(direction)), np.abs(direction).argmax(1)]
-    return direction * np.where(largest < 0, -1.0, 1.0)[:, None]
-
-
-def _summarise(
-    problem: Problem,
-    measured: Measured,
-    value: Numbers,
-    ends: Float[np.ndarray, " start"],
-) -> Fit:
-    residual, slope = problem.weighted(value)
-    scale = np.where(value != 0, np.abs(value), 1.0)
-    at_bound = np.zeros(len(value), dtype=bool)
-    for bound in (problem.low, problem.high):
-        at_bound |= np.isfinite(bound) & (
-            np.abs(value - np.where(np.isfinite(bound), bound, 0.0)) <= 1e-8 * scale
-        )
-    inner = ~at_bound
-    covariance = np.full((len(value), len(value)), np.nan)
-    covariance[np.ix_(inner, inner)] = _inverse(slope[:, inner] * scale[inner]) * np.outer(
-        scale[inner], scale[inner]
-    )
-    _, singular, direction = np.linalg.svd(
-        slope[: sum(map(len, measured.modes))] * scale, full_matrices=False
-    )
+    Numbers at a bound have NaN in the covariance. Combinations get the sign that makes their
+    largest coefficient positive.
+    """
+    every = problem.experiment
+    own = [value[here] for here in problem.shared.T]
+    labels = [
+        np.array(named_results.labels(item.nominal_modes))[item.assign_modes(x)].tolist()
+        if item.mode
+        else []
+        for item, x in zip(every, own, strict=True)
+    ]
     before, after = (
         np.where(found > 0, found, np.nan)
         for found in (problem.predict(x)[0] for x in (problem.start, value))
     )
-    every = problem.experiment
-    labels = [
-        np.array(named_results.labels(item.nominal_modes))[item.assign_modes(value[own])]
-        for item, own in zip(every, problem.shared.T, strict=True)
-    ]
+    direction = rest.pop("direction")
+    if direction.size:
+        largest = direction[np.arange(len(direction)), np.abs(direction).argmax(1)]
+        direction = direction * np.where(largest < 0, -1.0, 1.0)[:, None]
     return Fit(
         experiment=tuple(
             name or reader.parse(item.text).design.name
@@ -417,22 +382,18 @@ def _summarise(
         value=value,
         sigma=np.sqrt(np.diag(covariance)),
         covariance=covariance,
-        at_bound=at_bound,
+        at_bound=np.isnan(np.diag(covariance)),
         of=np.repeat(np.arange(len(every)), [len(names) for names in labels]),
-        label=tuple(str(name) for names in labels for name in names),
+        label=tuple(name for names in labels for name in names),
         measured=np.concatenate([item.frequency for item in every]),
         uncertainty=np.concatenate([item.uncertainty for item in every]),
         before=before,
         after=after,
-        chi_squared=float(residual @ residual),
-        freedom=len(residual) - int(inner.sum()),
-        singular=singular,
-        direction=_positive(direction),
+        direction=direction,
         design=tuple(
-            reader.write_toml(item.document(value[own]))
-            for item, own in zip(every, problem.shared.T, strict=True)
+            reader.write_toml(item.document(x)) for item, x in zip(every, own, strict=True)
         ),
-        ends=ends,
+        **rest,
     )
 
 
