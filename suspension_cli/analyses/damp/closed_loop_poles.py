@@ -72,9 +72,9 @@ def refine(found: Poles, plant: Plant) -> Poles:
 
     Parameters
     ----------
-    found : Poles
+    found
         Poles (p,) of the state space, whose losses may be approximated by constant matrices.
-    plant : Plant
+    plant
         With the model's own losses.
 
     Returns
@@ -154,19 +154,19 @@ class _Block:
 
     Attributes
     ----------
-    plant : Plant
+    plant
         These loops alone, with `sensed` and `pushed` (l, c).
-    mass, stiffness, damping, lossy : array
+    mass, stiffness, damping, lossy
         M, K, C and the K'' of constant loss angles.
-    terms : tuple of Term
+    terms
         Losses that depend on frequency.
-    filters : tuple of (q, q), (q, l), (l, q), (l, l) arrays
+    filters
         A_f, B_f, C_f, D_f of all filters, without velocity dampers.
-    resisting : array
+    resisting
         C with velocity dampers.
-    delays : array
+    delays
         s.
-    delayed_dampers : array
+    delayed_dampers
         N s/m or N m s/rad; 0 for all other loops.
     """
 

@@ -40,10 +40,7 @@ class Plant:
 
     Attributes
     ----------
-    model : LinearSystem
-    loops : tuple of Loop
-    sensor, actuator : list of Signal
-    sensed, pushed : array
+    sensed, pushed
         Sensed motions and actuator forces as linear forms of the coordinates.
     """
 
@@ -202,16 +199,16 @@ class ClosedLoopResponse:
 
     Attributes
     ----------
-    frequency : array
+    frequency
         Hz.
-    value : array
+    value
         Outputs over external inputs.
-    noise : array
+    noise
         Amplitude spectral density at each output from each sensor's noise, m/sqrt(Hz) or
         rad/sqrt(Hz).
-    actuator_noise : array
+    actuator_noise
         Of the noise of each actuator, added to the force that the loop commands.
-    loop_gain : array
+    loop_gain
         H G of each loop broken at its actuator, the others closed; a closed-loop pole on the
         imaginary axis has 1 + H G = 0.
     """
@@ -233,10 +230,9 @@ def solve_responses(
 
     Parameters
     ----------
-    plant : Plant
-    frequency : array
+    frequency
         Hz.
-    inputs, outputs : list of Signal
+    inputs, outputs
         External drives (i) and observed motions (o).
     """
     model, count = plant.model, len(plant.loops)

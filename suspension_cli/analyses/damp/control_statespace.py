@@ -165,11 +165,11 @@ def _realise_sections(
 
     Parameters
     ----------
-    zeros, poles : arrays
+    zeros, poles
         rad/s; an even number of poles.
-    gain : float
+    gain
         Value of the response at 0, or of its slope if there is a zero at 0.
-    delay : float
+    delay
         s.
     """
     from scipy.signal import zpk2sos

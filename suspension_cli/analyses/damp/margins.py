@@ -53,20 +53,20 @@ class Margins:
 
     Attributes
     ----------
-    phase : float
+    phase
         Phase margin, degrees: the smallest of all unity-gain frequencies; inf if there is none.
-    phase_frequency : float
+    phase_frequency
         Its unity-gain frequency, Hz; NaN if there is none.
-    gain_up, gain_down : float
+    gain_up, gain_down
         Gain margins: factors by which the gain may grow or shrink before a pole reaches the
         imaginary axis; inf and 0 without limit.
-    distance : float
+    distance
         Modulus margin: smallest |1 + L|.
-    gain_up_frequency, gain_down_frequency : float
+    gain_up_frequency, gain_down_frequency
         Where that pole reaches the axis, Hz; NaN without limit.
-    delay : float
+    delay
         Delay margin, s: smallest delay that brings a pole to the imaginary axis; inf if none does.
-    delay_frequency : float
+    delay_frequency
         Frequency of that pole, Hz; NaN if there is none.
     """
 
@@ -105,14 +105,14 @@ def compute_margins(
 
     Parameters
     ----------
-    gain : callable
+    gain
         Loop gains L (f, l) at ascending frequencies (f,) in Hz.
-    frequency : array
+    frequency
         Hz, at which the gains may have poles and zeros, and a width to either side of each.
-    static : array, optional
+    static
         Real gains at 0 Hz, infinite where the gain there is not real. A loop with L < 0, scaled by
         -1/L, has a pole at 0.
-    faint : float
+    faint
         Size of gains below which the grid is not refined. A delay turns them without end.
 
     Examples
@@ -166,10 +166,9 @@ def refine_grid(
 
     Parameters
     ----------
-    gain : callable
-    frequency : array
+    frequency
         Hz.
-    faint : float
+    faint
         Gains below this size are not refined.
 
     Returns
@@ -299,13 +298,13 @@ def search_smallest(
 
     Parameters
     ----------
-    evaluate : callable
+    evaluate
         Values (c,) at frequencies (c,) in Hz, of the functions of these numbers (c,).
-    frequency : array
+    frequency
         Hz, ascending.
-    distance : array
+    distance
         Values there.
-    change : array
+    change
         Upper bounds of the change of their logarithms between neighbours.
 
     Returns

@@ -49,8 +49,7 @@ def count_growing(plant: Plant, closed: Poles, opened: Poles) -> int | None:
 
     Parameters
     ----------
-    plant : Plant
-    closed, opened : Poles
+    closed, opened
         As far as known; where D changes quickly.
     """
     every = np.concatenate([closed.value, opened.value])

@@ -57,10 +57,9 @@ def draw(damped: LocalControl, title: str, gains: tuple[Any, Any] | None = None)
 
     Parameters
     ----------
-    damped : LocalControl
-    title : str
+    title
         Names of the design and the model.
-    gains : tuple of arrays, optional
+    gains
         Frequencies (f,) in Hz and loop gains (f, l) with resonances resolved; without, those of
         `damped`.
     """

@@ -42,9 +42,9 @@ class SensitivityPeak:
 
     Attributes
     ----------
-    size : float
+    size
         M, at least 1 in all but degenerate cases; 1 is best.
-    frequency : float
+    frequency
         Hz.
     """
 
@@ -108,9 +108,9 @@ def find_peak(plant: Plant, frequency: Float[np.ndarray, " given"]) -> Sensitivi
 
     Parameters
     ----------
-    plant : Plant
+    plant
         Whose closed loops are stable.
-    frequency : array
+    frequency
         Hz, as of `margins.compute_margins`.
     """
 

@@ -44,25 +44,25 @@ class LocalControl:
 
     Attributes
     ----------
-    loop : tuple of str
+    loop
         Names of the loops (l).
-    open, closed : Poles
+    open, closed
         With its own losses alone, and with all loops closed; rad/s.
-    margin : tuple of Margins or None
+    margin
         Of each loop, the others closed; None if the closed loop is unstable.
-    output, drive : str
+    output, drive
         The observed motion, and the signal that gets the impulse.
-    time : array
+    time
         s.
-    impulse, undamped : array
+    impulse, undamped
         Response of the output to a unit impulse, with the loops closed and open; SI.
-    frequency : array
+    frequency
         Hz.
-    noise : array
+    noise
         Noise of each sensor at the output, m/sqrt(Hz) or rad/sqrt(Hz).
-    gain : array
+    gain
         Loop gains, the other loops closed.
-    sensitivity : SensitivityPeak or None
+    sensitivity
         Margin of all loops at once; None if the closed loop is unstable.
     """
 
@@ -102,17 +102,17 @@ def solve(
 
     Parameters
     ----------
-    design : Design
+    design
         With a `[control]` table.
-    model : LinearSystem
+    model
         Without wire mass.
-    output, drive : str
+    output, drive
         Signals: a motion, and the force (or motion of the support) that gets a unit impulse.
-    frequency : array
+    frequency
         For noise and loop gains, Hz.
-    duration : float
+    duration
         Of the impulse response, s.
-    samples : int
+    samples
         Of the impulse response.
     """
     found = find_poles(design, model)
@@ -161,9 +161,9 @@ class FoundPoles:
 
     Attributes
     ----------
-    plant, constant : Plant
+    plant, constant
         With the losses of the model, and with these as constant matrices.
-    closed, open : Poles
+    closed, open
         With all loops closed, and with all open; rad/s.
     """
 
@@ -226,9 +226,9 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " 
 
     Parameters
     ----------
-    plant : Plant
+    plant
         With constant matrices.
-    closed : Poles
+    closed
         With all loops closed.
     """
     found = [closed.value / (2 * np.pi)]

@@ -39,14 +39,13 @@ class Nuisance:
 
     Attributes
     ----------
-    side : int
+    side
         0 for a sensor, 1 for an actuator.
-    channel : str
-    kind : str
+    kind
         ``"gain"`` (relative), ``"delay"`` (s) or ``"mix"`` (amount of `other`).
-    sigma : float
+    sigma
         Standard deviation of the prior around 0.
-    other : str
+    other
         Signal that the channel contains beside its own.
     """
 
@@ -69,12 +68,12 @@ class Channels:
 
     Attributes
     ----------
-    transducer : pair of dict of Transducer
+    transducer
         Sensors, then actuators, by name. A signal of the design that the file measures directly is
         a transducer of its own name.
-    signal : pair of tuple of Signal
+    signal
         Signals that sensors and actuators contain.
-    function : tuple of MeasuredResponse
+    function
         The measured functions.
     """
 

@@ -27,12 +27,11 @@ def choose(
 
     Parameters
     ----------
-    wanted : str
+    wanted
         ``"auto"`` or the name of a model.
-    sources : sequence of Source
+    sources
         The designs.
-    measured : Measured
-    tolerance : float
+    tolerance
         Relative error of measured modes that ``"auto"`` may leave.
 
     Returns

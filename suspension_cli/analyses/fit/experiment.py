@@ -40,21 +40,21 @@ class Experiment:
 
     Attributes
     ----------
-    text : str
+    text
         The design as TOML.
-    mode : list of Mode
+    mode
         The measurements.
-    free : list of str
+    free
         Dotted paths of the free numbers.
-    start : array
+    start
         Their values where the search starts, SI.
-    where : str
+    where
         Prefix of the key paths of the modes in errors.
-    file : str
+    file
         File of the design, for errors.
-    level : str
+    level
         Name of a model that supports derivatives.
-    cache : dict
+    cache
         Frequencies and derivatives by free numbers.
     """
 

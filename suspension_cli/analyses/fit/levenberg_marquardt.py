@@ -35,14 +35,12 @@ def minimise(
 
     Parameters
     ----------
-    residual, jacobian : callable
+    residual, jacobian
         Of the unknowns (P,): residuals (r,), and their derivatives (r, P). An `InputError` of
         `residual` makes the search take a smaller step.
-    start, scale : array
-    bounds : pair of arrays
-    tolerance, relative : float
+    tolerance, relative
         Expected decrease of the sum of squares, and relative to it, below which the search ends.
-    steps : int
+    steps
         Most Gauss-Newton steps.
     """
     low, high = bounds

@@ -56,8 +56,7 @@ def draw(found: Fit, title: str) -> Figure:
 
     Parameters
     ----------
-    found : Fit
-    title : str
+    title
         Names of the design and the model.
     """
     names, residuals, starts = _residuals(found)

@@ -51,13 +51,13 @@ class Resonances:
 
     Attributes
     ----------
-    mode : array
+    mode
         Mode of the design at the start.
-    frequency, sigma : array
+    frequency, sigma
         Hz.
-    damping : array
+    damping
         1/Q.
-    functions : array
+    functions
         Number of measured functions that have it.
     """
 

@@ -38,11 +38,11 @@ class Peak:
 
     Attributes
     ----------
-    frequency, sigma : float
+    frequency, sigma
         Hz, and its standard deviation.
-    damping : float
+    damping
         1/Q.
-    residue : complex
+    residue
         n0: H is residue / (w0^2 - w^2 + i w b) beside it.
     """
 
@@ -61,10 +61,9 @@ def find_peaks(
 
     Parameters
     ----------
-    frequency : array
+    frequency
         Hz, ascending.
-    value : array
-    uncertainty : array
+    uncertainty
         Standard deviation of the real and of the imaginary part.
     """
     size = np.maximum(np.abs(value), uncertainty)

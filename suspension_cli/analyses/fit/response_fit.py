@@ -46,11 +46,11 @@ class SingleChange:
 
     Attributes
     ----------
-    name : str
+    name
         Dotted path of the number.
-    start, change : float
+    start, change
         Value in the design, and the change from it, SI.
-    chi_squared : float
+    chi_squared
         Of the fit.
     """
 
@@ -66,11 +66,11 @@ class Candidate:
 
     Attributes
     ----------
-    input, output : str
+    input, output
         Signals.
-    band : pair of float
+    band
         Hz.
-    sigma : float
+    sigma
         Standard deviation of that number with this measurement.
     """
 
@@ -86,35 +86,34 @@ class ResponseFit:
 
     Attributes
     ----------
-    function, input, output : (k,) tuples of str
+    function, input, output
         Names of the functions and of their channels.
-    of : array
+    of
         Function of each value.
-    frequency, uncertainty : array
-    measured, before, after : array
+    measured, before, after
         Readings per drive, as measured and as predicted before and after the fit.
-    nuisance : tuple of str
+    nuisance
         Fitted properties of sensors and actuators.
-    nuisance_value, nuisance_sigma, nuisance_prior : array
+    nuisance_value, nuisance_sigma, nuisance_prior
         Relative for gains, s for delays; prior standard deviations.
-    mode : (m,) tuple of str
+    mode
         Labels of the modes with a measured resonance.
-    resonance : array
+    resonance
         Measured frequency, its standard deviation, before, after (Hz), measured Q, number of
         functions that have it.
-    corrections : tuple of Correction
+    corrections
         Channels that are not what the file says.
-    stiffened : tuple of (str, float, float)
+    stiffened
         Modes that are stiffer than the design explains: label, relative excess of frequency, Q.
-    chi_squared_before : float
+    chi_squared_before
         chi^2 of the design as given, with the nuisance parameters fitted.
-    changes : tuple of SingleChange
+    changes
         The single numbers that explain most, best first.
-    sentences : tuple of str
+    sentences
         What is determined and what is not.
-    least : str
+    least
         The number that is known least; "" if none is free.
-    candidates : tuple of Candidate
+    candidates
         Measurements that would tell most about it, best first.
     """
 
@@ -159,13 +158,10 @@ class Solution:
 
     Attributes
     ----------
-    problem : ResponseProblem
+    problem
         With corrected channels.
-    z : array
+    z
         The unknowns.
-    chi_squared : float
-    matched : Resonances
-    corrections : tuple of Correction
     """
 
     problem: ResponseProblem
@@ -320,11 +316,9 @@ def collect(
 
     Parameters
     ----------
-    found : Solution
-    start : array
+    start
         Where the search started.
-    covariance : array
-    findings : object
+    findings
         Further attributes of the result.
     """
     problem, p = found.problem, found.problem.numbers

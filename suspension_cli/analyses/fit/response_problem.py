@@ -54,13 +54,13 @@ class Prediction:
 
     Attributes
     ----------
-    plant : Plant
+    plant
         The design with these values.
-    order : array
+    order
         Its mode for each mode of the design at the start.
-    response : tuple of Responses
+    response
         Of all signals, for each grid of frequencies.
-    reading : list of arrays
+    reading
         One per measured function.
     """
 
@@ -76,19 +76,19 @@ class ResponseProblem:
 
     Attributes
     ----------
-    base : Problem
+    base
         Free numbers, measured modes and priors; one experiment.
-    channels : Channels
+    channels
         Sensors, actuators and measured functions.
-    level : str
+    level
         Name of a model that supports derivatives.
-    nominal : Plant
+    nominal
         The design where the search starts, in whose order modes are numbered.
-    peaks : list of lists of Peak
+    peaks
         Resonances of each measured function.
-    damped : array
+    damped
         Modes with an added damping.
-    stiff : array
+    stiff
         Modes with a change of omega^2 of their own.
     """
 

@@ -38,12 +38,11 @@ class Problem:
 
     Attributes
     ----------
-    experiment : list of Experiment
-    shared : array
+    shared
         Whether a number belongs to an experiment.
-    start, low, high : array
+    start, low, high
         Starting values and bounds, SI.
-    prior, prior_sigma : array
+    prior, prior_sigma
         Earlier knowledge and its standard deviation, infinite where there is none.
     """
 
@@ -97,10 +96,9 @@ def build_problem(
 
     Parameters
     ----------
-    texts, files : sequence of str
+    texts, files
         The design of each experiment as TOML, and its file, for errors.
-    measured : Measured
-    level : str
+    level
         Name of a model that supports derivatives.
 
     Raises

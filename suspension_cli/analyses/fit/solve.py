@@ -63,45 +63,44 @@ class Fit:
 
     Attributes
     ----------
-    experiment : tuple of str
+    experiment
         Names of the experiments; for a single design, the name of the design.
-    name : tuple of str
+    name
         Dotted paths of the fitted numbers; several experiments may share one.
-    shared : array
+    shared
         Whether a number belongs to an experiment.
-    start, value, sigma : array
+    start, value, sigma
         Values before and after the fit, and standard deviations (infinite where the data do not
         determine a number, NaN at a bound), SI. `sigma` assumes the given uncertainties of the
         measurements; multiply it by `scale` in a misfit.
-    covariance, at_bound : array
-    of : array
+    of
         Experiment of each measured mode, from 0.
-    label : tuple of str
+    label
         Labels of the measured modes.
-    measured, uncertainty, before, after : array
+    measured, uncertainty, before, after
         Frequencies, Hz; NaN for an unstable mode.
-    chi_squared : float
+    chi_squared
         Sum over modes and priors.
-    freedom : int
+    freedom
         Degrees of freedom: modes and priors less numbers that are not at a bound.
-    singular : array
+    singular
         Singular values of the derivatives of the weighted mode frequencies, for relative changes
         of the numbers: 1/singular is the relative uncertainty of a combination.
-    direction : array
+    direction
         The combinations, as relative changes.
-    design : tuple of str
+    design
         The fitted designs as TOML.
-    ends : array
+    ends
         chi^2 at the end of the search from each start, ascending; the first is that of this fit.
-    exchange : Exchange or None
+    exchange
         In a misfit, the two labels that fit better exchanged.
-    design_before : tuple of str
+    design_before
         The designs before the fit as TOML.
-    measurements : str
+    measurements
         Text of the file of measured modes.
-    title : str
+    title
         Title of the design, or of the measurements where there are several designs.
-    responses : ResponseFit or None
+    responses
         Measured transfer functions; None if modes alone were measured.
     """
 
@@ -185,20 +184,19 @@ def solve(
 
     Parameters
     ----------
-    texts : sequence of str
+    texts
         The design of each experiment as TOML.
-    measured : Measured
-    files : sequence of str
+    files
         Files of the designs, for errors.
-    level : str
+    level
         Name of a model that supports derivatives, ``string`` or ``beam``.
-    starts, seed : int
+    starts, seed
         Number of searches, all but the first from random numbers, and the seed of these; the best
         fit is returned.
-    begin : array, optional
+    begin
         Where the first search begins instead of at the starting values, to whose modes labels
         refer.
-    tell : callable, optional
+    tell
         Called with (done, all, rate per second) after each search.
 
     Raises
@@ -270,18 +268,17 @@ def solve_responses(
 
     Parameters
     ----------
-    text : str
+    text
         The design as TOML.
-    measured : Measured
+    measured
         Free numbers (`default_numbers` if there are none), sensors and actuators, modes.
-    functions : sequence of MeasuredResponse
-    file : str
+    file
         File of the design, for errors.
-    level : str
+    level
         Name of a model that supports derivatives.
-    starts, seed, begin, tell :
+    starts, seed, begin, tell
         See `solve`.
-    explain : bool
+    explain
         Whether to rank single changes and further measurements.
 
     Raises

@@ -33,10 +33,9 @@ class Exchange:
 
     Attributes
     ----------
-    experiment : int
+    experiment
         Number of the experiment, from 0.
-    labels : pair of str
-    chi_squared : float
+    chi_squared
         chi^2 of the fit with these labels exchanged.
     """
 
@@ -58,15 +57,13 @@ def find_exchange(
 
     Parameters
     ----------
-    problem : Problem
-    measured : Measured
-    texts, files : sequence of str
+    texts, files
         Designs as TOML, and their files.
-    level : str
+    level
         Name of a model that supports derivatives.
-    end : array
+    end
         The fitted numbers.
-    chi_squared : float
+    chi_squared
         chi^2 of the fit.
     """
     candidates = sorted(_candidates(problem, measured, end), key=lambda item: item[0])

@@ -67,20 +67,20 @@ class Correction:
 
     Attributes
     ----------
-    kind : str
+    kind
         ``"sign"``, ``"exchange"`` or ``"factor"``.
-    side : int
+    side
         0 for sensors, 1 for actuators.
-    channel : tuple of str
+    channel
         The channel, or the two that are exchanged.
-    factor : float
+    factor
         On the gain; 1 for an exchange.
-    known : bool
+    known
         Whether the file of measurements claims otherwise (a sign it calls unknown is found, not
         wrong).
-    also : str
+    also
         Another channel whose change explains the data as well; "" if there is none.
-    chi_squared : float
+    chi_squared
         chi^2 with the fitted numbers but without this change; NaN where not computed.
     """
 
@@ -164,11 +164,11 @@ class _Comparison:
 
     Attributes
     ----------
-    measured : array
+    measured
         Averaged ln magnitudes of the functions.
-    computed : array
+    computed
         The same of every pair of channels, at the frequencies of each function.
-    agreement : array
+    agreement
         Mean cosine of the phase between the measured and the computed function.
     """
 

@@ -41,10 +41,9 @@ class Shapes:
 
     Attributes
     ----------
-    crossing : Crossing
-    modes : tuple of Modes
+    modes
         At each point, ascending.
-    rest : tuple of Sketch
+    rest
         The suspension of each point at rest.
     """
 
@@ -60,13 +59,13 @@ def solve_shapes(
 
     Parameters
     ----------
-    source : Source
+    source
         The nominal design.
-    path : str
+    path
         Of the parameter.
-    level : str
+    level
         Name of the model.
-    crossings : sequence of Crossing
+    crossings
         Most mixed first.
     """
     found = []
@@ -86,13 +85,12 @@ class Strip:
 
     Parameters
     ----------
-    shapes : Shapes
-    width : float
+    width
         Of the row, in.
 
     Attributes
     ----------
-    height : float
+    height
         With captions, in.
     """
 
@@ -118,13 +116,13 @@ class Strip:
 
         Parameters
         ----------
-        canvas : Canvas
+        canvas
             In inches.
-        left, top : float
+        left, top
             Upper left corner.
-        colours : sequence of str
+        colours
             Of the two modes.
-        values : sequence of str
+        values
             The parameter at each point.
         """
         for n, (row, name) in enumerate(zip(self._panels, self.shapes.crossing.modes, strict=True)):

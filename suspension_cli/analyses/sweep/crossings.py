@@ -25,9 +25,9 @@ class Point:
 
     Attributes
     ----------
-    at : float
+    at
         Value of the parameter, SI.
-    rank : tuple of int
+    rank
         Numbers of the two modes among all, ascending, from 0.
     """
 
@@ -41,15 +41,15 @@ class Crossing:
 
     Attributes
     ----------
-    at : float
+    at
         Value of the parameter, SI.
-    frequency : float
+    frequency
         Mean of the two, Hz.
-    modes : tuple of str
+    modes
         Labels of the two.
-    mixing : tuple of float
+    mixing
         Fraction of the other mode's motion, as far from there, in each one's motion at that point.
-    around : tuple of Point
+    around
         Points of the grid before, at and after it.
     """
 
@@ -78,9 +78,9 @@ def find_crossings(group: Stored, swept: SweepResult) -> list[Crossing]:
 
     Parameters
     ----------
-    group : h5py.Group
+    group
         Group `sweep` of a results file, with the shapes.
-    swept : SweepResult
+    swept
         What was read from it.
     """
     if "shape" not in group or len(swept.axes) != 1 or len(swept.axes[0].values) < 3:

@@ -37,23 +37,23 @@ class SweepResult:
 
     Attributes
     ----------
-    axes : tuple of Axis
+    axes
         Parameters, named by dotted paths, with their values in SI.
-    drawn : tuple of float
+    drawn
         Nominal value of each parameter; NaN where the design does not give it.
-    start : tuple of int
+    start
         Grid point nearest to the nominal design.
-    result, unit : tuple of str
+    result, unit
         Names and units of the results; ``Hz`` for modes.
-    degree : tuple of str
+    degree
         Dominant motion of each mode in the nominal design, ``test.pitch``; empty for responses.
-    nominal : array
+    nominal
         Results of the nominal design.
-    value : array
+    value
         Results; NaN where there is none.
-    status : array
+    status
         See `solve.STATUS`.
-    overlap : float
+    overlap
         Smallest overlap of shapes by which a mode among the results was followed from one point
         to the next; 1 without modes.
     """

@@ -52,7 +52,7 @@ def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, 
 
     Parameters
     ----------
-    job : ParameterSweep
+    job
         In the simplest model.
     """
     sample = replace(job, axes=ends_and_middle(job.axes))

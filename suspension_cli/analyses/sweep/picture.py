@@ -75,15 +75,15 @@ def draw(
 
     Parameters
     ----------
-    swept : SweepResult
+    swept
         Parameters after the second are kept at the grid point nearest to the nominal design.
-    title : str
+    title
         Names of the design and the model.
-    stages : sequence of str
+    stages
         Of the design, top to bottom.
-    crossings : sequence of Crossing
+    crossings
         To be marked on lines.
-    shapes : sequence of Shapes
+    shapes
         Of crossings, to be drawn below the lines.
     """
     with house_style():

@@ -62,8 +62,7 @@ def draw(summary: Summary, title: str) -> Figure:
 
     Parameters
     ----------
-    summary : Summary
-    title : str
+    title
         Names of the design and the model.
     """
     with house_style():

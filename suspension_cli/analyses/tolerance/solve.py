@@ -73,23 +73,23 @@ class RandomBuilds:
 
     Attributes
     ----------
-    text : str
+    text
         The design as TOML, with its `[tolerance]` table.
-    count : int
+    count
         Number of builds.
-    seed : int
+    seed
         Seed of the random numbers.
-    question : CouplingRequest
+    question
         The cross-coupling to compute; its wire and body are ignored.
-    allow_unstable : bool
+    allow_unstable
         Whether a build with an unstable equilibrium counts as valid.
-    level : str
+    level
         Name of a model that supports imperfect builds.
-    requirements : tuple of Requirement
+    requirements
         Those whose responses by name are computed too.
-    method : {"random", "sobol"}
+    method
         Sampling, see `studies.sample_points`.
-    with_indices : bool
+    with_indices
         Whether the builds are those from which Sobol indices follow.
     """
 
@@ -252,10 +252,9 @@ def follow_modes(
 
     Parameters
     ----------
-    found : Builds
-    shapes : array
+    shapes
         Nominal modes in coordinates scaled by the root of the mass matrix: orthonormal.
-    keep : array
+    keep
         Coordinates with inertia, which the shapes refer to.
     """
     from suspension_cli.linear import compiled  # takes half a second

@@ -27,11 +27,11 @@ class Yield:
 
     Attributes
     ----------
-    name : str
+    name
         The requirement.
-    fraction : float
+    fraction
         Builds without equilibrium count as not meeting it.
-    low, high : float
+    low, high
         Ends of the 95 % confidence interval.
     """
 
@@ -53,16 +53,15 @@ class Spread:
 
     Attributes
     ----------
-    name, unit : tuple of str
-    mean, error, deviation : (r,) arrays
+    mean, error, deviation
         Mean, its standard error, and standard deviation.
-    quantiles : (r, 7) array
+    quantiles
         At `QUANTILES`.
-    rank : (r, f) array
+    rank
         Rank correlations with the deviations of the numbers.
-    slope : (r, f) array
+    slope
         Change per unit of each deviation: that of the least-squares line.
-    sample : (b, r) array
+    sample
         Values of some builds, for figures.
     """
 
@@ -83,66 +82,65 @@ class Summary:
 
     Attributes
     ----------
-    builds, good : int
+    builds, good
         Number of builds, and of those with an equilibrium on taut wires.
-    independent : int
+    independent
         Number of first builds that statistics are of: all, but with Sobol indices two blocks.
-    failures : dict of str to int
+    failures
         Number of builds by reason of failure.
-    label : tuple of str
+    label
         Labels of the nominal modes.
-    nominal : (m,) array
+    nominal
         Their frequencies, Hz.
-    mean, mean_error, spread : (m,) arrays
+    mean, mean_error, spread
         Mean, its standard error, and standard deviation over the builds, Hz.
-    quantiles : (m, 7) array
+    quantiles
         Quantiles of the frequencies at `QUANTILES`, Hz.
-    frequency : float
+    frequency
         Frequency of the cross-coupling, Hz.
-    limit : float
+    limit
         Limit on the cross-coupling.
-    under : float
+    under
         Fraction of the good builds with |ratio| below the limit.
-    under_interval : (float, float)
+    under_interval
         Its 95 % confidence interval.
-    ratio_quantiles : (7,) array
+    ratio_quantiles
         Quantiles of |ratio| at `QUANTILES`.
-    ratio_sorted : (b,) array
+    ratio_sorted
         |ratio| of good builds in ascending order, thinned to a few thousand points.
-    factor, factor_unit : tuple of str
+    factor, factor_unit
         Names of the numbers that vary, and the units of their deviations.
-    ratio_rank : (factors,) array
+    ratio_rank
         Rank correlation of |ratio| with the absolute value of each deviation.
-    signed_rank, signed_slope : (factors,) arrays
+    signed_rank, signed_slope
         Rank correlation of the ratio with its sign, see `signed`, with each deviation, and its
         change per unit of that (least squares).
-    mode_rank, mode_slope : (m, factors) arrays
+    mode_rank, mode_slope
         Rank correlation of each frequency with each deviation, and its change, Hz per unit.
-    ranked : int
+    ranked
         Number of builds that correlations are of.
-    sample : (b, m) array
+    sample
         Frequencies of some builds over nominal less 1, for figures.
-    static : Spread
+    static
         Static displacements (m) and rotations (rad) of the stages.
-    required : Spread
+    required
         Quantities with requirements.
-    limits : tuple of (float, float, bool)
+    limits
         Of each requirement: least and largest value, and whether of the magnitude.
-    required_place : tuple of int
+    required_place
         Number of the quantity of each requirement in `required`.
-    yields : tuple of Yield
+    yields
         Of each requirement.
-    joint : Yield or None
+    joint
         Of all together.
-    ratio : str
+    ratio
         Name of the cross-coupling, ``test.x / test.z``.
-    seed : int
+    seed
         Seed of the random numbers.
-    sampling : str
+    sampling
         ``random`` or ``sobol``.
-    group, indexed : tuple of str
+    group, indexed
         Names of the tolerances and of the results of the Sobol indices.
-    indices : SobolIndices or None
     """
 
     builds: int

@@ -25,17 +25,17 @@ class Coupling:
 
     Attributes
     ----------
-    axes : tuple of Axis
+    axes
         Imperfections and their values.
-    frequency : array
+    frequency
         Hz.
-    ratio : array
+    ratio
         Motion `over` per motion `under`; NaN where a build failed.
-    status : array
+    status
         See `builds.STATUS`.
-    wire, hold : str
+    wire, hold
         Label of the imperfect wire, and what is kept when it changes.
-    input, over, under : str
+    input, over, under
         Names of the signals.
     """
 

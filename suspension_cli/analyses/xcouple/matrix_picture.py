@@ -33,9 +33,9 @@ def draw(response: Response, title: str) -> Figure:
 
     Parameters
     ----------
-    response : Response
+    response
         With several outputs and inputs.
-    title : str
+    title
         Names of the design and the model.
     """
     units, count = np.array(response.unit), len(response.frequency)

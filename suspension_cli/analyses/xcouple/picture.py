@@ -57,10 +57,9 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
 
     Parameters
     ----------
-    coupling : Coupling
-    title : str
+    title
         Names of the design and the model.
-    limit : float, optional
+    limit
         Largest ratio that is allowed.
     """
     with house_style():
@@ -252,8 +251,7 @@ def interpolate(x: Any, ratio: Any) -> tuple[Any, Any]:
 
     Parameters
     ----------
-    x : (n,) array
-    ratio : (n,) complex array
+    ratio
         NaN where there is none.
 
     Examples

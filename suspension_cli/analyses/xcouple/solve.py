@@ -44,15 +44,15 @@ class CouplingRequest:
 
     Attributes
     ----------
-    wire : int
+    wire
         Number of the imperfect wire, from 0; -1 if there is none.
-    body : int
+    body
         Number of the imperfect body, from 1.
-    hold : str
+    hold
         What is kept when the wire changes, see `scene.imperfections.wire`.
-    input, over, under : Signal
+    input, over, under
         The coupling is the ratio of `over` to `under` for a motion or force `input`.
-    frequency : tuple of float
+    frequency
         Hz.
     """
 
@@ -71,14 +71,13 @@ class Sweep(Product):
 
     Attributes
     ----------
-    text : str
+    text
         The design as TOML.
-    axes : tuple of Axis
+    axes
         Imperfections (see `PARAMETERS`) or dotted paths, and their values.
-    question : CouplingRequest
-    allow_unstable : bool
+    allow_unstable
         Whether a build with an unstable equilibrium counts as valid.
-    level : str
+    level
         Name of a model that supports imperfect builds.
     """
 
@@ -192,11 +191,10 @@ def impose(
 
     Parameters
     ----------
-    scene : Scene
+    scene
         Without batch axes, or with the builds along its first axis.
-    values : dict of arrays
+    values
         Values by name of the imperfection, see `PARAMETERS`.
-    question : CouplingRequest
     """
     for part, number in (("wire", question.wire), ("body", question.body)):
         amounts: dict[str, np.ndarray] = {}
@@ -231,14 +229,13 @@ def compute_coupling(
 
     Parameters
     ----------
-    scene : Scene
+    scene
         The builds, along one batch axis.
-    design : Design
+    design
         The nominal design.
-    question : CouplingRequest
-    allow_unstable : bool
+    allow_unstable
         Whether a build with an unstable equilibrium counts as valid.
-    level : str
+    level
         Name of a model that supports imperfect builds.
     """
     found = builds.balance(scene, design, level=level, allow_unstable=allow_unstable)
