@@ -106,7 +106,7 @@ def compute_margins(
     Parameters
     ----------
     gain
-        Loop gains L (f, l) at ascending frequencies (f,) in Hz.
+        Loop gains L (f, l) at frequencies (f,) in Hz.
     frequency
         Hz, at which the gains may have poles and zeros, and a width to either side of each.
     static
@@ -130,7 +130,12 @@ def compute_margins(
     real, size = _find_crossings(
         gain, frequency, value, lambda z: np.angle(-z), lambda z: np.real(z) < 0
     )
-    nearest = _smallest_distance(gain, frequency, value)
+    nearest, _ = search_smallest(
+        lambda where, loop: np.abs(1 + _evaluate_each(gain, where, loop)),
+        frequency,
+        np.abs(1 + value),
+        _change(1 + value),
+    )
     result = []
     for n in range(value.shape[1]):
         factors, places = 1 / np.abs(size[n]), real[n]
@@ -268,24 +273,7 @@ def _evaluate_each(
     gain: Gain, frequency: Float[np.ndarray, " point"], loop: Int[np.ndarray, " point"]
 ) -> Complex[np.ndarray, " point"]:
     """Evaluate the gain of one loop at each frequency."""
-    order = np.argsort(frequency, kind="stable")
-    result = np.empty(len(frequency), dtype=complex)
-    result[order] = gain(frequency[order])[np.arange(len(frequency)), loop[order]]
-    return result
-
-
-def _smallest_distance(
-    gain: Gain,
-    frequency: Float[np.ndarray, " frequency"],
-    value: Complex[np.ndarray, "frequency loop"],
-) -> Float[np.ndarray, " loop"]:
-    """Find the smallest |1 + L| of each loop."""
-    return search_smallest(
-        lambda where, loop: np.abs(1 + _evaluate_each(gain, where, loop)),
-        frequency,
-        np.abs(1 + value),
-        _change(1 + value),
-    )[0]
+    return gain(frequency)[np.arange(len(frequency)), loop]
 
 
 def search_smallest(

@@ -124,6 +124,11 @@ def solve(
     corners = find_corner_frequencies(constant, closed)
     # a delay turns the gain at high frequencies without end; there it cannot matter
     faint = FAINT if any(loop.delay for loop in plant.loops) else 0.0
+    margin = peak = None
+    if closed.stable:
+        gain, static = partial(control.compute_loop_gains, plant), _static_gains(plant, corners[0])
+        margin = tuple(margins.compute_margins(gain, corners, static, faint=faint))
+        peak = sensitivity.find_peak(plant, corners)
     time = np.linspace(0.0, duration, samples)
     impulse, undamped = (
         poles.impulse(build_closed_loop(fixed, [driven], [observed]), time)[:, 0, 0]
@@ -133,16 +138,7 @@ def solve(
         loop=tuple(loop.name for loop in plant.loops),
         open=opened,
         closed=closed,
-        margin=tuple(
-            margins.compute_margins(
-                partial(control.compute_loop_gains, plant),
-                corners,
-                _static_gains(plant, corners[0]),
-                faint=faint,
-            )
-        )
-        if closed.stable
-        else None,
+        margin=margin,
         output=output,
         drive=drive,
         time=time,
@@ -151,7 +147,7 @@ def solve(
         frequency=frequency,
         noise=answer.noise[:, 0],
         gain=answer.loop_gain,
-        sensitivity=sensitivity.find_peak(plant, corners) if closed.stable else None,
+        sensitivity=peak,
     )
 
 
@@ -185,7 +181,9 @@ def find_poles(design: Design, model: LinearSystem) -> FoundPoles:
         control.build_plant(design, model),
         control.build_plant(design, with_constant_loss(model)),
     )
-    every = _all_motions(model)
+    known = signals.bodies_with_signals(model)  # all motions of all bodies show all modes
+    names = [f"{body}.{dof}" for body in model.body for dof in signals.DOFS]
+    every = [signals.parse_output(name, known) for name in names]
     closed, opened = (
         closed_loop_poles.refine(poles.poles(build_closed_loop(fixed, [], every)), exact)
         for fixed, exact in ((constant, plant), (constant.with_loops([]), plant.with_loops([])))
@@ -204,18 +202,8 @@ def describe_growth(closed: Poles) -> tuple[str, str]:
         f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at"
         f" {closed.growth_rate[worst]:.4g} 1/s"
     )
-    return (
-        where + more,
-        "check the sign of the loops that drive it, or lower their gain or phase lag there",
-    )
-
-
-def _all_motions(model: LinearSystem) -> list[signals.Signal]:
-    """List every motion of every body, which together show all modes."""
-    known = signals.bodies_with_signals(model)
-    return [
-        signals.parse_output(f"{body}.{dof}", known) for body in model.body for dof in signals.DOFS
-    ]
+    remedy = "check the sign of the loops that drive it, or lower their gain or phase lag there"
+    return where + more, remedy
 
 
 def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
@@ -240,14 +228,8 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " 
     every = np.concatenate(found)
     every = every[np.isfinite(every) & (np.abs(every) > 0)]
     centre, width = np.abs(np.imag(every)), np.abs(np.real(every))
-    return np.unique(
-        np.concatenate(
-            [
-                np.abs(every),
-                *(np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)),
-            ]
-        )
-    )
+    beside = [np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)]
+    return np.unique(np.concatenate([np.abs(every), *beside]))
 
 
 def _static_gains(plant: Plant, lowest: float) -> Float[np.ndarray, " loop"]:
@@ -255,8 +237,7 @@ def _static_gains(plant: Plant, lowest: float) -> Float[np.ndarray, " loop"]:
 
     Loss angles do not act there and are left out.
     """
-    found = control.compute_loop_gains(
-        replace(plant, model=replace(plant.model, terms=(), lossy=None)), np.array([STILL * lowest])
-    )[0]
+    lossless = replace(plant, model=replace(plant.model, terms=(), lossy=None))
+    found = control.compute_loop_gains(lossless, np.array([STILL * lowest]))[0]
     real, imag = np.real(found), np.imag(found)
     return np.where(np.abs(imag) <= REAL * np.abs(real), real, np.inf)

@@ -34,6 +34,12 @@ FORBIDDEN = 1e6
 square of a logarithm of frequencies."""
 
 
+def unbalanced(name: str) -> InputError:
+    """Return the error of a number that no other one follows."""
+    problem = "changing it alone unbalances the suspension"
+    return InputError([Fault(f"parameter {name}", problem, "fit another number")])
+
+
 @dataclass
 class Experiment:
     """A design, its measured modes and its free numbers.
@@ -140,15 +146,7 @@ class Experiment:
         for n, name in enumerate(self.free):
             change = changes[name]
             if change is None:
-                raise InputError(
-                    [
-                        Fault(
-                            f"parameter {name}",
-                            "changing it alone unbalances the suspension",
-                            "fit another number",
-                        )
-                    ]
-                )
+                raise unbalanced(name)
             slope[:, n] = differentiate_frequencies(found, change)[order]
         return found.frequency[order], slope
 
@@ -175,30 +173,20 @@ class Experiment:
         assigned = dict(self.labelled)
         remaining = [n for n in range(len(self.mode)) if n not in assigned]
         frequency, _ = self.evaluate(x)
-        open_modes = [
-            m for m in range(len(frequency)) if m not in assigned.values() and frequency[m] > 0
-        ]
+        open_modes = np.setdiff1d(np.flatnonzero(frequency > 0), [*assigned.values()])
         if remaining:
             cost = np.full((len(remaining), max(len(open_modes), len(remaining))), FORBIDDEN)
-            cost[:, : len(open_modes)] = (
-                np.abs(np.log(self.frequency[remaining][:, None] / frequency[open_modes])) ** 2
-            )
+            ratio = self.frequency[remaining][:, None] / frequency[open_modes]
+            cost[:, : len(open_modes)] = np.log(ratio) ** 2
             for row, n in enumerate(remaining):
                 allowed = self.mode[n].dof
                 if allowed is not None:
-                    cost[
-                        row,
-                        [
-                            m
-                            for m, mode in enumerate(open_modes)
-                            if self.dominant_dof[mode] not in allowed
-                        ],
-                    ] = FORBIDDEN
-            rows, columns = linear_sum_assignment(cost)
-            for row, column in zip(rows, columns, strict=True):
+                    dofs = [self.dominant_dof[mode] for mode in open_modes]
+                    cost[row, [k for k, dof in enumerate(dofs) if dof not in allowed]] = FORBIDDEN
+            for row, column in zip(*linear_sum_assignment(cost), strict=True):
                 if cost[row, column] == FORBIDDEN:
                     raise InputError([self._unassigned(remaining[row], len(frequency))])
-                assigned[remaining[row]] = open_modes[column]
+                assigned[remaining[row]] = int(open_modes[column])
         return [assigned[n] for n in range(len(self.mode))]
 
     @cached_property
@@ -211,16 +199,9 @@ class Experiment:
                 found = named_results.parse([item.label], self.nominal_modes, (), where)
                 numbers = [one.number for one in found if isinstance(one, named_results.Mode)]
                 if len(numbers) != 1 or numbers[0] in assigned.values():
-                    raise InputError(
-                        [
-                            Fault(
-                                where,
-                                "does not name exactly one mode, or repeats one",
-                                f"list labels with pendsus modes --fidelity {self.level}",
-                                format_value(item.label),
-                            )
-                        ]
-                    )
+                    problem = "does not name exactly one mode, or repeats one"
+                    remedy = f"list labels with pendsus modes --fidelity {self.level}"
+                    raise InputError([Fault(where, problem, remedy, format_value(item.label))])
                 assigned[n] = numbers[0]
         return assigned
 

@@ -18,11 +18,11 @@ import numpy as np
 
 from suspension_cli.analyses.fit import search
 from suspension_cli.analyses.fit.channels import Channels, Nuisance
+from suspension_cli.analyses.fit.experiment import unbalanced
 from suspension_cli.analyses.fit.resonances import Peak, find_peaks, stack_parts
 from suspension_cli.analyses.fit.search import Problem
 from suspension_cli.analyses.sensitivity.solve import differentiate_frequencies
 from suspension_cli.design.measured import Measured
-from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
@@ -214,15 +214,7 @@ class ResponseProblem:
         changes = [now.plant.change(name) for name in item.free]
         for name, change in zip(item.free, changes, strict=True):
             if change is None:
-                raise InputError(
-                    [
-                        Fault(
-                            f"parameter {name}",
-                            "changing it alone unbalances the suspension",
-                            "fit another number",
-                        )
-                    ]
-                )
+                raise unbalanced(name)
         result = [np.zeros((0, 0), dtype=complex)] * len(self.channels.function)
         for response, (_, own) in zip(now.response, self.channels.grids, strict=True):
             columns, omega = [], response.omega
@@ -242,21 +234,15 @@ class ResponseProblem:
             whole = np.stack(columns, -1) if columns else np.zeros((*response.value.shape, 0))
             for n in own:
                 result[n] = whole[(slice(None), *self.channels.pair(n))]
-        if self._loses():
+        if not registry.by_name(self.level).exact_derivatives:
             self._add_losses(z, result)
         return result
 
-    def _loses(self) -> list[int]:
-        """Free numbers that act on losses as functions of frequency."""
-        if registry.by_name(self.level).exact_derivatives:
-            return []
-        free = self.base.experiment[0].free
-        return [
-            n for n, name in enumerate(free) if set(name.split(".")) & {*response_matrix.LOSSES}
-        ]
-
     def _add_losses(self, z: Unknowns, result: list[np.ndarray]) -> None:
-        for n in self._loses():
+        """Differentiate by numbers that act on losses as functions of frequency, by differences."""
+        for n, name in enumerate(self.base.experiment[0].free):
+            if not set(name.split(".")) & {*response_matrix.LOSSES}:
+                continue
             step = STEP * (abs(z[n]) or self.scale[n])
             move = np.zeros(len(z))
             move[n] = step

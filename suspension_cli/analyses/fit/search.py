@@ -6,6 +6,7 @@ derivatives. Numbers with positive lower bounds are searched on a logarithmic sc
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -115,15 +116,8 @@ def build_problem(
     outside = np.flatnonzero(~((low <= start) & (start <= high)))
     if len(outside):
         n = int(outside[0])
-        raise InputError(
-            [
-                Fault(
-                    f"parameter.{n + 1}",
-                    f"the design's value {start[n]:g} lies outside the bounds",
-                    "give a start within them",
-                )
-            ]
-        )
+        problem = f"the design's value {start[n]:g} lies outside the bounds"
+        raise InputError([Fault(f"parameter.{n + 1}", problem, "give a start within them")])
     experiments = [
         Experiment(
             text,
@@ -162,33 +156,20 @@ def _start(
             if here
         ]
         given = {table.get(item.name, item.prior) for table, _ in mine}
+        found.append(next(iter(given)) if item.start is None else item.start)
+        problem = remedy = ""
         if item.start is None and None in given:
             table, name = next((table, name) for table, name in mine if item.name not in table)
-            whose = f"the design of {name}" if name else "the design"
-            others = any(item.name in table for table, _ in mine)
-            remedy = (
-                "list only experiments whose designs give it"
-                if others
-                else suggest(item.name, list(table))
-            )
-            bad.append(
-                Fault(
-                    f"parameter.{n}.name",
-                    f"{whose} gives no such number",
-                    remedy + "; or give a start",
-                    format_value(item.name),
-                )
-            )
+            problem = f"the design{f' of {name}' if name else ''} gives no such number"
+            if any(item.name in other for other, _ in mine):
+                remedy = "list only experiments whose designs give it; or "
+            else:
+                remedy = suggest(item.name, list(table)) + "; or "
         elif item.start is None and len(given) > 1:
-            bad.append(
-                Fault(
-                    f"parameter.{n}.name",
-                    "has different values in the designs that share it",
-                    "give a start",
-                    format_value(item.name),
-                )
-            )
-        found.append(item.start if item.start is not None else next(iter(given)))
+            problem = "has different values in the designs that share it"
+        if problem:
+            key, remedy = f"parameter.{n}.name", f"{remedy}give a start"
+            bad.append(Fault(key, problem, remedy, format_value(item.name)))
     if bad:
         raise InputError(bad)
     return np.array(found, dtype=float)
@@ -203,20 +184,11 @@ def _check_starts(
         try:
             experiment.design(experiment.start)
         except InputError as error:
-            for n, name, x in zip(
-                np.flatnonzero(own), experiment.free, experiment.start, strict=True
-            ):
-                mine = [
-                    fault
-                    for fault in error.faults
-                    if fault.key in paths.twins(name) or (fault.value or "").startswith(f'"{name}=')
-                ]
-                bad |= {
-                    Fault(
-                        f"parameter.{n + 1}", f"{name}: {fault.problem}", fault.remedy, f"{x:g}"
-                    ): None
-                    for fault in mine
-                }
+            numbers = zip(np.flatnonzero(own), experiment.free, experiment.start, strict=True)
+            for (n, name, x), fault in itertools.product(numbers, error.faults):
+                if fault.key in paths.twins(name) or (fault.value or "").startswith(f'"{name}='):
+                    problem = f"{name}: {fault.problem}"
+                    bad[Fault(f"parameter.{n + 1}", problem, fault.remedy, f"{x:g}")] = None
     if bad:
         raise InputError(list(bad))
 
@@ -242,15 +214,8 @@ def starts(
                 even = problem.low + fraction * (problem.high - problem.low)
                 geometric = problem.low * (problem.high / problem.low) ** fraction
                 drawn = problem.prior + np.where(known, problem.prior_sigma, 0.0) * normal
-            x = np.clip(
-                np.where(
-                    known,
-                    drawn,
-                    np.where(logarithmic, geometric, np.where(bounded, even, problem.start)),
-                ),
-                problem.low,
-                problem.high,
-            )
+            x = np.select([known, logarithmic, bounded], [drawn, geometric, even], problem.start)
+            x = np.clip(x, problem.low, problem.high)
             try:
                 problem.weighted(x)
             except InputError:  # an invalid design
@@ -263,11 +228,8 @@ def least_squares(problem: Problem, start: Numbers) -> tuple[Numbers, float]:
     """Minimise chi^2 from starting values; return the numbers and their chi^2."""
     from scipy import optimize
 
-    scale = np.where(
-        start != 0,
-        np.abs(start),
-        np.where(np.isfinite(problem.prior_sigma), problem.prior_sigma, 1.0),
-    )
+    sigma = problem.prior_sigma
+    scale = np.where(start != 0, np.abs(start), np.where(np.isfinite(sigma), sigma, 1.0))
     positive = problem.logarithmic
 
     def number(u: Array) -> Array:

@@ -16,7 +16,7 @@ from suspension_cli.analyses.sweep.solve import (
     evaluate_results,
     has_modes,
 )
-from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale, open_results
+from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar, labels
 from suspension_cli.linear.response import solve
@@ -178,13 +178,7 @@ def complete(part: Path, job: ParameterSweep) -> None:
         )
 
 
-def load(path: Path | str) -> SweepResult:
-    """Read a finished sweep from its file."""
-    with open_results(path) as file:
-        return read(file["sweep"])
-
-
-def read(group: Stored) -> SweepResult:
+def load(group: Stored) -> SweepResult:
     """Read a finished sweep from the group `sweep`."""
     names = [str(name) for name in group.attrs["axis_order"]]
     result = tuple(group["result"].asstr()[:])
