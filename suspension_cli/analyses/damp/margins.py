@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import elementwise
 
 from suspension_cli.scene.arrays import Array, Index
 
@@ -33,8 +34,6 @@ CLOSEST = 1e-14
 """Relative width of the narrowest interval: a change within it is a pole or zero without loss."""
 BEYOND = 1e3
 """Factor by which the grid extends beyond the outermost given frequencies."""
-ITERATIONS = 60
-"""Most steps of regula falsi; about 6 are enough."""
 FOUND = 1e-12
 """Value of the measure at which a crossing is found."""
 ROUNDING = 4 * np.finfo(float).eps
@@ -230,41 +229,21 @@ def _find_crossings(
         ((level[:-1] > 0) != (level[1:] > 0)) & good[:-1] & good[1:] & (_change(value) < 2 * STEP)
     )
     at, loop = np.nonzero(crossed)
-    low, high = frequency[at], frequency[at + 1]
-    low_value, high_value = value[at, loop], value[at + 1, loop]
-    at_low, at_high = level[at, loop], level[at + 1, loop]
-    before = np.zeros(len(at))
-    for _ in range(ITERATIONS if len(at) else 0):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            middle = low - at_low * (high - low) / (at_high - at_low)
-        close = np.minimum(ROUNDING * high, (high - low) / 2)
-        middle = np.clip(np.where(np.isfinite(middle), middle, low), low + close, high - close)
-        now = _evaluate_each(gain, middle, loop)
-        seen = measure(now)
-        same = (seen > 0) == (at_low > 0)
-        low, low_value, high_value = (
-            np.where(same, middle, low),
-            np.where(same, now, low_value),
-            np.where(same, high_value, now),
+    found, where = np.zeros(0, dtype=complex), np.zeros(0)
+    if len(at):
+        root = elementwise.find_root(
+            lambda f, loop: measure(_evaluate_each(gain, f, loop)),
+            (frequency[at], frequency[at + 1]),
+            args=(loop,),
+            tolerances={"xatol": 0.0, "xrtol": ROUNDING, "fatol": FOUND, "frtol": 0.0},
         )
-        side = np.where(same, 1.0, -1.0)
-        # Illinois variant: halve the value at an end kept twice (Dowell and Jarratt, BIT 11, 168,
-        # 1971)
-        stays = np.where(side == before, 0.5, 1.0)
-        at_low, at_high, high = (
-            np.where(same, seen, stays * at_low),
-            np.where(same, stays * at_high, seen),
-            np.where(same, high, middle),
-        )
-        before = side
-        if ((np.abs(seen) < FOUND) | (high - low < 3 * ROUNDING * high)).all():
-            break
-    # interpolate: between these frequencies the circle of a Q of 1e9 still turns by 1e-7
-    at_low, at_high = measure(low_value), measure(high_value)
-    weight = np.where(
-        at_low == at_high, 0.0, at_low / np.where(at_low == at_high, 1.0, at_low - at_high)
-    )
-    found, where = low_value * (high_value / low_value) ** weight, low + weight * (high - low)
+        # interpolate: between these frequencies the circle of a Q of 1e9 still turns by 1e-7
+        (low, high), (at_low, at_high) = root.bracket, root.f_bracket
+        low_value, high_value = (_evaluate_each(gain, end, loop) for end in (low, high))
+        change = np.where(at_low == at_high, 1.0, at_low - at_high)
+        weight = np.where(at_low == at_high, 0.0, at_low / change)
+        found = low_value * (high_value / low_value) ** weight
+        where = low + weight * (high - low)
     every = range(value.shape[1])
     return [where[loop == n] for n in every], [found[loop == n] for n in every]
 

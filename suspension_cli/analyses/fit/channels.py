@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.fit.array_types import Frequencies
 
+TABLES = ("sensor", "actuator")
+"""Names of both sides in files of measurements."""
 GAIN, DELAY, MIX = "gain", "delay", "mix"
 
 
@@ -58,8 +60,8 @@ class Nuisance:
     @property
     def name(self) -> str:
         """Key path: ``sensor.top-x.gain``, ``sensor.top-x.mix.top.y``."""
-        table = ("sensor", "actuator")[self.side]
-        return f"{table}.{self.channel}.{self.kind}" + (f".{self.other}" if self.other else "")
+        end = f".{self.other}" if self.other else ""
+        return f"{TABLES[self.side]}.{self.channel}.{self.kind}{end}"
 
 
 @dataclass(frozen=True)
@@ -228,43 +230,32 @@ def build(
     )
     bad: dict[Fault, None] = {}
     used: list[dict[str, Transducer]] = [{}, {}]
+    found: list[dict[str, Signal]] = [{}, {}]
+
+    def parse(side: int, text: str, where: str, also: str = "") -> Signal | None:
+        try:
+            return (signals.parse_output, signals.parse_input)[side](text, known)
+        except InputError as error:
+            fault = error.faults[0]
+            bad[Fault(where, fault.problem, fault.remedy + also, format_value(text))] = None
+            return None
+
     for n, item in enumerate(functions, 1):
         for side, (key, name) in enumerate((("output", item.output), ("input", item.input))):
-            where = f"transfer_function.{n}.{key}"
+            also = f"; or describe the channel by a [[{TABLES[side]}]]"
+            if given[side]:
+                also = f"; or name a [[{TABLES[side]}]] ({suggest(name, list(given[side]))})"
             if name in given[side]:
                 used[side][name] = given[side][name]
-                continue
-            try:
-                _parse(side, name, known)
-            except InputError as error:
-                table = ("sensor", "actuator")[side]
-                also = (
-                    f"name a [[{table}]] ({suggest(name, list(given[side]))})"
-                    if given[side]
-                    else (f"describe the channel by a [[{table}]]")
-                )
-                fault = error.faults[0]
-                bad[
-                    Fault(where, fault.problem, f"{fault.remedy}; or {also}", format_value(name))
-                ] = None
-            else:
+            elif parse(side, name, f"transfer_function.{n}.{key}", also) is not None:
                 used[side][name] = Transducer(name=name, signal=name)
-    texts: list[dict[str, Signal]] = [{}, {}]
     for side, items in enumerate(used):
         for name, item in items.items():
             for text in (item.signal, *item.mix, *item.mix_uncertainty):
-                try:
-                    texts[side][text] = _parse(side, text, known)
-                except InputError as error:
-                    fault = error.faults[0]
-                    where = f"{('sensor', 'actuator')[side]}.{name}"
-                    bad[Fault(where, fault.problem, fault.remedy, format_value(text))] = None
+                signal = parse(side, text, f"{TABLES[side]}.{name}")
+                if signal is not None:
+                    found[side][text] = signal
     if bad:
         raise InputError(list(bad))
-    return Channels(
-        (used[0], used[1]), (tuple(texts[0].values()), tuple(texts[1].values())), tuple(functions)
-    )
-
-
-def _parse(side: int, text: str, known: tuple[str, ...]) -> Signal:
-    return (signals.parse_output, signals.parse_input)[side](text, known)
+    outputs, inputs = (tuple(side.values()) for side in found)
+    return Channels((used[0], used[1]), (outputs, inputs), tuple(functions))

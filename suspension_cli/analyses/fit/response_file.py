@@ -7,8 +7,9 @@ from dataclasses import astuple
 import h5py
 import numpy as np
 
+from suspension_cli.analyses.fit.channels import TABLES
 from suspension_cli.analyses.fit.response_fit import Candidate, ResponseFit, SingleChange
-from suspension_cli.analyses.fit.wrong_channels import TABLES, Correction
+from suspension_cli.analyses.fit.wrong_channels import Correction
 from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
 
 VALUES = ("measured", "uncertainty", "before", "after")

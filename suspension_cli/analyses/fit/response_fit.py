@@ -82,25 +82,22 @@ class Candidate:
 
 @dataclass(frozen=True)
 class ResponseFit:
-    """Measured transfer functions and what a fit to them found: k functions, n values, q nuisances.
+    """Measured transfer functions and what a fit to them found.
 
     Attributes
     ----------
     function, input, output
         Names of the functions and of their channels.
     of
-        Function of each value.
-    measured, before, after
-        Readings per drive, as measured and as predicted before and after the fit.
+        Function of each point.
+    frequency, uncertainty, measured, before, after
+        Hz, and readings per drive, as measured and as predicted before and after the fit.
     nuisance
-        Fitted properties of sensors and actuators.
-    nuisance_value, nuisance_sigma, nuisance_prior
-        Relative for gains, s for delays; prior standard deviations.
-    mode
-        Labels of the modes with a measured resonance.
-    resonance
-        Measured frequency, its standard deviation, before, after (Hz), measured Q, number of
-        functions that have it.
+        Fitted properties of sensors and actuators: keys, values (relative for gains, s for
+        delays), their standard deviations and those of their priors.
+    mode, resonance
+        Modes with a measured resonance: measured frequency, its standard deviation, before, after
+        (Hz), measured Q, number of functions that have it.
     corrections
         Channels that are not what the file says.
     stiffened

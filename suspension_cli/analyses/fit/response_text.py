@@ -11,10 +11,10 @@ import numpy as np
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document, plain
+from suspension_cli.analyses.fit.channels import TABLES
 from suspension_cli.analyses.fit.findings import change_unit, short
 from suspension_cli.analyses.fit.response_fit import Candidate, ResponseFit, SingleChange
 from suspension_cli.analyses.fit.solve import Fit
-from suspension_cli.analyses.fit.wrong_channels import TABLES
 
 NUISANCES = 12
 """Sensors' and actuators' properties that are printed: those furthest from their priors."""

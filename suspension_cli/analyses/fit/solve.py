@@ -59,7 +59,7 @@ UNDETERMINED = 1e-10
 
 @dataclass(frozen=True)
 class Fit:
-    """Numbers of designs fitted to measured modes: p numbers, e experiments, k measured modes.
+    """Numbers of designs fitted to measured modes.
 
     Attributes
     ----------
@@ -71,31 +71,23 @@ class Fit:
         Whether a number belongs to an experiment.
     start, value, sigma
         Values before and after the fit, and standard deviations (infinite where the data do not
-        determine a number, NaN at a bound), SI. `sigma` assumes the given uncertainties of the
-        measurements; multiply it by `scale` in a misfit.
-    of
-        Experiment of each measured mode, from 0.
-    label
-        Labels of the measured modes.
+        determine a number, NaN at a bound), SI. `sigma` and `covariance` assume the given
+        uncertainties of the measurements; multiply them by `scale` (and its square) in a misfit.
+    of, label
+        Experiment of each measured mode, from 0, and its label.
     measured, uncertainty, before, after
         Frequencies, Hz; NaN for an unstable mode.
-    chi_squared
-        Sum over modes and priors.
-    freedom
-        Degrees of freedom: modes and priors less numbers that are not at a bound.
-    singular
+    chi_squared, freedom
+        Sum over modes and priors; and modes and priors less numbers that are not at a bound.
+    singular, direction
         Singular values of the derivatives of the weighted mode frequencies, for relative changes
-        of the numbers: 1/singular is the relative uncertainty of a combination.
-    direction
-        The combinations, as relative changes.
-    design
-        The fitted designs as TOML.
+        of the numbers: 1/singular is the relative uncertainty of the combination of these.
+    design, design_before
+        The fitted designs and those before as TOML.
     ends
         chi^2 at the end of the search from each start, ascending; the first is that of this fit.
     exchange
         In a misfit, the two labels that fit better exchanged.
-    design_before
-        The designs before the fit as TOML.
     measurements
         Text of the file of measured modes.
     title

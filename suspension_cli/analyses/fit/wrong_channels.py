@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit.channels import Channels
+from suspension_cli.analyses.fit.channels import TABLES, Channels
 from suspension_cli.analyses.fit.response_problem import ResponseProblem
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.array_types import Frequencies, Unknowns
 
 SIGN, EXCHANGE, FACTOR = "sign", "exchange", "factor"
-TABLES = ("sensor", "actuator")
 MOST_EXCHANGES = 4
 SMOOTH = 0.08
 """Standard deviation of ln frequency over which magnitudes are averaged."""

@@ -78,7 +78,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Summary:
-    """Statistics of a set of random builds: m modes.
+    """Statistics of a set of random builds: m modes, f numbers that vary.
 
     Attributes
     ----------
@@ -88,26 +88,21 @@ class Summary:
         Number of first builds that statistics are of: all, but with Sobol indices two blocks.
     failures
         Number of builds by reason of failure.
-    label
-        Labels of the nominal modes.
-    nominal
-        Their frequencies, Hz.
-    mean, mean_error, spread
-        Mean, its standard error, and standard deviation over the builds, Hz.
-    quantiles
-        Quantiles of the frequencies at `QUANTILES`, Hz.
-    frequency
-        Frequency of the cross-coupling, Hz.
-    limit
-        Limit on the cross-coupling.
-    under
-        Fraction of the good builds with |ratio| below the limit.
-    under_interval
-        Its 95 % confidence interval.
-    ratio_quantiles
-        Quantiles of |ratio| at `QUANTILES`.
-    ratio_sorted
-        |ratio| of good builds in ascending order, thinned to a few thousand points.
+    label, nominal
+        Labels and frequencies (Hz) of the nominal modes.
+    mean, mean_error, spread, quantiles
+        Mean of each frequency over the builds, its standard error, standard deviation, and
+        quantiles at `QUANTILES`, Hz.
+    mode_rank, mode_slope
+        Rank correlation of each frequency with each deviation, and its change, Hz per unit.
+    sample
+        Frequencies of some builds over nominal less 1, for figures.
+    ratio, frequency, limit
+        Name of the cross-coupling, ``test.x / test.z``, its frequency in Hz, and its limit.
+    under, under_interval
+        Fraction of the good builds with |ratio| below the limit, and its 95 % confidence interval.
+    ratio_quantiles, ratio_sorted
+        Of |ratio|: quantiles, and ascending values of good builds, thinned to a few thousand.
     factor, factor_unit
         Names of the numbers that vary, and the units of their deviations.
     ratio_rank
@@ -115,32 +110,20 @@ class Summary:
     signed_rank, signed_slope
         Rank correlation of the ratio with its sign, see `signed`, with each deviation, and its
         change per unit of that (least squares).
-    mode_rank, mode_slope
-        Rank correlation of each frequency with each deviation, and its change, Hz per unit.
     ranked
         Number of builds that correlations are of.
-    sample
-        Frequencies of some builds over nominal less 1, for figures.
-    static
-        Static displacements (m) and rotations (rad) of the stages.
-    required
-        Quantities with requirements.
+    static, required
+        Displacements (m) and rotations (rad) of the stages, and quantities with requirements.
     limits
         Of each requirement: least and largest value, and whether of the magnitude.
     required_place
         Number of the quantity of each requirement in `required`.
-    yields
-        Of each requirement.
-    joint
-        Of all together.
-    ratio
-        Name of the cross-coupling, ``test.x / test.z``.
-    seed
-        Seed of the random numbers.
-    sampling
-        ``random`` or ``sobol``.
-    group, indexed
-        Names of the tolerances and of the results of the Sobol indices.
+    yields, joint
+        Of each requirement, and of all together.
+    seed, sampling
+        Seed of the random numbers, and ``random`` or ``sobol``.
+    group, indexed, indices
+        Names of the tolerances and of the results of the Sobol indices, and these.
     """
 
     builds: int

@@ -139,21 +139,17 @@ class Sweep(Product):
     def compute(self, start: int, stop: int) -> ColumnValues:
         """Compute the `columns` of builds start to stop - 1."""
         values = self.values(start, stop)
-        imperfections = {name: value for name, value in values.items() if name in PARAMETERS}
-        if len(imperfections) == len(values):
-            return compute_coupling(
-                impose(self.scene, values, self.question),
-                self.design,
-                self.question,
-                self.allow_unstable,
-                self.level,
-            )
         paths = {name: value for name, value in values.items() if name not in PARAMETERS}
         result = {column.name: blank_values(column, stop - start) for column in self.columns}
-        for scene, design, here in variants.scenes(self.text, paths, self.level):
-            part = {name: value[here] for name, value in imperfections.items()}
+        parts = [(self.scene, self.design, np.arange(stop - start))]
+        for scene, design, here in (
+            variants.scenes(self.text, paths, self.level) if paths else parts
+        ):
+            imperfections = {
+                name: value[here] for name, value in values.items() if name in PARAMETERS
+            }
             found = compute_coupling(
-                impose(scene, part, self.question) if part else scene,
+                impose(scene, imperfections, self.question),
                 design,
                 self.question,
                 self.allow_unstable,
