@@ -232,14 +232,6 @@ def build(
     used: list[dict[str, Transducer]] = [{}, {}]
     found: list[dict[str, Signal]] = [{}, {}]
 
-    def parse(side: int, text: str, where: str, also: str = "") -> Signal | None:
-        try:
-            return (signals.parse_output, signals.parse_input)[side](text, known)
-        except InputError as error:
-            fault = error.faults[0]
-            bad[Fault(where, fault.problem, fault.remedy + also, format_value(text))] = None
-            return None
-
     for n, item in enumerate(functions, 1):
         for side, (key, name) in enumerate((("output", item.output), ("input", item.input))):
             also = f"; or describe the channel by a [[{TABLES[side]}]]"
@@ -247,15 +239,32 @@ def build(
                 also = f"; or name a [[{TABLES[side]}]] ({suggest(name, list(given[side]))})"
             if name in given[side]:
                 used[side][name] = given[side][name]
-            elif parse(side, name, f"transfer_function.{n}.{key}", also) is not None:
+            elif _parse(side, name, known, bad, f"transfer_function.{n}.{key}", also) is not None:
                 used[side][name] = Transducer(name=name, signal=name)
     for side, items in enumerate(used):
         for name, item in items.items():
             for text in (item.signal, *item.mix, *item.mix_uncertainty):
-                signal = parse(side, text, f"{TABLES[side]}.{name}")
+                signal = _parse(side, text, known, bad, f"{TABLES[side]}.{name}")
                 if signal is not None:
                     found[side][text] = signal
     if bad:
         raise InputError(list(bad))
     outputs, inputs = (tuple(side.values()) for side in found)
     return Channels((used[0], used[1]), (outputs, inputs), tuple(functions))
+
+
+def _parse(
+    side: int,
+    text: str,
+    known: tuple[str, ...],
+    bad: dict[Fault, None],
+    where: str,
+    also: str = "",
+) -> Signal | None:
+    """Parse a signal; if it is none, add the fault with another remedy to those known."""
+    try:
+        return (signals.parse_output, signals.parse_input)[side](text, known)
+    except InputError as error:
+        fault = error.faults[0]
+        bad[Fault(where, fault.problem, fault.remedy + also, format_value(text))] = None
+        return None
