@@ -25,15 +25,6 @@ def choose(
 
     Where the model that one design needs is not valid for another, it is not taken.
 
-    Parameters
-    ----------
-    wanted
-        ``"auto"`` or the name of a model.
-    sources
-        The designs.
-    tolerance
-        Relative error of measured modes that ``"auto"`` may leave.
-
     Returns
     -------
     list of Decision

@@ -309,15 +309,7 @@ def collect(
     covariance: UnknownMatrix,
     **findings: Any,
 ) -> ResponseFit:
-    """Collect what a fit found.
-
-    Parameters
-    ----------
-    start
-        Where the search started.
-    findings
-        Further attributes of the result.
-    """
+    """Collect what a fit from `start` found; `findings` are further attributes of the result."""
     problem, p = found.problem, found.problem.numbers
     functions = problem.channels.function
     q = slice(p, p + len(problem.nuisances))

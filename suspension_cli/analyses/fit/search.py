@@ -95,13 +95,6 @@ def build_problem(
 ) -> Problem:
     """Set up the least-squares problem of one or several measured designs.
 
-    Parameters
-    ----------
-    texts, files
-        The design of each experiment as TOML, and its file, for errors.
-    level
-        Name of a model that supports derivatives.
-
     Raises
     ------
     InputError

@@ -55,16 +55,7 @@ def find_exchange(
 ) -> Exchange | None:
     """Find the exchange of two labels that reduces chi^2 most; None if none does enough.
 
-    Parameters
-    ----------
-    texts, files
-        Designs as TOML, and their files.
-    level
-        Name of a model that supports derivatives.
-    end
-        The fitted numbers.
-    chi_squared
-        chi^2 of the fit.
+    The fit ended at the numbers `end` with `chi_squared`.
     """
     candidates = sorted(_candidates(problem, measured, end), key=lambda item: item[0])
     found = []

@@ -55,19 +55,7 @@ class Shapes:
 def solve_shapes(
     source: reader.Source, path: str, level: str, crossings: Sequence[Crossing]
 ) -> list[Shapes]:
-    """Solve for the modes before, at and after the crossings where modes mix, `MOST` at most.
-
-    Parameters
-    ----------
-    source
-        The nominal design.
-    path
-        Of the parameter.
-    level
-        Name of the model.
-    crossings
-        Most mixed first.
-    """
+    """Solve for the modes before, at and after the crossings where modes mix, `MOST` at most."""
     found = []
     for one in [one for one in crossings if one.is_avoided and one.around][:MOST]:
         designs = [reader.replaced(source, {path: point.at}).design for point in one.around]
@@ -112,19 +100,7 @@ class Strip:
         colours: Sequence[str],
         values: Sequence[str],
     ) -> None:
-        """Draw the row from its upper left corner, in inches, on a canvas.
-
-        Parameters
-        ----------
-        canvas
-            In inches.
-        left, top
-            Upper left corner.
-        colours
-            Of the two modes.
-        values
-            The parameter at each point.
-        """
+        """Draw the row from its upper left corner, in inches, on a canvas."""
         for n, (row, name) in enumerate(zip(self._panels, self.shapes.crossing.modes, strict=True)):
             start = left + n * (len(row) * self._width + GAP)
             for k, panel in enumerate(row):

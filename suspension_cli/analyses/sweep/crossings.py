@@ -74,15 +74,7 @@ class Crossing:
 
 
 def find_crossings(group: Stored, swept: SweepResult) -> list[Crossing]:
-    """Find where modes among the results of a sweep over one parameter meet, most mixed first.
-
-    Parameters
-    ----------
-    group
-        Group `sweep` of a results file, with the shapes.
-    swept
-        What was read from it.
-    """
+    """Find where modes among the results of a sweep over one parameter meet, most mixed first."""
     if "shape" not in group or len(swept.axes) != 1 or len(swept.axes[0].values) < 3:
         return []
     labels = [str(name) for name in group["mode"].asstr()[:]]

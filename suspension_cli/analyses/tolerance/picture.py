@@ -58,13 +58,7 @@ Panel = tuple[float, float, list[str], Callable[[Axes], None]]
 
 
 def draw(summary: Summary, title: str) -> Figure:
-    """Draw the figure of `pendsus tolerance`.
-
-    Parameters
-    ----------
-    title
-        Names of the design and the model.
-    """
+    """Draw the figure of `pendsus tolerance`."""
     with house_style():
         panels = [
             *_requirements(summary),

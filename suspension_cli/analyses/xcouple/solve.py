@@ -221,19 +221,7 @@ def compute_coupling(
     allow_unstable: bool = False,
     level: str = registry.STRING.name,
 ) -> ColumnValues:
-    """Compute the coupling of a batch of builds, with the status of each: `Sweep.columns`.
-
-    Parameters
-    ----------
-    scene
-        The builds, along one batch axis.
-    design
-        The nominal design.
-    allow_unstable
-        Whether a build with an unstable equilibrium counts as valid.
-    level
-        Name of a model that supports imperfect builds.
-    """
+    """Compute the coupling of builds along one batch axis of a scene: `Sweep.columns`."""
     found = builds.balance(scene, design, level=level, allow_unstable=allow_unstable)
     return couplings(found, question)
 
