@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.design.path_units import displayed_unit
 from suspension_cli.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -22,6 +23,11 @@ class Axis:
 
     name: str
     values: tuple[float, ...]
+
+    @property
+    def displayed_unit(self) -> tuple[str, float]:
+        """Unit in which people read the values, and the factor to it."""
+        return displayed_unit(self.name, float(np.max(np.abs(self.values))))
 
 
 class Product:
