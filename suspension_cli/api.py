@@ -27,7 +27,7 @@ from suspension_cli.analyses.info.solve import solve as solve_info
 from suspension_cli.analyses.python_names import python_names
 from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 
 Grid = str | float | Sequence[float] | np.ndarray[Any, Any]
 """Numbers: ``"0.1:100:2000:log"``, one number, or an array."""
@@ -1211,7 +1211,7 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
 
     if result.analysis.name != "modes":
         problem, remedy = "has no modes that move", "give a result of sus.modes"
-        raise InputError([Fault("result", problem, remedy, result.analysis.name)])
+        raise InputError.of("result", problem, remedy, result.analysis.name)
     with python_names("animate"):
         number = animation.parse(result.data, str(mode), "mode")[0]
         scene = expand(result.design)
@@ -1303,7 +1303,7 @@ def _run(
         given["fidelity"] = model
     if given.get("resume") and folder is None:
         remedy = "name the folder of the interrupted run"
-        raise InputError([Fault("folder", "is missing, but resume is given", remedy)])
+        raise InputError.of("folder", "is missing, but resume is given", remedy)
     place = Path(tempfile.mkdtemp(prefix="pendsus-") if folder is None else folder)
 
     def ask(file: Source | PathLike, overrides: tuple[str, ...] = ()) -> Run:

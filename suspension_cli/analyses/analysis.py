@@ -241,7 +241,7 @@ class Result(Report):
         for key in setting:
             if key not in known:
                 problem = f"is no argument of plot() of {name}"
-                raise InputError([Fault(key, problem, suggest(key, known))])
+                raise InputError.of(key, problem, suggest(key, known))
         with python_names("Result.plot"):
             setting = options.context(name, parameters, setting).params
         figures = self.analysis.figures(self, setting)
@@ -266,7 +266,7 @@ class Result(Report):
         """
         for figure in self.figures(**setting).values():
             return figure
-        raise InputError([Fault("", f"{self.analysis.name} has no picture", "print the result")])
+        raise InputError.of("", f"{self.analysis.name} has no picture", "print the result")
 
     def save(self, path: str | Path) -> None:
         """Write the results file (HDF5, see docs/format.md), whole or not at all.

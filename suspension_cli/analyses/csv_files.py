@@ -27,8 +27,7 @@ def write(result: Result, path: Path) -> list[Path]:
 
     Parameters
     ----------
-    result : Result
-    path : Path
+    path
         Of the results file: NAME.h5 gives NAME.csv with the main results; arrays with other rows
         get files of their own, NAME-ROWS.csv.
     """

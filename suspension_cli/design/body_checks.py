@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from suspension_cli.design.derive import body_inertia, body_mass
+from suspension_cli.design.faults import fault_of
 from suspension_cli.design.schema import Body
 from suspension_cli.errors import Fault, format_value
 
@@ -38,11 +39,12 @@ def check_body(body: Body, path: str) -> Iterator[Fault]:
     mass, moments = body_mass(body), [row[n] for n, row in enumerate(body_inertia(body))]
     if not LEAST_MASS <= mass <= MOST_MASS:
         given = "mass" if body.density is None else "density"
-        yield Fault(
-            f"{path}.{given}",
+        yield fault_of(
+            body,
+            path,
+            given,
             f"the body has {mass:.3g} kg, not {LEAST_MASS:g} to {MOST_MASS:g} kg",
             "check the sizes, in m",
-            format_value(getattr(body, given)),
         )
     elif min(moments) < max(LEAST_INERTIA, THINNEST * max(moments)):
         yield Fault(
@@ -57,12 +59,7 @@ def _check_body_keys(body: Body, path: str) -> Iterator[Fault]:
     if body.shape is None:
         for key in ("axis", "radius", "inner_radius", "length", "size", "density"):
             if getattr(body, key) is not None:
-                yield Fault(
-                    f"{path}.{key}",
-                    "needs a shape",
-                    'add shape = "cylinder" or "box"',
-                    format_value(getattr(body, key)),
-                )
+                yield fault_of(body, path, key, "needs a shape", 'add shape = "cylinder" or "box"')
         if body.mass is None:
             yield Fault(f"{path}.mass", "missing", "give mass in kg")
         if body.inertia is None:
@@ -73,11 +70,8 @@ def _check_body_keys(body: Body, path: str) -> Iterator[Fault]:
             yield from _check_inertia(body.inertia, f"{path}.inertia")
         return
     if body.inertia is not None:
-        yield Fault(
-            f"{path}.inertia",
-            "a shape has its own inertia",
-            "give either inertia or shape",
-            format_value(body.inertia),
+        yield fault_of(
+            body, path, "inertia", "a shape has its own inertia", "give either inertia or shape"
         )
     yield from check_exactly_one(
         path, {"mass": body.mass, "density": body.density}, "mass in kg or density in kg/m^3"
@@ -99,11 +93,12 @@ def _check_body_keys(body: Body, path: str) -> Iterator[Fault]:
         and body.radius is not None
         and body.inner_radius >= body.radius
     ):
-        yield Fault(
-            f"{path}.inner_radius",
+        yield fault_of(
+            body,
+            path,
+            "inner_radius",
             f"not smaller than the radius {body.radius:g} m",
             "give a smaller hole",
-            format_value(body.inner_radius),
         )
 
 

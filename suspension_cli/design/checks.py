@@ -22,7 +22,7 @@ from suspension_cli.design import (
 )
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
 from suspension_cli.design.derive import SetGeometry, is_ring, set_geometry
-from suspension_cli.design.faults import suggest
+from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX, check_filter
 from suspension_cli.design.inverted_pendulum import check_legs, leg_count
 from suspension_cli.design.schema import (
@@ -109,22 +109,22 @@ def _check_names(design: Design) -> Iterator[Fault]:
                 if stage.name == SUPPORT
                 else "is also the name of an earlier stage"
             )
-            yield Fault(
-                f"{path}.name", taken, "give each stage a name of its own", format_value(stage.name)
-            )
+            yield fault_of(stage, path, "name", taken, "give each stage a name of its own")
         if stage.name == FRAME and design.support is not None:
-            yield Fault(
-                f"{path}.name",
+            yield fault_of(
+                stage,
+                path,
+                "name",
                 "is the name of the support structure that [support] describes",
                 "give the stage another name",
-                format_value(stage.name),
             )
         if stage.hangs_from is not None and stage.hangs_from not in above:
-            yield Fault(
-                f"{path}.hangs_from",
+            yield fault_of(
+                stage,
+                path,
+                "hangs_from",
                 "names no earlier stage",
                 suggest(stage.hangs_from, above),
-                format_value(stage.hangs_from),
             )
         against = None if stage.damping is None else stage.damping.against
         if against is not None and against not in above:
@@ -172,11 +172,8 @@ def _check_suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault
     if stage.wires is not None:
         yield from _check_wire_set(design, stage.wires, f"{path}.wires")
         if stage.position is not None:
-            yield Fault(
-                f"{path}.position",
-                "a symmetric set implies the position",
-                "remove it",
-                format_value(stage.position),
+            yield fault_of(
+                stage, path, "position", "a symmetric set implies the position", "remove it"
             )
     if stage.blades is not None:
         yield from _check_blade_set(design, stage, stage.blades, f"{path}.blades")
@@ -186,11 +183,12 @@ def _check_suspension(design: Design, stage: Stage, path: str) -> Iterator[Fault
     for blade in stage.blade:
         where = f"{path}.blade.{blade.name}"
         if blade.name in names:
-            yield Fault(
-                f"{where}.name",
+            yield fault_of(
+                blade,
+                where,
+                "name",
                 "is the name of another blade of this stage",
                 "give each blade a name of its own",
-                format_value(blade.name),
             )
         names.append(blade.name)
         yield from wire_checks.check_blade(design, blade, where)
@@ -218,23 +216,25 @@ def _check_wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault
         yield from _check_ring(wires, path)
         return
     if wires.count not in BLADES_FOR_WIRES:
-        yield Fault(
-            f"{path}.count",
+        yield fault_of(
+            wires,
+            path,
+            "count",
             "is not 1, 2 or 4",
             "give one of these, or ring (the radius in m of the circle of the ends)",
-            format_value(wires.count),
         )
         return
     if wires.phase:
         remedy = "give ring in m too, or remove it"
-        yield Fault(f"{path}.phase", "goes with a ring", remedy, format_value(wires.phase))
+        yield fault_of(wires, path, "phase", "goes with a ring", remedy)
     halves = (wires.s_upper, wires.s_lower)
     if wires.s is not None and halves != (None, None):
-        yield Fault(
-            f"{path}.s",
+        yield fault_of(
+            wires,
+            path,
+            "s",
             "conflicts with s_upper or s_lower",
             "give s alone, or s_upper and s_lower",
-            format_value(wires.s),
         )
     elif wires.s is None and halves.count(None) == 1:
         yield Fault(path, "s_upper and s_lower go together", "give both, or s alone")
@@ -248,11 +248,12 @@ def _check_wire_set(design: Design, wires: WireSet, path: str) -> Iterator[Fault
     ]
     for key in forbidden:
         if getattr(wires, key):
-            yield Fault(
-                f"{path}.{key}",
+            yield fault_of(
+                wires,
+                path,
+                key,
                 f"must be 0 for {wires.count} wire{'s' * (wires.count > 1)}",
                 "remove it or change count",
-                format_value(getattr(wires, key)),
             )
     shape = set_geometry(wires)
     span = (shape.s_lower - shape.s_upper, shape.t2 - shape.t1)
@@ -266,11 +267,12 @@ def _check_ring(wires: WireSet, path: str) -> Iterator[Fault]:
             yield Fault(f"{path}.{key}", "conflicts with a ring", "keep one of the two", value)
     halves = (wires.ring_upper, wires.ring_lower)
     if wires.ring is not None and halves != (None, None):
-        yield Fault(
-            f"{path}.ring",
+        yield fault_of(
+            wires,
+            path,
+            "ring",
             "conflicts with ring_upper or ring_lower",
             "give ring alone, or ring_upper and ring_lower",
-            format_value(wires.ring),
         )
     elif wires.ring is None and None in halves:
         yield Fault(path, "ring_upper and ring_lower go together", "give both, or ring alone")
@@ -289,11 +291,12 @@ def _check_set_length(
         remedy = "give a longer wire or a smaller span" + (
             " (did you mean mm?)" if span > 1.0 and wires.l > 5e-4 * span else ""
         )
-        yield Fault(
-            f"{path}.l",
+        yield fault_of(
+            wires,
+            path,
+            "l",
             f"the wire is not longer than its horizontal span of {span:g} m",
             remedy,
-            format_value(wires.l),
         )
         return
     yield from wire_checks.check_span(wires, (*across, -shape.height), path)
@@ -302,29 +305,26 @@ def _check_set_length(
 def _check_wire(design: Design, stage: Stage, wire: Wire, path: str) -> Iterator[Fault]:
     yield from wire_checks.check_wire(design, wire, path)
     if wire.natural_length is not None and wire.tension is not None:
-        yield Fault(
-            f"{path}.tension",
-            "conflicts with natural_length",
-            "give one of them",
-            format_value(wire.tension),
-        )
+        yield fault_of(wire, path, "tension", "conflicts with natural_length", "give one of them")
     if wire.blade is not None and wire.blade not in [blade.name for blade in stage.blade]:
-        yield Fault(
-            f"{path}.blade",
+        yield fault_of(
+            wire,
+            path,
+            "blade",
             "names no [[stage.blade]]",
             suggest(wire.blade, [blade.name for blade in stage.blade]),
-            format_value(wire.blade),
         )
     if stage.position is not None:
         x, y, z = (
             p + q - u for p, q, u in zip(stage.position, wire.lower, wire.upper, strict=True)
         )
         if math.hypot(x, y, z) < 1e-9:
-            yield Fault(
-                f"{path}.lower",
+            yield fault_of(
+                wire,
+                path,
+                "lower",
                 "both ends of the wire are at one point",
                 "check upper, lower and position",
-                format_value(wire.lower),
             )
             return
         yield from wire_checks.check_span(wire, (x, y, z), path)
@@ -344,11 +344,8 @@ def _check_blade_set(design: Design, stage: Stage, blades: BladeSet, path: str) 
         else BLADES_FOR_WIRES.get(stage.wires.count, (blades.count,))
     ):
         fits = " or ".join(str(n) for n in allowed)
-        yield Fault(
-            f"{path}.count",
-            f"cannot carry {stage.wires.count} wires",
-            f"give {fits}",
-            format_value(blades.count),
+        yield fault_of(
+            blades, path, "count", f"cannot carry {stage.wires.count} wires", f"give {fits}"
         )
 
 
@@ -356,11 +353,8 @@ def _check_spring_material(design: Design, spring: Spring, path: str) -> Iterato
     if spring.material is not None:
         yield from wire_checks.check_material(design, spring.material, f"{path}.material")
     elif spring.thickness is not None:
-        yield Fault(
-            f"{path}.thickness",
-            "has no effect without a material",
-            "name the material too",
-            format_value(spring.thickness),
+        yield fault_of(
+            spring, path, "thickness", "has no effect without a material", "name the material too"
         )
 
 
@@ -427,11 +421,8 @@ def _check_perturbation(design: Design, item: Perturbation, path: str) -> Iterat
     )
     for key in every:
         if key not in known and getattr(item, key) is not None:
-            yield Fault(
-                f"{path}.{key}",
-                f"is not for a {part}",
-                f"known here: {', '.join(known)}",
-                format_value(getattr(item, key)),
+            yield fault_of(
+                item, path, key, f"is not for a {part}", f"known here: {', '.join(known)}"
             )
     if all(getattr(item, key) is None for key in known):
         yield Fault(path, "changes nothing", f"give {' or '.join(known)}")
@@ -510,11 +501,12 @@ def _check_control(design: Design) -> Iterator[Fault]:
     for loop in design.control.loop if design.control is not None else ():
         path = f"control.loop.{loop.name}"
         if loop.name in names:
-            yield Fault(
-                f"{path}.name",
+            yield fault_of(
+                loop,
+                path,
+                "name",
                 "is the name of another loop",
                 "give each loop a name of its own",
-                format_value(loop.name),
             )
         names.append(loop.name)
         yield from _check_filter(loop, path)
@@ -543,14 +535,7 @@ def _check_filter(loop: Loop, path: str) -> Iterator[Fault]:
         problem = "a damper has no filter"
         if loop.damper is None:
             problem, other = "conflicts with filter, which has its own roots", "filter"
-        found.append(
-            Fault(
-                f"{path}.{key}",
-                problem,
-                f"give gain instead of {other}",
-                format_value(getattr(loop, key)),
-            )
-        )
+        found.append(fault_of(loop, path, key, problem, f"give gain instead of {other}"))
     yield from found or _check_order(loop, path)
 
 
@@ -602,18 +587,20 @@ def _check_noise_spectrum(noise: float | NoiseSpectrum, path: str) -> Iterator[F
             )
         pairs = zip(noise.frequency, noise.frequency[1:], strict=False)
         if not all(low < high for low, high in pairs):
-            yield Fault(
-                f"{path}.frequency",
+            yield fault_of(
+                noise,
+                path,
+                "frequency",
                 "is not in ascending order",
                 "sort it, each frequency once",
-                format_value(noise.frequency),
             )
         if min(noise.asd) <= 0:
-            yield Fault(
-                f"{path}.asd",
+            yield fault_of(
+                noise,
+                path,
+                "asd",
                 "must be positive, as its logarithm is interpolated",
                 "give a small number instead of 0",
-                format_value(noise.asd),
             )
 
 
@@ -625,11 +612,12 @@ def _check_requirement(item: Requirement, path: str) -> Iterator[Fault]:
             "give band = [least, largest], below = limit or above = limit",
         )
     if item.band is not None and not item.band[0] < item.band[1]:
-        yield Fault(
-            f"{path}.band",
+        yield fault_of(
+            item,
+            path,
+            "band",
             "is reversed or empty, so that no build is in it",
             "give [least, largest]",
-            format_value(item.band),
         )
 
 
@@ -657,11 +645,8 @@ def _check_tolerance(design: Design) -> Iterator[Fault]:
             )
         yield from _check_scattered_stage(design, kind, item, path)
         if kind == "wire" and item.wire is not None and item.wire not in _wires_of(design):
-            yield Fault(
-                f"{path}.wire",
-                "names no wire",
-                suggest(item.wire, _wires_of(design)),
-                format_value(item.wire),
+            yield fault_of(
+                item, path, "wire", "names no wire", suggest(item.wire, _wires_of(design))
             )
         known = [row.spread for row in imperfections.scattered(kind)]
         given = {key: getattr(item, key) for key in known}

@@ -69,6 +69,12 @@ def step(path: str, key: object, item: object = None) -> str:
     return f"{path}.{text}" if path else text
 
 
+def fault_of(table: object, path: str, key: str, problem: str, remedy: str) -> Fault:
+    """Make a fault of a key of the table at a path, with the value there."""
+    value = getattr(table, key)
+    return Fault(f"{path}.{key}", problem, remedy, None if value is None else format_value(value))
+
+
 def suggest(word: str, known: list[str]) -> str:
     """Suggest the known word that the user may have meant, or list those there are."""
     import difflib  # 3 ms, only when something is wrong already

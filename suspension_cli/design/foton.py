@@ -50,8 +50,7 @@ class Filter:
 
     Attributes
     ----------
-    gain : float
-    zeros, poles : tuple of complex
+    zeros, poles
         Hz, positive in the left half plane; complex ones with their conjugates.
     """
 

@@ -30,8 +30,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from msgspec import Meta
-
+from suspension_cli.design.faults import fault_of
 from suspension_cli.design.units import (
     Angle,
     Frequency,
@@ -44,6 +43,7 @@ from suspension_cli.design.units import (
     Stiffness,
     Table,
     Vector,
+    doc,
     of_unit,
 )
 from suspension_cli.errors import Fault, format_value
@@ -62,50 +62,43 @@ class Counterweight(Table, frozen=True):
     """A mass on each leg below its foot, which moves the leg's centre of percussion."""
 
     mass: Mass
-    below: Annotated[Length, Meta(description="distance below the flexure, m")]
+    below: Annotated[Length, doc("distance below the flexure, m")]
 
 
 class InvertedPendulum(Table, frozen=True):
     """Legs on which a stage stands: feet on the body above it in the file, or on the support."""
 
-    length: Annotated[Length, Meta(description="length of a leg, foot to top, m")]
+    length: Annotated[Length, doc("length of a leg, foot to top, m")]
     points: (
         Annotated[
             list[Vector],
-            Meta(
+            doc(
+                "tops of the legs from this body's COM, m; instead of count and radius",
                 min_length=3,
                 max_length=24,
-                description="tops of the legs from this body's COM, m; instead of count and radius",
             ),
         ]
         | None
     ) = None
-    count: (
-        Annotated[int, Meta(ge=3, le=24, description="number of legs, evenly spaced on a circle")]
-        | None
-    ) = None
-    radius: Annotated[Length, Meta(description="radius of that circle, m")] | None = None
-    phase: Annotated[
-        Angle, Meta(description="angle of the first leg from the x axis towards y, rad")
-    ] = 0.0
-    top: Annotated[
-        Position, Meta(description="height of the tops above this body's COM, with count, m")
-    ] = 0.0
+    count: Annotated[int, doc("number of legs, evenly spaced on a circle", ge=3, le=24)] | None = (
+        None
+    )
+    radius: Annotated[Length, doc("radius of that circle, m")] | None = None
+    phase: Annotated[Angle, doc("angle of the first leg from the x axis towards y, rad")] = 0.0
+    top: Annotated[Position, doc("height of the tops above this body's COM, with count, m")] = 0.0
     stiffness: (
         Annotated[
             FLEXURE,
-            Meta(description="bending stiffness of the flexure at the foot of a leg, N m/rad"),
+            doc("bending stiffness of the flexure at the foot of a leg, N m/rad"),
         ]
         | None
     ) = None
     frequency: (
         Annotated[
             Frequency,
-            Meta(
-                description=(
-                    "lateral frequency with the load, Hz, instead of stiffness; everything that"
-                    " hangs moves with the stage"
-                )
+            doc(
+                "lateral frequency with the load, Hz, instead of stiffness; everything that"
+                " hangs moves with the stage"
             ),
         ]
         | None
@@ -128,10 +121,10 @@ class InvertedPendulum(Table, frozen=True):
         ]
         | None
     ) = None
-    axial_stiffness: Annotated[
-        Stiffness, Meta(description="stiffness of a leg along its length, N/m")
-    ] = AXIAL_STIFFNESS
-    leg_mass: Annotated[MassOrZero, Meta(description="mass of a leg, kg")] = 0.0
+    axial_stiffness: Annotated[Stiffness, doc("stiffness of a leg along its length, N/m")] = (
+        AXIAL_STIFFNESS
+    )
+    leg_mass: Annotated[MassOrZero, doc("mass of a leg, kg")] = 0.0
     leg_com: (
         Annotated[
             float,
@@ -144,18 +137,12 @@ class InvertedPendulum(Table, frozen=True):
     leg_inertia: (
         Annotated[
             MomentOrZero,
-            Meta(
-                description=(
-                    "moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"
-                )
-            ),
+            doc("moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"),
         ]
         | None
     ) = None
     counterweight: Counterweight | None = None
-    loss_angle: (
-        Annotated[LossAngle, Meta(description="loss angle of the flexures in rad")] | None
-    ) = None
+    loss_angle: Annotated[LossAngle, doc("loss angle of the flexures in rad")] | None = None
     q: (
         Annotated[
             float,
@@ -216,7 +203,7 @@ class LegInertia:
 
     Attributes
     ----------
-    foot, coupling, top : float
+    foot, coupling, top
         Coefficients of the kinetic energy foot v_f^2 / 2 + coupling v_f v_t + top v_t^2 / 2, with
         v_f and v_t the velocities of both ends, kg.
     """
@@ -255,22 +242,21 @@ class LegStatics:
 
     Attributes
     ----------
-    count : int
-    flexure, top : float
+    flexure, top
         Bending stiffness of the flexure at the foot and of the joint at the top of a leg, N m/rad.
-    yaw : float
+    yaw
         Torsional stiffness of a leg, N m/rad.
-    load : float
+    load
         Weight of the stage and of all that hangs from it, N.
-    critical : float
+    critical
         Load at which it tips over, N.
-    stiffness, elastic : float
+    stiffness, elastic
         Lateral stiffness of all legs with the load, and of their flexures alone, N/m.
-    mass : float
+    mass
         Inertia against lateral motion, kg.
-    loss : float
+    loss
         Loss angle of the flexures, rad.
-    gravity : float
+    gravity
         m/s^2.
     """
 
@@ -352,11 +338,12 @@ def check_legs(legs: InvertedPendulum, path: str) -> Iterator[Fault]:
     if legs.leg_mass == 0 and (legs.leg_inertia or legs.leg_com):
         yield Fault(f"{path}.leg_mass", "missing", "give the mass of a leg in kg")
     if legs.leg_inertia is not None and legs.leg_inertia > legs.leg_mass * legs.length**2:
-        yield Fault(
-            f"{path}.leg_inertia",
+        yield fault_of(
+            legs,
+            path,
+            "leg_inertia",
             f"is more than m L^2 of the leg, {legs.leg_mass * legs.length**2:g} kg m^2",
             "give it about the leg's COM in kg m^2; a thin rod has m L^2 / 12",
-            format_value(legs.leg_inertia),
         )
     if legs.counterweight is not None and legs.counterweight.below > 2 * legs.length:
         yield Fault(

@@ -11,7 +11,7 @@ from suspension_cli.conventions import DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design import materials
 from suspension_cli.design.body_checks import check_exactly_one
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.faults import suggest
+from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.links import Damper, EddyCurrent, Link, StiffnessTable, Strands
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, format_value
@@ -28,11 +28,12 @@ def check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
         for item in items:
             path = f"{kind}.{item.name}"
             if item.name in (*names, *stages):
-                yield Fault(
-                    f"{path}.name",
+                yield fault_of(
+                    item,
+                    path,
+                    "name",
                     "is the name of another link, damper or stage",
                     "give each a name of its own",
-                    format_value(item.name),
                 )
             names.append(item.name)
             yield from _check_between(item.between, stages, f"{path}.between")
@@ -76,11 +77,12 @@ def _check_link(design: Design, link: Link, path: str, *, placed: bool) -> Itera
     if link.table is not None:
         yield from _check_table(link.table, f"{path}.table")
         if link.loss_angle is not None:
-            yield Fault(
-                f"{path}.loss_angle",
+            yield fault_of(
+                link,
+                path,
+                "loss_angle",
                 "conflicts with the imaginary part of the table",
                 "remove it",
-                format_value(link.loss_angle),
             )
     if link.strands is not None:
         yield from _check_strands(design, link, link.strands, f"{path}.strands", placed=placed)
@@ -106,11 +108,12 @@ def check_matrix(matrix: Any, path: str) -> Iterator[Fault]:
 
 def _check_table(table: StiffnessTable, path: str) -> Iterator[Fault]:
     if table.file is not None:
-        yield Fault(
-            f"{path}.file",
+        yield fault_of(
+            table,
+            path,
+            "file",
             "is read only with a design file, not with its text alone",
             "read the design from its file, or give frequency, real and imaginary",
-            format_value(table.file),
         )
         return
     axes = 6 if table.axis is None else 1
@@ -138,11 +141,12 @@ def _check_table(table: StiffnessTable, path: str) -> Iterator[Fault]:
             continue
         return
     if table.static is not None and len(table.static) != axes:
-        yield Fault(
-            f"{path}.static",
+        yield fault_of(
+            table,
+            path,
+            "static",
             f"has {len(table.static)} numbers for {axes} axes",
             "give one per axis",
-            format_value(table.static),
         )
         return
     static = [row[0] for row in table.real] if table.static is None else table.static
@@ -164,7 +168,7 @@ def _check_strands(
 ) -> Iterator[Fault]:
     if given.material not in materials.known(design):
         remedy = suggest(given.material, materials.known(design))
-        yield Fault(f"{path}.material", "unknown material", remedy, format_value(given.material))
+        yield fault_of(given, path, "material", "unknown material", remedy)
     yield from _check_shape(given, path)
     if not placed or any(name not in _known(design) for name in link.between):
         return
@@ -191,12 +195,13 @@ def _check_strands(
     elif given.length is not None:
         least = math.hypot(width, z) if given.shape == "catenary" else math.pi / 2 * width + abs(z)
         if given.length <= least * (1 + 1e-9):
-            yield Fault(
-                f"{path}.length",
+            yield fault_of(
+                given,
+                path,
+                "length",
                 f"is too short for ends {width:.4g} m apart and {abs(z):.4g} m in height: this"
                 f" shape needs more than {least:.4g} m",
                 "give a longer wire, or check at and to (m)",
-                format_value(given.length),
             )
 
 
@@ -229,9 +234,10 @@ def _check_magnet(magnet: EddyCurrent, path: str) -> Iterator[Fault]:
     if (magnet.remanence is None) != (magnet.volume is None):
         yield Fault(f"{path}.volume", "belongs to remanence", "give both, or moment alone")
     if not 1e4 <= magnet.conductivity <= 1e12:
-        yield Fault(
-            f"{path}.conductivity",
+        yield fault_of(
+            magnet,
+            path,
+            "conductivity",
             "is not that of a metal",
             "give it in S/m: copper has 5.8e7 at room temperature",
-            format_value(magnet.conductivity),
         )

@@ -10,7 +10,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 
 AXES = (1, 6)
 """Numbers of axes that a table may have."""
@@ -21,8 +21,7 @@ def insert_tables(raw: dict[str, Any], folder: Path) -> None:
 
     Parameters
     ----------
-    raw : dict
-    folder : Path
+    folder
         Folder of the design file.
 
     Raises
@@ -38,9 +37,7 @@ def insert_tables(raw: dict[str, Any], folder: Path) -> None:
         key = f"link.{link.get('name', number)}.table"
         given = [name for name in ("frequency", "real", "imaginary") if name in table]
         if given:
-            raise InputError(
-                [Fault(f"{key}.{given[0]}", "is also in the file", "remove it, or file")]
-            )
+            raise InputError.of(f"{key}.{given[0]}", "is also in the file", "remove it, or file")
         name = table.pop("file")
         table |= _columns(folder / name, name, f"{key}.file", table.pop("form", "real-imaginary"))
 
@@ -49,7 +46,7 @@ def _columns(path: Path, name: str, key: str, form: str) -> dict[str, Any]:
     """Frequency, real and imaginary parts per axis of a CSV file."""
 
     def fault(problem: str, remedy: str) -> InputError:
-        return InputError([Fault(key, problem, remedy, format_value(name))])
+        return InputError.of(key, problem, remedy, format_value(name))
 
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()

@@ -9,7 +9,8 @@ import msgspec
 from msgspec import Meta
 
 from suspension_cli.design import faults, reader
-from suspension_cli.design.units import Frequency, Stem, Table, of_unit
+from suspension_cli.design.faults import fault_of
+from suspension_cli.design.units import Frequency, Stem, Table, doc, of_unit
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 Number = Annotated[float, Meta(ge=-1e20, le=1e20)]
@@ -20,25 +21,18 @@ class Mode(Table, frozen=True):
     """One measured mode."""
 
     frequency: Frequency
-    uncertainty: Annotated[float, of_unit("Hz", gt=0, le=1e6, description="standard deviation, Hz")]
+    uncertainty: Annotated[float, of_unit("Hz", "standard deviation, Hz", gt=0, le=1e6)]
     label: (
         Annotated[
             str,
-            Meta(
-                description=(
-                    "as pendsus modes prints it with the model of the fit; default: the nearest"
-                )
-            ),
+            doc("as pendsus modes prints it with the model of the fit; default: the nearest"),
         ]
         | None
     ) = None
     dof: (
         Annotated[
             list[Literal["x", "y", "z", "roll", "pitch", "yaw"]],
-            Meta(
-                min_length=1,
-                description="without a label: coordinates of which one must dominate the mode",
-            ),
+            doc("without a label: coordinates of which one must dominate the mode", min_length=1),
         ]
         | None
     ) = None
@@ -60,17 +54,11 @@ class TransferFunction(Table, frozen=True):
 
     file: Annotated[
         str,
-        Meta(
-            min_length=1, description="CSV or text, HDF5, or DTT XML; from the folder of this file"
-        ),
+        doc("CSV or text, HDF5, or DTT XML; from the folder of this file", min_length=1),
     ]
-    input: Annotated[
-        str, Meta(description="what was driven: a signal of the design, or an [[actuator]]")
-    ]
-    output: Annotated[
-        str, Meta(description="what was observed: a signal of the design, or a [[sensor]]")
-    ]
-    name: Annotated[str, Meta(description="default: the stem of the file")] | None = None
+    input: Annotated[str, doc("what was driven: a signal of the design, or an [[actuator]]")]
+    output: Annotated[str, doc("what was observed: a signal of the design, or a [[sensor]]")]
+    name: Annotated[str, doc("default: the stem of the file")] | None = None
     frequency: Column | None = None
     real: Column | None = None
     imaginary: Column | None = None
@@ -81,11 +69,9 @@ class TransferFunction(Table, frozen=True):
     uncertainty: (
         Annotated[
             Column | Annotated[float, Meta(gt=0, le=10)],
-            Meta(
-                description=(
-                    "column of the standard deviation of real and imaginary part, in the unit of"
-                    " the value; or a number, relative to the value"
-                )
+            doc(
+                "column of the standard deviation of real and imaginary part, in the unit of"
+                " the value; or a number, relative to the value"
             ),
         ]
         | None
@@ -93,38 +79,30 @@ class TransferFunction(Table, frozen=True):
     input_channel: str | None = None
     output_channel: str | None = None
     magnitude_unit: (
-        Annotated[
-            Literal["1", "dB"], Meta(description='"1" or "dB"; default: of the heading, or 1')
-        ]
-        | None
+        Annotated[Literal["1", "dB"], doc('"1" or "dB"; default: of the heading, or 1')] | None
     ) = None
     phase_unit: (
         Annotated[
             Literal["deg", "rad"],
-            Meta(description='"deg" or "rad"; default: of the heading, or deg'),
+            doc('"deg" or "rad"; default: of the heading, or deg'),
         ]
         | None
     ) = None
     frequency_unit: (
         Annotated[
             Literal["Hz", "rad/s"],
-            Meta(description='"Hz" or "rad/s"; default: of the heading, or Hz'),
+            doc('"Hz" or "rad/s"; default: of the heading, or Hz'),
         ]
         | None
     ) = None
     averages: (
-        Annotated[
-            float, Meta(ge=1, le=1e9, description="averages; with the coherence, the uncertainty")
-        ]
-        | None
+        Annotated[float, doc("averages; with the coherence, the uncertainty", ge=1, le=1e9)] | None
     ) = None
-    gain: Annotated[
-        Factor, Meta(description="factor from the file's numbers to SI units: 1e-6 for um/N")
-    ] = 1.0
+    gain: Annotated[Factor, doc("factor from the file's numbers to SI units: 1e-6 for um/N")] = 1.0
     band: (
         Annotated[
             list[Frequency],
-            Meta(min_length=2, max_length=2, description="use frequencies from, to, Hz"),
+            doc("use frequencies from, to, Hz", min_length=2, max_length=2),
         ]
         | None
     ) = None
@@ -140,63 +118,51 @@ class Transducer(Table, frozen=True):
     """
 
     name: Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_:-]*$", max_length=60)]
-    signal: Annotated[str, Meta(description="upper.x (sensor), upper.force_x (actuator)")]
+    signal: Annotated[str, doc("upper.x (sensor), upper.force_x (actuator)")]
     gain: Annotated[
-        Factor, Meta(description="reading over signal (a sensor), force over drive (an actuator)")
+        Factor, doc("reading over signal (a sensor), force over drive (an actuator)")
     ] = 1.0
     gain_uncertainty: (
         Annotated[
             float,
-            Meta(gt=0, le=10, description="relative standard deviation; the gain is then fitted"),
+            doc("relative standard deviation; the gain is then fitted", gt=0, le=10),
         ]
         | None
     ) = None
-    sign_known: Annotated[
-        bool, Meta(description="false: fit tries the other sign of the gain, too")
-    ] = True
-    delay: Annotated[float, Meta(ge=-10, le=10, description="s")] = 0.0
-    delay_uncertainty: (
-        Annotated[float, Meta(gt=0, le=10, description="s; the delay is then fitted")] | None
-    ) = None
+    sign_known: Annotated[bool, doc("false: fit tries the other sign of the gain, too")] = True
+    delay: Annotated[float, doc("s", ge=-10, le=10)] = 0.0
+    delay_uncertainty: Annotated[float, doc("s; the delay is then fitted", gt=0, le=10)] | None = (
+        None
+    )
     unit: (
         Annotated[
             str,
-            Meta(
-                max_length=20, description="of the reading or the drive: V; default: SI, of signal"
-            ),
+            doc("of the reading or the drive: V; default: SI, of signal", max_length=20),
         ]
         | None
     ) = None
     mix: Annotated[
-        dict[str, Factor], Meta(description="other signals that the channel contains, and how much")
+        dict[str, Factor], doc("other signals that the channel contains, and how much")
     ] = msgspec.field(default_factory=dict)
     mix_uncertainty: Annotated[
         dict[str, Annotated[float, Meta(gt=0, le=1e20)]],
-        Meta(
-            description="standard deviations of entries of mix, which are then fitted from 0 or mix"
-        ),
+        doc("standard deviations of entries of mix, which are then fitted from 0 or mix"),
     ] = msgspec.field(default_factory=dict)
 
 
 class Experiment(Table, frozen=True):
     """A design and its measured modes."""
 
-    design: Annotated[
-        str, Meta(min_length=1, description="path of a design file, from the folder of this one")
-    ]
+    design: Annotated[str, doc("path of a design file, from the folder of this one", min_length=1)]
     mode: Annotated[list[Mode], Meta(min_length=1)]
     name: (
         Annotated[
             Stem,
-            Meta(
-                description=(
-                    "letters, digits, . _ and -, unique; default: the stem of the design file"
-                )
-            ),
+            doc("letters, digits, . _ and -, unique; default: the stem of the design file"),
         ]
         | None
     ) = None
-    set: Annotated[list[str], Meta(description="overrides as --set takes them")] = msgspec.field(
+    set: Annotated[list[str], doc("overrides as --set takes them")] = msgspec.field(
         default_factory=list
     )
 
@@ -209,20 +175,16 @@ class Experiment(Table, frozen=True):
 class Free(Table, frozen=True):
     """One number of the design to be fitted."""
 
-    name: Annotated[str, Meta(description="dotted path, as --set takes it")]
-    start: (
-        Annotated[Number, Meta(description="where to begin; default: the design's value")] | None
-    ) = None
-    prior: Annotated[Number, Meta(description="best value from other knowledge")] | None = None
-    uncertainty: Annotated[Positive, Meta(description="standard deviation of the prior")] | None = (
-        None
-    )
+    name: Annotated[str, doc("dotted path, as --set takes it")]
+    start: Annotated[Number, doc("where to begin; default: the design's value")] | None = None
+    prior: Annotated[Number, doc("best value from other knowledge")] | None = None
+    uncertainty: Annotated[Positive, doc("standard deviation of the prior")] | None = None
     lower: Number | None = None
     upper: Number | None = None
     experiments: (
         Annotated[
             list[str],
-            Meta(min_length=1, description="names of the experiments that share it; default: all"),
+            doc("names of the experiments that share it; default: all", min_length=1),
         ]
         | None
     ) = None
@@ -378,7 +340,7 @@ def _check_transfer_functions(measured: Measured) -> list[Fault]:
         if one.name is not None and one.name in names[:n]:
             problem = "is also the name of an earlier transfer function"
             path = f"transfer_function.{n + 1}"
-            fault = Fault(f"{path}.name", problem, "give each its own", format_value(one.name))
+            fault = fault_of(one, path, "name", problem, "give each its own")
             found.append(fault)
         for key, kind, among in (
             ("input", "actuator", measured.actuator),
@@ -407,12 +369,7 @@ def _check_parameters(measured: Measured) -> list[Fault]:
         unknown = [name for name in item.experiments or () if name not in names]
         if measured.experiment is None and item.experiments is not None:
             found.append(
-                Fault(
-                    f"{path}.experiments",
-                    "there are no [[experiment]]",
-                    "remove it",
-                    format_value(item.experiments),
-                )
+                fault_of(item, path, "experiments", "there are no [[experiment]]", "remove it")
             )
         elif unknown:
             found.append(
@@ -430,11 +387,8 @@ def _check_parameters(measured: Measured) -> list[Fault]:
             for here, there in zip(measured.shares(n), measured.shares(m), strict=True)
         ):
             found.append(
-                Fault(
-                    f"{path}.name",
-                    "is named twice",
-                    "give each number once (in an experiment)",
-                    format_value(item.name),
+                fault_of(
+                    item, path, "name", "is named twice", "give each number once (in an experiment)"
                 )
             )
     return found
@@ -450,20 +404,8 @@ def _check_parameter(item: Free, path: str) -> list[Fault]:
     )
     if low >= high:
         found.append(
-            Fault(
-                f"{path}.lower",
-                f"is not below the upper bound {high:g}",
-                "exchange them",
-                format_value(item.lower),
-            )
+            fault_of(item, path, "lower", f"is not below the upper bound {high:g}", "exchange them")
         )
     elif item.start is not None and not low <= item.start <= high:
-        found.append(
-            Fault(
-                f"{path}.start",
-                "lies outside the bounds",
-                "start within them",
-                format_value(item.start),
-            )
-        )
+        found.append(fault_of(item, path, "start", "lies outside the bounds", "start within them"))
     return found

@@ -29,6 +29,7 @@ from suspension_cli.design.derive import (
     set_geometry,
     volume,
 )
+from suspension_cli.design.faults import fault_of
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.imperfections import Imperfection
 from suspension_cli.design.schema import Body, Design, Material, NoiseSpectrum, Perturbation, Stage
@@ -87,9 +88,9 @@ class ImplausibleNumber:
 
     Attributes
     ----------
-    fault : Fault
+    fault
         Its place, the problem and the remedy.
-    serious : bool
+    serious
         Whether it makes results meaningless, so that analyses warn of it too.
     """
 
@@ -232,11 +233,12 @@ def _check_material(material: Material, path: str) -> Iterator[ImplausibleNumber
             or "give it in 1/K: 1.2e-5 for steel"
         )
         yield ImplausibleNumber(
-            Fault(
-                f"{path}.thermal_expansion",
+            fault_of(
+                material,
+                path,
+                "thermal_expansion",
                 f"is more than {EXPANSION:g} 1/K, twice that of any solid",
                 hint,
-                format_value(material.thermal_expansion),
             )
         )
     if (
@@ -288,11 +290,8 @@ def _check_body(body: Body, path: str) -> Iterator[ImplausibleNumber]:
         if size is not None and size > LARGEST:
             hint = suggest_unit(size, lambda v: v <= LARGEST)
             yield ImplausibleNumber(
-                Fault(
-                    f"{path}.{key}",
-                    f"is larger than any suspended body ({LARGEST:g} m)",
-                    hint,
-                    format_value(getattr(body, key)),
+                fault_of(
+                    body, path, key, f"is larger than any suspended body ({LARGEST:g} m)", hint
                 ),
                 serious=True,
             )
@@ -327,12 +326,7 @@ def _check_mean_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
         density, _is_plausible, units
     )
     yield ImplausibleNumber(
-        Fault(
-            f"{path}.mass",
-            problem,
-            hint or "check mass (kg) and sizes (m)",
-            format_value(body.mass),
-        ),
+        fault_of(body, path, "mass", problem, hint or "check mass (kg) and sizes (m)"),
         serious=True,
     )
 
@@ -354,9 +348,7 @@ def _check_inertia(body: Body, path: str) -> Iterator[ImplausibleNumber]:
             suggest_unit(1.0, lambda v: _is_possible(body, v), MOMENTS)
             or "check the three moments, in kg m^2"
         )
-        yield ImplausibleNumber(
-            Fault(f"{path}.inertia", problem, hint, format_value(body.inertia)), serious=True
-        )
+        yield ImplausibleNumber(fault_of(body, path, "inertia", problem, hint), serious=True)
         return
     if min(moments) <= 1e-6 * largest:  # modelled as a plate or rod without thickness
         return
@@ -380,12 +372,7 @@ def _check_inertia(body: Body, path: str) -> Iterator[ImplausibleNumber]:
     )
     problem = f"a body of {mass:g} kg with these moments has {density:.3g} kg/m^3, {word}"
     yield ImplausibleNumber(
-        Fault(
-            f"{path}.inertia",
-            problem,
-            hint or "check mass (kg) and inertia (kg m^2)",
-            format_value(body.inertia),
-        ),
+        fault_of(body, path, "inertia", problem, hint or "check mass (kg) and inertia (kg m^2)"),
         serious=density > OSMIUM or density < AIR / ABSURD,
     )
 
@@ -551,12 +538,7 @@ def _check_blade(blade: BladeSet | Blade, stage: Stage, path: str) -> Iterator[I
         if shape.length > LARGEST:
             hint = suggest_unit(shape.length, lambda v: v <= LARGEST)
             yield ImplausibleNumber(
-                Fault(
-                    f"{key}.length",
-                    f"is longer than any blade ({LARGEST:g} m)",
-                    hint,
-                    format_value(shape.length),
-                ),
+                fault_of(shape, key, "length", f"is longer than any blade ({LARGEST:g} m)", hint),
                 serious=True,
             )
         for name, limit, word in (
@@ -573,11 +555,12 @@ def _check_blade(blade: BladeSet | Blade, stage: Stage, path: str) -> Iterator[I
                 )
     if blade.thickness is not None and blade.thickness > 0.1:
         yield ImplausibleNumber(
-            Fault(
-                f"{path}.thickness",
+            fault_of(
+                blade,
+                path,
+                "thickness",
                 "is thicker than any blade (0.1 m)",
                 suggest_unit(blade.thickness, lambda v: v <= 0.1),
-                format_value(blade.thickness),
             )
         )
     f = blade.uncoupled_frequency
@@ -594,11 +577,12 @@ def _check_blade(blade: BladeSet | Blade, stage: Stage, path: str) -> Iterator[I
     if blade.tip_mass > mass:
         hint = suggest_unit(blade.tip_mass, lambda v: v <= mass, (("g", 1e-3),)) or "give it in kg"
         yield ImplausibleNumber(
-            Fault(
-                f"{path}.tip_mass",
+            fault_of(
+                blade,
+                path,
+                "tip_mass",
                 f"is more than the mass of the stage itself ({mass:g} kg)",
                 hint,
-                format_value(blade.tip_mass),
             )
         )
 

@@ -125,8 +125,7 @@ def reduced(profile: Profile, error: float | None = None) -> list[WireSection]:
 
     Parameters
     ----------
-    profile : Profile
-    error : float, optional
+    error
         Instead of that of the profile; 0: one section per pair of places.
     """
     wanted = profile.error if error is None else error

@@ -33,10 +33,9 @@ class Source:
 
     Attributes
     ----------
-    design : Design
-    text : str
+    text
         The whole design as TOML, overrides applied, as results embed it.
-    file : str
+    file
         The path as the user gave it.
     """
 
@@ -50,8 +49,7 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
 
     Parameters
     ----------
-    file : path
-    overrides : tuple of str
+    overrides
         ``path=value`` settings, as `apply_overrides` takes them.
 
     Raises
@@ -82,7 +80,7 @@ def _check_kind(raw: dict[str, Any]) -> None:
     for kind, keys in OTHER_KINDS.items():
         if found := [key for key in keys if key in raw]:
             problem = f"is a file of {kind} (it has [[{found[0]}]]), not a design"
-            raise InputError([Fault("", problem, "name a design, a file with [[stage]], first")])
+            raise InputError.of("", problem, "name a design, a file with [[stage]], first")
 
 
 def read_text(file: str | Path) -> str:
@@ -143,28 +141,22 @@ def write_toml(raw: dict[str, Any]) -> str:
 def _text(path: Path) -> str:
     try:
         if path.is_dir():
-            raise InputError([Fault("", "is a directory", "name a TOML file in it")])
+            raise InputError.of("", "is a directory", "name a TOML file in it")
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(
-            [Fault("", f"cannot be read ({reason})", "check the path and its permissions")]
+        raise InputError.of(
+            "", f"cannot be read ({reason})", "check the path and its permissions"
         ) from None
     if len(data) > MAX_BYTES:
-        raise InputError(
-            [
-                Fault(
-                    "",
-                    f"has more than {MAX_BYTES} bytes, too many for a design",
-                    "name a TOML design file",
-                )
-            ]
+        raise InputError.of(
+            "", f"has more than {MAX_BYTES} bytes, too many for a design", "name a TOML design file"
         )
     try:
         text = data.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError:
-        raise InputError([Fault("", "is not text (UTF-8)", "name a TOML design file")]) from None
+        raise InputError.of("", "is not text (UTF-8)", "name a TOML design file") from None
     return text
 
 
@@ -172,15 +164,15 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> dict
     try:
         raw = _copy(_parsed(text))
     except tomllib.TOMLDecodeError as error:
-        raise InputError([Fault("", f"is not TOML: {error}", "correct that line")]) from None
+        raise InputError.of("", f"is not TOML: {error}", "correct that line") from None
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
     except ValueError:  # numbers of TOML that Python refuses
-        raise InputError(
-            [Fault("", "is not TOML: a number has thousands of digits", "write it shorter")]
+        raise InputError.of(
+            "", "is not TOML: a number has thousands of digits", "write it shorter"
         ) from None
     if not raw:
-        raise InputError([Fault("", "is empty", remedy)])
+        raise InputError.of("", "is empty", remedy)
     return raw
 
 
@@ -202,36 +194,27 @@ def apply_overrides(raw: dict[str, Any], overrides: tuple[str, ...]) -> None:
 
     Parameters
     ----------
-    raw : dict
-    overrides : tuple of str
+    overrides
         ``stage.test.wires.d=0.002``: a dotted path, members of lists by their name or their number
         from 1, then a TOML value (a bare word is taken as a string). Missing tables are added; a
         missing member of a list is a fault.
     """
     for override in overrides:
         if any("\ud800" <= letter <= "\udfff" for letter in override):
-            raise InputError(
-                [
-                    Fault(
-                        "--set",
-                        "contains bytes that are not text",
-                        "write it in UTF-8",
-                        format_value(override),
-                    )
-                ]
+            raise InputError.of(
+                "--set",
+                "contains bytes that are not text",
+                "write it in UTF-8",
+                format_value(override),
             )
         path, equals, value = override.partition("=")
         keys = [key.strip() for key in path.split(".")]
         if not equals or not all(keys):
-            raise InputError(
-                [
-                    Fault(
-                        "--set",
-                        "is not of the form path=value",
-                        "write for example --set stage.test.wires.d=0.002",
-                        format_value(override),
-                    )
-                ]
+            raise InputError.of(
+                "--set",
+                "is not of the form path=value",
+                "write for example --set stage.test.wires.d=0.002",
+                format_value(override),
             )
         try:
             parsed = tomllib.loads(f"value = {value}")["value"]
@@ -251,7 +234,7 @@ def template(kind: str, name: str) -> str:
     path = Path(__file__).parent / "templates" / f"{kind}.toml"
     if kind not in TEMPLATES:
         remedy = faults.suggest(kind, list(TEMPLATES))
-        raise InputError([Fault("kind", "is no template", remedy, format_value(kind))])
+        raise InputError.of("kind", "is no template", remedy, format_value(kind))
     return path.read_text(encoding="utf-8").replace('name = "NAME"', f'name = "{name}"', 1)
 
 
@@ -275,8 +258,8 @@ def example_text(name: str, new_name: str) -> str:
 def _example(name: str) -> Path:
     known = examples()
     if name not in known:
-        raise InputError(
-            [Fault("example", "is not there", faults.suggest(name, known), format_value(name))]
+        raise InputError.of(
+            "example", "is not there", faults.suggest(name, known), format_value(name)
         )
     return _EXAMPLES / f"{name}.toml"
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from suspension_cli.design import materials
 from suspension_cli.design.body_checks import LEAST_MASS, check_exactly_one
-from suspension_cli.design.faults import suggest
+from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.schema import Design, Material
 from suspension_cli.design.sections import stretches
 from suspension_cli.design.wires import (
@@ -188,11 +188,8 @@ def _check_section(
     elif wire.material is None and wire.k is None:
         yield Fault(f"{path}.material", "missing", "name a material here or for the whole wire")
     if piece.steps is not None and not isinstance(piece.radius, list):
-        yield Fault(
-            f"{path}.steps",
-            "goes with a taper",
-            "give radius = [upper, lower], or remove it",
-            format_value(piece.steps),
+        yield fault_of(
+            piece, path, "steps", "goes with a taper", "give radius = [upper, lower], or remove it"
         )
 
 
@@ -270,25 +267,18 @@ def check_blade(design: Design, blade: BladeSet | Blade, path: str) -> Iterator[
         yield from check_material(design, blade.geometry.material, f"{path}.geometry.material")
         for key in ("material", "thickness"):
             if getattr(blade, key) is not None:
-                yield Fault(
-                    f"{path}.{key}",
-                    "conflicts with a geometry",
-                    "give it there alone",
-                    format_value(getattr(blade, key)),
-                )
+                yield fault_of(blade, path, key, "conflicts with a geometry", "give it there alone")
     elif blade.material is not None:
         yield from check_material(design, blade.material, f"{path}.material")
     elif blade.thickness is not None:
-        yield Fault(
-            f"{path}.thickness",
-            "has no effect without a material",
-            "name the material too",
-            format_value(blade.thickness),
+        yield fault_of(
+            blade, path, "thickness", "has no effect without a material", "name the material too"
         )
     if 0 < blade.tip_mass < LEAST_MASS:
-        yield Fault(
-            f"{path}.tip_mass",
+        yield fault_of(
+            blade,
+            path,
+            "tip_mass",
             "is too small for its motion to be computed",
             f"give 0, or at least {LEAST_MASS:g} kg",
-            format_value(blade.tip_mass),
         )

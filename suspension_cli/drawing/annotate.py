@@ -42,14 +42,13 @@ class Plan:
 
     Attributes
     ----------
-    sketch : Sketch
-    side, face : View
+    side, face
         With their origins and scale in inches.
-    left : float
+    left
         Right end of the leaders' texts, left of the side view.
-    right : float
+    right
         Position of the total height's dimension, right of the face view.
-    names : float
+    names
         Left end of the bodies' names, between the views.
     """
 
@@ -67,10 +66,9 @@ class _Set:
 
     Attributes
     ----------
-    shape : SetGeometry
     above, below : (3,) arrays
         The two COMs, m.
-    top, bottom : float
+    top, bottom
         Bounds in z of the free space between the bodies, m.
     halves : (float, float)
         Half widths in y of the two bodies, m; 0 for the support.

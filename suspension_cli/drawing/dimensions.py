@@ -62,14 +62,12 @@ def draw_dimension(
 
     Parameters
     ----------
-    canvas : Canvas
     a, b : (2,) arrays
         The ends, in.
-    text : str
-    clear : float
+    clear
         Position, relative to b, in, at which something else crosses the line: text outside stays
         beyond it, text inside before it.
-    place : float
+    place
         Place of text inside, as a fraction of the way from a to b, where it has room.
     """
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)

@@ -66,10 +66,9 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
 
     Parameters
     ----------
-    design : Design
-    scene : Scene
+    scene
         Of the design, without imperfections and batch axes.
-    tabulate : bool
+    tabulate
         Whether to write the tables of dimensions, and the key, below the views.
 
     Returns

@@ -34,12 +34,11 @@ class View:
 
     Attributes
     ----------
-    name : str
-    normal : int
+    normal
         The axis (0, 1, 2) of the line of sight: bodies show their section across it.
     matrix : (2, 3) array
         From a point in space to the picture (right, up).
-    scale : float
+    scale
         Length of a metre in the picture.
     origin : (2,) array
         Position of the suspension point in the picture.

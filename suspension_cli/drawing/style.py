@@ -278,7 +278,7 @@ def stage_colours(stages: Iterable[str]) -> dict[str, str]:
 
     Parameters
     ----------
-    stages : iterable of str
+    stages
         All stages, top to bottom.
 
     Examples

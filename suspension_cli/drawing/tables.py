@@ -62,12 +62,10 @@ class Table:
 
     Attributes
     ----------
-    title : str
-    heads : tuple of str
+    heads
         Headings of the columns.
-    widths : tuple of float
+    widths
         Widths of the columns, in; the first is aligned left, the others right.
-    rows : list of tuple of str
     """
 
     title: str
@@ -235,12 +233,11 @@ def write(
 
     Parameters
     ----------
-    canvas : Canvas
+    canvas
         In inches.
-    left, top : float
+    left, top
         Upper left corner, in.
-    table : Table
-    colours : sequence of colours
+    colours
         Of the first column, by row.
     """
     canvas.text(

@@ -56,10 +56,9 @@ def impose(
 
     Parameters
     ----------
-    scene : Scene
-    part : str
+    part
         One of `PARTS`.
-    number : int
+    number
         The wire, blade or leg from 0, the body from 1, the link as a spring of the scene; of the
         blades of a filter the number of its body, less 1, behind the blades of wires.
     amounts : mapping of (...) or (..., 3) arrays
@@ -89,8 +88,7 @@ def wire(
 
     Parameters
     ----------
-    scene : Scene
-    number : int
+    number
         The wire, from 0.
     k_factor, radius_factor : (...) arrays
         On its spring constant, and on its radius, with whose square the spring constant goes.
@@ -138,8 +136,7 @@ def move_com(scene: Scene, number: int, offset: Any) -> Scene:
 
     Parameters
     ----------
-    scene : Scene
-    number : int
+    number
         The body, from 1.
     offset : (..., 3) array
         m. The inertia is then about the new COM.
@@ -165,8 +162,7 @@ def turn_mass(scene: Scene, number: int, rotation: Any) -> Scene:
 
     Parameters
     ----------
-    scene : Scene
-    number : int
+    number
         The body, from 1.
     rotation : (..., 3) array
         Rotation vector, rad: the inertia becomes R I R^T.

@@ -39,8 +39,6 @@ def springs(design: Design, parts: Sequence[Any], position: Array) -> Springs:
 
     Parameters
     ----------
-    design : Design
-    parts : sequence of StagePart
     position : (n + 1, 3) array
         Nominal COMs from the suspension point, m; row 0 is the support.
     """
@@ -181,8 +179,6 @@ def link_stiffness(design: Design, link: Link, first: Array, second: Array) -> A
 
     Parameters
     ----------
-    design : Design
-    link : Link
     first, second : (3,) arrays
         Nominal COMs of its two bodies, m.
     """

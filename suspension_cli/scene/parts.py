@@ -22,22 +22,21 @@ class WirePart:
 
     Attributes
     ----------
-    label : str
     upper_point, lower_point : (3,) arrays
         Ends in the frames of the two bodies, m.
     span : (3,) array
         From the upper to the lower end in the nominal pose, m.
-    stiffness : float
+    stiffness
         N/m.
-    torsion : float
+    torsion
         N m/rad; 0 if not given.
-    loss : float
+    loss
         Loss angle, rad.
-    blade : str or None
+    blade
         Name of the blade that carries the upper end.
-    given : float or None
+    given
         Tension in the nominal pose that the design fixes, N.
-    natural : bool
+    natural
         Whether a natural length fixes it, so that the pose has to be solved for.
     mass : (3,) array
         Moments m_uu, m_ul, m_ll of the mass that has weight, kg; see `elements.weight`.
@@ -67,18 +66,17 @@ class BladePart:
 
     Attributes
     ----------
-    label : str
     tip : (3,) array
         In the frame of the body that carries the blade, m.
     axes : (3,) bool array
         Axes along which the tip moves.
     stiffness : (3,) array
         N/m.
-    tip_mass : float
+    tip_mass
         kg.
-    loss : float
+    loss
         Loss angle, rad.
-    load : float or None
+    load
         Weight under which the tip is at `tip`, N, if the design gives it.
     """
 
@@ -97,7 +95,6 @@ class BarPart:
 
     Attributes
     ----------
-    label : str
     upper, lower : (3,) arrays
         Ends in the frames of the two bodies, m.
     inertia : (3,) array

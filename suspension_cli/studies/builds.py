@@ -51,12 +51,9 @@ class Column:
 
     Attributes
     ----------
-    name : str
-    dtype : str
-    shape : tuple of int
+    shape
         Of one point.
-    units : str
-    axes : tuple of str
+    axes
         Names of the datasets that are the scales of `shape`.
     """
 
@@ -77,7 +74,7 @@ class Builds:
 
     Attributes
     ----------
-    model : LinearSystem
+    model
         With the builds as first axis; valid for builds with status `GOOD`.
     status : uint8 array
     wire : int16 array
@@ -86,10 +83,9 @@ class Builds:
         Largest residual force, relative to the weight.
     mirrors : array
         Whether each build is symmetric when x, or y, is mirrored.
-    terms : tuple of BatchTerm
+    terms
         Frequency-dependent parts, where wires bend.
-    scene : Scene or None
-    pose : Pose or None
+    pose
         Of the builds in equilibrium, if known.
     """
 
@@ -121,15 +117,15 @@ def balance(
 
     Parameters
     ----------
-    scene : Scene
+    scene
         With one batch axis.
-    design : Design
+    design
         The design of all.
-    level : str
+    level
         Name of a model that supports builds (`registry.SCENE_MODELS`).
-    allow_unstable : bool
+    allow_unstable
         Whether an unstable equilibrium has status `GOOD`.
-    split : bool
+    split
         Whether to use mirror symmetries that all scenes share: then the result for one scene
         depends on the others, unless all have the same symmetries.
     """
@@ -217,10 +213,8 @@ def transfer(
 
     Parameters
     ----------
-    builds : Builds
     frequency : array
         Hz.
-    inputs, outputs : list of Signal
     """
     ground = np.array([signal.is_ground for signal in inputs])
     if ground.any() and not ground.all():

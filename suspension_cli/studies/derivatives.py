@@ -66,7 +66,7 @@ class Linear:
         SI; `loss` is the imaginary part of the stiffness.
     orientation : array
         Of each body, the support first.
-    scene : Scene
+    scene
         The scene of the model, with a complex step where this is a derivative.
     beside : array or None
         Columns of stiffness, damping and loss for the motion of the ground beside the support.
@@ -113,19 +113,15 @@ class Differentiable:
 
     Attributes
     ----------
-    design : Design
-    scene : Scene
-    numbering : Layout
-    pose : Pose
     stiffness : array
         Of the suspension alone, without dampers and a compliant support.
-    model : LinearSystem
+    model
         The complete model, without symmetry-adapted coordinates.
-    linear : Linear
+    linear
         Its matrices.
-    bends : bool
+    bends
         Whether wires bend; `scene` then has their bending stiffness in equilibrium.
-    turned : bool
+    turned
         Whether the equilibrium is not the nominal pose.
     """
 
@@ -145,8 +141,7 @@ def prepared(design: Design, level: str = registry.STRING.name) -> Differentiabl
 
     Parameters
     ----------
-    design : Design
-    level : str
+    level
         Name of a model that supports derivatives.
 
     Raises
@@ -183,8 +178,7 @@ def of(base: Differentiable, name: str) -> Linear | None:
 
     Parameters
     ----------
-    base : Differentiable
-    name : str
+    name
         Dotted path, see `parameters.every`.
 
     Returns

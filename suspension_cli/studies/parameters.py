@@ -41,9 +41,8 @@ class Parameter:
 
     Attributes
     ----------
-    name : str
+    name
         Dotted path as ``--set`` takes it: ``stage.test.wires.s``, ``stage.test.body.inertia.2``.
-    value : float
     """
 
     name: str
@@ -55,9 +54,9 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
 
     Parameters
     ----------
-    text : str
+    text
         The design as TOML.
-    level : str
+    level
         Name of a model; where wires bend, the materials of all wires matter, Poisson's ratio too.
     """
     design, raw = reader.parse(text), tomllib.loads(text)

@@ -29,14 +29,11 @@ class Slope:
 
     Attributes
     ----------
-    size : float
     outputs : list of (value, row, adjoint)
         Complex value y, linear form r, a.
     state : array
         All coordinates for a unit input.
-    omega : float
-    base : Differentiable
-    signals : list of Signal
+    signals
         The outputs, then the input.
     """
 

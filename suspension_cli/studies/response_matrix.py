@@ -47,13 +47,11 @@ class Plant:
 
     Attributes
     ----------
-    design : Design
-    level : str
+    level
         Name of a model that supports derivatives.
-    base : Differentiable
-    system : LinearSystem
+    system
         Of the same design, in symmetry-adapted coordinates, with its terms.
-    modes : Modes
+    modes
         Without losses; shapes (m, N - 6) in the named coordinates.
     """
 
@@ -144,7 +142,6 @@ class Plant:
         ----------
         frequency : array
             Hz.
-        inputs, outputs : sequences of Signal
         damping : array, optional
             Added damping 1/Q of each mode.
         stiffening : array, optional
@@ -204,10 +201,8 @@ class Responses:
 
     Attributes
     ----------
-    plant : Plant
     omega : array
         rad/s.
-    inputs, outputs : tuple of Signal
     rows : array
         Linear forms of the outputs.
     state : array

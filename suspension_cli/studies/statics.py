@@ -23,9 +23,9 @@ def static_displacements(scene: Scene, pose: Pose) -> Float[np.ndarray, "build b
 
     Parameters
     ----------
-    scene : Scene
+    scene
         With the builds as its one batch axis.
-    pose : Pose
+    pose
         Their equilibrium.
     """
     drawn = scene.drawn or scene

@@ -45,11 +45,11 @@ def scenes(
 
     Parameters
     ----------
-    text : str
+    text
         The design as TOML.
     values : dict of arrays
         By dotted path.
-    level : str
+    level
         Name of a model that supports builds; `SceneModel.wire_properties` are the same in a batch.
 
     Yields
@@ -120,9 +120,9 @@ def balanced(
     ----------
     text, values
         See `scenes`.
-    level : str
+    level
         Name of a model.
-    allow_unstable : bool
+    allow_unstable
         Whether an unstable equilibrium has status `builds.GOOD`.
 
     Yields

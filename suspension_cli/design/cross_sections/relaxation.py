@@ -54,7 +54,7 @@ def relaxation(
     phase
         w h^2/D, with h half the depth of the section and D its diffusivity; complex for the
         analytic continuation.
-    order : float
+    order
         n: `ROUND` or `FLAT`.
     """
     if np.iscomplexobj(phase):  # Im g = (g(i p) - g(-i p))/2i for real p, and so for all

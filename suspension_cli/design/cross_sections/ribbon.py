@@ -7,10 +7,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from msgspec import Meta
-
 from suspension_cli.design.cross_sections.shape import CrossSection
-from suspension_cli.design.units import Length, Table
+from suspension_cli.design.units import Length, Table, doc
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,8 +22,8 @@ class Ribbon(Table, CrossSection, frozen=True):
     wire: ClassVar[str] = "a ribbon"
     form: ClassVar[str] = "section { width, thickness }"
 
-    width: Annotated[Length, Meta(description="along y, m")]
-    thickness: Annotated[Length, Meta(description="along x, m")]
+    width: Annotated[Length, doc("along y, m")]
+    thickness: Annotated[Length, doc("along x, m")]
 
     def sizes(self) -> Iterator[tuple[str, float, float]]:
         """Width and thickness, m."""

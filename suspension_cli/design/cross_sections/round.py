@@ -32,7 +32,7 @@ class Round(CrossSection):
 
     Attributes
     ----------
-    upper, lower : float
+    upper, lower
         Radius at the two ends, m.
     """
 

@@ -27,13 +27,13 @@ class CrossSection:
 
     Attributes
     ----------
-    key : str
+    key
         Key in the tables of wires.
-    wire : str
+    wire
         The wire that has it, for messages.
-    form : str
+    form
         How to give it, for messages.
-    round : bool
+    round
         Whether it is the same in all directions across the wire.
     """
 
@@ -119,7 +119,7 @@ class CrossSection:
 
         Parameters
         ----------
-        normal, along : float
+        normal, along
             Of a surface that moves along its normal or slides, per area and velocity, N s/m^3.
 
         Returns

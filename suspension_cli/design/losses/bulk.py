@@ -11,8 +11,6 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
-from msgspec import Meta
-
 from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
 from suspension_cli.design.units import (
     Frequency,
@@ -20,6 +18,7 @@ from suspension_cli.design.units import (
     PositiveLossAngle,
     Separation,
     Table,
+    doc,
 )
 
 if TYPE_CHECKING:
@@ -32,15 +31,11 @@ class LossTable(Table, frozen=True):
 
     frequency: Annotated[
         list[Frequency],
-        Meta(min_length=1, max_length=10000, description="ascending frequencies in Hz"),
+        doc("ascending frequencies in Hz", min_length=1, max_length=10000),
     ]
     angle: Annotated[
         list[PositiveLossAngle],
-        Meta(
-            min_length=1,
-            max_length=10000,
-            description="loss angle in rad at each of the frequencies",
-        ),
+        doc("loss angle in rad at each of the frequencies", min_length=1, max_length=10000),
     ]
 
 
@@ -50,11 +45,11 @@ class Bulk(Mechanism):
 
     Attributes
     ----------
-    angle : float
+    angle
         Constant loss angle of the bulk, rad.
-    table : two tuples of n numbers or None
+    table
         Frequencies (Hz, ascending) and loss angles of the bulk (rad) instead of a constant one.
-    surface_depth : float
+    surface_depth
         Dissipation depth d_s of the surface, m.
     """
 
@@ -63,17 +58,15 @@ class Bulk(Mechanism):
     keys: ClassVar[tuple[Key, ...]] = (
         Key(
             "angle",
-            Annotated[LossAngle, Meta(description="constant loss angle of the bulk in rad")],
+            Annotated[LossAngle, doc("constant loss angle of the bulk in rad")],
         ),
         Key(
             "table",
             Annotated[
                 LossTable,
-                Meta(
-                    description=(
-                        "loss angle of the bulk by frequency, instead of a constant one:"
-                        " interpolated linearly in the logarithms"
-                    )
+                doc(
+                    "loss angle of the bulk by frequency, instead of a constant one:"
+                    " interpolated linearly in the logarithms"
                 ),
             ],
         ),
@@ -81,11 +74,9 @@ class Bulk(Mechanism):
             "surface_depth",
             Annotated[
                 Separation,
-                Meta(
-                    description=(
-                        "dissipation depth of the surface in m; default 0, or that of the built-in"
-                        " material unless the design gives another loss of the bulk"
-                    ),
+                doc(
+                    "dissipation depth of the surface in m; default 0, or that of the built-in"
+                    " material unless the design gives another loss of the bulk"
                 ),
             ],
         ),

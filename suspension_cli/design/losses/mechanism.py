@@ -21,8 +21,7 @@ class Key:
 
     Attributes
     ----------
-    name : str
-    kind : type
+    kind
         With its unit, bounds and help text.
     table : {"material", "wire"}
         ``[materials.NAME.loss]``, or the tables of wires.
@@ -114,12 +113,11 @@ class Mechanism:
 
     Attributes
     ----------
-    name : str
+    name
         For messages.
-    keys : tuple of Key
-    uniform : bool
+    uniform
         Whether it acts in every deformation; otherwise in bending alone.
-    cause : str
+    cause
         The cause under which `pendsus thermal` lists its dissipation in the bending of wires:
         ``clamps`` for ``test.clamps``; "" to count it to the bending of either end.
     """
@@ -145,9 +143,9 @@ class Mechanism:
 
         Parameters
         ----------
-        material : MaterialConstants
+        material
             With the values that `merge` makes.
-        wire : Table or None
+        wire
             Table of the wire; None for a blade.
 
         Returns

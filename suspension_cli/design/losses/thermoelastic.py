@@ -13,10 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
-from msgspec import Meta
-
 from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mechanism, Shape
-from suspension_cli.design.units import Table
+from suspension_cli.design.units import Table, doc
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,15 +27,15 @@ class Thermoelastic(Mechanism):
 
     Attributes
     ----------
-    youngs_modulus, density : float
+    youngs_modulus, density
         Pa, kg/m^3.
-    expansion : float
+    expansion
         Linear thermal expansion alpha, 1/K.
-    modulus_slope : float
+    modulus_slope
         beta = (1/E) dE/dT, 1/K.
-    heat_capacity : float
+    heat_capacity
         Specific heat, J/(kg K).
-    conductivity : float
+    conductivity
         Thermal conductivity, W/(m K).
     """
 
@@ -47,11 +45,9 @@ class Thermoelastic(Mechanism):
             "thermoelastic",
             Annotated[
                 bool,
-                Meta(
-                    description=(
-                        "false omits thermoelastic loss, which needs density, expansion, specific"
-                        " heat and conductivity (the slope of the modulus may be missing)"
-                    )
+                doc(
+                    "false omits thermoelastic loss, which needs density, expansion, specific"
+                    " heat and conductivity (the slope of the modulus may be missing)"
                 ),
             ],
         ),
