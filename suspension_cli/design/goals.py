@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
 from suspension_cli.conventions import DOFS
@@ -96,7 +95,7 @@ class Goals(Table, frozen=True):
 
     goal: Annotated[list[Goal], Meta(min_length=1)]
     free: Annotated[list[Free], Meta(min_length=1)]
-    equal: list[Equal] = msgspec.field(default_factory=list)
+    equal: list[Equal] = []
     title: str = ""
     reference: str = ""
     prefer: Annotated[

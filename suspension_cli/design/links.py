@@ -61,13 +61,11 @@ class StiffnessTable(Table, frozen=True):
         ]
         | None
     ) = None
-    frequency: Annotated[list[Frequency], doc("Hz, ascending")] = field(default_factory=list)
-    real: Annotated[list[Series], doc("real part per axis and frequency, N/m or N m/rad")] = field(
-        default_factory=list
-    )
+    frequency: Annotated[list[Frequency], doc("Hz, ascending")] = []
+    real: Annotated[list[Series], doc("real part per axis and frequency, N/m or N m/rad")] = []
     imaginary: Annotated[
         list[Series], doc("imaginary part per axis and frequency, N/m or N m/rad")
-    ] = field(default_factory=list)
+    ] = []
     static: (
         Annotated[
             list[Coefficient],
@@ -109,7 +107,7 @@ class Strands(Table, frozen=True):
     points: Annotated[
         list[Vector],
         doc("points between the ends, from the COM of the first body, m"),
-    ] = field(default_factory=list)
+    ] = []
 
 
 class Link(Table, frozen=True):

@@ -143,11 +143,11 @@ class Transducer(Table, frozen=True):
     ) = None
     mix: Annotated[
         dict[str, Factor], doc("other signals that the channel contains, and how much")
-    ] = msgspec.field(default_factory=dict)
+    ] = {}
     mix_uncertainty: Annotated[
         dict[str, Annotated[float, Meta(gt=0, le=1e20)]],
         doc("standard deviations of entries of mix, which are then fitted from 0 or mix"),
-    ] = msgspec.field(default_factory=dict)
+    ] = {}
 
 
 class Experiment(Table, frozen=True):
@@ -162,9 +162,7 @@ class Experiment(Table, frozen=True):
         ]
         | None
     ) = None
-    set: Annotated[list[str], doc("overrides as --set takes them")] = msgspec.field(
-        default_factory=list
-    )
+    set: Annotated[list[str], doc("overrides as --set takes them")] = []
 
     @property
     def title(self) -> str:
@@ -193,11 +191,11 @@ class Free(Table, frozen=True):
 class Measured(Table, frozen=True):
     """A file of measurements: of one design, or of modes in several experiments."""
 
-    parameter: list[Free] = msgspec.field(default_factory=list)
+    parameter: list[Free] = []
     mode: Annotated[list[Mode], Meta(min_length=1)] | None = None
-    transfer_function: list[TransferFunction] = msgspec.field(default_factory=list)
-    sensor: list[Transducer] = msgspec.field(default_factory=list)
-    actuator: list[Transducer] = msgspec.field(default_factory=list)
+    transfer_function: list[TransferFunction] = []
+    sensor: list[Transducer] = []
+    actuator: list[Transducer] = []
     experiment: Annotated[list[Experiment], Meta(min_length=1)] | None = None
     title: str = ""
     reference: str = ""

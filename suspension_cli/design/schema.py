@@ -279,16 +279,10 @@ class Stage(Table, frozen=True):
         | None
     ) = None
     wires: WireSet | None = None
-    wire: Annotated[list[Wire], doc("wires anywhere, instead of a symmetric set")] = field(
-        default_factory=list
-    )
+    wire: Annotated[list[Wire], doc("wires anywhere, instead of a symmetric set")] = []
     blades: BladeSet | None = None
-    blade: Annotated[list[Blade], doc("blades for wires that name them")] = field(
-        default_factory=list
-    )
-    spring: Annotated[list[Spring], doc("linear springs to the body above")] = field(
-        default_factory=list
-    )
+    blade: Annotated[list[Blade], doc("blades for wires that name them")] = []
+    spring: Annotated[list[Spring], doc("linear springs to the body above")] = []
     inverted_pendulum: InvertedPendulum | None = None
     filter: Filter | None = None
     damping: Damping | None = None
@@ -411,8 +405,8 @@ class Loop(Table, frozen=True):
         ]
         | None
     ) = None
-    zeros: Root = field(default_factory=list)
-    poles: Root = field(default_factory=list)
+    zeros: Root = []
+    poles: Root = []
     filter: Annotated[str, doc(f"H in N/m (N m/rad) as {FOTON}")] | None = None
     gain_at: Annotated[GainAt, doc("sets the gain of zeros and poles, or of filter")] | None = None
     delay: Annotated[
@@ -515,12 +509,12 @@ class Requirement(Table, frozen=True):
 class Tolerance(Table, frozen=True):
     """Scatter of parts from build to build, and requirements on builds."""
 
-    wire: list[WireTolerance] = field(default_factory=list)
-    body: list[BodyTolerance] = field(default_factory=list)
-    blade: list[BladeTolerance] = field(default_factory=list)
-    leg: list[LegTolerance] = field(default_factory=list)
-    link: list[LinkTolerance] = field(default_factory=list)
-    require: list[Requirement] = field(default_factory=list)
+    wire: list[WireTolerance] = []
+    body: list[BodyTolerance] = []
+    blade: list[BladeTolerance] = []
+    leg: list[LegTolerance] = []
+    link: list[LinkTolerance] = []
+    require: list[Requirement] = []
 
 
 class Design(Table, frozen=True):
@@ -529,20 +523,18 @@ class Design(Table, frozen=True):
     design: Header
     stage: Annotated[list[Stage], doc("bodies, top to bottom", min_length=1)]
     constants: Constants = Constants()
-    materials: dict[str, Material] = field(default_factory=dict)
+    materials: dict[str, Material] = {}
     gas: Gas | None = None
     support: Support | None = None
     control: Control | None = None
     tolerance: Tolerance | None = None
-    perturbation: list[Perturbation] = field(default_factory=list)
-    link: Annotated[list[Link], doc("springs between any two bodies")] = field(default_factory=list)
-    damper: Annotated[list[Damper], doc("dampers between any two bodies")] = field(
-        default_factory=list
-    )
+    perturbation: list[Perturbation] = []
+    link: Annotated[list[Link], doc("springs between any two bodies")] = []
+    damper: Annotated[list[Damper], doc("dampers between any two bodies")] = []
     analysis: Annotated[
         dict[str, dict[str, Any]],
         doc("defaults for a command's options, under the options' own names"),
-    ] = field(default_factory=dict)
+    ] = {}
 
 
 def json_schema() -> dict[str, Any]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from msgspec import field
-
 from suspension_cli.design.cross_sections.ribbon import Ribbon
 from suspension_cli.design.cross_sections.round import Round
 from suspension_cli.design.cross_sections.shape import CrossSection
@@ -173,10 +171,8 @@ class Profile(Table, frozen=True):
     position: Annotated[
         list[Annotated[float, of_unit("m", "place in m", ge=-1e5, le=1e5)]],
         doc("ascending places from the upper end down, m", max_length=20000),
-    ] = field(default_factory=list)
-    diameter: Annotated[list[Length], doc("diameter there, m", max_length=20000)] = field(
-        default_factory=list
-    )
+    ] = []
+    diameter: Annotated[list[Length], doc("diameter there, m", max_length=20000)] = []
     error: ProfileError = 1e-3
 
 
