@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import re
 import tomllib
@@ -13,7 +14,7 @@ from typing import Any
 from suspension_cli.design import checks, faults, link_tables, paths, profiles
 from suspension_cli.design.keystones import add_keystones
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 
 MAX_BYTES = 4_000_000
 """Size above which a file is taken for something else (a results file, a picture)."""
@@ -57,13 +58,13 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
     InputError
         With every fault of the file.
     """
-    name = str(file)
+    name, folder = str(file), Path(file).parent
     try:
         raw = _parse(_text(Path(file)))
         apply_overrides(raw, overrides)
         _check_kind(raw)
-        link_tables.insert_tables(raw, Path(file).parent)
-        profiles.resolve_files(raw, Path(file).parent)
+        link_tables.insert_tables(raw, folder)
+        profiles.resolve_files(raw, folder)
         design = convert(raw)
     except InputError as error:
         raise error.in_file(name) from None
@@ -85,30 +86,20 @@ def _check_kind(raw: dict[str, Any]) -> None:
 
 def read_text(file: str | Path) -> str:
     """Read the text of a file, which may be a pipe; raises `InputError` if it cannot be read."""
-    try:
+    with attribute_faults_to(str(file)):
         return _text(Path(file))
-    except InputError as error:
-        raise error.in_file(str(file)) from None
 
 
 def read_toml(file: str | Path, text: str | None = None) -> dict[str, Any]:
-    """Parse a TOML file, or its text if that was read before, whatever it holds.
-
-    Raises `InputError` if it is no TOML.
-    """
-    try:
-        return _parse(
-            _text(Path(file)) if text is None else text, "write tables into it, as docs/ shows"
-        )
-    except InputError as error:
-        raise error.in_file(str(file)) from None
+    """Parse a TOML file, or its text if that was read before; raises `InputError` if it is none."""
+    with attribute_faults_to(str(file)):
+        whole = _text(Path(file)) if text is None else text
+        return _parse(whole, "write tables into it, as docs/ shows")
 
 
 def parse(text: str) -> Design:
     """Parse and check a design from TOML text."""
-    raw = _parse(text)
-    profiles.resolve_files(raw, Path())
-    return convert(raw)
+    return parse_with_overrides(text, ())
 
 
 def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
@@ -139,38 +130,33 @@ def write_toml(raw: dict[str, Any]) -> str:
 
 
 def _text(path: Path) -> str:
+    if path.is_dir():
+        raise InputError.of("", "is a directory", "name a TOML file in it")
     try:
-        if path.is_dir():
-            raise InputError.of("", "is a directory", "name a TOML file in it")
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError.of(
-            "", f"cannot be read ({reason})", "check the path and its permissions"
-        ) from None
+        problem = f"cannot be read ({getattr(error, 'strerror', None) or error})"
+        raise InputError.of("", problem, "check the path and its permissions") from None
     if len(data) > MAX_BYTES:
-        raise InputError.of(
-            "", f"has more than {MAX_BYTES} bytes, too many for a design", "name a TOML design file"
-        )
+        problem = f"has more than {MAX_BYTES} bytes, too many for a design"
+        raise InputError.of("", problem, "name a TOML design file")
     try:
-        text = data.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
+        return data.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError:
         raise InputError.of("", "is not text (UTF-8)", "name a TOML design file") from None
-    return text
 
 
 def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> dict[str, Any]:
     try:
-        raw = _copy(_parsed(text))
+        raw = copy.deepcopy(_parsed(text))
     except tomllib.TOMLDecodeError as error:
         raise InputError.of("", f"is not TOML: {error}", "correct that line") from None
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
     except ValueError:  # numbers of TOML that Python refuses
-        raise InputError.of(
-            "", "is not TOML: a number has thousands of digits", "write it shorter"
-        ) from None
+        problem = "is not TOML: a number has thousands of digits"
+        raise InputError.of("", problem, "write it shorter") from None
     if not raw:
         raise InputError.of("", "is empty", remedy)
     return raw
@@ -180,13 +166,6 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> dict
 def _parsed(text: str) -> dict[str, Any]:
     """Document that a TOML text stands for: searches read one text with many overrides."""
     return tomllib.loads(text)
-
-
-def _copy(value: Any) -> Any:
-    """Copy the tables and lists of a parsed document; what is in them cannot change."""
-    if isinstance(value, dict):
-        return {key: _copy(item) for key, item in value.items()}
-    return [_copy(item) for item in value] if isinstance(value, list) else value
 
 
 def apply_overrides(raw: dict[str, Any], overrides: tuple[str, ...]) -> None:
@@ -200,22 +179,15 @@ def apply_overrides(raw: dict[str, Any], overrides: tuple[str, ...]) -> None:
         missing member of a list is a fault.
     """
     for override in overrides:
+        shown = format_value(override)
         if any("\ud800" <= letter <= "\udfff" for letter in override):
-            raise InputError.of(
-                "--set",
-                "contains bytes that are not text",
-                "write it in UTF-8",
-                format_value(override),
-            )
+            problem, remedy = "contains bytes that are not text", "write it in UTF-8"
+            raise InputError.of("--set", problem, remedy, shown)
         path, equals, value = override.partition("=")
         keys = [key.strip() for key in path.split(".")]
         if not equals or not all(keys):
-            raise InputError.of(
-                "--set",
-                "is not of the form path=value",
-                "write for example --set stage.test.wires.d=0.002",
-                format_value(override),
-            )
+            remedy = "write for example --set stage.test.wires.d=0.002"
+            raise InputError.of("--set", "is not of the form path=value", remedy, shown)
         try:
             parsed = tomllib.loads(f"value = {value}")["value"]
         except (tomllib.TOMLDecodeError, RecursionError, ValueError):
@@ -258,9 +230,8 @@ def example_text(name: str, new_name: str) -> str:
 def _example(name: str) -> Path:
     known = examples()
     if name not in known:
-        raise InputError.of(
-            "example", "is not there", faults.suggest(name, known), format_value(name)
-        )
+        remedy = faults.suggest(name, known)
+        raise InputError.of("example", "is not there", remedy, format_value(name))
     return _EXAMPLES / f"{name}.toml"
 
 
