@@ -6,11 +6,11 @@ import cmath
 import math
 import operator
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import inverted_pendulum, materials
+from suspension_cli.design.circles import direction
 from suspension_cli.design.schema import Body, Design, Spring, Stage
 from suspension_cli.design.sections import given_sections, stretches, thinnest
 from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet
@@ -141,29 +141,6 @@ def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
     )
 
 
-STEPS_OF_A_TURN = 24
-"""Fractions of a quarter turn that angles near them are taken for, so that mirror images agree to
-the last bit."""
-
-
-def _direction(angle: complex, quarters: Fraction) -> tuple[Any, Any]:
-    """Cosine and sine of an angle (rad) plus a number of quarter turns."""
-    turns = angle.real / (math.pi / 2)
-    nearest = Fraction(round(turns * STEPS_OF_A_TURN), STEPS_OF_A_TURN)
-    if abs(turns - nearest) < 1e-9:
-        exact = nearest + quarters
-        whole = round(exact)
-        rest = float(exact - whole) * math.pi / 2
-    else:
-        whole, rest = 0, angle.real + float(quarters) * math.pi / 2
-    x, y = math.cos(rest), math.sin(rest)
-    for _ in range(whole % 4):
-        x, y = -y, x
-    if isinstance(angle, complex):  # a complex step
-        x, y = x - 1j * angle.imag * y, y + 1j * angle.imag * x
-    return x, y
-
-
 @dataclass(frozen=True)
 class SetGeometry:
     """Geometry of a symmetric set of wires (all in m; the paper's symbols)."""
@@ -190,7 +167,7 @@ class SetGeometry:
 
     def ring_ends(self, number: int) -> tuple[tuple[float, float], tuple[float, float]]:
         """Compute x and y (m) of the upper and of the lower end of a wire of a ring, from 0."""
-        x, y = _direction(self.phase, Fraction(4 * number, self.count))
+        x, y = direction(self.phase, number, self.count)
         upper, lower = self.ring_upper, self.ring_lower
         return (upper * x, upper * y), (lower * x, lower * y)
 

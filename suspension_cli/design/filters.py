@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from suspension_cli.design.faults import fault_of
+from suspension_cli.design.faults import check_alternatives, fault_of
 from suspension_cli.design.units import (
     Expansion,
     Frequency,
@@ -210,28 +210,16 @@ def keystone_inertia(keystone: Keystone) -> list[float]:
 
 def check_filter(table: Filter, path: str) -> Iterator[Fault]:
     """Check one `[stage.filter]` table."""
-    for keys, what in (
-        (("stiffness", "frequency"), "stiffness in N/m, or frequency at the load in Hz"),
-        (("loss_angle", "q"), "loss_angle in rad, or q"),
-        (("saturation", "mass_coupling"), "saturation, or mass_coupling in kg"),
-    ):
-        given = [key for key in keys if getattr(table, key) is not None]
-        if len(given) == 2 or (not given and keys[0] == "stiffness"):
-            have = f"{keys[0]} and {keys[1]} are both given" if given else "has no stiffness"
-            yield Fault(path, have, f"give exactly one: {what}")
+    what = "stiffness in N/m, or frequency at the load in Hz"
+    yield from check_alternatives(table, path, ("stiffness", "frequency"), what, needed=True)
+    yield from check_alternatives(table, path, ("loss_angle", "q"), "loss_angle in rad, or q")
+    what = "saturation, or mass_coupling in kg"
+    yield from check_alternatives(table, path, ("saturation", "mass_coupling"), what)
     if table.q is not None and table.q <= 1:
-        yield fault_of(
-            table,
-            path,
-            "q",
-            "gives a loss angle of 1 rad or more",
-            "give a larger one, or damp the stage with [stage.damping]",
-        )
-    if table.mass_coupling is not None and table.mass_coupling >= table.keystone.mass:
-        yield fault_of(
-            table,
-            path,
-            "mass_coupling",
-            f"is not below the mass of the keystone, {table.keystone.mass:g} kg, which includes it",
-            "add the part of the blades that moves with the keystone to its mass",
-        )
+        remedy = "give a larger one, or damp the stage with [stage.damping]"
+        yield fault_of(table, path, "q", "gives a loss angle of 1 rad or more", remedy)
+    mass = table.keystone.mass
+    if table.mass_coupling is not None and table.mass_coupling >= mass:
+        problem = f"is not below the mass of the keystone, {mass:g} kg, which includes it"
+        remedy = "add the part of the blades that moves with the keystone to its mass"
+        yield fault_of(table, path, "mass_coupling", problem, remedy)
