@@ -36,7 +36,9 @@ def resolve_files(raw: dict[str, Any], folder: Path) -> None:
         if isinstance(wires, list):
             tables |= {f"{where}.wire.{n}": wire for n, wire in enumerate(wires, 1)}
         for path, table in tables.items():
-            given = table.get("profile") if isinstance(table, dict) else None
+            if not isinstance(table, dict):
+                continue
+            given = table.get("profile")
             own = {"file": given} if isinstance(given, str) else given
             if not isinstance(own, dict) or "position" in own or "diameter" in own:
                 continue

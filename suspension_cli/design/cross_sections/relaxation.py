@@ -61,7 +61,7 @@ def relaxation(
         return (_moment(1j * phase, order) - _moment(-1j * phase, order)) / 2j
     phase = np.asarray(phase, dtype=float)
     if phase.size > LARGE:
-        return _moment(1j * phase, order).imag
+        return np.imag(_moment(1j * phase, order))
     return _known_relaxation(phase.tobytes(), phase.shape, order).copy()
 
 
@@ -70,7 +70,7 @@ def _known_relaxation(
     phase: bytes, shape: tuple[int, ...], order: float
 ) -> Float[np.ndarray, "*frequency"]:
     """Im g at phases given by their bytes, kept as equal sections and both ends of wires repeat."""
-    return _moment(1j * np.frombuffer(phase).reshape(shape), order).imag
+    return np.imag(_moment(1j * np.frombuffer(phase).reshape(shape), order))
 
 
 def _moment(
