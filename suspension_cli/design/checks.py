@@ -96,7 +96,7 @@ def _check_names(design: Design) -> Iterator[Fault]:
         if stage.name == FRAME and design.support is not None:
             problem = "is the name of the support structure that [support] describes"
             yield fault_of(stage, path, "name", problem, "give the stage another name")
-        named = [(stage, path, "hangs_from", stage.hangs_from)]
+        named: list[Any] = [(stage, path, "hangs_from", stage.hangs_from)]
         if stage.damping is not None:
             named.append((stage.damping, f"{path}.damping", "against", stage.damping.against))
         for table, where, key, name in named:

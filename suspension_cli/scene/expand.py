@@ -119,8 +119,6 @@ def _add_symmetric_set(design: Design, part: StagePart, wires: WireSet) -> None:
                 torsion=wires.torsion or 0.0,
                 loss=loss,
                 blade=_blade_of(stage.blades, number, shape),
-                given=None,
-                natural=False,
                 mass=moments,
             )
         )

@@ -46,11 +46,6 @@ def add_legs(part: StagePart) -> None:
                 lower_point=lower,
                 span=legs.length * UP,
                 stiffness=legs.axial_stiffness,
-                torsion=0.0,
-                loss=0.0,
-                blade=None,
-                given=None,
-                natural=False,
             )
         )
         if legs.leg_mass or legs.counterweight is not None:
