@@ -76,16 +76,17 @@ class Builds:
     ----------
     model
         With the builds as first axis; valid for builds with status `GOOD`.
-    status : uint8 array
-    wire : int16 array
-        The first slack wire, or -1.
-    residual : array
+    status
+        uint8.
+    wire
+        The first slack wire, or -1 (int16).
+    residual
         Largest residual force, relative to the weight.
-    mirrors : array
+    mirrors
         Whether each build is symmetric when x, or y, is mirrored.
     terms
         Frequency-dependent parts, where wires bend.
-    pose
+    scene, pose
         Of the builds in equilibrium, if known.
     """
 
@@ -113,14 +114,12 @@ def balance(
     allow_unstable: bool = False,
     split: bool = False,
 ) -> Builds:
-    """Balance every scene of a batch, and build its linear model.
+    """Balance every scene of a batch of one design, and build its linear model.
 
     Parameters
     ----------
     scene
         With one batch axis.
-    design
-        The design of all.
     level
         Name of a model that supports builds (`registry.SCENE_MODELS`).
     allow_unstable
@@ -142,16 +141,8 @@ def balance(
         status[~found.converged] = UNBALANCED
     wire = np.full(status.shape, -1, dtype=np.int16)
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
-    return Builds(
-        oriented(model, found),
-        status,
-        wire,
-        found.residual,
-        is_mirror_symmetric(scene),
-        terms,
-        scene,
-        found.pose,
-    )
+    model, mirrors = oriented(model, found), is_mirror_symmetric(scene)
+    return Builds(model, status, wire, found.residual, mirrors, terms, scene, found.pose)
 
 
 def with_wire_mass(found: Builds) -> Builds:
@@ -165,9 +156,8 @@ def with_wire_mass(found: Builds) -> Builds:
 
 def oriented(model: LinearSystem, found: Equilibrium) -> LinearSystem:
     """A linear model with the rotations of its bodies, even if none of the batch is turned."""
-    return replace(
-        model,
-        orientation=model.orientation if model.orientation is not None else found.pose.rotation,
+    return (
+        model if model.orientation is not None else replace(model, orientation=found.pose.rotation)
     )
 
 
@@ -209,13 +199,7 @@ def transfer(
     inputs: list[Signal],
     outputs: list[Signal],
 ) -> Complex[np.ndarray, "build frequency output input"]:
-    """Responses of all builds: NaN where one failed, exactly 0 where symmetry demands.
-
-    Parameters
-    ----------
-    frequency : array
-        Hz.
-    """
+    """Responses of all builds at frequencies in Hz: NaN where one failed, 0 by symmetry."""
     ground = np.array([signal.is_ground for signal in inputs])
     if ground.any() and not ground.all():
         parts = [
@@ -224,13 +208,12 @@ def transfer(
         ]
         order = np.argsort(np.argsort(ground, kind="stable"), kind="stable")
         return np.concatenate(parts, axis=-1)[..., order]
-    model, acts = builds.model, np.array([signal.acts for signal in inputs])
-    rows = np.stack([linear_form(signal, model) for signal in outputs], axis=-2)  # (p, o, N)
-    drives = np.stack([linear_form(signal, model) for signal in inputs], axis=-1)  # (p, N, i)
+    rows = np.stack([linear_form(signal, builds.model) for signal in outputs], axis=-2)
+    drives = np.stack([linear_form(signal, builds.model) for signal in inputs], axis=-1)
     if ground.any():
         rows[..., :6] = 0.0  # the support is at rest
         builds = driven_by_ground(builds)
-        model = builds.model
+    acts = np.array([signal.acts for signal in inputs])
     moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives[..., 6:, :], 0.0)
     omega = 2 * np.pi * np.asarray(frequency)
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
@@ -238,17 +221,13 @@ def transfer(
     step = max(1, SYSTEMS // (4 if builds.terms else 1) // max(len(good), 1))
     for start in range(0, len(omega) if len(good) else 0, step):
         now = slice(start, start + step)
-        x = respond(model, builds.terms, good, omega[now], moves, forces)
-        result[good, now] = (
-            rows[good][:, None, :, 6:] @ x + (rows[good][..., :6] @ moves[good])[:, None]
-        )
+        x = respond(builds.model, builds.terms, good, omega[now], moves, forces)
+        direct = (rows[good][..., :6] @ moves[good])[:, None]
+        result[good, now] = rows[good][:, None, :, 6:] @ x + direct
     for o, out in enumerate(outputs):
         for i, into in enumerate(inputs):
-            result[..., o, i] = np.where(
-                (forbidden(builds.mirrors, out, into) & (builds.status == GOOD))[..., None],
-                0.0,
-                result[..., o, i],
-            )
+            none = forbidden(builds.mirrors, out, into) & (builds.status == GOOD)
+            result[none, :, o, i] = 0.0
     return result
 
 
