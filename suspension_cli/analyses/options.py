@@ -85,7 +85,7 @@ def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | No
     return value
 
 
-ENDINGS = (
+ENDINGS = [
     ".csv",
     ".h5",
     ".hdf5",
@@ -101,7 +101,7 @@ ENDINGS = (
     ".toml",
     ".txt",
     ".zip",
-)
+]
 """Endings of file names, which folders hardly ever have."""
 
 DESIGN = argument("design", metavar="DESIGN")

@@ -202,8 +202,8 @@ class Spring(Table, frozen=True):
 Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le=1e12)]
 
 
-class Damping(Table, frozen=True):
-    """Viscous damping of a body's motion relative to another body or the support, at its COM."""
+class FrameDamping(Table, frozen=True):
+    """Viscous damping of the support structure against the ground, N s/m and N m s/rad."""
 
     x: Viscous = 0.0
     y: Viscous = 0.0
@@ -211,6 +211,11 @@ class Damping(Table, frozen=True):
     roll: Viscous = 0.0
     pitch: Viscous = 0.0
     yaw: Viscous = 0.0
+
+
+class Damping(FrameDamping, frozen=True):
+    """Viscous damping of a body's motion relative to another body or the support, at its COM."""
+
     against: Annotated[Name, doc(f'"support", or the name of a stage above: {NAMES}')] = "support"
 
 
@@ -223,17 +228,6 @@ class Compliance(Table, frozen=True):
     roll: Stiffness | None = None
     pitch: Stiffness | None = None
     yaw: Stiffness | None = None
-
-
-class FrameDamping(Table, frozen=True):
-    """Viscous damping of the support structure against the ground, N s/m and N m s/rad."""
-
-    x: Viscous = 0.0
-    y: Viscous = 0.0
-    z: Viscous = 0.0
-    roll: Viscous = 0.0
-    pitch: Viscous = 0.0
-    yaw: Viscous = 0.0
 
 
 class Support(Table, frozen=True):

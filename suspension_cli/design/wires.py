@@ -336,6 +336,18 @@ BladeMaterial = Annotated[
 BladeTemperature = Annotated[
     Kelvin, doc("temperature of the blade in K; default that of [constants]")
 ]
+TipStiffness = Annotated[Stiffness, doc("vertical stiffness of one blade at its tip, N/m")]
+UncoupledFrequency = Annotated[
+    Frequency,
+    doc(
+        "frequency f of this stage's mass m alone on all its blades, Hz: (2 pi f)^2 m, shared"
+        " equally"
+    ),
+]
+TipMass = Annotated[MassOrZero, doc("mass that moves with one tip, kg")]
+LateralStiffness = Annotated[
+    tuple[Stiffness, Stiffness], doc("stiffness of one tip along x and y, N/m; rigid if not given")
+]
 
 
 class BladeSet(Table, frozen=True):
@@ -350,29 +362,12 @@ class BladeSet(Table, frozen=True):
             le=100,
         ),
     ]
-    stiffness: (
-        Annotated[Stiffness, doc("vertical stiffness of one blade at its tip, N/m")] | None
-    ) = None
-    uncoupled_frequency: (
-        Annotated[
-            Frequency,
-            doc(
-                "frequency f of this stage's mass m alone on the blades, Hz: (2 pi f)^2 m,"
-                " shared equally"
-            ),
-        ]
-        | None
-    ) = None
+    stiffness: TipStiffness | None = None
+    uncoupled_frequency: UncoupledFrequency | None = None
     geometry: BladeGeometry | None = None
     load: BladeWeight | None = None
-    tip_mass: Annotated[MassOrZero, doc("mass that moves with one tip, kg")] = 0.0
-    lateral_stiffness: (
-        Annotated[
-            tuple[Stiffness, Stiffness],
-            doc("stiffness of one tip along x and y, N/m; rigid if not given"),
-        ]
-        | None
-    ) = None
+    tip_mass: TipMass = 0.0
+    lateral_stiffness: LateralStiffness | None = None
     loss_angle: BladeLoss | None = None
     material: BladeMaterial | None = None
     thickness: BladeThickness | None = None
@@ -392,29 +387,12 @@ class Blade(Table, frozen=True):
         ]
         | None
     ) = None
-    stiffness: (
-        Annotated[Stiffness, doc("vertical stiffness of the blade at its tip, N/m")] | None
-    ) = None
-    uncoupled_frequency: (
-        Annotated[
-            Frequency,
-            doc(
-                "frequency f of this stage's mass m alone on all its blades, Hz: (2 pi f)^2 m,"
-                " shared equally"
-            ),
-        ]
-        | None
-    ) = None
+    stiffness: TipStiffness | None = None
+    uncoupled_frequency: UncoupledFrequency | None = None
     geometry: BladeGeometry | None = None
     load: BladeWeight | None = None
-    tip_mass: Annotated[MassOrZero, doc("mass that moves with the tip, kg")] = 0.0
-    lateral_stiffness: (
-        Annotated[
-            tuple[Stiffness, Stiffness],
-            doc("stiffness of the tip along x and y, N/m; rigid if not given"),
-        ]
-        | None
-    ) = None
+    tip_mass: TipMass = 0.0
+    lateral_stiffness: LateralStiffness | None = None
     loss_angle: BladeLoss | None = None
     material: BladeMaterial | None = None
     thickness: BladeThickness | None = None

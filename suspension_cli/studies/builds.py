@@ -21,9 +21,9 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.batch_terms import BatchTerm, WireBatchTerm
 from suspension_cli.models.surroundings import framed, surrounded
+from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
-from suspension_cli.studies.statics import static_displacements
 from suspension_cli.studies.systems import respond
 
 if TYPE_CHECKING:
@@ -101,9 +101,23 @@ class Builds:
 
     @property
     def static(self) -> Float[np.ndarray, "build body 6"]:
-        """Static displacement (m) and rotation (rad) of the bodies, see `statics`."""
-        assert self.scene is not None and self.pose is not None
-        return static_displacements(self.scene, self.pose)
+        """Static displacements (x, y, z, m) and rotation vectors (rad) of bodies as drawn.
+
+        The displacement is that of the point of a body where its COM is as drawn: where an
+        imperfection moves the COM by c in a body that turns by R, u - (R - 1) c with u that of the
+        COM.
+        """
+        scene, pose = self.scene, self.pose
+        assert scene is not None and pose is not None
+        drawn = scene.drawn or scene
+        offset = (scene.bodies.position - drawn.bodies.position)[..., 1:, :]
+        shift, turn = pose.shift[..., 1:, :], pose.turn[..., 1:, :, :]
+        moved = shift - (turn @ offset[..., None])[..., 0]
+        rotation = rotation_vector(turn)
+        shape = np.broadcast_shapes(moved.shape, rotation.shape, (*scene.batch, 1, 3))
+        return np.concatenate(
+            [np.broadcast_to(moved, shape), np.broadcast_to(rotation, shape)], axis=-1
+        )
 
 
 def balance(

@@ -11,8 +11,7 @@ from suspension_cli.design.cross_sections.shape import CrossSection
 from suspension_cli.design.units import Length, Table, doc
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Inexact
+    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
 
 
 class Ribbon(Table, CrossSection, frozen=True):
@@ -90,9 +89,7 @@ class Ribbon(Table, CrossSection, frozen=True):
         constant = rectangle_torsion(w, t)
         return (short + (8 * constant - w * short) / t) / constant
 
-    def relaxation(
-        self, phase: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def relaxation(self, phase: Frequencies) -> Spectrum:
         """Thermoelastic loss angle over its strength."""
         from suspension_cli.design.cross_sections.relaxation import FLAT, relaxation  # numpy
 

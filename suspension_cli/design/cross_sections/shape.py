@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Inexact
 
+    Spectrum = Inexact[np.ndarray, "*frequency"]
+    Frequencies = Spectrum | complex
+    """Angular frequencies or phases: real, or complex for the analytic continuation."""
+
 
 class CrossSection:
     """Cross-section of a wire; sizes in m.
@@ -101,9 +105,7 @@ class CrossSection:
         """mu S/V of twisting, 1/m."""
         raise NotImplementedError
 
-    def relaxation(
-        self, phase: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def relaxation(self, phase: Frequencies) -> Spectrum:
         """Thermoelastic loss angle of bending in a plane over its strength Delta.
 
         Parameters

@@ -22,8 +22,7 @@ from suspension_cli.design.units import (
 )
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Inexact
+    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
 
 
 class LossTable(Table, frozen=True):
@@ -116,28 +115,22 @@ class Bulk(Mechanism):
         self,
         shape: Shape,
         plane: int,
-        omega: Inexact[np.ndarray, "*frequency"] | complex,
+        omega: Frequencies,
         temperature: float,
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    ) -> Spectrum:
         """Loss angle of bending in one plane, rad."""
         del temperature
         return self._at(omega, shape.bending_ratio(plane))
 
-    def stretching(
-        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def stretching(self, shape: Shape, omega: Frequencies) -> Spectrum:
         """Loss angle of stretching, rad."""
         return self._at(omega, shape.stretching_ratio)
 
-    def twisting(
-        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def twisting(self, shape: Shape, omega: Frequencies) -> Spectrum:
         """Loss angle of twisting, rad."""
         return self._at(omega, shape.twisting_ratio)
 
-    def _at(
-        self, omega: Inexact[np.ndarray, "*frequency"] | complex, ratio: float
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def _at(self, omega: Frequencies, ratio: float) -> Spectrum:
         """Loss angle of bulk and surface for mu S/V = `ratio` in 1/m."""
         import numpy as np
 

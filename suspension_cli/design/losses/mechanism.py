@@ -11,8 +11,7 @@ from msgspec import defstruct
 from suspension_cli.design.units import Table
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Inexact
+    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
 
 
 @dataclass(frozen=True)
@@ -98,9 +97,7 @@ class Shape(Protocol):
         """mu S/V of bending, 1/m."""
         ...
 
-    def relaxation(
-        self, phase: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def relaxation(self, phase: Frequencies) -> Spectrum:
         """Thermoelastic loss angle of bending over its strength."""
         ...
 
@@ -159,24 +156,20 @@ class Mechanism:
         self,
         shape: Shape,
         plane: int,
-        omega: Inexact[np.ndarray, "*frequency"] | complex,
+        omega: Frequencies,
         temperature: float,
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    ) -> Spectrum:
         """Loss angle of bending in one plane; with a `coefficient` a, divided by a^2."""
         raise NotImplementedError
 
-    def stretching(
-        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def stretching(self, shape: Shape, omega: Frequencies) -> Spectrum:
         """Loss angle of stretching; 0 unless `uniform`."""
         import numpy as np
 
         del shape
         return np.zeros(np.shape(omega))
 
-    def twisting(
-        self, shape: Shape, omega: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def twisting(self, shape: Shape, omega: Frequencies) -> Spectrum:
         """Loss angle of twisting; 0 unless `uniform`."""
         import numpy as np
 

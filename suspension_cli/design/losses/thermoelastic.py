@@ -17,8 +17,7 @@ from suspension_cli.design.losses.mechanism import Key, MaterialConstants, Mecha
 from suspension_cli.design.units import Table, doc
 
 if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Inexact
+    from suspension_cli.design.cross_sections.shape import Frequencies, Spectrum
 
 
 @dataclass(frozen=True)
@@ -83,9 +82,9 @@ class Thermoelastic(Mechanism):
         self,
         shape: Shape,
         plane: int,
-        omega: Inexact[np.ndarray, "*frequency"] | complex,
+        omega: Frequencies,
         temperature: float,
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    ) -> Spectrum:
         """Loss angle over a^2, K^2; 0 for a blade of unknown thickness."""
         import numpy as np
 
