@@ -12,7 +12,7 @@ from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import inverted_pendulum, materials
 from suspension_cli.design.circles import direction
 from suspension_cli.design.schema import Body, Design, Spring, Stage
-from suspension_cli.design.sections import given_sections, stretches, thinnest
+from suspension_cli.design.sections import Stretch, given_sections, stretches, thinnest
 from suspension_cli.design.wires import Blade, BladeGeometry, BladeSet, Wire, WireSet
 
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -73,10 +73,12 @@ def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float
         area = thinnest(wire)
         assert wire.material is not None and area is not None
         return _modulus(design, wire.material) * area / length
-    return 1.0 / sum(
-        piece.length / (_modulus(design, piece.material or "") * piece.shape.area)
-        for piece in stretches(wire, length)
-    )
+    return 1.0 / sum(_compliance(design, piece) for piece in stretches(wire, length))
+
+
+def _compliance(design: Design, piece: Stretch) -> float:
+    """Elongation of a uniform stretch of wire per tension, m/N."""
+    return piece.length / (_modulus(design, piece.material or "") * piece.shape.area)
 
 
 def _modulus(design: Design, material: str) -> float:
@@ -112,17 +114,17 @@ def solves_pose(design: Design) -> bool:
     It is where natural lengths of wires or loads of blades or filters are given, or gravity is not
     a uniform pull along -z.
     """
-    blades = (
-        blade
+    loaded = [
+        part.load
         for stage in design.stage
-        for blade in (*stage.blade, *([] if stage.blades is None else [stage.blades]))
-    )
+        for part in (*stage.blade, stage.blades, stage.filter)
+        if part is not None
+    ]
     return (
         gives_natural_lengths(design)
-        or any(blade.load is not None for blade in blades)
+        or any(load is not None for load in loaded)
         or gravity_vector(design) is not None
         or gravity_tensor(design) is not None
-        or any(s.filter is not None and s.filter.load is not None for s in design.stage)
     )
 
 
@@ -133,12 +135,8 @@ def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
     alpha = 1 for a rectangular blade (then k = 3 E I / L^3), 1.5 for a triangular one. Torrie, PhD
     thesis, University of Glasgow (2001), after Plissi et al., Rev. Sci. Instrum. 71, 2539 (2000).
     """
-    return (
-        youngs_modulus
-        * blade.base_width
-        * blade.thickness**3
-        / (4 * blade.shape_factor * blade.length**3)
-    )
+    rest = 4 * blade.shape_factor * blade.length**3
+    return youngs_modulus * blade.base_width * blade.thickness**3 / rest
 
 
 @dataclass(frozen=True)
@@ -237,10 +235,7 @@ def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
     angles = [materials.constant_angle(design, piece.material or "") for piece in pieces]
     if not any(angles):
         return 0.0
-    compliances = [
-        piece.length / (_modulus(design, piece.material or "") * piece.shape.area)
-        for piece in pieces
-    ]
+    compliances = [_compliance(design, piece) for piece in pieces]
     return sum(map(operator.mul, compliances, angles)) / sum(compliances)
 
 

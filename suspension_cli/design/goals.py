@@ -11,7 +11,7 @@ from msgspec import Meta
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import faults, reader
 from suspension_cli.design.faults import fault_of, suggest
-from suspension_cli.design.measured import Number, Positive
+from suspension_cli.design.measured import Number, Positive, check_bounds
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.design.units import Name, Table, doc
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
@@ -239,20 +239,11 @@ def _check_kind(item: Goal, path: str) -> Iterator[Fault]:
 
 
 def _check_free(item: Free, path: str) -> Iterator[Fault]:
-    if item.lower >= item.upper:
-        yield fault_of(
-            item, path, "lower", f"is not below the upper bound {item.upper:g}", "exchange them"
-        )
-    elif item.start is not None and not item.lower <= item.start <= item.upper:
-        yield fault_of(item, path, "start", "lies outside the bounds", "start within them")
+    yield from check_bounds(item, path, item.start)
     if item.scale == "log" and item.lower <= 0:
-        yield fault_of(
-            item,
-            path,
-            "lower",
-            "must be positive on a logarithmic scale",
-            'give a positive bound, or scale = "linear"',
-        )
+        problem = "must be positive on a logarithmic scale"
+        remedy = 'give a positive bound, or scale = "linear"'
+        yield fault_of(item, path, "lower", problem, remedy)
 
 
 def _check_ties(goals: Goals) -> Iterator[Fault]:
@@ -261,26 +252,13 @@ def _check_ties(goals: Goals) -> Iterator[Fault]:
     for n, name in enumerate(names):
         if name in names[:n]:
             path = f"free.{n + 1}" if n < len(free) else f"equal.{n + 1 - len(free)}"
-            yield Fault(
-                f"{path}.name",
-                "is named twice",
-                "give each number once, as free or equal",
-                format_value(name),
-            )
+            remedy = "give each number once, as free or equal"
+            yield Fault(f"{path}.name", "is named twice", remedy, format_value(name))
     for n, item in enumerate(goals.equal, 1):
-        for term in item.terms:
-            if term in tied:
-                yield Fault(
-                    f"equal.{n}.terms",
-                    f"{term} is itself given by [[equal]]",
-                    f"express it by free numbers; {suggest(term, free)}",
-                )
+        path = f"equal.{n}"
+        for term in [term for term in item.terms if term in tied]:
+            remedy = f"express it by free numbers; {suggest(term, free)}"
+            yield Fault(f"{path}.terms", f"{term} is itself given by [[equal]]", remedy)
         if not item.terms:
-            yield Fault(f"equal.{n}.terms", "is empty", 'give { "dotted.path" = coefficient }')
-        if item.lower is not None and item.upper is not None and item.lower >= item.upper:
-            yield Fault(
-                f"equal.{n}.lower",
-                f"is not below the upper bound {item.upper:g}",
-                "exchange them",
-                format_value(item.lower),
-            )
+            yield Fault(f"{path}.terms", "is empty", 'give { "dotted.path" = coefficient }')
+        yield from check_bounds(item, path)

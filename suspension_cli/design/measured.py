@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -233,19 +235,13 @@ def read(file: str | Path, text: str | None = None) -> Measured:
         With all its faults.
     """
     raw = reader.read_toml(file, text)
-    if "stage" in raw:
-        raise InputError(
-            [
-                Fault(
-                    "",
-                    "is a design, not a file of measurements",
-                    "name the design first, then a TOML file with [[mode]] or"
-                    " [[transfer_function]]",
-                )
-            ],
-            str(file),
-        )
     with attribute_faults_to(str(file)):
+        if "stage" in raw:
+            problem = "is a design, not a file of measurements"
+            remedy = (
+                "name the design first, then a TOML file with [[mode]] or [[transfer_function]]"
+            )
+            raise InputError.of("", problem, remedy)
         measured = faults.convert(raw, Measured)
         found = [
             *_check_experiments(measured),
@@ -266,144 +262,100 @@ def json_schema() -> dict[str, Any]:
     } | msgspec.json.schema(Measured)
 
 
-def _check_experiments(measured: Measured) -> list[Fault]:
+def _check_experiments(measured: Measured) -> Iterator[Fault]:
     of_one_design = [name for name in ("mode", "transfer_function") if getattr(measured, name)]
     if not of_one_design and measured.experiment is None:
-        return [
-            Fault(
-                "mode",
-                "missing",
-                "give [[mode]] or [[transfer_function]] for one design, or [[experiment]] with"
-                " modes for several",
-            )
-        ]
-    if of_one_design and measured.experiment is not None:
-        return [
-            Fault(
-                of_one_design[0],
-                "conflicts with [[experiment]]",
-                "write [[experiment.mode]] under each experiment",
-            )
-        ]
-    found, names = [], measured.names
-    for n, (name, modes) in enumerate(zip(names, measured.modes, strict=True)):
-        if name in names[:n]:
-            found.append(
-                Fault(
-                    f"experiment.{n + 1}.name",
-                    "is also the name of an earlier experiment",
-                    "give each its own name",
-                    format_value(name),
-                )
-            )
-        for m, item in enumerate(modes, 1):
-            if item.label is not None and item.dof is not None:
-                found.append(
-                    Fault(
-                        f"{measured.where(n)}mode.{m}.dof",
-                        "conflicts with label, which determines it",
-                        "give one of them",
-                        format_value(item.dof),
-                    )
-                )
-    return found
+        remedy = "give [[mode]] or [[transfer_function]] for one design, or [[experiment]] with"
+        yield Fault("mode", "missing", f"{remedy} modes for several")
+    elif of_one_design and measured.experiment is not None:
+        remedy = "write [[experiment.mode]] under each experiment"
+        yield Fault(of_one_design[0], "conflicts with [[experiment]]", remedy)
+    else:
+        names = measured.names
+        for n, (name, modes) in enumerate(zip(names, measured.modes, strict=True)):
+            if name in names[:n]:
+                yield _repeated(f"experiment.{n + 1}", "experiment", name)
+            for m, item in enumerate(modes, 1):
+                if item.label is not None and item.dof is not None:
+                    path, problem = f"{measured.where(n)}mode.{m}", "conflicts with label"
+                    problem = f"{problem}, which determines it"
+                    yield fault_of(item, path, "dof", problem, "give one of them")
 
 
-def _check_transducers(measured: Measured) -> list[Fault]:
-    found = []
+def _repeated(path: str, kind: str, name: str) -> Fault:
+    """Fault of a name that an earlier table of its kind has."""
+    problem = f"is also the name of an earlier {kind}"
+    return Fault(f"{path}.name", problem, "give each its own name", format_value(name))
+
+
+def _check_transducers(measured: Measured) -> Iterator[Fault]:
     for kind, among in (("sensor", measured.sensor), ("actuator", measured.actuator)):
         for n, one in enumerate(among):
             path = f"{kind}.{one.name}"
             if one.name in [other.name for other in among[:n]]:
-                problem = f"is also the name of an earlier {kind}"
-                remedy = "give each its own name"
-                fault = Fault(f"{kind}.{n + 1}.name", problem, remedy, format_value(one.name))
-                found.append(fault)
+                yield _repeated(f"{kind}.{n + 1}", kind, one.name)
             if one.gain == 0:
-                found.append(Fault(f"{path}.gain", "must not be zero", "give the gain", "0"))
+                yield Fault(f"{path}.gain", "must not be zero", "give the gain", "0")
             for key, name in [("signal", one.signal), *(("mix", name) for name in one.mix)]:
                 if "." not in name:
                     example = "upper.x" if kind == "sensor" else "upper.force_x"
                     remedy = f"write a body and a direction: {example}"
-                    fault = Fault(f"{path}.{key}", "is no signal", remedy, format_value(name))
-                    found.append(fault)
-    return found
+                    yield Fault(f"{path}.{key}", "is no signal", remedy, format_value(name))
 
 
-def _check_transfer_functions(measured: Measured) -> list[Fault]:
-    found = []
+def _check_transfer_functions(measured: Measured) -> Iterator[Fault]:
     names = [one.name for one in measured.transfer_function]
     for n, one in enumerate(measured.transfer_function):
         path = f"transfer_function.{one.name or n + 1}"
         if one.name is not None and one.name in names[:n]:
-            problem = "is also the name of an earlier transfer function"
             path = f"transfer_function.{n + 1}"
-            fault = fault_of(one, path, "name", problem, "give each its own")
-            found.append(fault)
-        for key, kind, among in (
-            ("input", "actuator", measured.actuator),
-            ("output", "sensor", measured.sensor),
+            yield _repeated(path, "transfer function", one.name)
+        for key, kind, among, example in (
+            ("input", "actuator", measured.actuator, "upper.force_x"),
+            ("output", "sensor", measured.sensor, "upper.x"),
         ):
             name, known = getattr(one, key), [item.name for item in among]
             if "." not in name and name not in known:
-                example = "upper.force_x" if key == "input" else "upper.x"
                 remedy = f"give a signal such as {example}"
                 remedy = f"{faults.suggest(name, known)}; or {remedy}" if known else remedy
                 problem = f"is no signal and names no [[{kind}]]"
-                found.append(Fault(f"{path}.{key}", problem, remedy, format_value(name)))
+                yield fault_of(one, path, key, problem, remedy)
         if one.gain == 0:
-            found.append(Fault(f"{path}.gain", "must not be zero", "give the factor", "0"))
+            yield Fault(f"{path}.gain", "must not be zero", "give the factor", "0")
         if one.band is not None and one.band[0] >= one.band[1]:
-            problem, value = "ends before it begins", format_value(one.band)
-            found.append(Fault(f"{path}.band", problem, "give the lower frequency first", value))
-    return found
+            remedy = "give the lower frequency first"
+            yield fault_of(one, path, "band", "ends before it begins", remedy)
 
 
-def _check_parameters(measured: Measured) -> list[Fault]:
-    found, names = [], measured.names
+def _check_parameters(measured: Measured) -> Iterator[Fault]:
+    names = measured.names
     for n, item in enumerate(measured.parameter):
         path = f"parameter.{n + 1}"
-        found += _check_parameter(item, path)
+        if (item.prior is None) != (item.uncertainty is None):
+            yield Fault(path, "prior and uncertainty go together", "give both or neither")
+        yield from check_bounds(item, path, item.start)
         unknown = [name for name in item.experiments or () if name not in names]
         if measured.experiment is None and item.experiments is not None:
-            found.append(
-                fault_of(item, path, "experiments", "there are no [[experiment]]", "remove it")
-            )
+            yield fault_of(item, path, "experiments", "there are no [[experiment]]", "remove it")
         elif unknown:
-            found.append(
-                Fault(
-                    f"{path}.experiments",
-                    "names no experiment",
-                    faults.suggest(unknown[0], list(names)),
-                    format_value(unknown[0]),
-                )
-            )
-        before = [m for m in range(n) if measured.parameter[m].name == item.name]
-        if any(
-            here and there
-            for m in before
-            for here, there in zip(measured.shares(n), measured.shares(m), strict=True)
-        ):
-            found.append(
-                fault_of(
-                    item, path, "name", "is named twice", "give each number once (in an experiment)"
-                )
-            )
-    return found
+            remedy, value = faults.suggest(unknown[0], list(names)), format_value(unknown[0])
+            yield Fault(f"{path}.experiments", "names no experiment", remedy, value)
+        shares = measured.shares(n)
+        for m in range(n):
+            both = zip(shares, measured.shares(m), strict=True)
+            if measured.parameter[m].name == item.name and any(a and b for a, b in both):
+                remedy = "give each number once (in an experiment)"
+                yield fault_of(item, path, "name", "is named twice", remedy)
+                break
 
 
-def _check_parameter(item: Free, path: str) -> list[Fault]:
-    found = []
-    if (item.prior is None) != (item.uncertainty is None):
-        found.append(Fault(path, "prior and uncertainty go together", "give both or neither"))
-    low, high = (
-        (-float("inf") if item.lower is None else item.lower),
-        (float("inf") if item.upper is None else item.upper),
-    )
+def check_bounds(item: Any, path: str, start: float | None = None) -> Iterator[Fault]:
+    """Check the bounds of a number, if it has any, and where a search starts."""
+    low = -math.inf if item.lower is None else item.lower
+    high = math.inf if item.upper is None else item.upper
     if low >= high:
-        found.append(
-            fault_of(item, path, "lower", f"is not below the upper bound {high:g}", "exchange them")
+        yield fault_of(
+            item, path, "lower", f"is not below the upper bound {high:g}", "exchange them"
         )
-    elif item.start is not None and not low <= item.start <= high:
-        found.append(fault_of(item, path, "start", "lies outside the bounds", "start within them"))
-    return found
+    elif start is not None and not low <= start <= high:
+        yield fault_of(item, path, "start", "lies outside the bounds", "start within them")

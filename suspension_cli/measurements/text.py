@@ -72,10 +72,7 @@ def _rows(path: Path) -> tuple[list[tuple[int, list[str]]], list[tuple[int, list
         if not rows:
             delimiter = _delimiter(bare)
         cells = _split(bare, delimiter)
-        if not rows and not _is_number(cells[0]):
-            above.append((line, cells))
-            continue
-        rows.append((line, cells))
+        (rows if rows or _parsed(cells[0]) is not None else above).append((line, cells))
     return rows, above
 
 
@@ -105,21 +102,20 @@ def _split(line: str, delimiter: str | None) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        complex(cell.replace("i", "j"))
-    except ValueError:
-        return False
-    return True
+def _parsed(cell: str) -> complex | float | None:
+    """Return the real or complex number of a cell; None if it is none."""
+    for kind, text in ((float, cell), (complex, cell.replace(" ", "").replace("i", "j"))):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return None
 
 
 def _number(cell: str, line: int) -> complex | float:
-    try:
-        return float(cell)
-    except ValueError:
-        pass
-    try:
-        return complex(cell.replace(" ", "").replace("i", "j"))
-    except ValueError:
+    number = _parsed(cell)
+    if number is None:
+        problem = f"{format_value(cell)} is no number"
         remedy = "write numbers with a decimal point, or # before a comment"
-        raise InputError.of(f"line {line}", f"{format_value(cell)} is no number", remedy) from None
+        raise InputError.of(f"line {line}", problem, remedy)
+    return number
