@@ -73,8 +73,24 @@ class Log:
         yield lambda _done, _count, _rate: None
 
 
+class Sourced:
+    """What has a design: its TOML text and the name of its file are in `source`."""
+
+    source: Source
+
+    @property
+    def design(self) -> Design:
+        """The design."""
+        return self.source.design
+
+    @property
+    def name(self) -> str:
+        """Name of the design, which begins the names of its files."""
+        return self.design.design.name
+
+
 @dataclasses.dataclass(frozen=True)
-class Run:
+class Run(Sourced):
     """One analysis of one design, about to be computed.
 
     Attributes
@@ -99,41 +115,13 @@ class Run:
     command: str
     inputs: Settings = dataclasses.field(default_factory=dict)
 
-    @property
-    def design(self) -> Design:
-        """The design."""
-        return self.source.design
-
-    @property
-    def name(self) -> str:
-        """Name of the design, which begins the names of its files."""
-        return self.design.design.name
-
     def faults(self) -> contextlib.AbstractContextManager[None]:
         """Attribute faults that are found while solving to the design's file."""
         return attribute_faults_to(self.source.file)
 
 
-class Report(ABC):
-    """Findings about a design, as a JSON document and as text.
-
-    Attributes
-    ----------
-    source : Source
-        The design, its TOML text (overrides applied) and the name of its file.
-    """
-
-    source: Source
-
-    @property
-    def design(self) -> Design:
-        """The design."""
-        return self.source.design
-
-    @property
-    def name(self) -> str:
-        """Name of the design."""
-        return self.design.design.name
+class Report(Sourced, ABC):
+    """Findings about a design, as a JSON document and as text."""
 
     @property
     def title(self) -> str:

@@ -117,8 +117,7 @@ def solves_pose(design: Design) -> bool:
     loaded = [
         part.load
         for stage in design.stage
-        for part in (*stage.blade, stage.blades, stage.filter)
-        if part is not None
+        for part in (*stage.blade_tables, *([stage.filter] if stage.filter else []))
     ]
     return (
         gives_natural_lengths(design)
@@ -335,7 +334,7 @@ def beyond_symmetric_chains(design: Design) -> str:
     for stage in design.stage:
         if stage.wires is not None and is_ring(stage.wires):
             return f"the wires of stage {stage.name} are on a ring"
-        for wire in (*([stage.wires] if stage.wires else []), *stage.wire):
+        for wire in stage.wire_tables:
             if wire.bending is not None:
                 return f"wires of stage {stage.name} are hinged"
     return ""

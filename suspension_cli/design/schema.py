@@ -281,6 +281,16 @@ class Stage(Table, frozen=True):
     filter: Filter | None = None
     damping: Damping | None = None
 
+    @property
+    def wire_tables(self) -> list[WireSet | Wire]:
+        """The symmetric set of wires, and the wires given one by one."""
+        return [*([self.wires] if self.wires is not None else []), *self.wire]
+
+    @property
+    def blade_tables(self) -> list[BladeSet | Blade]:
+        """The set of equal blades, and the blades given one by one."""
+        return [*([self.blades] if self.blades is not None else []), *self.blade]
+
 
 class _Imperfect(Table, frozen=True):
     wire: Annotated[WireName, doc("a stage's name and a wire's number: test.1")] | None = None
