@@ -68,14 +68,11 @@ def fill(
 
     Parameters
     ----------
-    run : Run
-    analysis : Analysis
+    analysis
         Its name is that of the group.
-    job : studies.sweep_file.Job
-    choice : Choice
-    put : callable
+    put
         Writes what stands beside the columns into the new group.
-    after : callable, optional
+    after
         Completes the file when all points are there.
 
     Raises

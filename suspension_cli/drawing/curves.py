@@ -96,9 +96,9 @@ def stack_panels(
 
     Parameters
     ----------
-    heights, rooms : sequences of float
+    heights, rooms
         Of the panels, and above each of them, in.
-    left, right, bottom : float
+    left, right, bottom
         Margins, in.
     """
     parts = [part for both in zip(rooms, heights, strict=True) for part in both]
@@ -166,10 +166,9 @@ def write_key(
 
     Parameters
     ----------
-    axes : Axes
-    lines : sequence of tuple
+    lines
         Name and colour of each line, and further properties of its sample.
-    above : float
+    above
         Room between the axes and the names, in.
     """
     figure: Any = axes.get_figure()
@@ -314,11 +313,11 @@ def label_ends(axes: Axes, ends: Sequence[tuple[Any, Any, str, str]], most: int 
 
     Parameters
     ----------
-    axes : Axes
+    axes
         With its limits and its place in the figure.
-    ends : sequence of tuple
+    ends
         Abscissas and ordinates of a line, its label and its colour.
-    most : int
+    most
         Characters of a label.
     """
     if not ends:
@@ -421,13 +420,13 @@ def label_peaks(
 
     Parameters
     ----------
-    axes : Axes
+    axes
         With its limits, and room of the height `PEAKS` above.
-    peaks : sequence of tuple
+    peaks
         Frequency (Hz), ordinate and remark of each, the most important last.
-    size : float
+    size
         Of the font, points.
-    unit : str
+    unit
         Of the last frequency of the row.
     """
     chosen: list[tuple[float, float, str]] = []
@@ -522,12 +521,10 @@ def label_slopes(axes: Axes, frequency: Any, size: Any, drawn: Any, colour: str 
 
     Parameters
     ----------
-    axes : Axes
     frequency, size : (f,) arrays
         Hz, and the values that follow the power law.
     drawn : (f,) array
         Ordinates.
-    colour : str
     """
     peaks = np.log(frequency[find_peaks(size)])
     for power, low, high in find_slopes(frequency, size):

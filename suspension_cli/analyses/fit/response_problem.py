@@ -336,7 +336,7 @@ def build(
 def residues(plant: Plant, channels: Channels) -> Float[np.ndarray, "function mode"]:
     """Compute the residues of the measured functions: H has residue/(w_k^2 - w^2)."""
     rows = [
-        np.array([plant.row(signal) for signal in channels.signal[side]]).reshape(
+        np.array([plant.base.row(signal) for signal in channels.signal[side]]).reshape(
             -1, plant.base.model.size
         )
         for side in (0, 1)
