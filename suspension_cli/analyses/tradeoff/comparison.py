@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.tradeoff.result import View
+from suspension_cli.analyses.tradeoff.result import Timed, View
 from suspension_cli.analyses.tradeoff.subject import Subject
 
 Once = Callable[[Subject], object]
@@ -55,15 +55,11 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Timed):
     """A quantity, its reference and the methods to compare.
 
     Attributes
     ----------
-    quantity, compares, title, start, item : str
-        As in `result.Panel`.
-    count : int
-        Items per batch.
     against : callable
         Describes the reference of a subject.
     reference : callable
@@ -72,22 +68,16 @@ class Comparison:
         Computes errors by component from a subject, a result and the reference.
     methods : tuple of Method
     views : dict
-        Names of components by title of a view; empty for one view of all.
+        Names of components by title of a view; None for one view of all.
     unsuited : callable
         Returns why no method applies; empty if some do.
     """
 
-    quantity: str
-    compares: str
-    title: str
-    start: str
-    item: str
-    count: int
     against: Callable[[Subject], str]
     reference: Once
     error: Error
     methods: tuple[Method, ...]
-    views: dict[str, tuple[str, ...]]
+    views: Mapping[str, tuple[str, ...]] | None = None
     unsuited: Callable[[Subject], str] = suits
 
     def select_views(self, components: tuple[str, ...]) -> tuple[View, ...]:

@@ -143,6 +143,11 @@ def solve_with_wire_mass(subject: Subject) -> Modes:
     return found
 
 
+def by_block(level: str) -> Callable[[Subject], Modes]:
+    """Return `solve_blocks` for a model."""
+    return lambda subject: solve_blocks(subject, level)
+
+
 def formulas(
     subject: Subject, factor: Float[np.ndarray, " build"] | float = 1.0
 ) -> dict[str, np.ndarray]:

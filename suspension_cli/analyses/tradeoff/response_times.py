@@ -127,6 +127,5 @@ def _session(
     (answer, _), taken = timing.call(first)
     if taken > most:
         return np.array([taken, np.nan, np.nan])
-    return np.array(
-        [taken, *(timing.call(lambda grid=grid: answer(grid))[1] for grid in grids[1:])]
-    )
+    following = (timing.call(lambda grid=grid: answer(grid))[1] for grid in grids[1:])
+    return np.array([taken, *following])

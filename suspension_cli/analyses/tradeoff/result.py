@@ -82,8 +82,8 @@ class View:
 
 
 @dataclass(frozen=True)
-class Panel:
-    """All models, or all methods for one model, for one quantity.
+class Timed:
+    """A quantity that is computed by several models or methods.
 
     Attributes
     ----------
@@ -92,12 +92,28 @@ class Panel:
     compares : str
         One of `COMPARED`.
     title : str
-    start : str
-        Steps that the time includes, in words.
     item : str
         Item of a batch: ``design``, ``frequency``, ``build``.
     count : int
         Items per batch.
+    start : str
+        Steps that the time includes, in words.
+    """
+
+    quantity: str
+    compares: str
+    title: str
+    item: str
+    count: int
+    start: str
+
+
+@dataclass(frozen=True)
+class Panel(Timed):
+    """Errors and times of all models, or of all methods for one model, for one quantity.
+
+    Attributes
+    ----------
     reference : str
         Reference of the errors, in words.
     component : tuple of str
@@ -108,12 +124,6 @@ class Panel:
     views : tuple of View
     """
 
-    quantity: str
-    compares: str
-    title: str
-    start: str
-    item: str
-    count: int
     reference: str
     component: tuple[str, ...]
     entries: tuple[Entry, ...]

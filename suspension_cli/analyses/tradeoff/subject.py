@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -58,14 +58,10 @@ class Subject:
         """Name of the most complete valid model."""
         return next(level for level in reversed(MODEL_NAMES) if not self.unsuited[level])
 
-    @cached_property
-    def _models(self) -> dict[str, LinearSystem]:
-        return {}
-
-    @cached_property
-    def modes(self) -> dict[str, Modes]:
-        """Modes by the name of the model, as far as computed."""
-        return {}
+    _models: dict[str, LinearSystem] = field(default_factory=dict)
+    _answers: dict[Prepare, Answer] = field(default_factory=dict)
+    modes: dict[str, Modes] = field(default_factory=dict)
+    """By the name of the model, as far as computed."""
 
     def model(self, level: str) -> LinearSystem:
         """Return the linear system of a model, built once."""
@@ -76,10 +72,6 @@ class Subject:
     def fresh(self, level: str) -> LinearSystem:
         """Return the linear system of a model without cached properties, for timing."""
         return replace(self.model(level))
-
-    @cached_property
-    def _answers(self) -> dict[Prepare, Answer]:
-        return {}
 
     def prepared(self, prepare: Prepare) -> Answer:
         """Return the response of the string model by a method, prepared once."""
@@ -98,9 +90,9 @@ class Subject:
     ) -> tuple[Float[np.ndarray, " coordinate"], Float[np.ndarray, " coordinate"]]:
         """Return the linear forms of the motions along x of the support and of the last stage."""
         known = signals.bodies_with_signals(model)
-        return signals.linear_form(
-            signals.parse_input("support.x", known), model
-        ), signals.linear_form(signals.parse_output(f"{self.last}.x", known), model)
+        into = signals.parse_input("support.x", known)
+        out = signals.parse_output(f"{self.last}.x", known)
+        return signals.linear_form(into, model), signals.linear_form(out, model)
 
     def coupled(self, model: LinearSystem) -> tuple[signals.Signal, list[signals.Signal]]:
         """Return the signals of the cross-coupling.
@@ -120,14 +112,8 @@ class Subject:
     @cached_property
     def wire(self) -> int:
         """Number of the first wire of the last stage; -1 if it hangs on none."""
-        return next(
-            (
-                n
-                for n, label in enumerate(self.scene.wires.label)
-                if label.startswith(f"{self.last}.")
-            ),
-            -1,
-        )
+        labels = enumerate(self.scene.wires.label)
+        return next((n for n, label in labels if label.startswith(f"{self.last}.")), -1)
 
     @cached_property
     def imperfect(self) -> Subject:
