@@ -106,7 +106,6 @@ def compute_thermal(plant: Plant, frequency: Array, rows: Array, temperature: fl
 
     Parameters
     ----------
-    plant : Plant
     frequency : (f,) array
         Hz.
     rows : (o, N) array

@@ -104,7 +104,6 @@ class Budget:
     square, square_velocity : (c, f) arrays
         Mean square from each frequency up, by cause: unit^2 and (unit/s)^2; infinite where a
         resonance without loss is driven.
-    requirement : Requirement or None
     """
 
     frequency: Float[np.ndarray, " frequency"]
@@ -150,7 +149,6 @@ def solve(
 
     Parameters
     ----------
-    noises : Noises
     grid : (f,) array
         Hz, ascending.
     resonance : (p,) complex array

@@ -21,7 +21,6 @@ class Table:
 
     Attributes
     ----------
-    file : str
     frequency : (n,) array
         Hz, ascending, above 0.
     column : dict of (n,) arrays

@@ -35,7 +35,6 @@ class NearLimit:
 
     Attributes
     ----------
-    name : str
     value : float
         Its relative error, height (m) or fraction of tension; see `Limits`.
     """
@@ -73,10 +72,8 @@ def find_limits(design: Design, model: LinearSystem, found: Modes) -> Limits:
 
     Parameters
     ----------
-    design : Design
     model : LinearSystem
         Of the model of the modes; of the beam model for modes of the violin model.
-    found : Modes
     """
     bodily = (found.order == 0) & (found.omega_squared != 0)
     with np.errstate(divide="ignore"):

@@ -45,7 +45,6 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
 
     Parameters
     ----------
-    design : Design
     level : str
         Name of the model. Models in which wires bend use all losses of materials; others only
         constant loss angles given in the design.

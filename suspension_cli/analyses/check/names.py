@@ -29,7 +29,6 @@ def find_unknown_names(
 
     Parameters
     ----------
-    design : Design
     found : Modes or None
         Its modes, to check labels of modes; None skips these.
     paths : callable

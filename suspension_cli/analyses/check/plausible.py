@@ -46,7 +46,6 @@ def find_implausible_loads(design: Design, statics: Statics) -> list[Implausible
 
     Parameters
     ----------
-    design : Design
     statics : Statics
         Loads of its wires, blades and links.
     """

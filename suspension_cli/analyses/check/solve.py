@@ -39,7 +39,6 @@ class Check(Report):
         Whether it is stable; None where that could not be computed.
     stability_model : str or None
         Name of the model in which it is.
-    warnings : list of ImplausibleNumber
     weights : WireWeights or None
         Weight of the wires; None where no density is known.
     profiles : list of ReducedProfile

@@ -26,7 +26,6 @@ class WireLoad:
 
     Attributes
     ----------
-    label : str
     tension : float
         N.
     stretch : float
@@ -59,7 +58,6 @@ class BladeLoad:
 
     Attributes
     ----------
-    label : str
     load : float
         Vertical force at its tip, N.
     sag : float
@@ -68,7 +66,6 @@ class BladeLoad:
         Largest, at its base, Pa; None where its geometry is not known.
     strength, fraction : float or None
         As in `WireLoad`.
-    material : str
     """
 
     label: str
@@ -116,7 +113,6 @@ class LinkLoad:
     ----------
     label : str
         Its name.
-    between : tuple of str
     stiffness : (float, float, float)
         Of the displacements x, y, z at its point, N/m.
     damping : (float, float, float)
@@ -147,19 +143,14 @@ class Statics:
 
     Attributes
     ----------
-    wires : tuple of WireLoad
-    blades : tuple of BladeLoad
-    bodies : tuple of BodyPose
     lowest : tuple of Lowest
         One per stage.
     top : float
         z of the highest end of a wire, m.
     residual : float
         Of the equilibrium, over the weight.
-    links : tuple of LinkLoad
     legs : tuple of LegLoad
         One per inverted pendulum.
-    filters : tuple of FilterLoad
     """
 
     wires: tuple[WireLoad, ...]

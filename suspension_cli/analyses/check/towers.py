@@ -34,7 +34,6 @@ class LegLoad:
 
     Attributes
     ----------
-    stage : str
     thrust : tuple of float
         Of each leg in equilibrium, at its top, N.
     load, critical : float

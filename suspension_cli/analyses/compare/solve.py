@@ -87,11 +87,8 @@ class Overlay:
 
     Attributes
     ----------
-    kind : {"response", "noise"}
     output, input : str
         Signals; a noise has no input.
-    unit : str
-    curves : tuple of Curve
     source : dict
         Result of the analysis behind the curve of each item, to draw it between its points; empty
         for stored comparisons.
@@ -121,8 +118,6 @@ class Comparison:
         measurements).
     change : tuple of tuple of Change
         For each item, the keys in which its design differs from the first design.
-    modes : PairedModes or None
-    overlay : tuple of Overlay
     """
 
     name: tuple[str, ...]
@@ -249,7 +244,6 @@ def pair_modes(found: dict[int, tuple[Modes, Design]], items: Sequence[Item]) ->
     ----------
     found : dict
         For each item with a design: its modes and its design.
-    items : sequence of Item
     """
     (reference, (base, _)), *others = found.items()
     shapes = {n: _Bodies(modes, design) for n, (modes, design) in found.items()}

@@ -16,13 +16,7 @@ from suspension_cli.scene.arrays import Array
 
 @dataclass(frozen=True)
 class ZeroPoleGain:
-    """Responses as gain times the product of (s - z) over that of (s - p), in rad/s.
-
-    Attributes
-    ----------
-    zeros, poles : [output][input] nested tuples of complex arrays
-    gain : (o, i) array
-    """
+    """Responses as gain times the product of (s - z) over that of (s - p), in rad/s."""
 
     zeros: tuple[tuple[Any, ...], ...]
     poles: tuple[tuple[Any, ...], ...]
@@ -52,8 +46,6 @@ class Exported:
 
     Attributes
     ----------
-    system : StateSpace
-    zpk : ZeroPoleGain or None
     band : tuple of float or None
         Frequencies in Hz between which it agrees with the direct solution to `tolerance`; None if
         there are no two neighbouring ones.
@@ -98,7 +90,6 @@ def build(
     ----------
     model : LinearSystem
         With constant matrices.
-    inputs, outputs : list of Signal
     direct : LinearSystem, optional
         Model of the direct solution to compare with; `model` by default.
     zpk : bool

@@ -109,10 +109,8 @@ def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
 
     Parameters
     ----------
-    modes : Modes
     number : int
         Of the mode, from 0.
-    design : Design
     scene : Scene
         The same design spelled out, without batch axes.
 

@@ -43,8 +43,6 @@ class CutWires:
 
     Attributes
     ----------
-    stage : str
-    whole : TautWire
     pieces : tuple of two TautWire
         Upper and lower piece.
     ends : dict of (w, 3 p, A) arrays

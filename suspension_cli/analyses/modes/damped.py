@@ -319,8 +319,6 @@ def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, An
 
     Parameters
     ----------
-    found : Modes
-    kept : (m,) bool array
     new : dict of arrays
         Attributes of `Modes` with one entry per new mode.
     """

@@ -136,8 +136,6 @@ def condense(
 
     Parameters
     ----------
-    group : (g,) int array
-    s : complex
     losses : (n, n) array
         G at s.
     least : float

@@ -65,7 +65,6 @@ class Panel:
     ----------
     number : int
         Of the mode, from 0.
-    view : View
     sketch : Sketch
         The suspension displaced.
     low, high : (2,) arrays
@@ -89,7 +88,6 @@ class Page:
         Kind of its modes (`KINDS`); "" for all.
     numbers : tuple of int
         Its modes, from 0.
-    figure : Figure
     """
 
     kind: str
@@ -119,7 +117,6 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> lis
 
     Parameters
     ----------
-    modes : Modes
     design : Design
         For the shapes of bodies and the lengths of blades.
     scene : Scene
@@ -227,11 +224,8 @@ def draw_panel(
         Upper left corner, in.
     size : (float, float)
         Width and height of the picture, in.
-    modes : Modes
-    panel : Panel
     rest : Sketch
         The suspension at rest.
-    frame : Frame
     """
     (left, top), (width, tall) = corner, size
     colours = style.stage_colours(rest.scene.bodies.name)

@@ -32,7 +32,6 @@ def estimate_series_error(design: Design, quick: Modes) -> ModeDifference | None
 
     Parameters
     ----------
-    design : Design
     quick : Modes
         In the force model.
 

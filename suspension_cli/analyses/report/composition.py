@@ -115,11 +115,8 @@ class Composition:
 
     Attributes
     ----------
-    source : Source
     scene : Scene
         The design without imperfections.
-    request : Request
-    log : Warnings
     folder : Path
         Folder for the files of analyses that write while they compute.
     parts : list of Part
@@ -162,7 +159,6 @@ class Composition:
 
         Parameters
         ----------
-        name : str
         *options : str
             The settings as words of a command line, which the report lists.
         **given

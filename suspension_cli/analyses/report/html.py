@@ -163,7 +163,6 @@ def picture(figure: Figure, caption: str, alternative: str) -> str:
 
     Parameters
     ----------
-    figure : Figure
     caption : str
         HTML.
     alternative : str

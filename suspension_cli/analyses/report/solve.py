@@ -24,12 +24,6 @@ UNSTABLE = ", or give --allow-unstable"
 def compose(source: Source, request: Request, log: Log) -> str:
     """Compute the sections of a report and return its HTML.
 
-    Parameters
-    ----------
-    source : Source
-    request : Request
-    log : Log
-
     Raises
     ------
     InputError

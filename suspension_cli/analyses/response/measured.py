@@ -60,7 +60,6 @@ class Item:
         With sensors and actuators.
     table : TransferFunction
         One of `tables`.
-    data : MeasuredResponse
     file : str
         The file of measurements; "" for a bare file of data.
     """
@@ -147,12 +146,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class ComparedResponse(Response):
-    """Responses with the measured transfer functions that they are compared with.
-
-    Attributes
-    ----------
-    measured : tuple of Comparison
-    """
+    """Responses with the measured transfer functions that they are compared with."""
 
     measured: tuple[Comparison, ...] = ()
 
@@ -164,7 +158,6 @@ def read_files(
 
     Parameters
     ----------
-    files : sequence of str
     inputs, outputs : sequences of str
         Signals that a bare file relates; one of each.
 
@@ -252,8 +245,6 @@ def compare(
 
     Parameters
     ----------
-    model : LinearSystem
-    items : sequence of Item
     found : Response
         Of all signals, on a grid.
     closed : tuple, optional

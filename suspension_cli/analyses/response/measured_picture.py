@@ -36,7 +36,6 @@ def draw(
 
     Parameters
     ----------
-    measured : sequence of Comparison
     title : str
         Names of the design and the model.
     scale : {"db", "absolute"}

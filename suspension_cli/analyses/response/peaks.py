@@ -44,7 +44,6 @@ def find_peaks(
 
     Parameters
     ----------
-    model : LinearSystem
     answer : Response
         On the grid.
     inputs, outputs : list of Signal

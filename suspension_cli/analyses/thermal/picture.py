@@ -56,7 +56,6 @@ def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figur
 
     Parameters
     ----------
-    noises : list of Thermal
     title : str
         Names of the design and the model.
     stages : sequence of str

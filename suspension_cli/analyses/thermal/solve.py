@@ -87,7 +87,6 @@ def solve(
 
     Parameters
     ----------
-    model : LinearSystem
     frequency : (f,) array
         Hz, above 0.
     row : (N,) array
@@ -221,7 +220,6 @@ def compute_dissipation(
     ----------
     there : EvaluatedBlock
         The block at frequencies (f,).
-    motion : (c, f) complex array
     temperature : float
         Of dampers and of the support's loss, K.
 

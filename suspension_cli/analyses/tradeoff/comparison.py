@@ -66,7 +66,6 @@ class Comparison(Timed):
         Computes the reference of a subject.
     error : callable
         Computes errors by component from a subject, a result and the reference.
-    methods : tuple of Method
     views : dict
         Names of components by title of a view; None for one view of all.
     unsuited : callable

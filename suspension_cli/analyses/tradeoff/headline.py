@@ -43,7 +43,6 @@ def draw(found: Tradeoff, title: str) -> Figure:
 
     Parameters
     ----------
-    found : Tradeoff
     title : str
         Title of the design.
     """

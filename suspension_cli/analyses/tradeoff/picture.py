@@ -79,7 +79,6 @@ def draw(found: Tradeoff, title: str) -> dict[str, Figure]:
 
     Parameters
     ----------
-    found : Tradeoff
     title : str
         Title of the design.
 

@@ -36,7 +36,6 @@ def measure(subject: Subject, compares: str, repeat: int, budget: float) -> Resp
 
     Parameters
     ----------
-    subject : Subject
     compares : str
         ``models`` or ``methods``.
     repeat : int

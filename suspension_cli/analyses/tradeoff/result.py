@@ -91,7 +91,6 @@ class Timed:
         ``modes``, ``response``, ``thermal``, ``coupling`` or ``equilibrium``.
     compares : str
         One of `COMPARED`.
-    title : str
     item : str
         Item of a batch: ``design``, ``frequency``, ``build``.
     count : int
@@ -118,10 +117,8 @@ class Panel(Timed):
         Reference of the errors, in words.
     component : tuple of str
         Names of the components of `Entry.error`: kinds of modes, frequencies, ...
-    entries : tuple of Entry
     left : tuple of Omission
         Methods that do not apply.
-    views : tuple of View
     """
 
     reference: str
@@ -190,7 +187,6 @@ class ResponseTimes:
         One of `COMPARED`.
     start : str
         Steps that the first time includes, in words.
-    entries : tuple of ResponseTime
     """
 
     compares: str
@@ -204,7 +200,6 @@ class Tradeoff:
 
     Attributes
     ----------
-    panels : tuple of Panel
     repeat : int
         Samples per time.
     threads : int

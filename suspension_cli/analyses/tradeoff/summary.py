@@ -61,7 +61,6 @@ class Answer:
     ----------
     compares : str
         ``models`` or ``methods``.
-    question : str
     best : Option
         Fastest of those within the tolerance; the most accurate one if none is.
     other : Option or None

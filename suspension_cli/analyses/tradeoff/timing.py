@@ -46,7 +46,6 @@ def quartiles(
 
     Parameters
     ----------
-    works : sequence of callables
     repeat : int
         Samples per function; slow functions have fewer, see `budget`.
     known : sequence of float
