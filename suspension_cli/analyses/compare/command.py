@@ -33,26 +33,13 @@ class CompareAnalysis(Analysis):
     name = "compare"
     arguments = (argument("items", nargs=-1, required=True, metavar="ITEM ITEM..."),)
     parameters = (
-        option(
-            "--input",
-            "inputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help="Compare responses to this input, e.g. support.x (repeatable).",
-        ),
-        option(
-            "--output",
-            "outputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help="Compare responses of this output, e.g. test.x (repeatable).",
-        ),
-        option(
-            "--noise",
-            "noises",
-            multiple=True,
-            metavar="SIGNAL",
-            help="Compare the thermal noise of this motion, e.g. test.x (repeatable).",
+        *(
+            option(f"--{name}", f"{name}s", multiple=True, metavar="SIGNAL", help=help_text)
+            for name, help_text in (
+                ("input", "Compare responses to this input, e.g. support.x (repeatable)."),
+                ("output", "Compare responses of this output, e.g. test.x (repeatable)."),
+                ("noise", "Compare the thermal noise of this motion, e.g. test.x (repeatable)."),
+            )
         ),
         option(
             "--frequency",

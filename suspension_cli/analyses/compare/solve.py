@@ -31,6 +31,8 @@ from suspension_cli.models.registry import FILES, Choice
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
+_Quantity = tuple[str, str, str]
+"""Kind ("response" or "noise"), output, and input ("" of a noise)."""
 LEAST_OVERLAP = 0.1
 """Overlap of two shapes below which modes are not taken for the same."""
 
@@ -163,7 +165,7 @@ def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
     first = next(text for text in texts if text is not None)
     choices = [[item.result.choice] if item.result else [] for item in items]
     listed = _modes(items, quiet, choices)
-    overlays = [*_responses(items, quiet, choices), *_noises(items, quiet, choices)]
+    overlays = tuple(_overlays(items, quiet, choices))
     models = [_most_complete(own) for own in choices]
     found = Comparison(
         name=tuple(item.name for item in items),
@@ -174,7 +176,7 @@ def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
             for text in texts
         ),
         modes=listed,
-        overlay=tuple(overlays),
+        overlay=overlays,
     )
     return found, _common_choice(models, [choice for own in choices for choice in own])
 
@@ -221,11 +223,8 @@ def _results(
 
 
 def _modes(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> PairedModes | None:
-    stored = {
-        n: item.result
-        for n, item in enumerate(items)
-        if item.result is not None and item.result.analysis.name == "modes"
-    }
+    results = {n: item.result for n, item in enumerate(items) if item.result is not None}
+    stored = {n: result for n, result in results.items() if result.analysis.name == "modes"}
     alone = not stored and not any(item.modes for item in items)
     if alone and sum(item.run is not None for item in items) < 2:
         return None
@@ -256,46 +255,32 @@ def pair_modes(found: dict[int, tuple[Modes, Design]], items: Sequence[Item]) ->
                 rows[m][n] = (int(partner), float(overlap[m, partner]))
                 free.discard(int(partner))
         for k in sorted(free):
-            label = modes.label[k]
-            same = [
+            alike = (
                 row
                 for row in rows
                 if n not in row
-                and modes.order[k]
                 and reference in row
-                and base.label[row[reference][0]] == label
-            ]
-            if same:
-                same[0][n] = (k, np.nan)
-            else:
-                rows.append({n: (k, np.nan)})
-    labels, frequency, q, overlap = [], [], [], []
-    for row in rows:
+                and base.label[row[reference][0]] == modes.label[k]
+            )
+            row = next(alike, None) if modes.order[k] else None
+            if row is None:
+                rows.append(row := {})
+            row[n] = (k, np.nan)
+    labels, values = [], np.full((3, len(rows), len(items)), np.nan)
+    for place, row in enumerate(rows):
         n, (m, _) = next(iter(row.items()))
         labels.append(found[n][0].label[m])
-        values = np.full((3, len(items)), np.nan)
         for i, (k, shape) in row.items():
             modes = found[i][0]
-            values[:, i] = modes.frequency[k], modes.q[k], shape
-        frequency.append(values[0])
-        q.append(values[1])
-        overlap.append(values[2])
-    table = PairedModes(tuple(labels), np.array(frequency), np.array(q), np.array(overlap))
+            values[:, place, i] = modes.frequency[k], modes.q[k], shape
+    table = PairedModes(tuple(labels), *values)
     for n, item in enumerate(items):
         for mode in item.modes:
             table.frequency[_measured_row(table, mode, n, reference, base), n] = mode.frequency
-    order = np.argsort([_first_finite(row) for row in table.frequency], kind="stable")
-    return PairedModes(
-        tuple(labels[i] for i in order),
-        table.frequency[order],
-        table.q[order],
-        table.overlap[order],
-    )
-
-
-def _first_finite(row: Float[np.ndarray, " item"]) -> float:
-    """Find the first finite number of a row; -inf if there is none, as of an unstable mode."""
-    return float(next((value for value in row if np.isfinite(value)), -np.inf))
+    # by the first finite frequency; unstable modes have none
+    first = [next((f for f in row if np.isfinite(f)), -np.inf) for row in table.frequency]
+    order = np.argsort(first, kind="stable")
+    return PairedModes(tuple(labels[i] for i in order), *values[:, order])
 
 
 def _measured_row(table: PairedModes, mode: Mode, n: int, reference: int, base: Modes) -> int:
@@ -339,84 +324,65 @@ class _Bodies:
         return np.abs(rows @ columns.T)
 
 
-def _exact(item: int, frequency: np.ndarray, value: np.ndarray) -> Curve:
-    """Make the curve of a model, which has no uncertainty."""
-    return Curve(item, frequency, value, np.full(len(frequency), np.nan))
-
-
-def _responses(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> list[Overlay]:
-    """Collect the responses of results, measurements and the setting, an overlay per pair."""
-    data: dict[tuple[str, str], dict[int, Curve]] = {}
-    units: dict[tuple[str, str], str] = {}
+def _collect_curves(
+    items: Sequence[Item],
+) -> tuple[dict[_Quantity, dict[int, Curve]], dict[_Quantity, str]]:
+    """Collect the curves of measurements and results by quantity and item, and their units."""
+    data: dict[_Quantity, dict[int, Curve]] = {}
+    units: dict[_Quantity, str] = {}
     for n, item in enumerate(items):
         for one in item.responses:
-            key = (one.output, one.input)
+            key = ("response", one.output, one.input)
             data.setdefault(key, {})[n] = Curve(n, one.frequency, one.value, one.uncertainty)
             units.setdefault(key, one.unit)
-        if item.result is not None and item.result.analysis.name == "response":
-            found = item.result.data
-            for o, out in enumerate(found.output):
-                for i, into in enumerate(found.input):
-                    curve = _exact(n, found.frequency, found.value[:, o, i])
-                    data.setdefault((out, into), {})[n] = curve
-                    units[out, into] = found.unit[o][i]
-    wanted_in, wanted_out = run.setting["inputs"], run.setting["outputs"]
-    if wanted_in or wanted_out:
-        first = next(item for item in items if item.source is not None)
-        assert first.source is not None
-        last = first.source.design.stage[-1].name
-        for out in wanted_out or (f"{last}.x",):
-            for into in wanted_in or ("support.x",):
-                data.setdefault((out, into), {})
-    overlays = []
-    for (out, into), curves in data.items():
-        grid = _grid(items, curves, run)
-        solved = _results(
-            "response", items, run, choices, inputs=(into,), outputs=(out,), frequency=grid
-        )
+        if item.result is not None:
+            for key, curve, unit in _computed_curves(n, item.result):
+                data.setdefault(key, {})[n] = curve
+                units[key] = unit
+    return data, units
+
+
+def _computed_curves(n: int, result: Result) -> Iterator[tuple[_Quantity, Curve, str]]:
+    """List the curves of a result, which have no uncertainty."""
+    found, name = result.data, result.analysis.name
+    if name == "response":
+        unknown = np.full(len(found.frequency), np.nan)
+        for o, out in enumerate(found.output):
+            for i, into in enumerate(found.input):
+                curve = Curve(n, found.frequency, found.value[:, o, i], unknown)
+                yield (name, out, into), curve, found.unit[o][i]
+    elif name == "thermal":
+        for noise in found:
+            unknown, value = np.full(len(noise.frequency), np.nan), noise.amplitude.astype(complex)
+            curve = Curve(n, noise.frequency, value, unknown)
+            yield ("noise", noise.output, ""), curve, f"{noise.unit}/sqrt(Hz)"
+
+
+def _overlays(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> Iterator[Overlay]:
+    """Compare the responses, then the noises, of items and of the setting."""
+    (data, units), setting = _collect_curves(items), run.setting
+    if setting["inputs"] or setting["outputs"]:
+        first = next(item.source for item in items if item.source is not None)
+        for out in setting["outputs"] or (f"{first.design.stage[-1].name}.x",):
+            for into in setting["inputs"] or ("support.x",):
+                data.setdefault(("response", out, into), {})
+    for out in setting["noises"]:
+        data.setdefault(("noise", out, ""), {})
+    for (kind, out, into), curves in sorted(data.items(), key=lambda one: one[0][0] == "noise"):
+        name, option, inputs = "response", "--output", {"inputs": (into,)}
+        if kind == "noise":
+            name, option, inputs = "thermal", "--noise", {}
+        with _option_named(option):
+            grid = _grid(items, curves, run)
+            given = inputs | {"outputs": (out,), "frequency": grid}
+            solved = _results(name, items, run, choices, **given)
         for n, result in solved.items():
-            curves[n] = _exact(n, result.frequency, result.value[:, 0, 0])
-            units[out, into] = result.unit[0][0]
+            _, curves[n], units[kind, out, into] = next(_computed_curves(n, result))
         if curves:
-            unit = units.get((out, into), "")
-            ordered = _with_ratios(items, curves)
-            known = _stored(items, "response", curves) | solved
-            overlays.append(Overlay("response", out, into, unit, ordered, known))
-    return overlays
-
-
-def _noises(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> list[Overlay]:
-    """Collect the thermal noise of results and the setting, an overlay per output."""
-    data: dict[str, dict[int, Curve]] = {}
-    units: dict[str, str] = {}
-    for n, item in enumerate(items):
-        if item.result is not None and item.result.analysis.name == "thermal":
-            for noise in item.result.data:
-                curve = _exact(n, noise.frequency, noise.amplitude.astype(complex))
-                data.setdefault(noise.output, {})[n] = curve
-                units[noise.output] = f"{noise.unit}/sqrt(Hz)"
-    for out in run.setting["noises"]:
-        data.setdefault(out, {})
-    overlays = []
-    for out, curves in data.items():
-        with _option_named("--noise"):
-            solved = _results(
-                "thermal", items, run, choices, outputs=(out,), frequency=_grid(items, curves, run)
-            )
-        for n, result in solved.items():
-            noise = result.data[0]
-            curves[n] = _exact(n, noise.frequency, noise.amplitude.astype(complex))
-            units[out] = f"{noise.unit}/sqrt(Hz)"
-        ordered = _with_ratios(items, curves)
-        known = _stored(items, "thermal", curves) | solved
-        overlays.append(Overlay("noise", out, "", units[out], ordered, known))
-    return overlays
-
-
-def _stored(items: Sequence[Item], name: str, curves: dict[int, Curve]) -> dict[int, Result]:
-    """Collect the stored results of one analysis that have a curve."""
-    found = {n: items[n].result for n in curves}
-    return {n: result for n, result in found.items() if result and result.analysis.name == name}
+            stored = {n: items[n].result for n in curves}
+            source = {n: one for n, one in stored.items() if one and one.analysis.name == name}
+            unit, ordered = units.get((kind, out, into), ""), _with_ratios(items, curves)
+            yield Overlay(kind, out, into, unit, ordered, source | solved)
 
 
 @contextlib.contextmanager

@@ -133,12 +133,8 @@ class Composition:
     parts: list[Part] = field(default_factory=list)
     title: str = ""
 
-    def list(self, name: str) -> None:
-        """List a command without a model (`draw`, `check`) among the parts."""
-        self.parts.append(Part(self.title, self.command(name)))
-
-    def note(self, command: str, choice: Choice) -> None:
-        """List an analysis whose result was read from a file among the parts."""
+    def list(self, command: str, choice: Choice | None = None) -> None:
+        """List an analysis of the current section among the parts."""
         self.parts.append(Part(self.title, command, choice))
 
     def command(self, name: str, *options: str) -> str:
@@ -166,10 +162,9 @@ class Composition:
         """
         analysis, request = registry.get(name), self.request
         names = {param.name for param in analysis.parameters}
-        shared = {"fidelity": request.fidelity, "tolerance": request.tolerance}
-        usual = {"fidelity": "auto", "tolerance": 1e-3}
-        for key, value in shared.items():
-            if key in names and value != usual[key]:
+        for key in ("fidelity", "tolerance"):
+            value = getattr(request, key)
+            if key in names and value != getattr(Request, key):
                 given[key] = value
                 options = (*options, f"--{key}", str(value))
         command = self.command(name, *options)
@@ -178,17 +173,16 @@ class Composition:
         one = Run(self.source, setting, self.log, self.folder, command)
         with one.faults():
             result = analysis.solve(one)
-        self.parts.append(Part(self.title, command, result.choice))
+        self.list(command, result.choice)
         return result
 
     def answer(self, result: Result) -> str:
         """Return what the command of a result prints, as HTML."""
         with tables.collecting() as found:
             answer = str(result)
-        head = f"{result.title}  [{result.name}]"
-        lines = answer.split("\n")
-        if lines[0] in (head, result.title):
-            answer = "\n".join(lines[1:])
+        first, _, rest = answer.partition("\n")
+        if first in (f"{result.title}  [{result.name}]", result.title):
+            answer = rest
         return html.prose(answer, found, result.choice.line)
 
     def pictures(self, result: Result, caption: str, **setting: Any) -> str:
