@@ -58,16 +58,12 @@ def find_unknown_names(
     for command, table in design.analysis.items():
         for key, value in table.items():
             where = f"analysis.{command}.{key}"
-            texts = [
-                text
-                for text in (value if isinstance(value, list) else [value])
-                if isinstance(text, str)
-            ]
             if "." in key and not paths(key.rpartition(".")[0]):
                 remedy = "write the path as in the file: stage.test.wires.d"
                 unknown.append(ImplausibleNumber(Fault(where, NO_TABLE, remedy)))
-            for text in texts:
-                unknown += _check_name(key, text, where, (known, stages, wires), paths, found)
+            for text in value if isinstance(value, list) else [value]:
+                if isinstance(text, str):
+                    unknown += _check_name(key, text, where, (known, stages, wires), paths, found)
     return unknown
 
 
@@ -104,8 +100,6 @@ def _collect_faults(
     try:
         parse()
     except InputError as error:
-        return [
-            ImplausibleNumber(fault if text is None else replace(fault, value=format_value(text)))
-            for fault in error.faults
-        ]
+        given = {} if text is None else {"value": format_value(text)}
+        return [ImplausibleNumber(replace(fault, **given)) for fault in error.faults]
     return []

@@ -11,7 +11,7 @@ from suspension_cli.errors import Fault, InputError, escape_unprintable
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.check.profiles import ReducedProfile
-    from suspension_cli.analyses.check.statics import BladeLoad, LinkLoad, Statics, WireLoad
+    from suspension_cli.analyses.check.statics import LinkLoad, Statics, Stress
     from suspension_cli.analyses.check.wire_weights import WireWeights
     from suspension_cli.design.plausibility import ImplausibleNumber
     from suspension_cli.design.reader import Source
@@ -100,7 +100,8 @@ class Check(Report):
                 | {"serious": item.serious}
                 for item in self.warnings
             ],
-        } | self._wire_details()
+            **self._wire_details(),
+        }
 
     def _wire_details(self) -> Document:
         """Weight of wires where it is included, and measured profiles where there are any."""
@@ -114,17 +115,7 @@ class Check(Report):
                 "error": own.error,
             }
         if self.profiles:
-            result["profiles"] = [
-                {
-                    "wire": one.wire,
-                    "places": one.places,
-                    "sections": one.sections,
-                    "stretching_change": one.stretching,
-                    "bending_change": one.bending,
-                    "allowed": one.allowed,
-                }
-                for one in self.profiles
-            ]
+            result["profiles"] = [asdict(one) for one in self.profiles]
         return result
 
     def __str__(self) -> str:
@@ -209,25 +200,23 @@ def solve(source: Source) -> Check:
         raise InputError([*error.faults, *(item.fault for item in found)], source.file) from None
     found += plausible.find_implausible_loads(design, loads)
     found += towers.find_implausible_towers(design, loads.legs, loads.filters)
-    stable = level = modes = None
-    stability = plausible.solve_stability(design)
-    if stability is not None:
-        found += plausible.find_instability(*stability)
-        level, modes = stability[0].level, stability[1]
+    stable = None
+    level, modes = plausible.solve_stability(design)
+    if level is not None and modes is not None:
+        found += plausible.find_instability(level, modes)
         stable = bool(modes.stable)
     near = limits.find_slackest(design, loads)
     if near is not None:
         remedy = "move its ends, or give it its share of the load"
-        found.append(
-            plausibility.ImplausibleNumber(Fault("", warnings.describe_slack(near), remedy))
-        )
+        fault = Fault("", warnings.describe_slack(near), remedy)
+        found.append(plausibility.ImplausibleNumber(fault))
     raw = tomllib.loads(source.text)
     found += names.find_unknown_names(design, modes, lambda path: value_at(raw, path) is not None)
     weights, reduced = wire_weights.solve(design, loads), profiles.solve(design, loads)
     return Check(source, choice, loads, stable, level, found, weights, reduced)
 
 
-def _stressed(part: WireLoad | BladeLoad) -> Document:
+def _stressed(part: Stress) -> Document:
     return {
         "stress_pa": part.stress,
         "strength_pa": part.strength,
@@ -235,7 +224,7 @@ def _stressed(part: WireLoad | BladeLoad) -> Document:
     }
 
 
-def _strength(part: WireLoad | BladeLoad) -> tuple[float | None, float | None]:
+def _strength(part: Stress) -> tuple[float | None, float | None]:
     """Return the stress in MPa and its fraction of the strength in %; None where unknown."""
     return (
         None if part.stress is None else part.stress / 1e6,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
-from suspension_cli.analyses.options import argument, option
+from suspension_cli.analyses.options import argument
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,21 +33,10 @@ class CompareAnalysis(Analysis):
     name = "compare"
     arguments = (argument("items", nargs=-1, required=True, metavar="ITEM ITEM..."),)
     parameters = (
-        *(
-            option(f"--{name}", f"{name}s", multiple=True, metavar="SIGNAL", help=help_text)
-            for name, help_text in (
-                ("input", "Compare responses to this input, e.g. support.x (repeatable)."),
-                ("output", "Compare responses of this output, e.g. test.x (repeatable)."),
-                ("noise", "Compare the thermal noise of this motion, e.g. test.x (repeatable)."),
-            )
-        ),
-        option(
-            "--frequency",
-            default="0.1:100:2000",
-            show_default=True,
-            metavar="GRID",
-            help="Frequencies of responses and noises of designs, Hz.",
-        ),
+        options.signals("input", "Compare responses to this input, e.g. support.x"),
+        options.signals("output", "Compare responses of this output, e.g. test.x"),
+        options.signals("noise", "Compare the thermal noise of this motion, e.g. test.x"),
+        options.frequencies("0.1:100:2000", "Frequencies of responses and noises of designs, Hz."),
         options.ACCURACY,
         *options.WRITING,
     )

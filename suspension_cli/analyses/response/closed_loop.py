@@ -38,10 +38,8 @@ class ClosedTransfer(Transfer):
 
     def values(self, model: LinearSystem, frequency: Array) -> Any:
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
-        plant = control.build_plant(self.design, model)
-        return control.solve_responses(
-            plant, np.asarray(frequency), self.inputs, self.outputs
-        ).value
+        plant, at = control.build_plant(self.design, model), np.asarray(frequency)
+        return control.solve_responses(plant, at, self.inputs, self.outputs).value
 
 
 def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTransfer:

@@ -211,19 +211,15 @@ def signals(
 def check_signals(items: Sequence[Item], known: tuple[str, ...]) -> None:
     """Raise `InputError`, in the file of measurements, if a signal is none of the design."""
     for item in items:
-        for parse, names, side in zip(
-            (parse_input, parse_output), signals_of(item.tables), ("input", "output"), strict=True
-        ):
+        sides = (parse_input, "input signal"), (parse_output, "output signal")
+        for (parse, key), names in zip(sides, signals_of(item.tables), strict=True):
             for name in names:
                 try:
                     parse(name, known)
                 except InputError as error:
                     if not item.file:
                         raise
-                    moved = [
-                        Fault(f"{side} signal", one.problem, one.remedy, one.value)
-                        for one in error.faults
-                    ]
+                    moved = [replace(fault, key=key) for fault in error.faults]
                     raise InputError(moved, item.file) from None
 
 
@@ -271,7 +267,9 @@ def compare(
         columns = [found.input.index(name) for name in names[0]]
         curve = found.value[:, rows][:, :, columns]
         peaks = resonances(item.data)
-        nearest = [int(np.argmin(np.abs(np.log(pole / f)))) if len(pole) else -1 for f in peaks]
+        if not len(pole):
+            pole, label = np.array([np.nan]), [""]
+        nearest = [int(np.argmin(np.abs(np.log(pole / f)))) for f in peaks]
         result.append(
             Comparison(
                 item.data,
@@ -279,8 +277,8 @@ def compare(
                 found.frequency,
                 predict(item.tables, item.table, found.frequency, curve),
                 peaks,
-                np.array([pole[n] if n >= 0 else np.nan for n in nearest]),
-                tuple(label[n] if n >= 0 else "" for n in nearest),
+                pole[nearest],
+                tuple(label[n] for n in nearest),
             )
         )
     return tuple(result)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.response.measured import Comparison
-from suspension_cli.analyses.response.picture import draw_magnitude, insert_gaps, label_magnitude
+from suspension_cli.analyses.response.picture import body_of, draw_magnitude, label_magnitude
 from suspension_cli.drawing import curves
 from suspension_cli.drawing.style import INK, house_style, shade, stage_colours
 
@@ -97,8 +97,8 @@ def _looks(
 
     Sensors have the colour of the stage that they observe if all observe one.
     """
-    body = [_body(one.data.output) for one in measured]
-    seen = {_body(output) for output in outputs}
+    body = [body_of(one.data.output) for one in measured]
+    seen = {body_of(output) for output in outputs}
     if len(seen) == 1:
         body = [name if name in stages else min(seen) for name in body]
     colours = stage_colours([*stages, *body])
@@ -107,10 +107,6 @@ def _looks(
         (shade(colours[name], k), {"marker": MARKERS[k % len(MARKERS)], "markersize": 3})
         for name, k in zip(body, before, strict=True)
     ]
-
-
-def _body(signal: str) -> str:
-    return signal.partition("@")[0].rpartition(".")[0]
 
 
 def _mark_outside(axes: Axes, one: Comparison, decibels: bool, colour: str) -> None:
@@ -163,8 +159,7 @@ def _draw_measured(
             axes.vlines(at[known], low[known], high[known], color=BAR, linewidth=0.6, zorder=1.5)
             axes.plot(at, values, mark, color=colour, markersize=2.4, markeredgewidth=0)
         else:
-            drawn = insert_gaps(values) if axes is panels[1] else values
-            axes.plot(at, drawn, ".", color=colour, markersize=1.8, markeredgewidth=0, alpha=0.7)
+            axes.plot(at, values, ".", color=colour, markersize=1.8, markeredgewidth=0, alpha=0.7)
 
 
 def _phase_near(phase: Any, at: Any, frequency: Any, modelled: Any) -> Any:

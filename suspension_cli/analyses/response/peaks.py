@@ -73,16 +73,12 @@ def find_peaks(
         where = np.where(better, at.ravel()[flat.argmax(0)], where)
         best = np.maximum(best, reached)
         peak = (value / scale).max((2, 3)).argmax(1)
-        rows, last = np.arange(len(low)), POINTS - 1
-        done = high - low <= NARROWEST * high
-        infinite = (
-            done[:, None, None] & (value.max(1) > STEEP * value.min(1)) & (value.max(1) >= best)
-        )
+        done, top = high - low <= NARROWEST * high, value.max(1)
+        infinite = done[:, None, None] & (top > STEEP * value.min(1)) & (top >= best)
         best = np.where(infinite.any(0), np.inf, best)
-        low, high = (
-            at[rows, np.maximum(peak - 1, 0)][~done],
-            at[rows, np.minimum(peak + 1, last)][~done],
-        )
+        rows = np.flatnonzero(~done)
+        low = at[rows, np.maximum(peak[rows] - 1, 0)]
+        high = at[rows, np.minimum(peak[rows] + 1, POINTS - 1)]
     return Peaks(where, best)
 
 

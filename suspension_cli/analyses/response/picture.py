@@ -96,15 +96,19 @@ def _looks(
     response: Response, pairs: Sequence[tuple[int, int]], stages: Sequence[str]
 ) -> dict[tuple[int, int], tuple[str, Any]]:
     """Colour of each pair's output stage, and dashes that tell pairs of one colour apart."""
-    body = [output.partition("@")[0].rpartition(".")[0] for output in response.output]
+    body = [body_of(output) for output in response.output]
     colours = stage_colours([*stages, *body])
-    used: dict[str, int] = {}
     looks: dict[tuple[int, int], tuple[str, Any]] = {}
     for o, i in pairs:
         colour = colours[body[o]]
-        number = used[colour] = used.get(colour, -1) + 1
-        looks[o, i] = colour, DASHES[number % len(DASHES)]
+        before = sum(one == colour for one, _ in looks.values())
+        looks[o, i] = colour, DASHES[before % len(DASHES)]
     return looks
+
+
+def body_of(signal: str) -> str:
+    """Name the body of a signal: ``test.x@0,0,0.001`` is one of ``test``."""
+    return signal.partition("@")[0].rpartition(".")[0]
 
 
 def _draw_magnitudes(
@@ -116,11 +120,9 @@ def _draw_magnitudes(
 ) -> None:
     frequency, lines, peaks, levels = response.frequency, [], [], []
     for o, i in pairs:
-        colour, dashes = looks[o, i]
-        size = np.abs(response.value[:, o, i])
-        drawn = draw_magnitude(
-            axes, frequency, response.value[:, o, i], scale, colour, _name(response, o, i), dashes
-        )
+        (colour, dashes), value = looks[o, i], response.value[:, o, i]
+        name, size = _name(response, o, i), np.abs(value)
+        drawn = draw_magnitude(axes, frequency, value, scale, colour, name, dashes)
         lines.append((size, drawn, colour))
         tops, around = find_tops(frequency, size)
         peaks += [(frequency[top], drawn[top], remark) for top, remark in tops]
@@ -193,13 +195,6 @@ def draw_magnitude(
     mark = "o" if len(frequency) == 1 else ""
     axes.plot(frequency, drawn, color=colour, label=label, linestyle=dashes, marker=mark)
     return drawn
-
-
-def insert_gaps(phase: np.ndarray) -> np.ndarray:
-    """Insert a gap where the phase (degrees) wraps, so that no vertical line is drawn there."""
-    result = phase.astype(float).copy()
-    result[1:][np.abs(np.diff(phase)) > 270] = np.nan
-    return result
 
 
 def label_magnitude(unit: str, decibels: bool) -> str:

@@ -185,30 +185,15 @@ def _check_powers(
     """Raise `InputError` where a density is infinite or negative."""
     total = sum(powers.values(), np.zeros(len(omega)))
     if not np.isfinite(total).all():
-        at = float(omega[~np.isfinite(total)][0]) / (2 * np.pi)
+        at = format_value(float(omega[~np.isfinite(total)][0]) / (2 * np.pi))
+        problem = "is a resonance without loss, where the noise is infinite"
         remedy = "move it, or give loss_angle or damping"
-        raise InputError(
-            [
-                Fault(
-                    "--frequency",
-                    "is a resonance without loss, where the noise is infinite",
-                    remedy,
-                    format_value(at),
-                )
-            ]
-        )
+        raise InputError([Fault("--frequency", problem, remedy, at)])
     for name, power in powers.items():
         if (power < -ROUNDING * total).any():
+            problem = "gives power back instead of dissipating it, so it has no thermal noise"
             remedy = "make its stiffness and damping matrices positive, or its loss angle 0"
-            raise InputError(
-                [
-                    Fault(
-                        name,
-                        "gives power back instead of dissipating it, so it has no thermal noise",
-                        remedy,
-                    )
-                ]
-            )
+            raise InputError([Fault(name, problem, remedy)])
 
 
 def compute_dissipation(

@@ -62,8 +62,8 @@ def _panel(subject: Subject, item: Comparison, repeat: int, budget: float) -> Pa
     components = tuple(errors[0]) if errors else ()
     works = [lambda method=method: method.once(subject) for method in methods]
     batches = {method: method.batch(subject) for method in methods if method.batch is not None}
-    works += batches.values()
-    times = timing.quartiles(works, repeat, [taken for _, taken in first], budget)
+    known = [taken for _, taken in first]
+    times = timing.quartiles([*works, *batches.values()], repeat, known, budget)
     once = dict(zip(methods, times[: len(methods)], strict=True))
     many = dict(zip(batches, times[len(methods) :] / item.count, strict=True))
     return Panel(

@@ -143,7 +143,7 @@ def _by_block(
     return _in_chunks(direct, lambda omega: sum(solve(block, omega) for block in blocks))
 
 
-def _in_chunks(direct: complex, indirect: Callable[[Array], Any]) -> Answer:
+def _in_chunks(direct: Any, indirect: Callable[[Array], Any]) -> Answer:
     """Return the sum of both parts of a response, the second for some frequencies at a time."""
 
     def at(omega: Array) -> np.ndarray:
