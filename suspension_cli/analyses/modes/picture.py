@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -59,17 +60,7 @@ design, or few."""
 
 @dataclass(frozen=True)
 class Panel:
-    """Contents of one panel.
-
-    Attributes
-    ----------
-    number : int
-        Of the mode, from 0.
-    sketch : Sketch
-        The suspension displaced.
-    low, high : (2,) arrays
-        Bounds of the picture, m.
-    """
+    """Contents of one panel: a mode (from 0), displaced, and the bounds (2,) of its picture, m."""
 
     number: int
     view: View
@@ -80,15 +71,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Page:
-    """One of several figures of modes.
-
-    Attributes
-    ----------
-    kind : str
-        Kind of its modes (`KINDS`); "" for all.
-    numbers : tuple of int
-        Its modes, from 0.
-    """
+    """One of several figures of modes: their kind (`KINDS`; "" for all), and numbers from 0."""
 
     kind: str
     numbers: tuple[int, ...]
@@ -140,22 +123,12 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> lis
         rest = sketch_at_rest(design, scene)
         panels = {number: make_panel(modes, number, rest) for number in numbers}
         common = measure_frame([*panels.values()])
-        pages = [("", numbers)] if len(numbers) <= PAGE else [*_split(modes, numbers)]
-        return [
-            Page(
-                kind,
-                tuple(part),
-                _figure(
-                    modes,
-                    rest,
-                    [panels[n] for n in part],
-                    common,
-                    ((kind or "normal modes").capitalize(), subtitle),
-                    note,
-                ),
-            )
-            for kind, part in pages
-        ]
+        result = []
+        for kind, part in [("", numbers)] if len(numbers) <= PAGE else _split(modes, numbers):
+            title = (kind or "normal modes").capitalize(), subtitle
+            figure = _figure(modes, rest, [panels[n] for n in part], common, title, note)
+            result.append(Page(kind, tuple(part), figure))
+        return result
 
 
 def sketch_at_rest(design: Design, scene: Scene) -> Sketch:
@@ -220,21 +193,27 @@ def draw_panel(
     ----------
     canvas : Canvas
         In inches.
-    corner : (float, float)
-        Upper left corner, in.
-    size : (float, float)
-        Width and height of the picture, in.
+    corner, size : (float, float)
+        Upper left corner, width and height of the picture, in.
     rest : Sketch
         The suspension at rest.
     """
-    (left, top), (width, tall) = corner, size
+    (left, top), (width, tall), number = corner, size, panel.number
     colours = style.stage_colours(rest.scene.bodies.name)
-    _draw_title(canvas, left, top, modes, panel.number)
+    canvas.text(
+        left,
+        top,
+        format_heading(modes, number),
+        va="top",
+        fontsize=SMALL if np.isnan(modes.frequency[number]) else LARGE,
+        fontweight="bold",
+        color=INK if modes.omega_squared[number] >= 0 else style.PALETTE[1],
+    )
     top -= HEAD
     draw_shape(canvas, (left, top), size, modes, panel, rest, frame, tuple(colours.values()), 0.6)
     top -= tall + ROW / 2
     canvas.text(left + width, top, panel.view.name, ha="right", color=NOTE, **ROW_STYLE)
-    _draw_energies(canvas, left, top - ROW, width, modes, panel.number, colours)
+    _draw_energies(canvas, left, top - ROW, width, modes, number, colours)
 
 
 def choose_view(modes: Modes, number: int, above: View) -> View:
@@ -257,18 +236,12 @@ def format_heading(modes: Modes, number: int) -> str:
     """Number and frequency of a mode, for the title of its panel."""
     frequency = float(modes.frequency[number])
     if modes.overdamped[number]:
-        return (
-            f"{number + 1}  overdamped, decays at"
-            f" {style.format_significant(float(modes.decay_rate[number]))} 1/s"
-        )
-    if np.isnan(frequency):
-        return (
-            f"{number + 1}  unstable, grows at"
-            f" {style.format_significant(float(modes.growth_rate[number]))} 1/s"
-        )
-    return f"{number + 1}  " + (
-        "rigid" if frequency == 0 else f"{style.format_significant(frequency)} Hz"
-    )
+        words = f"overdamped, decays at {style.format_significant(modes.decay_rate[number])} 1/s"
+    elif np.isnan(frequency):
+        words = f"unstable, grows at {style.format_significant(modes.growth_rate[number])} 1/s"
+    else:
+        words = f"{style.format_significant(frequency)} Hz" if frequency else "rigid"
+    return f"{number + 1}  {words}"
 
 
 def shorten_label(label: str, most: int) -> str:
@@ -295,37 +268,18 @@ def make_panel(
         pose = geometry.mode_pose(scene, modes.coordinate, modes.shape[number])
     sketch = replace(rest, pose=pose)
     (x0, y0, z0), (x1, y1, z1) = parts.support_box(rest)
-    plate = [
-        [x, y, z]
-        for x in (x0, x1)
-        for y in (y0, y1)
-        for z in ((z0,) if view.normal == 2 else (z0, z1))
-    ]
+    heights = (z0,) if view.normal == 2 else (z0, z1)
+    plate = [*product((x0, x1), (y0, y1), heights)]
     points = np.concatenate([rest.points(view), sketch.points(view), view.see(plate)])
     return Panel(number, view, sketch, points.min(0), points.max(0))
 
 
 def measure_frame(panels: list[Panel]) -> Frame:
     """Measure the common scale and height of panels."""
-    upright = [float(panel.high[1]) for panel in panels if panel.view.normal != 2]
-    high = max(upright, default=0.0)
-    heights = [
-        (float(panel.high[1]) if panel.view.normal == 2 else high) - float(panel.low[1])
-        for panel in panels
-    ]
-    return Frame(max(float(panel.high[0] - panel.low[0]) for panel in panels), max(heights), high)
-
-
-def _draw_title(canvas: Canvas, left: float, top: float, modes: Modes, number: int) -> None:
-    canvas.text(
-        left,
-        top,
-        format_heading(modes, number),
-        va="top",
-        fontsize=SMALL if np.isnan(modes.frequency[number]) else LARGE,
-        fontweight="bold",
-        color=INK if modes.omega_squared[number] >= 0 else style.PALETTE[1],
-    )
+    high = max((float(p.high[1]) for p in panels if p.view.normal != 2), default=0.0)
+    tops = [float(p.high[1]) if p.view.normal == 2 else high for p in panels]
+    height = max(top - float(p.low[1]) for top, p in zip(tops, panels, strict=True))
+    return Frame(max(float(p.high[0] - p.low[0]) for p in panels), height, high)
 
 
 def draw_shape(

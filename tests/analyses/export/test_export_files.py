@@ -74,7 +74,7 @@ def test_numpy(made, origin, tmp_path):
 
 def test_hdf5(made, origin, tmp_path):
     path = tmp_path / "triple.h5"
-    files.save(path, "hdf5", made, origin)
+    files.FORMATS["hdf5"].write(path, made, origin)
     with open_results(path) as file:
         assert file.attrs["design"] == origin.design
         group = file["statespace"]
