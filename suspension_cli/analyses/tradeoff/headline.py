@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
 
+from suspension_cli.analyses.tradeoff.picture import COLOUR, draw_front, pixels
 from suspension_cli.analyses.tradeoff.result import ROUNDING, Tradeoff, front
 from suspension_cli.analyses.tradeoff.summary import MODEL_TOLERANCE, Answer, Option, choices
 from suspension_cli.drawing.curves import COLUMN, label_plainly, rule, write_heading
@@ -54,41 +56,30 @@ def draw(found: Tradeoff, title: str) -> Figure:
     ]
     rows = len(questions) + len(left_out)
     key = textwrap.wrap(
-        f"Errors against {reference(found)}. Steps: none is both faster and more accurate.",
+        f"Errors against the {found.top} model. Steps: none is both faster and more accurate.",
         int(COLUMN / 0.058),
     )
     head = HEAD + LINE * (len(key) - 1)
-
-    def place(n: int) -> tuple[float, float]:
-        return LEFT, head + n * ROW
-
     with house_style():
         figure = new_figure(COLUMN, head + ROW * rows + FOOT)
         write_heading(figure, "Which model to use: error against time", title)
         for n, line in enumerate(key):
             write_text(figure, 0.1, 0.43 + LINE * n, line, 7.5, NOTE)
         for n, (answer, options) in enumerate(questions):
-            left, top = place(n)
-            _write_advice(figure, left, top, answer, options)
-            axes = add_axes(figure, left, top + ABOVE, WIDTH, HIGH)
+            top = head + n * ROW
+            name = answer.question[0].upper() + answer.question[1:]
+            write_text(figure, 0.1, top, name, 9, bold=True)
+            write_text(figure, 0.1, top + 0.175, advise(answer, options), 7.8, INK)
+            axes = add_axes(figure, LEFT, top + ABOVE, WIDTH, HIGH)
             _draw_chart(axes, options, answer)
             axes.set_ylabel("relative error")
         for n, (name, reason) in enumerate(left_out, len(questions)):
-            left, top = place(n)
-            write_text(figure, left - LEFT + 0.1, top, name, 9, bold=True)
+            top = head + n * ROW
+            write_text(figure, 0.1, top, name, 9, bold=True)
             for k, line in enumerate(textwrap.wrap(f"left out: {reason}", 70)):
                 down = top + 0.175 + LINE * k
-                write_text(figure, left - LEFT + 0.1, down, single_line(line), 7.5, NOTE)
+                write_text(figure, 0.1, down, single_line(line), 7.5, NOTE)
     return figure
-
-
-def reference(found: Tradeoff) -> str:
-    """Name the model that the others are compared with."""
-    return next(
-        f"the {panel.entries[-1].model} model"
-        for panel in found.panels
-        if panel.compares == "models" and panel.entries
-    )
 
 
 def advise(answer: Answer, options: list[Option]) -> str:
@@ -120,18 +111,8 @@ def percent(error: float) -> str:
     return f"{float(f'{value:.2g}' if value >= 10 else f'{value:.1g}'):g} %"
 
 
-def _write_advice(
-    figure: Figure, left: float, top: float, answer: Answer, options: list[Option]
-) -> None:
-    name = answer.question[0].upper() + answer.question[1:]
-    write_text(figure, left - LEFT + 0.1, top, name, 9, bold=True)
-    write_text(figure, left - LEFT + 0.1, top + 0.175, advise(answer, options), 7.8, INK)
-
-
 def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
     """Draw models as points, their Pareto front and the tolerance."""
-    from suspension_cli.analyses.tradeoff.picture import COLOUR
-
     time = 1e3 * np.array([option.time for option in options])
     error = np.array([option.error for option in options])
     seen = np.append(error[error >= ROUNDING], MODEL_TOLERANCE)
@@ -157,12 +138,7 @@ def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
     axes.axhspan(
         axes.get_ylim()[0], MODEL_TOLERANCE, color=with_opacity(PALE, 0.28), linewidth=0, zorder=0
     )
-    on = front(time, error)
-    steps = np.repeat(np.stack([time[on], shown[on]], axis=1), 2, axis=0)
-    steps[1:-1:2, 0] = steps[2::2, 0]
-    steps[-1, 0] = axes.get_xlim()[1]
-    path = np.vstack([[steps[0, 0], axes.get_ylim()[1]], steps])
-    axes.plot(*path.T, color=NOTE, linewidth=0.9, zorder=1.5, solid_joinstyle="miter")
+    path = draw_front(axes, time, shown, front(time, error))
     note = _name_band(axes, path)
     for option, x, y in zip(options, time, shown, strict=True):
         chosen = option.name == answer.best.name
@@ -175,19 +151,14 @@ def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
             zorder=4,
             clip_on=False,
         )
-    box = note.get_window_extent()
-    corners = axes.transData.transform(path)
     annotate(
         axes,
         list(zip(time.tolist(), shown.tolist(), strict=True)),
         [option.name for option in options],
         [COLOUR[option.name] for option in options],
         FONT,
-        [(box.x0, box.y0, box.x1, box.y1)],
-        [
-            (*ends.min(0).tolist(), *ends.max(0).tolist())
-            for ends in (corners[n : n + 2] for n in range(len(corners) - 1))
-        ],
+        [note.get_window_extent().extents],
+        [pixels(axes, ends) for ends in pairwise(path)],
     )
 
 

@@ -132,6 +132,15 @@ class Panel(Timed):
         """Name in files, ``modes-models``."""
         return f"{self.quantity}-{self.compares}"
 
+    @property
+    def left_out(self) -> dict[str, list[str]]:
+        """Names of the models or methods that do not apply, by reason."""
+        reasons: dict[str, list[str]] = {}
+        for item in self.left:
+            name = item.model if self.compares == "models" else item.method
+            reasons.setdefault(item.reason, []).append(name)
+        return reasons
+
     def fastest(self, kind: str) -> float:
         """Find the shortest median time, s, of kind ``once`` or ``batch``."""
         return min((entry.time(kind) for entry in self.entries), default=np.nan)
@@ -213,6 +222,19 @@ class Tradeoff:
     threads: int
     waits: tuple[ResponseTimes, ...] = ()
 
+    def compared(self, compares: str) -> list[Panel]:
+        """List the panels of models, or of methods, that have entries."""
+        return [panel for panel in self.panels if panel.compares == compares and panel.entries]
+
+    @property
+    def top(self) -> str:
+        """Name of the model that the others are compared with."""
+        return self.compared("models")[0].entries[-1].model
+
+    def response_times(self, compares: str) -> list[ResponseTime]:
+        """List the times of responses of models, or of methods."""
+        return [one for each in self.waits if each.compares == compares for one in each.entries]
+
 
 def front(time: Array | Sequence[float], error: Array | Sequence[float]) -> list[int]:
     """Find the Pareto front: points that no other point matches in one and beats in the other.
@@ -242,10 +264,14 @@ def front(time: Array | Sequence[float], error: Array | Sequence[float]) -> list
 
 def format_time(seconds: float) -> str:
     """Format a time with three digits: ``83 µs``."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds * 1e9:.3g} ns"
+    unit, size = unit_of_time(seconds)
+    return f"{seconds / size:.3g} {unit}"
+
+
+def unit_of_time(seconds: float) -> tuple[str, float]:
+    """Return the unit in which a time is at least 1, and its size in s."""
+    units = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
+    return next((unit for unit in units if seconds >= unit[1]), units[-1])
 
 
 def format_error(error: float) -> str:
