@@ -49,20 +49,10 @@ STEP = 1.0
 
 @dataclass(frozen=True)
 class Requirement:
-    """A required amplitude spectral density, and what is left to it.
+    """A required amplitude spectral density (unit/sqrt(Hz)), and what is left to it.
 
-    Attributes
-    ----------
-    name : str
-        Of the file.
-    frequency, density : (n,) arrays
-        Hz, unit/sqrt(Hz).
-    margin : float
-        Smallest ratio of the requirement to the motion where both are known.
-    at : float
-        Its frequency, Hz.
-    exceeded : list of (float, float)
-        Intervals in which the motion is above, Hz.
+    `margin` is the smallest ratio of the requirement to the motion where both are known, `at`
+    its frequency, and `exceeded` are the intervals in which the motion is above, Hz.
     """
 
     name: str
@@ -246,8 +236,8 @@ def refine(
 
     Returns
     -------
-    frequency : (f,) array
-    density : (o, c, f) array
+    frequency, density : arrays
+        On the refined grid.
     unresolved : (n,) array
         Frequencies at which the integral does not converge.
     """

@@ -44,8 +44,7 @@ class Limits:
     Attributes
     ----------
     digits : NearLimit or None
-        The mode with the largest rounding error from the stiffness matrix, and the relative error
-        of its frequency.
+        The mode with the largest rounding error from the stiffness matrix, over its frequency.
     tipping : NearLimit or None
         The mode closest to instability, and by how much (m) lowering the lower ends of all wires on
         their bodies makes it unstable.
@@ -64,10 +63,7 @@ class Limits:
 def find_limits(design: Design, model: LinearSystem, found: Modes) -> Limits:
     """Find the limits that a design is near.
 
-    Parameters
-    ----------
-    model : LinearSystem
-        Of the model of the modes; of the beam model for modes of the violin model.
+    `model` is that of the modes; the beam model for modes of the violin model.
     """
     bodily = (found.order == 0) & (found.omega_squared != 0)
     with np.errstate(divide="ignore"):

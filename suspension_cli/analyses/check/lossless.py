@@ -41,18 +41,10 @@ class Lossless:
 
 
 def find_lossless(design: Design, level: str) -> list[Lossless]:
-    """Find the parts of a design without bulk loss.
+    """Find the parts of a design without bulk loss, from top to bottom, in the model `level`.
 
-    Parameters
-    ----------
-    level : str
-        Name of the model. Models in which wires bend use all losses of materials; others only
-        constant loss angles given in the design.
-
-    Returns
-    -------
-    list of Lossless
-        From top to bottom.
+    Models in which wires bend use all losses of materials; others only constant loss angles
+    given in the design.
     """
     found: list[Lossless] = []
     frame = design.support

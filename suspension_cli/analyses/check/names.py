@@ -27,17 +27,8 @@ def find_unknown_names(
 ) -> list[ImplausibleNumber]:
     """Find names in a design that nothing in it has.
 
-    Parameters
-    ----------
-    found : Modes or None
-        Its modes, to check labels of modes; None skips these.
-    paths : callable
-        Whether a dotted path leads to a table of the design.
-
-    Returns
-    -------
-    list of ImplausibleNumber
-        One per unknown name.
+    Labels of modes are checked if modes are `found`. `paths` is whether a dotted path leads to
+    a table of the design.
     """
     stages = tuple(stage.name for stage in design.stage)
     frame = (FRAME,) if design.support is not None else ()

@@ -42,13 +42,7 @@ LINK_WEIGHT = 1e-3
 
 
 def find_implausible_loads(design: Design, statics: Statics) -> list[ImplausibleNumber]:
-    """Find implausible stress, strain and sag of wires and blades, the worst of each stage.
-
-    Parameters
-    ----------
-    statics : Statics
-        Loads of its wires, blades and links.
-    """
+    """Find implausible stress, strain and sag of wires and blades, the worst of each stage."""
     found: list[ImplausibleNumber] = []
     for stage in design.stage:
         wires = [wire for wire in statics.wires if _stage_of(wire.label) == stage.name]

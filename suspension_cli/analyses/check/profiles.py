@@ -23,19 +23,10 @@ ELEMENTS = 6000
 
 @dataclass(frozen=True)
 class ReducedProfile:
-    """One measured profile and its sections.
+    """One measured profile and its sections: their numbers and the relative changes of stiffness.
 
-    Attributes
-    ----------
-    wire : str
-        ``test.wires`` or ``test.2``.
-    places, sections : int
-        Numbers of measured places and of uniform sections.
-    stretching_change, bending_change : float
-        Relative change of the stretching stiffness, and the largest one of the static stiffness in
-        bending (displacement and rotation of either end).
-    allowed : float
-        That the design allows.
+    The change in bending is the largest one of the static stiffness (displacement and rotation
+    of either end). `allowed` is what the design allows.
     """
 
     wire: str

@@ -29,16 +29,12 @@ class Check(Report):
 
     Attributes
     ----------
-    source : Source
-        The design, its TOML text (overrides applied) and the name of its file.
     choice : Choice
         The simplest model that is valid for it.
     statics : Statics
         Loads of wires and blades, pose and lowest points of bodies.
-    stable : bool or None
-        Whether it is stable; None where that could not be computed.
-    stability_model : str or None
-        Name of the model in which it is.
+    stable, stability_model : bool, str or None
+        Whether it is stable, and in which model; None where that could not be computed.
     weights : WireWeights or None
         Weight of the wires; None where no density is known.
     profiles : list of ReducedProfile

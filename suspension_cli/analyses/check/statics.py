@@ -109,19 +109,7 @@ class LinkLoad:
 
 @dataclass(frozen=True)
 class Statics:
-    """Statics of one design.
-
-    Attributes
-    ----------
-    lowest : tuple of Lowest
-        One per stage.
-    top : float
-        z of the highest end of a wire, m.
-    residual : float
-        Of the equilibrium, over the weight.
-    legs : tuple of LegLoad
-        One per inverted pendulum.
-    """
+    """Statics of one design; `top` is z of the highest end of a wire, m."""
 
     wires: tuple[WireLoad, ...]
     blades: tuple[BladeLoad, ...]

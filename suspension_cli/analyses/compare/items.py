@@ -27,20 +27,8 @@ RESULT, MEASUREMENT = (".h5", ".hdf5"), (".csv", ".txt", ".dat", ".xml", ".h5", 
 class Item:
     """One of the things that are compared.
 
-    Attributes
-    ----------
-    name : str
-        Heading of its column: the name of the design, or the stem of the file.
-    source : Source or None
-        The design, also that of a result.
-    run : Run or None
-        For a design that is yet to be analysed.
-    result : Result or None
-        A stored result.
-    modes : sequence of Mode
-        Measured modes.
-    responses : sequence of MeasuredResponse
-        Measured transfer functions.
+    `name` is the heading of its column. A result has a `source` too; a `run` is a design that
+    is yet to be analysed.
     """
 
     name: str

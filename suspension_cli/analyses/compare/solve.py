@@ -41,14 +41,9 @@ LEAST_OVERLAP = 0.1
 class PairedModes:
     """Modes of several designs and measurements, the same mode in one row.
 
-    Attributes
-    ----------
-    label : tuple of str
-        Of each row, from the first item that has the mode.
-    frequency, q : array
-        Hz, and quality factors; NaN where an item has no such mode (or it is unstable).
-    overlap : array
-        Of the shape with that of the first design; NaN where there is none.
+    Frequencies (Hz) and quality factors are NaN where an item has no such mode (or it is
+    unstable). `overlap` is that of the shape with that of the first design; NaN where there is
+    none.
     """
 
     label: tuple[str, ...]
@@ -59,20 +54,10 @@ class PairedModes:
 
 @dataclass(frozen=True)
 class Curve:
-    """One response or noise, and its ratio to the reference.
+    """One response, or amplitude spectral density of a noise, and its ratio to the reference.
 
-    Attributes
-    ----------
-    item : int
-        Number of the item, from 0.
-    frequency : array
-        Hz.
-    value : array
-        Response; amplitude spectral density of a noise.
-    uncertainty : array
-        Of measured real and imaginary parts; NaN where unknown.
-    ratio_frequency, ratio : array
-        Value over that of the reference; empty for the reference.
+    `item` is the number of the item, from 0. Uncertainties are those of measured real and
+    imaginary parts; NaN where unknown. The ratio of the reference is empty.
     """
 
     item: int
@@ -87,13 +72,8 @@ class Curve:
 class Overlay:
     """Curves of one quantity; the first is the reference.
 
-    Attributes
-    ----------
-    output, input : str
-        Signals; a noise has no input.
-    source : dict
-        Result of the analysis behind the curve of each item, to draw it between its points; empty
-        for stored comparisons.
+    A noise has no input. `source` are the results behind the curves by item, to draw these
+    between their points; empty for stored comparisons.
     """
 
     kind: str
@@ -113,13 +93,8 @@ class Overlay:
 class Comparison:
     """Differences between designs, results and measurements.
 
-    Attributes
-    ----------
-    name, kind, model : tuple of str
-        Of each item: heading, "design", "result" or "measurement", and model ("" for
-        measurements).
-    change : tuple of tuple of Change
-        For each item, the keys in which its design differs from the first design.
+    Each item has a name, a kind ("design", "result" or "measurement"), a model ("" for
+    measurements) and the keys in which its design differs from the first design.
     """
 
     name: tuple[str, ...]
@@ -239,10 +214,7 @@ def _modes(items: Sequence[Item], run: Run, choices: list[list[Choice]]) -> Pair
 def pair_modes(found: dict[int, tuple[Modes, Design]], items: Sequence[Item]) -> PairedModes:
     """Pair the modes of designs by shape, and measured ones by label or frequency.
 
-    Parameters
-    ----------
-    found : dict
-        For each item with a design: its modes and its design.
+    `found` are the modes and the design of each item that has one.
     """
     (reference, (base, _)), *others = found.items()
     shapes = {n: _Bodies(modes, design) for n, (modes, design) in found.items()}

@@ -43,10 +43,8 @@ class Exported:
     Attributes
     ----------
     band : tuple of float or None
-        Frequencies in Hz between which it agrees with the direct solution to `tolerance`; None if
-        there are no two neighbouring ones.
-    tolerance : float
-        Relative.
+        Frequencies in Hz between which it agrees with the direct solution to `tolerance`, relative;
+        None if there are no two neighbouring ones.
     worst : float
         Largest relative error at the frequencies compared.
     tried : tuple of float

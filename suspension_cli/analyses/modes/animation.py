@@ -87,17 +87,7 @@ def parse(modes: Modes, text: str, option: str = "--animate") -> list[int]:
 def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
     """Draw one period of a mode, as the picture of all modes shows it at its largest.
 
-    Parameters
-    ----------
-    number : int
-        Of the mode, from 0.
-    scene : Scene
-        The same design spelled out, without batch axes.
-
-    Returns
-    -------
-    bytes
-        GIF that repeats without end: displacements go with cos(2 pi n / `FRAMES`).
+    Returns a GIF that repeats without end: displacements go with cos(2 pi n / `FRAMES`).
     """
     with style.house_style():
         rest, numbering = picture.sketch_at_rest(design, scene), layout(scene)

@@ -37,15 +37,7 @@ UNDAMPED = 1e-24
 
 @dataclass(frozen=True)
 class Poles:
-    """Poles, one of each conjugate pair, and their shapes.
-
-    Attributes
-    ----------
-    value : (p,) complex array
-        rad/s; imaginary part not negative.
-    motion : (p, n) complex array
-        In the coordinates of the basis.
-    """
+    """Poles (rad/s), one of each conjugate pair, and their shapes in coordinates of the basis."""
 
     value: Complex[np.ndarray, " pole"]
     motion: Complex[np.ndarray, "pole coordinate"]
@@ -279,12 +271,8 @@ def mean_energies(
 def merge_modes(found: Modes, kept: Bool[np.ndarray, " mode"], new: dict[str, Any]) -> Modes:
     """Merge some of the modes found with new ones, by omega^2, then by decay if overdamped.
 
-    Modes of one frequency keep their order.
-
-    Parameters
-    ----------
-    new : dict of arrays
-        Attributes of `Modes` with one entry per new mode.
+    `new` has attributes of `Modes` with one entry per new mode. Modes of one frequency keep
+    their order.
     """
     both = {
         name: np.concatenate([getattr(found, name)[kept], values]) for name, values in new.items()

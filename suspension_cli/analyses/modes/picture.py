@@ -80,14 +80,10 @@ class Page:
 
 @dataclass(frozen=True)
 class Frame:
-    """Common scale and height of all pictures of a figure.
+    """Common scale of all pictures of a figure: largest width and height of any, m.
 
-    Attributes
-    ----------
-    width, height : float
-        Largest of any picture, m.
-    high : float
-        Upper bound of the pictures in side and face view, m: their supports stand at one height.
+    `high` is the upper bound of the pictures in side and face view, m: their supports stand at
+    one height.
     """
 
     width: float
@@ -98,23 +94,11 @@ class Frame:
 def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> list[Page]:
     """Draw the modes of a suspension, ascending, on figures of a page's width.
 
-    Parameters
-    ----------
-    design : Design
-        For the shapes of bodies and the lengths of blades.
-    scene : Scene
-        The same design spelled out, without batch axes.
-    subtitle : str
-        Title of the design and name of the model.
-
-    Returns
-    -------
-    list of Page
-        One panel per mode, for the lowest `MOST` (modes of wires alone are in
-        `quality_picture`): the suspension at rest (grey) and displaced, in the view that shows most
-        of the motion. The more kinetic energy a body has, the stronger its stage's colour. More
-        than `PAGE` modes are split by kind (`KINDS`), and those of one kind into figures of about
-        equal numbers.
+    There is one panel per mode, for the lowest `MOST` (modes of wires alone are in
+    `quality_picture`): the suspension at rest (grey) and displaced, in the view that shows most
+    of the motion. The more kinetic energy a body has, the stronger its stage's colour. More
+    than `PAGE` modes are split by kind (`KINDS`), and those of one kind into figures of about
+    equal numbers.
     """
     bodily = np.flatnonzero(modes.order == 0).tolist()
     numbers = bodily[:MOST]
@@ -189,14 +173,7 @@ def draw_panel(
 ) -> None:
     """Draw the title, the picture and the energies of a mode.
 
-    Parameters
-    ----------
-    canvas : Canvas
-        In inches.
-    corner, size : (float, float)
-        Upper left corner, width and height of the picture, in.
-    rest : Sketch
-        The suspension at rest.
+    `corner` is the upper left corner, `size` the width and height of the picture, in.
     """
     (left, top), (width, tall), number = corner, size, panel.number
     colours = style.stage_colours(rest.scene.bodies.name)
@@ -295,16 +272,8 @@ def draw_shape(
 ) -> None:
     """Draw the suspension at rest and displaced, at the scale and height of the frame.
 
-    Parameters
-    ----------
-    canvas, modes, panel, rest, frame
-        As of `draw_panel`.
-    corner, size : (float, float)
-        Upper left corner, width and height of the picture, in.
-    colours : tuple of colours
-        Of each body; the more energy of the mode it has, the stronger.
-    thick : float
-        Of wires, points.
+    `corner` and `size` are as of `draw_panel`. Bodies have `colours`, the stronger the more
+    energy of the mode they have; wires are `thick` points wide.
     """
     scale = min((size[0] - 0.05) / frame.width, (size[1] - 0.06) / frame.height)
     high = float(panel.high[1]) if panel.view.normal == 2 else frame.high

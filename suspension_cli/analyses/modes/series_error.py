@@ -28,19 +28,7 @@ class ModeDifference:
 
 
 def estimate_series_error(design: Design, quick: Modes) -> ModeDifference | None:
-    """Compute the error of the force model's blades in series with angled wires.
-
-    Parameters
-    ----------
-    quick : Modes
-        In the force model.
-
-    Returns
-    -------
-    ModeDifference or None
-        The mode that differs most from the string model, paired by shape; None where the series is
-        exact.
-    """
+    """Find the mode of the force model that differs most from the string model, paired by shape."""
     model = STRING.system(design)
     general = eigenmodes.solve(model)
     count = quick.energy.shape[1] * 6

@@ -92,17 +92,7 @@ class Warnings(Log):
 
 @dataclass(frozen=True)
 class Part:
-    """One analysis of a report, for the table "Provenance".
-
-    Attributes
-    ----------
-    title : str
-        Title of its section.
-    command : str
-        Command line that computes it again.
-    choice : Choice or None
-        Its model; None if it has none.
-    """
+    """One analysis of a report, for the table "Provenance": its section, command line and model."""
 
     title: str
     command: str
@@ -113,16 +103,8 @@ class Part:
 class Composition:
     """State of a report while it is composed.
 
-    Attributes
-    ----------
-    scene : Scene
-        The design without imperfections.
-    folder : Path
-        Folder for the files of analyses that write while they compute.
-    parts : list of Part
-        Analyses so far.
-    title : str
-        Title of the current section.
+    `scene` is the design without imperfections, `folder` for the files of analyses that write
+    while they compute, and `title` that of the current section.
     """
 
     source: Source
@@ -151,15 +133,7 @@ class Composition:
         return self.source.file or f"{self.source.design.design.name}.toml"
 
     def run(self, name: str, *options: str, **given: Any) -> Result:
-        """Run an analysis.
-
-        Parameters
-        ----------
-        *options : str
-            The settings as words of a command line, which the report lists.
-        **given
-            The settings, by the names of the parameters of the analysis.
-        """
+        """Run an analysis; the report lists its settings as words of a command line (`options`)."""
         analysis, request = registry.get(name), self.request
         names = {param.name for param in analysis.parameters}
         for key in ("fidelity", "tolerance"):

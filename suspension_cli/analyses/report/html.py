@@ -48,16 +48,10 @@ def paragraph(content: str, kind: str = "") -> str:
 
 
 def prose(answer: str, found: Sequence[Table], model: str = "") -> str:
-    """Return what a command prints as HTML.
+    """Return what a command prints as HTML, with the line of the model set apart.
 
-    Parameters
-    ----------
-    answer : str
-        Text that was made within `tables.collecting`.
-    found : sequence of Table
-        The tables collected then.
-    model : str
-        Line of the model, which is set apart.
+    `answer` is text that was made within `tables.collecting`, `found` the tables collected
+    then.
     """
     parts: list[str] = []
     for block in re.split(r"\n\s*\n", answer):
@@ -157,14 +151,9 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def picture(figure: Figure, caption: str, alternative: str) -> str:
-    """Return a picture with its caption, embedded as SVG, or as PNG if that is too large.
+    """Return a picture with its caption (HTML), embedded as SVG, or as PNG if that is too large.
 
-    Parameters
-    ----------
-    caption : str
-        HTML.
-    alternative : str
-        Plain text that replaces the picture where it cannot be seen.
+    `alternative` is plain text that replaces the picture where it cannot be seen.
     """
     from suspension_cli.drawing.style import encode
 

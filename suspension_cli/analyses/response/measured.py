@@ -54,14 +54,7 @@ UNITS = {1e3: "mm", 1e6: "um", 1e9: "nm", 1e-3: "km"}
 class Item:
     """A measured transfer function with the tables that say how it was measured.
 
-    Attributes
-    ----------
-    tables : Measured
-        With sensors and actuators.
-    table : TransferFunction
-        One of `tables`.
-    file : str
-        The file of measurements; "" for a bare file of data.
+    `table` is one of `tables`. `file` is that of the measurements; "" for a bare file of data.
     """
 
     tables: Measured
@@ -76,20 +69,15 @@ class Comparison:
 
     Attributes
     ----------
-    data : MeasuredResponse
-        f points.
     predicted : (f,) complex array
         By the model, with gains, delays and mixes of the transducers.
-    curve_frequency : (g,) array
-        Hz.
-    curve : (g,) complex array
-        The prediction on a finer grid.
+    curve_frequency, curve : (g,) arrays
+        The prediction on a finer grid, Hz.
     peak : (p,) array
         Frequencies of measured resonances, Hz.
-    pole : (p,) array
-        Frequency of the nearest mode of the model that contributes, Hz; NaN if there is none.
-    mode : tuple of str
-        Its label.
+    pole, mode : (p,) array, tuple of str
+        Frequency (Hz) of the nearest mode of the model that contributes, and its label; NaN and ""
+        if there is none.
     """
 
     data: MeasuredResponse
@@ -239,12 +227,8 @@ def compare(
 ) -> tuple[Comparison, ...]:
     """Compare measured transfer functions with the responses of a model.
 
-    Parameters
-    ----------
-    found : Response
-        Of all signals, on a grid.
-    closed : tuple, optional
-        With the loops closed: what solves them, and the frequencies of the closed-loop poles, Hz.
+    `found` are the responses of all signals on a grid. `closed` is, with the loops closed, what
+    solves them and the frequencies of the closed-loop poles, Hz.
     """
     known = bodies_with_signals(model)
     plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have

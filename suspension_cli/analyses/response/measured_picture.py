@@ -32,18 +32,9 @@ def draw(
 ) -> Figure:
     """Draw magnitudes (a panel per unit) and unwrapped phases, and below the ratio of magnitudes.
 
-    Curves have the colours of the stages of their outputs, in shades where several have the same.
-
-    Parameters
-    ----------
-    title : str
-        Names of the design and the model.
-    scale : {"db", "absolute"}
-        Magnitude axis: 20 log10 of the SI value, or the value itself on a log axis.
-    stages : sequence of str
-        Of the design, top to bottom.
-    outputs : sequence of str
-        Motions of stages that sensors observe.
+    Curves have the colours of the stages of their outputs, in shades where several have the
+    same; `outputs` are the motions of stages that sensors observe. `scale` is "db" (20 log10 of
+    the SI value) or "absolute" (on a log axis).
     """
     decibels, units = scale == "db", list(dict.fromkeys(one.data.unit for one in measured))
     many = len(measured) > 1

@@ -42,16 +42,7 @@ def find_peaks(
 ) -> Peaks:
     """Find the largest magnitude of every response within the band of its grid.
 
-    Parameters
-    ----------
-    answer : Response
-        On the grid.
-    inputs, outputs : list of Signal
-        Of the answer.
-    solve : callable, optional
-        Responses (f, o, i) at frequencies (f,) in Hz; without, those of the model.
-    resonances : (n,) array, optional
-        Hz; without, the modes of the model.
+    `solve` and `resonances` (Hz) replace the responses and the modes of the model.
     """
     if solve is None:
         solve = lambda at: response.solve(model, at, inputs, outputs).value  # noqa: E731

@@ -28,18 +28,8 @@ MOST = 12
 def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str] = ()) -> Figure:
     """Draw magnitudes, a panel per unit, and unwrapped phases against frequency.
 
-    Curves have the colours of the stages of their outputs.
-
-    Parameters
-    ----------
-    response : Response
-        With the frequencies at which resonances are resolved, if those are to be seen.
-    title : str
-        Names of the design and the model, below the name of the quantity.
-    scale : {"db", "absolute"}
-        Magnitude axis: 20 log10 of the SI value, or the value itself on a log axis.
-    stages : sequence of str
-        Of the design, top to bottom.
+    Curves have the colours of the stages of their outputs. `scale` is "db" (20 log10 of the SI
+    value) or "absolute" (on a log axis).
     """
     pairs = [(o, i) for o in range(len(response.output)) for i in range(len(response.input))]
     units = list(dict.fromkeys(response.unit[o][i] for o, i in pairs))
@@ -142,11 +132,7 @@ def _draw_magnitudes(
 def find_tops(frequency: Any, size: Any) -> tuple[list[tuple[int, str]], Any]:
     """Find the peaks of a magnitude, and which points are not beside an infinite one.
 
-    Returns
-    -------
-    tops : list of tuple
-        Index and remark (" ∞" of an infinite one) of each peak.
-    around : (f,) array of bool
+    Each peak has its index and a remark: " ∞" if it is infinite.
     """
     tops, around = [], np.ones(len(size), dtype=bool)
     for top in curves.find_peaks(size).tolist():

@@ -52,15 +52,7 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
 
 
 def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figure:
-    """Draw two panels per motion: the sum with its parts by stage, and by cause.
-
-    Parameters
-    ----------
-    title : str
-        Names of the design and the model.
-    stages : sequence of str
-        Of the design, top to bottom.
-    """
+    """Draw two panels per motion: the sum with its parts by stage, and by cause."""
     with house_style():
         parts = [(by_stage(noise, stages), by_cause(noise)) for noise in noises]
         colours = stage_colours([*stages, *(name for one, _ in parts for name in one)])

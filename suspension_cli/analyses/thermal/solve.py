@@ -126,15 +126,7 @@ def solve_all(
     motions: list[tuple[Signal, Float[np.ndarray, " coordinate"]]],
     temperature: float,
 ) -> list[Thermal]:
-    """Compute the thermal noise of several motions, which share the evaluation of wires.
-
-    Parameters
-    ----------
-    model, frequency, temperature
-        As for `solve`.
-    motions : list of (Signal, (N,) array)
-        Names and units, and linear forms of the coordinates.
-    """
+    """Compute the thermal noise of several motions, which share the evaluation of wires."""
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     powers: list[dict[str, Array]] = [{} for _ in motions]
     blocks = [

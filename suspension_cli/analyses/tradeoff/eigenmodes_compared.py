@@ -40,14 +40,8 @@ HIGHEST = 1.1
 class Reference:
     """Reference modes of a design.
 
-    Attributes
-    ----------
-    frequency : array
-        Hz; negative for unstable modes.
-    kind : tuple of str
-        The kind of each mode, see `KINDS`.
-    shape : array
-        Mass-normalised motions of the bodies, see `body_shapes`.
+    Frequencies (Hz) are negative for unstable modes. Kinds are those of `KINDS`; shapes are
+    mass-normalised motions of the bodies (`body_shapes`).
     """
 
     frequency: Float[np.ndarray, " mode"]

@@ -41,13 +41,7 @@ STRIP = 0.8
 
 
 def draw(found: Tradeoff, title: str) -> Figure:
-    """Draw error against time of all models, a chart per quantity.
-
-    Parameters
-    ----------
-    title : str
-        Title of the design.
-    """
+    """Draw error against time of all models, a chart per quantity."""
     questions = choices(found)
     left_out = [
         (panel.title, panel.left[0].reason if panel.left else "nothing to compare")

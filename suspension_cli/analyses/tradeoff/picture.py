@@ -81,18 +81,7 @@ POWERS = 3.0
 
 
 def draw(found: Tradeoff, title: str) -> dict[str, Figure]:
-    """Draw the pages of `pendsus tradeoff` that have something to show.
-
-    Parameters
-    ----------
-    title : str
-        Title of the design.
-
-    Returns
-    -------
-    dict
-        By the ends of their names, those of `PAGES`.
-    """
+    """Draw the pages of `pendsus tradeoff` with something to show, by the ends of their names."""
     return {
         end: _draw_page(found, title, compares, kinds)
         for end, (compares, kinds) in PAGES.items()

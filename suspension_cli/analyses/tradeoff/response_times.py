@@ -34,14 +34,8 @@ Begin = Callable[[], Callable[[], Answer]]
 def measure(subject: Subject, compares: str, repeat: int, budget: float) -> ResponseTimes:
     """Measure the times of all models, or of all methods on the string model.
 
-    Parameters
-    ----------
-    compares : str
-        ``models`` or ``methods``.
-    repeat : int
-        Sessions per method and number of frequencies.
-    budget : float
-        Processor time from which there are no further sessions of a method, s.
+    `repeat` is the number of sessions per method and number of frequencies, of which there are
+    no more once they took the processor time `budget`, s.
     """
     if compares == "models":
         start, error = "from the design to the result", {}

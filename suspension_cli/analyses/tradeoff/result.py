@@ -29,18 +29,10 @@ model, which differ by arithmetic and approximations."""
 
 @dataclass(frozen=True)
 class Entry:
-    """Error and time of one method for one model.
+    """Relative error by component, and time of one method for one model.
 
-    Attributes
-    ----------
-    model, method : str
-        Names of the model and of the method.
-    error : array
-        Relative error by component.
-    once, batch : array
-        Quartiles (lower, median, upper) of the time per evaluation and per item of a batch, s.
-    vectorised : bool
-        Whether the method takes a batch at once; if not, `batch` equals `once`.
+    `once` and `batch` are quartiles (lower, median, upper) of the time per evaluation and per
+    item of a batch, s; they are equal unless the method takes a batch at once (`vectorised`).
     """
 
     model: str
@@ -91,10 +83,8 @@ class Timed:
         ``modes``, ``response``, ``thermal``, ``coupling`` or ``equilibrium``.
     compares : str
         One of `COMPARED`.
-    item : str
-        Item of a batch: ``design``, ``frequency``, ``build``.
-    count : int
-        Items per batch.
+    item, count : str, int
+        Item of a batch (``design``, ``frequency``, ``build``), and items per batch.
     start : str
         Steps that the time includes, in words.
     """
@@ -111,14 +101,7 @@ class Timed:
 class Panel(Timed):
     """Errors and times of all models, or of all methods for one model, for one quantity.
 
-    Attributes
-    ----------
-    reference : str
-        Reference of the errors, in words.
-    component : tuple of str
-        Names of the components of `Entry.error`: kinds of modes, frequencies, ...
-    left : tuple of Omission
-        Methods that do not apply.
+    `component` names the components of `Entry.error`: kinds of modes, frequencies, ...
     """
 
     reference: str
@@ -166,14 +149,11 @@ class ResponseTime:
 
     Attributes
     ----------
-    model, method : str
-        Names of the model and of the method.
     error : float
         Largest relative error over 200 frequencies from 0.1 Hz to 1 kHz; NaN between models, which
         differ by any amount near resonances.
     time : array
-        Seconds by `OCCASIONS`, `COUNTS` and quartile; NaN for next responses that were not measured
-        because the first took long.
+        Seconds; NaN for next responses that were not measured because the first took long.
     """
 
     model: str
@@ -190,12 +170,7 @@ class ResponseTime:
 class ResponseTimes:
     """Times of responses in a row, by every model or by every method for one model.
 
-    Attributes
-    ----------
-    compares : str
-        One of `COMPARED`.
-    start : str
-        Steps that the first time includes, in words.
+    `start` says which steps the first time includes.
     """
 
     compares: str
@@ -207,14 +182,8 @@ class ResponseTimes:
 class Tradeoff:
     """Times and errors of all models and methods for one design.
 
-    Attributes
-    ----------
-    repeat : int
-        Samples per time.
-    threads : int
-        Threads of linear algebra; 0 if unknown.
-    waits : tuple of ResponseTimes
-        Of models and of methods; empty if responses are not compared.
+    `repeat` is the number of samples per time, `threads` that of linear algebra (0 if unknown).
+    `waits` are the times of responses of models and of methods, if these are compared.
     """
 
     panels: tuple[Panel, ...]
@@ -239,18 +208,9 @@ class Tradeoff:
 def front(time: Array | Sequence[float], error: Array | Sequence[float]) -> list[int]:
     """Find the Pareto front: points that no other point matches in one and beats in the other.
 
-    Parameters
-    ----------
-    time, error : sequence of float
-        Errors below `ROUNDING`, and errors that differ by less than `GAIN`, count as equal.
+    Errors below `ROUNDING`, and errors that differ by less than `GAIN`, count as equal. Returns
+    indices in ascending order of time, with strictly decreasing errors.
 
-    Returns
-    -------
-    list of int
-        In ascending order of time, with strictly decreasing errors.
-
-    Examples
-    --------
     >>> front([1.0, 2.0, 3.0], [0.1, 0.2, 0.01])
     [0, 2]
     """

@@ -31,11 +31,9 @@ def measure(
     quantities : sequence of str
         Some of `comparisons.QUANTITIES`; empty for all.
     repeat : int
-        Samples per time; fewer of slow methods.
+        Samples per time; no more of a method once they took the processor time `budget`, s.
     report : callable
         Called with the numbers of finished and of all comparisons.
-    budget : float
-        Processor time from which no further samples of a time are taken, s.
     """
     subject, panels, waits = Subject(design), [], []
     wanted = [item for item in COMPARISONS if not quantities or item.quantity in quantities]

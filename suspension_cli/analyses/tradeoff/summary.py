@@ -58,8 +58,6 @@ class Answer:
 
     Attributes
     ----------
-    compares : str
-        ``models`` or ``methods``.
     best : Option
         Fastest of those within the tolerance; the most accurate one if none is.
     other : Option or None

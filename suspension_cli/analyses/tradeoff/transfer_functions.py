@@ -59,16 +59,9 @@ def chained(model: LinearSystem, drive: Array, row: Array) -> Answer:
 class Condensed:
     """Plain equations of a driven block without its massless coordinates.
 
-    Attributes
-    ----------
-    stiffness, mass, damping : array
-        Scaled by powers of 2, such that they do not depend on units.
-    push : array
-        Force of the support's motion: stiffness, damping and mass parts.
-    row : array
-        Output, a linear form of the scaled coordinates.
-    direct : complex
-        Output while these do not move.
+    Matrices are scaled by powers of 2, such that they do not depend on units. `push` is the
+    force of the support's motion (stiffness, damping and mass parts), `row` the output as a
+    linear form of the coordinates, `direct` the output while these do not move.
     """
 
     stiffness: Inexact[np.ndarray, "coordinate coordinate"]
