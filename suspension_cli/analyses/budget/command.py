@@ -336,13 +336,7 @@ def _model(
 
 
 def _closed(run: Run, choice: Choice, model: LinearSystem, highest: float) -> tuple[Plant, Any]:
-    """Return the model with its loops, and its poles in rad/s.
-
-    Raises
-    ------
-    InputError
-        If the closed loop is unstable.
-    """
+    """Return the model with its loops, and its poles in rad/s, which must not grow."""
     import numpy as np
 
     from suspension_cli.analyses.budget import resonances

@@ -122,23 +122,16 @@ class CompareAnalysis(Analysis):
 
 
 def _overlay(found: Comparison, overlay: Overlay) -> Document:
-    import numpy as np
-
     response = overlay.kind == "response"
     curves = []
     for curve in overlay.curves:
-        one: Document = {"name": found.name[curve.item]}
-        one["frequency_hz"] = plain(curve.frequency)
+        name, value, ratio = found.name[curve.item], curve.value, curve.ratio
+        one = {"name": name, "frequency_hz": plain(curve.frequency)}
+        one["real" if response else "displacement_asd"] = plain(value.real)
+        over = {"frequency_hz": plain(curve.ratio_frequency), "real": plain(ratio.real)}
         if response:
-            one |= {"real": plain(np.real(curve.value)), "imag": plain(np.imag(curve.value))}
-        else:
-            one["displacement_asd"] = plain(np.real(curve.value))
-        ratio = {
-            "frequency_hz": plain(curve.ratio_frequency),
-            "real": plain(np.real(curve.ratio)),
-        }
-        one["ratio"] = ratio | ({"imag": plain(np.imag(curve.ratio))} if response else {})
-        curves.append(one)
+            one["imag"], over["imag"] = plain(value.imag), plain(ratio.imag)
+        curves.append(one | {"ratio": over})
     head = {"output": overlay.output} | ({"input": overlay.input} if response else {})
     reference = found.name[overlay.curves[0].item]
     return head | {"unit": overlay.unit, "reference": reference, "curves": curves}

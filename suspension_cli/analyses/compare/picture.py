@@ -22,8 +22,6 @@ from suspension_cli.drawing.style import (
     single_line,
 )
 
-DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
-"""Line styles of the items, so that equal curves do not hide each other."""
 MARKERS = ("o", "D", "s", "^", "v")
 """Markers of the items."""
 
@@ -140,7 +138,7 @@ def _look(found: Comparison, curve: Curve) -> dict[str, Any]:
     """Dashes of a computed curve, points of a measured one."""
     if found.kind[curve.item] == "measurement":
         return {"linestyle": "none", "marker": ".", "markersize": 3}
-    return {"linestyle": DASHES[curve.item % len(DASHES)]}
+    return {"linestyle": curves.DASHES[curve.item % len(curves.DASHES)]}
 
 
 def _finish_ratios(axes: Axes, found: Comparison, overlay: Overlay) -> None:

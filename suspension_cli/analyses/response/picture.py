@@ -19,8 +19,6 @@ ENDLESS = 3e6
 """Ratio of the highest point of a peak to the response around it, from which it is infinite."""
 NEAR = 3e-4
 """Relative distance from an infinite peak beyond which points set the limits of the axis."""
-DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.5, 1.2, 1.5)))
-"""Line styles of responses of one colour."""
 MOST = 12
 """Largest number of curves with labels of peaks and slopes."""
 
@@ -92,7 +90,7 @@ def _looks(
     for o, i in pairs:
         colour = colours[body[o]]
         before = sum(one == colour for one, _ in looks.values())
-        looks[o, i] = colour, DASHES[before % len(DASHES)]
+        looks[o, i] = colour, curves.DASHES[before % len(curves.DASHES)]
     return looks
 
 

@@ -47,8 +47,6 @@ CAUSES: dict[str, str] = {
 """Label of each cause."""
 SHADES = ("#332288", "#cc6677", "#117733", "#88ccee", "#999933", "#aa4499", "#44aa99", "#ddaa33")
 """Colours of causes, in their order, which are not those of stages (Tol 2021, muted)."""
-DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
-"""Line styles, so that lines that cover each other are seen."""
 
 
 def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figure:
@@ -119,7 +117,8 @@ def _look(name: str, n: int, colours: dict[str, str]) -> tuple[str, str, dict[st
     """Name, colour and looks of a line; the sum is the line before the first."""
     if n < 0:
         return name, INK, {"linewidth": 2.2, "zorder": 2}
-    return name, colours[name], {"linestyle": DASHES[n % len(DASHES)], "linewidth": 1.0}
+    dashes = curves.DASHES[n % len(curves.DASHES)]
+    return name, colours[name], {"linestyle": dashes, "linewidth": 1.0}
 
 
 def _panel(axes: Axes, noise: Thermal, parts: dict[str, Any], key: Any, what: str) -> None:
