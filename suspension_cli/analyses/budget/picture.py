@@ -134,9 +134,7 @@ def _drawn(one: Budget) -> list[str]:
     return [name for name, part in one.parts.items() if (part > FAINT * total).any()]
 
 
-def _panel(
-    axes: Axes, one: Budget, lines: list[tuple[str, str, dict[str, Any], Array, Array]]
-) -> None:
+def _panel(axes: Axes, one: Budget, lines: list[Line]) -> None:
     mark = "" if len(one.frequency) > 8 else "o"
     if one.amplitude.any():
         axes.set_ylim(*_limits(one))

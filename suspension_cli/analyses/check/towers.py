@@ -176,8 +176,10 @@ def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[F
     found = []
     stages = {stage.name: stage for stage in design.stage}
     for number, stage in enumerate(design.stage, 1):
-        table = stages[stage.blades_of].filter if isinstance(stage, Keystone) else None
-        if table is None or not isinstance(stage, Keystone):
+        if not isinstance(stage, Keystone):
+            continue
+        table = stages[stage.blades_of].filter
+        if table is None:
             continue
         spring = int(np.flatnonzero(scene.springs.lower == number)[-1])
         upper = int(scene.springs.upper[spring])
@@ -185,11 +187,9 @@ def filter_loads(design: Design, scene: Scene, balanced: Equilibrium) -> tuple[F
         numbers = filter_statics(table, carried, float(scene.gravity))
         load = float(scene.springs.preload[spring, 2])
         stiffness = float(scene.springs.stiffness[spring, 2, 2])
-        point = (
-            pose.shift[upper]
-            + pose.arms(np.array([upper]), scene.springs.upper_point[spring][None])[0]
-        )
-        own = pose.shift[number] + scene.springs.upper_point[spring]
+        above = scene.springs.upper_point[spring]
+        point = pose.shift[upper] + pose.arms(np.array([upper]), above[None])[0]
+        own = pose.shift[number] + above
         force = load * (table.modulus_slope + 2 * table.thermal_expansion)
         found.append(
             FilterLoad(
@@ -233,19 +233,10 @@ def lines(legs: tuple[LegLoad, ...], filters: tuple[FilterLoad, ...]) -> list[st
             "ground tilt\nm/rad": ".4g",
             "saturation": ".2g",
         }
-        rows = [
-            (
-                leg.stage,
-                leg.load,
-                leg.critical,
-                100 * leg.margin,
-                leg.stiffness,
-                leg.frequency,
-                leg.tilt,
-                leg.saturation,
-            )
-            for leg in legs
-        ]
+        rows = []
+        for leg in legs:
+            load = (leg.load, leg.critical, 100 * leg.margin)
+            rows.append((leg.stage, *load, leg.stiffness, leg.frequency, leg.tilt, leg.saturation))
         found.append(tables.render(heads, rows))
     if filters:
         heads = {

@@ -51,9 +51,7 @@ def close(request: Transfer, design: Design, model: LinearSystem) -> ClosedTrans
         If the design has no loops.
     """
     plant = control.build_plant(design, model)
-    return ClosedTransfer(
-        request.inputs, request.outputs, request.frequency, design, [*plant.sensor, *plant.actuator]
-    )
+    return ClosedTransfer(**vars(request), design=design, loops=[*plant.sensor, *plant.actuator])
 
 
 def solve(request: ClosedTransfer, model: LinearSystem) -> Response:

@@ -327,12 +327,11 @@ def _contributing(
     sense = channel_weights(find_transducer(item.table.output, item.tables.sensor), names[1], at)
     drive = channel_weights(find_transducer(item.table.input, item.tables.actuator), names[0], at)
     row = sense[0] @ np.array([linear_form(signal, model) for signal in out])
-    forces = [
-        form
-        if signal.acts
-        else -np.real((model.driven_by_ground if signal.is_ground else model).stiffness) @ form
-        for signal, form in ((signal, linear_form(signal, model)) for signal in into)
-    ]
+    forces = [linear_form(signal, model) for signal in into]
+    for n, signal in enumerate(into):
+        if not signal.acts:
+            moved = model.driven_by_ground if signal.is_ground else model
+            forces[n] = -np.real(moved.stiffness) @ forces[n]
     force = drive[0] @ np.array(forces)
     residue = np.abs(modes.shape @ row[6:]) * np.abs(modes.shape @ force[6:])
     oscillates = np.isfinite(modes.frequency) & (modes.frequency > 0)

@@ -55,10 +55,9 @@ def draw(
         for axes, unit, part, key in zip(panels, units, own, keys, strict=False):
             for n in part:
                 one, (colour, how) = measured[n], looks[n]
-                at = one.curve_frequency
-                draw_magnitude(axes, at, one.curve, scale, colour, "_model")
+                draw_magnitude(axes, one.curve_frequency, one.curve, scale, colour, "_model")
                 phase = curves.unwrap_phase(one.curve)
-                phases.plot(at, phase, color=colour)
+                phases.plot(one.curve_frequency, phase, color=colour)
                 _draw_measured((axes, phases, ratios), one, phase, decibels, colour, how["marker"])
             axes.set_ylabel(label_magnitude(unit, decibels))
             _limit(axes, [np.abs(_nearby(measured[n])) for n in part], decibels)
@@ -105,9 +104,8 @@ def _mark_outside(axes: Axes, one: Comparison, decibels: bool, colour: str) -> N
     with np.errstate(divide="ignore"):
         size = np.abs(one.ratio)
         size = 20 * np.log10(size) if decibels else size
-    for edge, beyond, mark in zip(
-        axes.get_ylim(), (size < axes.get_ylim()[0], size > axes.get_ylim()[1]), "v^", strict=True
-    ):
+    low, high = axes.get_ylim()
+    for edge, beyond, mark in ((low, size < low, "v"), (high, size > high, "^")):
         at = one.data.frequency[beyond & (one.data.frequency > 0)]
         axes.plot(at, np.full(len(at), edge), mark, color=colour, markersize=3, clip_on=False)
 

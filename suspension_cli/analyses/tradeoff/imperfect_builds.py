@@ -60,12 +60,10 @@ def unhung(subject: Subject, levels: tuple[str, ...] = (STRING,)) -> str:
 
     Checks the smallest and the largest imperfection.
     """
-    least_and_most = fractions()[[0, -1]]
+    scene = imperfect_scene(subject, fractions()[[0, -1]])
     for level in levels:
         if not subject.unsuited[level]:
-            status = builds.balance(
-                imperfect_scene(subject, least_and_most), subject.design, level=level
-            ).status
+            status = builds.balance(scene, subject.design, level=level).status
             if status.any():
                 return f"imperfect builds in the {level} model: {builds.STATUS[int(status.max())]}"
     return ""
@@ -95,9 +93,8 @@ def reference(subject: Subject, level: str) -> Complex[np.ndarray, " 1"]:
     into, out = subject.coupled(model)
     drive, over, under = (signals.linear_form(signal, model) for signal in (into, *out))
     omega = 2 * np.pi * np.array([COUPLING])
-    return high_precision.response(model, omega, drive, over) / high_precision.response(
-        model, omega, drive, under
-    )
+    above, below = (high_precision.response(model, omega, drive, row) for row in (over, under))
+    return above / below
 
 
 def ratio(subject: Subject, found: builds.Builds) -> Complex[np.ndarray, " build"]:
@@ -111,9 +108,8 @@ def rebuilt(
     subject: Subject, fraction: Array, level: str = STRING
 ) -> Complex[np.ndarray, " build"]:
     """Compute the coupling of builds in their equilibria, as in `pendsus xcouple`."""
-    return ratio(
-        subject, builds.balance(imperfect_scene(subject, fraction), subject.design, level=level)
-    )
+    scene = imperfect_scene(subject, fraction)
+    return ratio(subject, builds.balance(scene, subject.design, level=level))
 
 
 def with_model(level: str) -> Method:
@@ -201,18 +197,15 @@ def _largest(values: Array) -> float:
 
 def steps(count: int) -> tuple[Once, Batch]:
     """Return the method of some Newton steps from the nominal pose; 1 is the linear solution."""
-    return (
-        lambda subject: equilibrium_arrays(
-            equilibrium.newton_steps(imperfect_scene(subject), count)
-        ),
-        lambda subject: (
-            lambda: equilibrium.newton_steps(imperfect_scene(subject, fractions()), count)
-        ),
-    )
+    return _balanced(lambda scene: equilibrium.newton_steps(scene, count))
 
 
 def full() -> tuple[Once, Batch]:
     """Return Newton's method with finite rotations, as in the string and more complete models."""
-    return (lambda subject: equilibrium_arrays(equilibrium.solve(imperfect_scene(subject)))), (
-        lambda subject: lambda: equilibrium.solve(imperfect_scene(subject, fractions()))
+    return _balanced(equilibrium.solve)
+
+
+def _balanced(solve: Callable[[Scene], Equilibrium]) -> tuple[Once, Batch]:
+    return (lambda subject: equilibrium_arrays(solve(imperfect_scene(subject)))), (
+        lambda subject: lambda: solve(imperfect_scene(subject, fractions()))
     )

@@ -47,6 +47,10 @@ class Subject:
     """A design with its models and scene, each built once."""
 
     design: Design
+    modes: dict[str, Modes] = field(default_factory=dict)
+    """By the name of the model, as far as computed."""
+    _models: dict[str, LinearSystem] = field(default_factory=dict)
+    _answers: dict[Prepare, Answer] = field(default_factory=dict)
 
     @cached_property
     def unsuited(self) -> dict[str, str]:
@@ -57,11 +61,6 @@ class Subject:
     def top(self) -> str:
         """Name of the most complete valid model."""
         return next(level for level in reversed(MODEL_NAMES) if not self.unsuited[level])
-
-    _models: dict[str, LinearSystem] = field(default_factory=dict)
-    _answers: dict[Prepare, Answer] = field(default_factory=dict)
-    modes: dict[str, Modes] = field(default_factory=dict)
-    """By the name of the model, as far as computed."""
 
     def model(self, level: str) -> LinearSystem:
         """Return the linear system of a model, built once."""
@@ -118,14 +117,10 @@ class Subject:
     @cached_property
     def imperfect(self) -> Subject:
         """Subject with `wire` imperfect."""
-        item = Perturbation(
-            wire=self.scene.wires.label[self.wire],
-            k_factor=K_FACTOR,
-            upper_offset=(OFFSET, 0.0, 0.0),
-        )
-        return Subject(
-            msgspec.structs.replace(self.design, perturbation=[*self.design.perturbation, item])
-        )
+        wire, offset = self.scene.wires.label[self.wire], (OFFSET, 0.0, 0.0)
+        item = Perturbation(wire=wire, k_factor=K_FACTOR, upper_offset=offset)
+        every = [*self.design.perturbation, item]
+        return Subject(msgspec.structs.replace(self.design, perturbation=every))
 
     @property
     def temperature(self) -> float:

@@ -33,7 +33,7 @@ LOCALISED = tuple(model.name for model in registry.MODELS if model.bends_wires)
 
 
 def not_localised(level: str) -> Callable[[Subject], str]:
-    """Return a function that gives why a model has no thermal noise; empty if it has."""
+    """Return a function that gives why a model has no thermal noise; "" if it has."""
     return lambda _: "" if level in LOCALISED else "the model does not localise loss along a wire"
 
 
