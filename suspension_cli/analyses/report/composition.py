@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import shlex
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,7 +78,7 @@ class Warnings(Log):
         """Pass on a detail."""
         self.outer.detail(text)
 
-    @contextlib.contextmanager
+    @contextmanager
     def progress(self) -> Iterator[Progress]:
         """Show the progress of a long computation."""
         with self.outer.progress() as bar:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import NullFormatter
 
 from suspension_cli.analyses.tradeoff.picture import COLOUR, draw_front, pixels
 from suspension_cli.analyses.tradeoff.result import ROUNDING, Tradeoff, front
@@ -119,9 +119,6 @@ def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
     axes.set_ylim(floor / 10**0.5, high * (high / floor) ** 0.22)
     rule(axes)
     label_plainly(axes.xaxis)
-    if wide < 8:
-        ticks = _choose_ticks(*axes.get_xlim())
-        axes.xaxis.set_major_locator(FixedLocator(ticks))
     decades = np.arange(np.ceil(np.log10(floor) + 0.3), np.floor(np.log10(axes.get_ylim()[1])) + 1)
     decades = decades[:: -max(1, -(-len(decades) // 5))][::-1]
     axes.set_yticks(
@@ -135,16 +132,8 @@ def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
     path = draw_front(axes, time, shown, front(time, error))
     note = _name_band(axes, path)
     for option, x, y in zip(options, time, shown, strict=True):
-        chosen = option.name == answer.best.name
-        axes.plot(
-            x,
-            y,
-            "o",
-            color=COLOUR[option.name],
-            markersize=8.5 if chosen else 5,
-            zorder=4,
-            clip_on=False,
-        )
+        look = {"ms": 8.5 if option.name == answer.best.name else 5, "zorder": 4}
+        axes.plot(x, y, "o", color=COLOUR[option.name], clip_on=False, **look)
     annotate(
         axes,
         list(zip(time.tolist(), shown.tolist(), strict=True)),
@@ -154,19 +143,6 @@ def _draw_chart(axes: Axes, options: list[Option], answer: Answer) -> None:
         [note.get_window_extent().extents],
         [pixels(axes, ends) for ends in pairwise(path)],
     )
-
-
-def _choose_ticks(low: float, high: float) -> list[float]:
-    """Choose round values on a short logarithmic axis, at least a tenth of it apart."""
-    every = [n * 10.0**p for p in range(-7, 8) for n in (1, 1.5, 2, 3, 4, 5, 7)]
-    if sum(low <= tick <= high for tick in every) < 3:
-        every = list(MaxNLocator(4).tick_values(low, high))
-    ticks: list[float] = []
-    for tick in every:
-        far = not ticks or np.log(tick / ticks[-1]) > 0.1 * np.log(high / low)
-        if low <= tick <= high and far:
-            ticks.append(tick)
-    return ticks
 
 
 def _name_band(axes: Axes, path: Array) -> Annotation:

@@ -91,21 +91,14 @@ def draw(found: Tradeoff, title: str) -> dict[str, Figure]:
 
 def _draw_page(found: Tradeoff, title: str, compares: str, kinds: Sequence[str]) -> Figure:
     """Draw a row of charts per quantity, or why there is none."""
-    rows = [
-        (panel, heading)
-        for panel in found.panels
-        if panel.compares == compares
-        for heading in dict.fromkeys([view.title for view in panel.views] or [panel.title])
-    ]
-    shown = {panel.key: panel for panel, _ in rows}.values()
-    loops = "batch" in kinds and not all(e.vectorised for panel in shown for e in panel.entries)
+    rows: list[tuple[Panel, View | None]] = []
+    for panel in found.panels:
+        if panel.compares == compares:
+            rows += [(panel, view) for view in panel.views or (None,)]
+    loops = "batch" in kinds and not all(e.vectorised for panel, _ in rows for e in panel.entries)
     key = textwrap.wrap(" ".join([KEY[compares], SPANS, *([HOLLOW] if loops else [])]), CHARACTERS)
     notes = [textwrap.wrap(_note(panel, kinds), CHARACTERS) for panel, _ in rows]
-    views = [next((v for v in panel.views if v.title == name), None) for panel, name in rows]
-    charts = [
-        _height(panel, view) + FOOT if view else 0.15
-        for (panel, _), view in zip(rows, views, strict=True)
-    ]
+    charts = [_height(panel, view) + FOOT if view else 0.15 for panel, view in rows]
     start = KEYED + LINE * len(key) + 0.15
     tall = [0.24 + LINE * len(note) + chart for note, chart in zip(notes, charts, strict=True)]
     with house_style():
@@ -113,9 +106,10 @@ def _draw_page(found: Tradeoff, title: str, compares: str, kinds: Sequence[str])
         write_heading(figure, HEADING[compares, kinds[0]], title)
         for n, line in enumerate(key):
             write_text(figure, 0.1, KEYED + LINE * n, line, FONT, NOTE)
-        for (panel, heading), view, note, high in zip(rows, views, notes, tall, strict=True):
+        for (panel, view), note, high in zip(rows, notes, tall, strict=True):
             models = {entry.model for entry in panel.entries}
-            name = heading + (f" ({models.pop()} model)" if len(models) == 1 else "")
+            name = view.title if view else panel.title
+            name += f" ({models.pop()} model)" if len(models) == 1 else ""
             write_text(figure, 0.1, start, name, 8.5, INK, bold=True)
             for n, line in enumerate(note):
                 write_text(figure, 0.1, start + 0.17 + LINE * n, single_line(line), FONT, NOTE)
@@ -237,17 +231,12 @@ def _set_axes(axes: Axes, times: Any, errors: Any, floor: float) -> None:
     axes.minorticks_off()
     axes.grid(visible=True, which="major", color=PALE, linewidth=0.3)
     flat = bool((errors <= floor).all())
+    edge = floor * 10 ** (0.07 * room + 0.1)
     if flat:
-        axes.set_ylim(floor / 10, floor * 10)
+        edge = floor * 10
+        axes.set_ylim(floor / 10, edge)
     if exact:
-        axes.axhspan(
-            axes.get_ylim()[0],
-            axes.get_ylim()[1] if flat else floor * 10 ** (0.07 * room + 0.1),
-            color=PALE,
-            alpha=0.25,
-            linewidth=0,
-            zorder=0,
-        )
+        axes.axhspan(axes.get_ylim()[0], edge, color=PALE, alpha=0.25, linewidth=0, zorder=0)
     axes.tick_params(length=2, labelsize=FONT)
     axes.set_axisbelow(True)
 
