@@ -27,17 +27,7 @@ ROW = 0.14
 
 
 def draw(modes: Modes, design: Design, subtitle: str) -> Figure:
-    """Draw Q and dilution of every mode against its frequency.
-
-    Parameters
-    ----------
-    modes : Modes
-        In the violin model.
-    design : Design
-        For the order of the stages.
-    subtitle : str
-        Title of the design and name of the model.
-    """
+    """Draw Q and dilution of every mode against its frequency."""
     colours = stage_colours(stage.name for stage in design.stage)
     stages = np.array([body.partition(".")[0] for body, _ in modes.home])
     wired = modes.order > 0

@@ -50,33 +50,11 @@ class ResponseAnalysis(Analysis):
     name = "response"
     arguments = (options.DESIGN,)
     parameters = (
-        option(
-            "--input",
-            "inputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help=(
-                "Input: support.x, upper.force_x, upper.torque_pitch, ... (repeatable)."
-                "  [default: support.x]"
-            ),
+        options.signals(
+            "input", "Input: support.x, upper.force_x, upper.torque_pitch, ...", "support.x"
         ),
-        option(
-            "--output",
-            "outputs",
-            multiple=True,
-            metavar="SIGNAL",
-            help=(
-                "Output: test.x, test.pitch, test.x@0,0,0.001, ... (repeatable)."
-                "  [default: x of the last stage]"
-            ),
-        ),
-        option(
-            "--frequency",
-            default=FREQUENCY,
-            show_default=True,
-            metavar="GRID",
-            help="Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.",
-        ),
+        options.signals("output", options.MOTIONS, "x of the last stage"),
+        options.frequencies(FREQUENCY),
         option(
             "--measured",
             multiple=True,
@@ -110,28 +88,24 @@ class ResponseAnalysis(Analysis):
 
         setting, items = run.setting, _measured(run.setting)
         request = partial(_request, setting=setting, items=items, design=run.design)
+        fidelity, unstable = setting["fidelity"], setting["allow_unstable"]
         decision = model_choice.choose(
             run.source,
-            setting["fidelity"],
+            fidelity,
             request,
             setting["tolerance"],
             highest=float(np.max(_frequencies(setting, items))),
         )
-        choice = decision.choice
+        choice, allowed = decision.choice, unstable or setting["closed_loop"]
         model = model_choice.stable_system(
-            run.source,
-            choice,
-            setting["allow_unstable"] or setting["closed_loop"],
-            run.log,
-            decision.model,
-            bends=True,
+            run.source, choice, allowed, run.log, decision.model, bends=True
         )
         wanted = request(model)
         warnings.warn_of_tables(run.design, wanted.frequency, run.log)
         solve = resonances = None
         if isinstance(wanted, ClosedTransfer):
             poles = closed_loop.find_stable_poles(
-                run.design, model, choice.model, setting["allow_unstable"], run.log
+                run.design, model, choice.model, unstable, run.log
             )
             found, solve = closed_loop.solve(wanted, model), partial(wanted.values, model)
             resonances = poles.frequency
@@ -227,16 +201,13 @@ def _compared(
     log: Log,
 ) -> ComparedResponse:
     """Add the comparison with measurements to a response, and warn of units that look wrong."""
-    import dataclasses
-
     from suspension_cli.analyses.response import measured
 
     compared = measured.compare(model, items, found, closed)
     for one in compared:
         if text := measured.slip(one):
             log.warn(text)
-    fields = {one.name: getattr(found, one.name) for one in dataclasses.fields(found)}
-    return measured.ComparedResponse(**fields, measured=compared)
+    return measured.ComparedResponse(**vars(found), measured=compared)
 
 
 def _document(one: Comparison) -> dict[str, Any]:
@@ -275,10 +246,12 @@ def _table(measured: Sequence[Comparison]) -> str:
 
     columns = {"points": ".0f", "|measured/model|\nmedian": "#.4g", "farthest\nfrom 1": "#.4g"}
     columns |= {"at\nHz": "#.5g", "chi^2 per\nnumber": "#.3g", "measured": ""}
-    rows = [
-        (len(one.data.frequency), one.median, *one.extreme, one.chi_squared, _label(one))
-        for one in measured
-    ]
+    rows = []
+    for one in measured:
+        data = one.data
+        label = f"{data.name}: {data.output} / {data.input}"
+        label += f" ({data.unit})" if data.unit else ""
+        rows.append((len(data.frequency), one.median, *one.extreme, one.chi_squared, label))
     lines = [tables.render(columns, rows)]
     columns = {"measured\nHz": "#.5g", "model\nHz": "#.5g", "shift\n%": "+.2f", "mode": ""}
     columns |= {"seen in": ""} if len(measured) > 1 else {}
@@ -289,12 +262,6 @@ def _table(measured: Sequence[Comparison]) -> str:
     ]
     lines += ["", tables.render(columns, rows)] if rows else ["", "no measured resonances"]
     return "\n".join(lines)
-
-
-def _label(one: Comparison) -> str:
-    data = one.data
-    unit = f" ({data.unit})" if data.unit else ""
-    return f"{data.name}: {data.output} / {data.input}{unit}"
 
 
 def _request(
