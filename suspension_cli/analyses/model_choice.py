@@ -121,7 +121,7 @@ def for_builds(
     if wanted == registry.AUTO:
         usable = [one for one in models if one.automatic and not one.unsuitable(design)]
     else:
-        _demand_one_of(wanted, models)
+        demand_one_of(wanted, models, "cannot compute these results of imperfect builds")
         usable = [registry.choose(design, wanted).model]
     later = registry.MODELS[registry.MODELS.index(usable[0]) + 1 :]
     chain = [usable[0], *(one for one in later if one.automatic and not one.unsuitable(design))]
@@ -212,15 +212,14 @@ def _unknown_physics(highest: Model, design: Design) -> list[str]:
     return [f"unknown: {' and '.join(highest.omits)}, as {why}"]
 
 
-def _demand_one_of(wanted: str, models: Sequence[Model]) -> None:
-    """Raise `InputError` if the wanted model is none of these."""
+def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:
+    """Raise `InputError` with a problem of the wanted model if it is none of these."""
     from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.models import registry
 
     names = [model.name for model in models]
     if wanted not in names:
         remedy = f"take {', '.join((registry.AUTO, *names[:-1]))} or {names[-1]}, which can"
-        problem = "cannot compute these results of imperfect builds"
         raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
 
 

@@ -69,22 +69,8 @@ class OptimiseAnalysis(Analysis):
     def read(self, ask: Callable[..., Run], files: Settings) -> Sequence[Run]:
         """Read the design and the goals."""
         from suspension_cli.design import goals, reader
-        from suspension_cli.errors import Fault, InputError, format_value
-        from suspension_cli.models.registry import VIOLIN
 
         run, file = ask(files["design"]), files["goals"]
-        if run.setting["fidelity"] == VIOLIN.name:
-            raise InputError(
-                [
-                    Fault(
-                        "--fidelity",
-                        "lists the modes of wires too",
-                        "take auto, string or beam",
-                        format_value(VIOLIN.name),
-                    )
-                ],
-                run.source.file,
-            )
         text = reader.read_text(file)
         inputs = {"file": file, "text": text, "goals": goals.read(file, text)}
         return [replace(run, inputs=inputs)]
@@ -110,10 +96,7 @@ class OptimiseAnalysis(Analysis):
             except InputError as error:
                 ours = error.faults[0].key.split(".")[0] in ("goal", "free", "equal")
                 raise error.in_file(file if ours else run.source.file) from None
-        run.log.detail(
-            f"checked on {found.fidelity}: {found.reason}; {found.rounds} corrections of the search"
-            " for it"
-        )
+        run.log.detail(f"searched and checked on {found.fidelity}: {found.reason}")
         _warn(found, run.log)
         choice = Choice(found.fidelity, found.reason, found.error)
         data = replace(found, goals=run.inputs["text"])
@@ -195,7 +178,6 @@ class OptimiseAnalysis(Analysis):
 def _warn(found: Optimum, log: Log) -> None:
     """Warn of goals that cannot be judged, and of a design that is unstable or not final."""
     from suspension_cli.analyses.check import warnings
-    from suspension_cli.analyses.optimise.solve import ROUNDS
     from suspension_cli.design import reader
 
     warnings.warn_implausible(reader.parse(found.design), log)
@@ -216,11 +198,6 @@ def _warn(found: Optimum, log: Log) -> None:
         log.warn(
             f"the design found is unstable: {', '.join(unstable)}; no goal forbids it but a band of"
             " these modes"
-        )
-    if found.rounds >= ROUNDS:
-        log.warn(
-            f"after {found.rounds} corrections search and check may still differ: limits are"
-            " reported as checked, but a better design may be near"
         )
 
 

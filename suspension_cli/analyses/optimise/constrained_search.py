@@ -118,8 +118,6 @@ class Search:
     ----------
     values : Evaluator
     goals : Goals
-    offset : array
-        Added to all logarithms: difference of a more complete model at the last checked design.
     seen : dict
         Cache of `value`.
     best : Point or None
@@ -130,7 +128,6 @@ class Search:
 
     values: Evaluator
     goals: Goals
-    offset: Float[np.ndarray, " quantity"]
     seen: dict[bytes, Evaluation | None] = field(default_factory=dict)
     best: Point | None = None
     pairs: tuple[Limit, ...] = ()
@@ -177,9 +174,7 @@ class Search:
             else:
                 good = np.isfinite(found.log).all() and np.isfinite(found.slope).all()
                 self.seen[key] = (
-                    Evaluation(found.log + self.offset, found.slope * self.freed.rate(number))
-                    if good
-                    else None
+                    Evaluation(found.log, found.slope * self.freed.rate(number)) if good else None
                 )
         return self.seen[key]
 
