@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.optimise import objective
+from suspension_cli.analyses.optimise import solve as searching
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
 from suspension_cli.design import goals, reader
 from suspension_cli.design.goals import Equal, Free, Goal, Goals
@@ -290,6 +291,27 @@ def test_limits_are_met_on_the_checking_model():
     again = eigenmodes.solve(registry.BEAM.system(reader.parse(found.design)))
     assert again.frequency[found.quantities.mode[0]] == pytest.approx(0.6, rel=1e-6)
     assert found.quantities.searched[0] == pytest.approx(0.6, rel=1e-6)
+
+
+def test_the_search_continues_on_the_models_that_its_result_needs(monkeypatch):
+    """Thin wires are strings; the thick ones that a stiff vertical mode takes bend, and at 100 Hz
+    their mass matters from the start."""
+    models, search = [], searching._search
+
+    def noted(freed, wanted, chosen):
+        models.append(chosen.levels)
+        return search(freed, wanted, chosen)
+
+    monkeypatch.setattr(searching, "_search", noted)
+    goal = [
+        Goal(kind="band", modes=["test vertical"], at_least=10.0),
+        Goal(kind="isolation", response="test.x/support.x:100", at_most=1e-3),
+    ]
+    free = [Free(name=f"{WIRES}.radius", lower=1e-5, upper=4e-4, start=2e-5)]
+    found = solved(VERTICAL, goal, free, level="auto")
+    assert models == [["string"], ["string", "violin"], ["beam", "violin"]]
+    assert found.met and found.fidelity == "beam"
+    np.testing.assert_allclose(found.quantities.searched, found.quantities.after, rtol=1e-10)
 
 
 def test_unmet_goals_are_reported():

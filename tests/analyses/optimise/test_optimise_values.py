@@ -36,16 +36,16 @@ def test_derivatives_of_every_kind_of_goal(level):
     assert len(shares) == len(EVERY.free)
     # away from coincidences of the design as drawn
     start = every.freed.start * [1.01, 1.02, 0.97, 1.03, 1.01]
-    change, step = start * shares, 2e-3
+    change = start * shares
+    stencil, step = differences.STENCIL, 2e-3
+    if level == "violin":  # of the fourth order, for speed
+        stencil, step = {1: 2 / 3, 2: -1 / 12}, 2e-4
     sides = {
         n: (every.at(start + n * step * change).log, every.at(start - n * step * change).log)
-        for n in differences.STENCIL
+        for n in stencil
     }
-    slope = (
-        sum(weight * (sides[n][0] - sides[n][1]) for n, weight in differences.STENCIL.items())
-        / step
-    )
-    np.testing.assert_allclose(every.at(start).slope @ change, slope, rtol=2e-8, atol=2e-8)
+    slope = sum(weight * (sides[n][0] - sides[n][1]) for n, weight in stencil.items()) / step
+    np.testing.assert_allclose(every.at(start).slope @ change, slope, rtol=3e-8, atol=3e-8)
 
 
 def test_the_batch_has_the_values_of_each(every):
