@@ -224,10 +224,7 @@ def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:
 
 
 def with_derivatives(
-    wanted: str,
-    source: Source,
-    request: Callable[[LinearSystem], Several],
-    tolerance: float = TOLERANCE,
+    wanted: str, design: Design, request: Request, tolerance: float, models: Sequence[Model]
 ) -> Decision:
     """Choose the cheapest model with derivatives that is accurate enough, or the `wanted` one.
 
@@ -235,40 +232,30 @@ def with_derivatives(
     ----------
     wanted : str
         ``"auto"`` or the name of a model.
-    source : Source
+    design : Design
     request : callable
         The quantity of interest.
     tolerance : float
         Relative error that ``"auto"`` may leave.
+    models : sequence of Model
+        Those whose derivatives the analysis can use, from the cheapest to the most complete.
 
     Raises
     ------
     InputError
-        If a model without derivatives is wanted, or it is not valid for the design.
+        If the wanted model is not among `models`, or is not valid for the design.
     """
-    from suspension_cli.errors import Fault, InputError, format_value
     from suspension_cli.models import auto, registry
-    from suspension_cli.models.quantity_of_interest import Differentiated
 
-    models = [model for model in registry.MODELS if model.supports_derivatives]
-    names = [model.name for model in models]
-    if wanted not in (registry.AUTO, *names):
-        remedy = f"take auto, {' or '.join(names)}"
-        fault = Fault("--fidelity", "has no derivatives", remedy, format_value(wanted))
-        raise InputError([fault], source.file)
     if wanted != registry.AUTO:
-        return auto.estimate_error(source.design, registry.choose(source.design, wanted), request)
-
-    def differentiated(system: LinearSystem) -> Differentiated:
-        several = request(system)
-        return Differentiated(several.scalars, several.modes)
-
-    decision = auto.decide(source.design, differentiated, tolerance, names[-1])
-    if decision.choice.model.supports_derivatives:
+        demand_one_of(wanted, models, "cannot compute derivatives")
+        return auto.estimate_error(design, registry.choose(design, wanted), request)
+    decision = auto.decide(design, request, tolerance, models[-1].name)
+    if decision.choice.model in models:
         return decision
     # what cheaper models cannot neglect, the first with derivatives includes
-    reason = "the cheapest model with derivatives"
-    return auto.estimate_error(source.design, registry.Choice(names[0], reason), request)
+    choice = registry.Choice(models[0].name, "the cheapest model with derivatives")
+    return auto.estimate_error(design, choice, request)
 
 
 def named_results(

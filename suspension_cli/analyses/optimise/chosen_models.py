@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,12 +13,9 @@ from suspension_cli.analyses.optimise.quantities import (
     with_imperfections,
 )
 from suspension_cli.design.schema import Design
-from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import auto, registry
-from suspension_cli.models.quantity_of_interest import Frequencies, QuantityOfInterest, Transfer
+from suspension_cli.models.quantity_of_interest import Frequencies, Transfer
 from suspension_cli.models.registry import Choice
-
-Request = Callable[[LinearSystem], QuantityOfInterest]
 
 
 @dataclass(frozen=True)
@@ -91,16 +87,16 @@ def choose(
 
 
 def _choose(
-    design: Design, request: Request, level: str, tolerance: float, least: Choice | None
+    design: Design,
+    request: model_choice.Request,
+    level: str,
+    tolerance: float,
+    least: Choice | None,
 ) -> Choice:
-    if level != registry.AUTO:
-        model_choice.demand_one_of(level, registry.SCENE_MODELS, "has no derivatives")
-        return registry.choose(design, level)
-    found = auto.decide(design, request, tolerance).choice
-    if not found.model.supports_builds:
-        found = Choice(registry.STRING.name, "the cheapest model with derivatives")
-    elif least is None or registry.MODELS.index(found.model) >= registry.MODELS.index(least.model):
+    found = model_choice.with_derivatives(
+        level, design, request, tolerance, registry.SCENE_MODELS
+    ).choice
+    if level != registry.AUTO or least is None or found.model.cost >= least.model.cost:
         return found
-    if least is not None and least.model.cost > found.model.cost:
-        found = replace(least, reason="other designs of the search need it")
-    return auto.estimate_error(design, found, request).choice
+    choice = replace(least, reason="other designs of the search need it")
+    return auto.estimate_error(design, choice, request).choice

@@ -185,17 +185,16 @@ def differentiate_omega_squared(
         the others follow.
     """
     squared, shape, mass = found.omega_squared, found.shape, change.mass[6:, 6:]
-    dispersive = isinstance(change, DispersiveLinear) and len(change.dispersive) > first
 
-    def reduced(group: Int[np.ndarray, " group"]) -> Float[np.ndarray, "group group"]:
-        """The change of a group of modes of one frequency."""
-        stiffness = (change.at(first + int(group[0])) if dispersive else change).stiffness[6:, 6:]
-        own = shape[group]
-        return own @ (stiffness - squared[group].mean() * mass) @ own.T
+    def stiffness(number: int) -> Array:
+        """Change of the stiffness at a mode."""
+        own = isinstance(change, DispersiveLinear) and len(change.dispersive) > first
+        return (differences.at(change, first + number) if own else change).stiffness[6:, 6:]
 
     result = np.empty(len(squared))
     for group in _degenerate(squared):
-        matrix = reduced(group)
+        own, common = shape[group], squared[group].mean()
+        matrix = own @ (stiffness(int(group[0])) - common * mass) @ own.T
         values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
         result[group] = values[pair_by_shape(np.eye(len(group)), vectors.T)[0]]
     return result
