@@ -16,7 +16,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
 from suspension_cli.elements.gas import body_damping
-from suspension_cli.equilibrium import bending_wires
+from suspension_cli.equilibrium import bending_wires, clamps
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
@@ -249,7 +249,7 @@ def _batch_wires(
 
 def with_fibres(scene: Scene, design: Design) -> tuple[Scene, Drag]:
     """A scene (or batch of builds) with its wires' properties, and gas damping of its bodies."""
-    made = fibres_of.compose(design)
+    made = clamps.compose(design)
     return replace(scene, fibres=made), _gas_damping(made, design)
 
 
@@ -278,7 +278,7 @@ class Beam(string_model.SceneModel):
 
     def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
         """Sections, clamps and losses of wires, losses of blades, and gas damping."""
-        made = fibres_of.compose(design)
+        made = clamps.compose(design)
         drag = _gas_damping(made, design)
         directions = [np.array([fibre.plane, *fibre.clamp]).tobytes() for fibre in made.wire]
         kinds = [(fibre.sections, fibre.temperature, fibre.effective) for fibre in made.wire]
@@ -295,7 +295,7 @@ class Beam(string_model.SceneModel):
     def completed(self, scene: Scene, design: Design) -> Scene:
         """The scene with the sections, clamps, losses and gas of its wires."""
         known = scene.fibres is not None
-        return scene if known else replace(scene, fibres=fibres_of.compose(design))
+        return scene if known else replace(scene, fibres=clamps.compose(design))
 
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False
