@@ -243,30 +243,25 @@ def _limits(found: Optimum, goals: Goals) -> list[Document]:
 
 
 def _quantities(found: Optimum) -> list[Document]:
-    quantities = found.quantities
+    each = found.quantities
+    rows = zip(each.name, each.unit, each.before, each.after, strict=True)
     return [
-        {
-            "name": text,
-            "unit": quantities.unit[n],
-            "before": as_number(quantities.before[n]),
-            "after": as_number(quantities.after[n]),
-        }
-        for n, text in enumerate(quantities.name)
+        {"name": name, "unit": unit, "before": as_number(before), "after": as_number(after)}
+        for name, unit, before, after in rows
     ]
 
 
 def _modes(found: Optimum) -> list[Document]:
-    modes = found.modes
+    keys = {
+        "before_hz": found.modes.before,
+        "after_hz": found.modes.after,
+        "top_mass_fraction_before": found.modes.fraction_before,
+        "top_mass_fraction_after": found.modes.fraction_after,
+    }
     return [
-        {
-            "name": text,
-            "label": modes.label[n],
-            "before_hz": as_number(modes.before[n]),
-            "after_hz": as_number(modes.after[n]),
-            "top_mass_fraction_before": as_number(modes.fraction_before[n]),
-            "top_mass_fraction_after": as_number(modes.fraction_after[n]),
-        }
-        for n, text in enumerate(modes.name)
+        {"name": text, "label": found.modes.label[n]}
+        | {key: as_number(values[n]) for key, values in keys.items()}
+        for n, text in enumerate(found.modes.name)
     ]
 
 

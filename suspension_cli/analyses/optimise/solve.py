@@ -11,6 +11,7 @@ The result is written as TOML, read back, and every goal is checked by the ordin
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -121,18 +122,10 @@ def _values(freed: FreeDesign, goals: Goals, models: Models) -> Evaluator:
     """Quantities and requirements of the starting design."""
     design = freed.design(freed.start)
     for n, goal in enumerate(goals.goal, 1):
-        faults = (
-            []
-            if goal.perturbation is None
-            else checks.check_design(with_imperfections(design, tuple(goal.perturbation)))
-        )
+        imperfect = with_imperfections(design, tuple(goal.perturbation or ()))
+        faults = checks.check_design(imperfect) if goal.perturbation else []
         if faults:
-            raise InputError(
-                [
-                    Fault(f"goal.{n}.{fault.key}", fault.problem, fault.remedy, fault.value)
-                    for fault in faults
-                ]
-            )
+            raise InputError([replace(one, key=f"goal.{n}.{one.key}") for one in faults])
     model = models.modes.model.system(design)
     found = eigenmodes.solve(model.constant)
     families = Families.of(is_mirror_symmetric(expand_nominal(design)), found.energy)
@@ -144,20 +137,13 @@ def _values(freed: FreeDesign, goals: Goals, models: Models) -> Evaluator:
 def _check_start(values: Evaluator) -> None:
     """Raise `InputError` with the quantities that the starting design has no value of."""
     log = values.at(values.freed.start).log  # raises if the design is invalid
-    lost = [
-        item.text
-        for item, value in zip(values.requirements.quantities, log, strict=True)
-        if not np.isfinite(value)
-    ]
+    problem = "has no finite value in the starting design"
+    remedy = "divide by a response that does not vanish"
     raise InputError(
         [
-            Fault(
-                "goal",
-                "has no finite value in the starting design",
-                "divide by a response that does not vanish",
-                format_value(text),
-            )
-            for text in lost
+            Fault("goal", problem, remedy, format_value(item.text))
+            for item, value in zip(values.requirements.quantities, log, strict=True)
+            if not np.isfinite(value)
         ]
     )
 

@@ -169,10 +169,12 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     )
 
 
-def differentiate_omega_squared(
+def differentiate_frequencies(
     found: Modes, change: Linear, first: int = 0
 ) -> Float[np.ndarray, " mode"]:
-    """Differentiate omega^2 of every mode, (m,), (rad/s)^2 per unit of the parameter.
+    """Differentiate the frequency of every mode, (m,), Hz per unit of the parameter.
+
+    NaN for rigid and unstable modes.
 
     Parameters
     ----------
@@ -184,35 +186,24 @@ def differentiate_omega_squared(
         Number, among the frequencies of a `DispersiveLinear`, of that of the first mode; those of
         the others follow.
     """
-    squared, shape, mass = found.omega_squared, found.shape, change.mass[6:, 6:]
+    squared, mass = found.omega_squared, change.mass[6:, 6:]
 
     def stiffness(number: int) -> Array:
         """Change of the stiffness at a mode."""
         own = isinstance(change, DispersiveLinear) and len(change.dispersive) > first
         return (differences.at(change, first + number) if own else change).stiffness[6:, 6:]
 
-    result = np.empty(len(squared))
+    rates = np.empty(len(squared))
     for group in _degenerate(squared):
-        own, common = shape[group], squared[group].mean()
+        own, common = found.shape[group], squared[group].mean()
         matrix = own @ (stiffness(int(group[0])) - common * mass) @ own.T
         values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-        result[group] = values[pair_by_shape(np.eye(len(group)), vectors.T)[0]]
-    return result
+        rates[group] = values[pair_by_shape(np.eye(len(group)), vectors.T)[0]]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(squared > 0, rates / (8 * np.pi**2 * found.frequency), np.nan)
 
 
 def _degenerate(squared: Float[np.ndarray, " mode"]) -> list[Int[np.ndarray, " group"]]:
     """Indices of the modes of each common omega^2."""
     close = np.diff(squared) <= DEGENERATE * np.abs(squared[1:])
     return np.split(np.arange(len(squared)), np.flatnonzero(~close) + 1)
-
-
-def differentiate_frequencies(
-    found: Modes, change: Linear, first: int = 0
-) -> Float[np.ndarray, " mode"]:
-    """Differentiate the frequency of every mode, (m,), Hz per unit of the parameter.
-
-    See `differentiate_omega_squared`; NaN for rigid and unstable modes.
-    """
-    squared = differentiate_omega_squared(found, change, first)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(found.omega_squared > 0, squared / (8 * np.pi**2 * found.frequency), np.nan)
