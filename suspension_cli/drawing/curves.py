@@ -201,6 +201,16 @@ def write_key(
         )
 
 
+def mark_design(panels: Sequence[Axes], at: float, text: str = "as designed") -> None:
+    """Mark a place along the horizontal axes with a line, and name it above the first."""
+    for axes in panels:
+        axes.axvline(at, color=INK, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.6)
+    panels[0].annotate(
+        text, (at, 1), (0, 2), xycoords=("data", "axes fraction"), textcoords="offset points",
+        va="bottom", ha="center", color=INK, fontsize=SMALL, annotation_clip=False,
+    )  # fmt: skip
+
+
 def label_plainly(axis: Axis) -> None:
     """Label a logarithmic axis with 0.1, 1, 10, or with powers of ten if it is wide."""
     low, high = sorted(axis.get_view_interval())

@@ -158,6 +158,13 @@ def balance(
     )
 
 
+def restricted(found: Builds, which: Int[np.ndarray, " some"]) -> Builds:
+    """Builds of which only some are solved; the others count as failed."""
+    status = np.full_like(found.status, IMPOSSIBLE)
+    status[which] = found.status[which]
+    return replace(found, status=status)
+
+
 def with_wire_mass(found: Builds) -> Builds:
     """Builds on bending wires with the mass of their wires switched on (not its weight)."""
     terms = (
