@@ -42,10 +42,18 @@ class Parameter:
     ----------
     name
         Dotted path as ``--set`` takes it: ``stage.test.wires.s``, ``stage.test.body.inertia.2``.
+    tied
+        Other numbers that change with it, and their rates.
     """
 
     name: str
     value: float
+    tied: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def rates(self) -> dict[str, float]:
+        """Rates of all numbers that change, by dotted path."""
+        return {self.name: 1.0} | dict(self.tied)
 
 
 def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]:

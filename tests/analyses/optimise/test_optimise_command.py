@@ -136,6 +136,33 @@ def test_room_is_printed_as_a_fraction_of_the_limit(tmp_path):
     assert found.limits.room.tolist() == [limit["room"] for limit in answer["limits"]]
 
 
+def test_an_optimum_on_violin_meets_its_limits_by_the_plain_commands(tmp_path):
+    """Heavy wires: their mass matters at 60 Hz."""
+    limits = {"at_least": 0.8, "at_most": 2e-4}
+    raw = {
+        "goal": [
+            {"kind": "band", "modes": ["test longitudinal"], "at_least": limits["at_least"]},
+            {"kind": "isolation", "response": "test.x/support.x:60", "at_most": limits["at_most"]},
+        ],
+        "free": [{"name": f"{WIRES}.l", "lower": 0.2, "upper": 0.8, "start": 0.6}],
+    }
+    common = ("--fidelity", "violin", "--json", "--out", tmp_path)
+    result = run("optimise", VERTICAL, written(tmp_path, raw, "goals.toml"), "--starts", 1, *common)
+    answer = strict_json(result.stdout)
+    assert answer["checked_on"] == "violin" and answer["goals_met"]
+    made = tmp_path / "husman2000-table1-case1-optimised.toml"
+    modes = strict_json(run("modes", made, *common, "--max-frequency", "10").stdout)["modes"]
+    (found,) = (mode["frequency_hz"] for mode in modes if mode["label"] == "test longitudinal")
+    run(
+        "response", made, *common, "--input", "support.x", "--output", "test.x", "--frequency", "60"
+    )
+    with h5py.File(tmp_path / "husman2000-table1-case1-response.h5") as file:
+        size = abs(file["response/value"][0, 0, 0])
+    assert found >= limits["at_least"] and size <= limits["at_most"]
+    for limit, value in zip(answer["limits"], (found, size), strict=True):
+        assert limit["value"] == pytest.approx(value, rel=1e-6)
+
+
 def test_what_is_not_known_is_not_all_met(tmp_path):
     """Of two materials one has a strength; the last line says so, as does the exit code."""
     raw = {
