@@ -26,7 +26,7 @@ SMALLEST = 5.5
 PAGE = 17.8 / 2.54
 """Width of a page, in, for pictures with panels side by side."""
 PAGES = {"map", "modes", "modes-pages", "draw-imperfect", "draw-wide"}
-FREQUENCY = np.geomspace(0.1, 100, 100)
+FREQUENCY = np.geomspace(0.1, 100, 50)
 GOALS = """
 [[goal]]
 kind = "band"

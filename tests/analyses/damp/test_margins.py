@@ -212,23 +212,18 @@ def test_every_loop_of_the_damped_design():
     assert loops_with_limits(*both("beam", ()), range(6), 1e-8) == set(range(6))
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_random_filters(seed):
+def test_random_filters():
     """On fused silica, whose losses depend on frequency: any filters that come, stable or not."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     source = (CONFIGS / "geo-silica-triple.toml").read_text()
     raw = plants.tomllib.loads(source)
     first = raw["stage"][0]["name"]
     loops = []
     for dof, size in (("x", 1e3), ("z", 3e3)):
         corner = rng.uniform(4.0, 30.0)
-        zeros = (
-            [0.0]
-            if seed % 2
-            else [float(rng.uniform(0.01, 1.0)), [0.02, float(rng.uniform(2.0, 8.0))]]
-        )
+        zeros = [float(rng.uniform(0.01, 1.0)), [0.02, float(rng.uniform(2.0, 8.0))]]
         pole = [float(corner), [float(corner / 2), float(corner)]]
-        gain = size * rng.uniform(0.1, 1.0) * corner ** (1.5 if seed % 2 else 0)
+        gain = size * rng.uniform(0.1, 1.0)
         loops.append(
             {
                 "name": dof,
