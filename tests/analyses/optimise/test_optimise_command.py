@@ -18,13 +18,16 @@ from tests.support.golden import CONFIGS, ROOT
 from tests.support.optima import EXAMPLE, PAPER, TRIPLE, VERTICAL, WANTED, WIRES, solved
 
 
+ON_STRINGS = ("--fidelity", "string")
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """The shipped example, from its own start alone."""
     folder = tmp_path_factory.mktemp("optimised")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
-        result = run(*EXAMPLE, "--out", folder, "--json", "--plot")
+        result = run(*EXAMPLE, *ON_STRINGS, "--out", folder, "--json", "--plot")
     assert result.exit_code == 0, result.stderr
     return folder, strict_json(result.stdout)
 
@@ -34,7 +37,7 @@ def test_the_story_of_section_5a(made):
     as section 1 wants them, by `pendsus modes` alone."""
     folder, answer = made
     before, after = (
-        strict_json(run("modes", file, "--json", "--out", folder / "modes").stdout)
+        strict_json(run("modes", file, "--json", *ON_STRINGS, "--out", folder / "modes").stdout)
         for file in (TRIPLE, folder / "husman2000-triple-vertical-optimised.toml")
     )
     fast = [mode for mode in before["modes"] if mode["verdict"] != "can be damped"]
