@@ -195,7 +195,7 @@ def folder(tmp_path_factory):
 def seen_texts(figure: Figure) -> list[tuple[Text, np.ndarray]]:
     """All texts that are drawn, and their boxes in pixels."""
     renderer = figure.canvas.get_renderer()
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     hidden = {
         id(text)
         for axes in figure.axes
