@@ -89,7 +89,7 @@ def with_bending(
     for group, slopes, turning in found:
         bend[..., group, :, :] = slopes.reshape(*scene.batch, 1, 2, 3)
         twist[..., group] = turning.reshape(*scene.batch, 1)
-    scene = with_planes(scene)
+    scene = with_planes(scene) if scene.flex is None else scene
     assert scene.flex is not None
     return replace(scene, flex=replace(scene.flex, bend=bend, twist=twist))
 
@@ -160,7 +160,7 @@ def with_planes(scene: Scene) -> Scene:
     assert scene.fibres is not None
     planes = np.array([fibre.plane for fibre in scene.fibres.wire]).reshape(-1, 3)
     clamps = np.array([fibre.clamp for fibre in scene.fibres.wire]).reshape(-1, 2, 3)
-    upper, lower = (_planes(planes, clamps[:, end]) for end in (0, 1))
+    upper, lower = (principal_planes(planes, clamps[:, end]) for end in (0, 1))
     bend, twist = np.zeros((len(planes), 2, 3)), np.zeros(len(planes))
     return replace(scene, flex=Flex(upper, lower, bend, twist))
 
@@ -174,7 +174,7 @@ def wire_resistance(scene: Scene) -> Flex | None:
     across = np.where(
         np.abs(along[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
     )
-    planes = _planes(across, along)
+    planes = principal_planes(across, along)
     return Flex(planes, planes, None, wires.torsion)
 
 
@@ -184,7 +184,7 @@ def _slope_stiffness(stiffness: Inexact[np.ndarray, "4 4 build"]) -> Inexact[np.
     return np.stack([even + odd - 2 * mixed, odd - even, even + odd + 2 * mixed], axis=-1) / 4
 
 
-def _planes(
+def principal_planes(
     plane: Inexact[np.ndarray, "*wire 3"], clamp: Inexact[np.ndarray, "*wire 3"]
 ) -> Inexact[np.ndarray, "*wire 2 3"]:
     """Unit vectors (..., 2, 3) of both principal planes, across a clamp (..., 3)."""

@@ -202,7 +202,7 @@ def _resting_slopes(
 def hinge_distances(
     sections: Any, wire: int, iterations: int, length: Any, tension: Any, result: Any
 ) -> None:
-    """Fill the distances of the hinges of one wire from its clamps, see `bending_wires.to_clamps`.
+    """Fill the distances of the hinges of one wire from its clamps, see `equilibrium.clamps`.
 
     Parameters
     ----------

@@ -103,7 +103,7 @@ def _with_loads_of_pose(scene: Scene, unknown: Bool[np.ndarray, "blade 3"]) -> S
 
     def next_rates(rates: Array) -> Array:
         now = _with_loads(scene, unknown, loads + 1j * rates)
-        return _blade_loads(now, _first_order_pose(now, numbering, poses[-1])).imag[unknown]
+        return _blade_loads(now, first_order_pose(now, numbering, poses[-1])).imag[unknown]
 
     first = next_rates(np.zeros(len(loads)))
     rates = _fixed_point(next_rates, first, CONVERGED * np.abs(first).max())
@@ -169,7 +169,7 @@ def drop_complex_step(scene: Scene) -> Scene:
     return replace(scene, gravity=np.real(scene.gravity), field=field, **parts)
 
 
-def _first_order_pose(scene: Scene, numbering: Layout, pose: Pose) -> Pose:
+def first_order_pose(scene: Scene, numbering: Layout, pose: Pose) -> Pose:
     """Add the effect of a scene's complex step to the pose without it: dq = -K^-1 dg."""
     gradient, stiffness = gradient_and_stiffness(scene, numbering, pose)
     free = slice(6, None)

@@ -168,7 +168,7 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     found = _newton(
         scene,
         numbering,
-        start or nominal_pose(scene),
+        nominal_pose(scene) if start is None else _broadcast_pose(start, scene.batch),
         0.0,
         ITERATIONS,
         accept_nominal=start is None,

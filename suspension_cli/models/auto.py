@@ -289,7 +289,7 @@ def _estimator(
 ) -> tuple[QuantityOfInterest, Callable[[str], Refinement], Modes]:
     """The quantity of interest, what estimates a (neglected) refinement, and the modes."""
     quantity, found = make(system), eigenmodes.solve(system.constant)
-    of = Estimates(build.design, found, build.scene)
+    of = Estimates(build.design, found, build.hanging)
 
     def estimate(name: str) -> Refinement:
         change = quantity.estimate(name, found, of)
@@ -369,11 +369,15 @@ class _Builder:
     def __init__(self, design: Design) -> None:
         self.design = design
         self._built: dict[str, LinearSystem] = {}
-        self.wires = cache(lambda: wire_mass.massive_wires(self.scene))
+        self.wires = cache(lambda: wire_mass.massive_wires(self.hanging))
 
     @cached_property
     def scene(self) -> Scene:
         return wire_mass.expand_with_fibres(self.design)
+
+    @cached_property
+    def hanging(self) -> Scene:
+        return wire_mass.as_hanging(self.scene)
 
     def __call__(self, model: Model) -> LinearSystem:
         if model.name not in self._built:

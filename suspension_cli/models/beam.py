@@ -16,7 +16,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
 from suspension_cli.elements.gas import body_damping
-from suspension_cli.equilibrium import bending_wires
+from suspension_cli.equilibrium import bending_wires, clamps
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm
@@ -249,7 +249,7 @@ def _batch_wires(
 
 def with_fibres(scene: Scene, design: Design) -> tuple[Scene, Drag]:
     """A scene (or batch of builds) with its wires' properties, and gas damping of its bodies."""
-    filled = replace(scene, fibres=fibres_of.compose(design))
+    filled = replace(scene, fibres=clamps.compose(design))
     return filled, _gas_damping(filled, design)
 
 
@@ -296,7 +296,7 @@ class Beam(string_model.SceneModel):
     def completed(self, scene: Scene, design: Design) -> Scene:
         """The scene with the sections, clamps, losses and gas of its wires."""
         known = scene.fibres is not None
-        return scene if known else replace(scene, fibres=fibres_of.compose(design))
+        return scene if known else replace(scene, fibres=clamps.compose(design))
 
     def in_equilibrium(
         self, scene: Scene, design: Design, *, split: bool = False

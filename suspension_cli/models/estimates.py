@@ -42,6 +42,7 @@ from suspension_cli.elements import loss
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.models.wire_mass import (
     FORCE,
+    as_hanging,
     expand_with_fibres,
     first_violin_of,
     hinge_distance,
@@ -79,9 +80,9 @@ class Estimates:
 
     def __init__(self, design: Design, found: Modes, scene: Scene | None = None) -> None:
         """Take a design, the modes of a model without bending and mass of wires, and the scene
-        from `expand_with_fibres` if it is known already.
+        from `expand_with_fibres` and `as_hanging` if it is known already.
         """
-        self._scene = scene = expand_with_fibres(design) if scene is None else scene
+        self._scene = scene = scene or as_hanging(expand_with_fibres(design))
         self._found = found
         below = scene.wires.lower
         hung = [n for n in range(len(design.stage)) if (below == n + 1).any()]

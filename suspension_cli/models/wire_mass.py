@@ -28,7 +28,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from suspension_cli.design.schema import Design
+from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.errors import InputError
 from suspension_cli.scene import fibres
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.composition import Fibre
@@ -85,7 +87,7 @@ class MassEffect:
 
 def effect_on_noise(design: Design, highest: float) -> MassEffect:
     """Estimate the largest change of thermal noise by wire mass, up to a frequency in Hz."""
-    return massive_wires(expand_with_fibres(design)).effect_on_noise(highest)
+    return massive_wires(as_hanging(expand_with_fibres(design))).effect_on_noise(highest)
 
 
 def expand_with_fibres(design: Design) -> Scene:
@@ -93,7 +95,23 @@ def expand_with_fibres(design: Design) -> Scene:
     scene = expand(design)
     if fibres.explain_unsuitable(design, massive=False):
         return scene
-    return replace(scene, fibres=fibres.compose(design))
+    return replace(scene, fibres=clamps.compose(design))
+
+
+def as_hanging(scene: Scene) -> Scene:
+    """Give wires the lengths, tensions and directions at which they hang as strings.
+
+    Nothing changes where the nominal pose is the drawn one, or where strings do not hang.
+    """
+    if scene.fibres is None or not scene.fibres.solves_pose:
+        return scene
+    try:
+        now = clamps.hang(scene)
+    except InputError:
+        return scene
+    span = now.upper * now.length[:, None]
+    wires = replace(scene.wires, span=span, length=now.length, tension=now.tension)
+    return replace(scene, wires=wires)
 
 
 @dataclass(frozen=True)
@@ -142,7 +160,10 @@ class MassiveWires:
 
 
 def massive_wires(scene: Scene) -> MassiveWires:
-    """Compute what the effects of wire mass depend on, at any frequency; `scene` has `fibres`."""
+    """Compute what the effects of wire mass depend on, at any frequency.
+
+    The scene is `as_hanging` and has `fibres`.
+    """
     assert scene.fibres is not None
     made = scene.fibres.wire
     lower, tension = scene.wires.lower, scene.wires.tension

@@ -76,7 +76,8 @@ def _add_single_wires(design: Design, part: StagePart) -> None:
         upper, lower = np.array(wire.upper), np.array(wire.lower)
         span = part.offset + lower - upper
         length = np.sqrt((span**2).sum())
-        k = wire_stiffness(design, wire, wire.natural_length or length)
+        known = wire.natural_length or length  # the drawn length says nothing then
+        k = wire_stiffness(design, wire, known)
         natural = wire.natural_length is not None
         part.wires.append(
             WirePart(
@@ -86,11 +87,11 @@ def _add_single_wires(design: Design, part: StagePart) -> None:
                 span=span,
                 stiffness=k,
                 torsion=wire.torsion or 0.0,
-                loss=wire_loss(design, wire, length),
+                loss=wire_loss(design, wire, known),
                 blade=wire.blade,
                 given=k * (length - wire.natural_length) if natural else wire.tension,
                 natural=natural,
-                mass=np.array(wire_mass_moments(design, wire, length)),
+                mass=np.array(wire_mass_moments(design, wire, known)),
             )
         )
     for blade in stage.blade:

@@ -10,7 +10,13 @@ import numpy as np
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
 from suspension_cli.design.cross_sections.round import Round
-from suspension_cli.design.derive import blade_material, gravity_strength, is_ring, spring_loss
+from suspension_cli.design.derive import (
+    blade_material,
+    gives_natural_lengths,
+    gravity_strength,
+    is_ring,
+    spring_loss,
+)
 from suspension_cli.design.losses.bulk import Bulk
 from suspension_cli.design.losses.mechanism import Mechanism
 from suspension_cli.design.losses.registry import mechanisms_of
@@ -81,7 +87,9 @@ def compose(design: Design) -> Fibres:
     for part in parts:
         for number, (wire, table) in enumerate(zip(part.wires, _wires(part.stage), strict=True)):
             temperature = table.temperature or ambient
-            sections = _sections(design, table, np.sqrt(wire.span @ wire.span).item(), losses)
+            natural = table.natural_length if isinstance(table, Wire) else None
+            length = natural or np.sqrt(wire.span @ wire.span).item()
+            sections = _sections(design, table, length, losses)
             if np.any(wire.mass):
                 sections = _weighed(sections, wire, gravity_strength(design))
             wires.append(
@@ -112,6 +120,7 @@ def compose(design: Design) -> Fibres:
         gas,
         ambient,
         (*_springs(design, parts, lambda name: losses(name, None)), *_links(design, losses)),
+        gives_natural_lengths(design),
     )
 
 
@@ -156,7 +165,7 @@ def _sections(
     length: float,
     losses: Callable[[str, WireSet | Wire], tuple[Mechanism, ...]],
 ) -> tuple[Section, ...]:
-    """Sections of a wire of a loaded length (m); a given k scales their stiffness of stretching."""
+    """Sections of a wire of a length (m); a given k scales their stiffness of stretching."""
     pieces = [
         (piece, materials.resolve(design, piece.material or ""))
         for piece in stretches(table, length)

@@ -30,7 +30,7 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.derive import gives_natural_lengths, solves_pose
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import bending, string
-from suspension_cli.equilibrium import bending_wires
+from suspension_cli.equilibrium import bending_wires, clamps
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
@@ -252,7 +252,8 @@ def moved(base: Differentiable, rates: dict[str, float]) -> Moved | None:
 def _moved_bending(base: Differentiable, design: Design, scene: Scene) -> Moved:
     """Step the equilibrium of wires that bend: the pose and their bending stiffness together."""
     scene = lossless(registry.BEAM.completed(scene, design))
-    scene, pose, free = bending_wires.to_clamps(scene), base.pose, slice(6, None)
+    scene, _ = clamps.to_clamps(scene)
+    pose, free = base.pose, slice(6, None)
     change = np.zeros(base.numbering.size)
     balanced = MOVED * float(base.scene.weight)
     stiffness = base.stiffness

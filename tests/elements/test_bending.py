@@ -33,7 +33,9 @@ def bending_scene(kind, seed, *, crooked=True):
         clamps = [chord[n] + (0.2 * rng.normal(size=3) if crooked else 0.0) for _ in range(2)]
         ends.append(
             [
-                bending._planes(plane / np.linalg.norm(plane), clamp / np.linalg.norm(clamp))
+                bending.principal_planes(
+                    plane / np.linalg.norm(plane), clamp / np.linalg.norm(clamp)
+                )
                 for clamp in clamps
             ]
         )
@@ -183,7 +185,7 @@ def test_one_wire_has_the_stiffness_of_a_beam_and_a_rod():
     )
     rigidity, twisting = (3e-2, 0.4), 0.7
     plane = np.cross(chord, rng.normal(size=3))
-    normals = bending._planes(plane / np.linalg.norm(plane), chord)
+    normals = bending.principal_planes(plane / np.linalg.norm(plane), chord)
     exact = []
     for value in rigidity:
         with beam_mp.exact(200):

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import msgspec
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
-from suspension_cli.linear import eigenmodes
+from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.errors import InputError
+from suspension_cli.linear import eigenmodes, response
+from suspension_cli.linear.signals import linear_form, parse_input, parse_output
 from suspension_cli.models import registry
+from suspension_cli.models.estimates import Estimates
+from suspension_cli.scene.stack import stack_scenes
+from suspension_cli.studies import builds, derivatives, parameters
 from tests.support.scenes import design_of
 
 MASS, GRAVITY, MODULUS, RADIUS = 4.0, 9.81, 2.1e11, 2e-4
@@ -68,3 +79,185 @@ def test_imperfections_do_not_move_clamps(level, error):
     known = frequencies(level, "wire", error)
     np.testing.assert_allclose(frequencies(level, "bending-point", error), known, rtol=2e-7)
     assert np.abs(known / frequencies(level, "wire") - 1).max() > 1e-6
+
+
+# Designs of given natural lengths
+
+BODIES = ("support", "test")
+SHIFTS = {
+    "aside": (0.01, -0.004, 0.0),
+    "higher": (0.0, 0.0, 0.004),  # wires are slack as drawn
+    "lower": (0.002, 0.0, -0.015),
+}
+FEET = ((0.05, 0.01), (-0.03, 0.04), (-0.025, -0.045))
+LOPSIDED, MIRRORED = "lopsided", "mirrored"
+LAYERS = {"sections": [{"radius": 5e-4, "length": 0.01}, {"radius": RADIUS}]}
+
+
+def as_built(kind, shift=(0.0, 0.0, 0.0), perturbation=(), **wire):
+    """A body on wires of given natural lengths and bending points, drawn anywhere."""
+    mirrored = kind == MIRRORED
+    feet = [(x, y) for x in (-0.02, 0.02) for y in (-0.05, 0.05)] if mirrored else FEET
+    lean = (0.7, 0.8) if mirrored else (0.9, 0.8)
+    rows = [
+        {
+            "upper": [lean[0] * x, lean[1] * y, 0.0],
+            "lower": [x, y, 0.005],
+            "material": "hard",
+            "clamp": "bending-point",
+            "natural_length": 0.3 if mirrored else 0.3 + 4e-4 * n,
+            **({} if "sections" in wire else {"radius": RADIUS}),
+            **wire,
+        }
+        for n, (x, y) in enumerate(feet)
+    ]
+    material = {"youngs_modulus": 3e9, "poisson_ratio": 0.3, "density": 1200.0, "loss_angle": 0.01}
+    return design_of(
+        {
+            "design": {"name": "as-built"},
+            "materials": {"hard": material},
+            "constants": {"gravity": GRAVITY, "wire_weight": "sections" in wire},
+            "stage": [
+                {
+                    "name": "test",
+                    "body": {"mass": 0.2, "inertia": [3e-4, 4e-4, 5e-4]},
+                    "position": (np.array([0.0, 0.0, -0.31]) + shift).tolist(),
+                    "wire": rows,
+                }
+            ],
+            "perturbation": list(perturbation),
+        }
+    )
+
+
+def results(level, design):
+    """Frequencies of modes, and responses in units of the largest."""
+    model = registry.by_name(level).system(design)
+    inputs = [parse_input(f"support.{dof}", BODIES) for dof in ("x", "yaw")]
+    outputs = [parse_output(f"test.{dof}", BODIES) for dof in ("x", "pitch", "z")]
+    found = response.solve(model, np.array([0.2, 3.0, 60.0]), inputs, outputs).value
+    return eigenmodes.solve(model.constant).frequency, found / np.abs(found).max((-1, -2))[
+        :, None, None
+    ]
+
+
+def noise(model):
+    """Thermal noise at three frequencies, m/sqrt(Hz)."""
+    signal = parse_output("test.x", BODIES)
+    row = linear_form(signal, model)
+    return thermal.solve(model, np.array([0.3, 5.0, 100.0]), row, signal, 290.0).density
+
+
+WRONG = {"wire": "test.1", "length_change": 1e-5, "hold": "natural-length"}
+
+
+@pytest.mark.parametrize("level", ["beam", "violin"])
+@pytest.mark.parametrize("wire", [{}, LAYERS], ids=["uniform", "layers with weight"])
+@pytest.mark.parametrize("kind", [LOPSIDED, MIRRORED])
+def test_results_do_not_depend_on_the_drawn_pose(kind, wire, level):
+    for errors in ([], [WRONG]):
+        known = results(level, as_built(kind, perturbation=errors, **wire))
+        for shift in SHIFTS.values():
+            found = results(level, as_built(kind, shift, errors, **wire))
+            np.testing.assert_allclose(found[0], known[0], rtol=1e-9)
+            np.testing.assert_allclose(found[1], known[1], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_thermal_noise_does_not_depend_on_the_drawn_pose(level):
+    known, *others = (
+        noise(registry.by_name(level).system(as_built(LOPSIDED, shift)))
+        for shift in ((0.0, 0.0, 0.0), *SHIFTS.values())
+    )
+    for found in others:
+        np.testing.assert_allclose(found, known, rtol=1e-9)
+
+
+@pytest.mark.parametrize("errors", [[], [WRONG]], ids=["nominal", "imperfect"])
+@pytest.mark.parametrize("kind", [LOPSIDED, MIRRORED])
+def test_batches_do_not_depend_on_the_drawn_pose(kind, errors):
+    """Compiled loops hang each design of a batch on its own, and find what one alone has."""
+    designs = [as_built(kind, shift, errors) for shift in SHIFTS.values()]
+    found = builds.balance(stack_scenes([expand(one) for one in designs]), designs[0], level="beam")
+    assert (found.status == builds.GOOD).all()
+    model = found.model
+    alone = registry.by_name("beam").system(as_built(kind, perturbation=errors))
+    expected = eigenmodes.solve(replace(alone, terms=())).omega_squared
+    for n in range(len(designs)):
+        k, m = model.stiffness[n, 6:, 6:], np.broadcast_to(model.mass, model.stiffness.shape)[n]
+        np.testing.assert_allclose(eigh(k, m[6:, 6:])[0], expected, rtol=1e-9)
+
+
+def test_slack_strings_of_a_batch():
+    """No bending point of a slack wire: the build fails, and says which wire."""
+    slack = as_built(MIRRORED)
+    slack.stage[0].wire[2] = msgspec.structs.replace(slack.stage[0].wire[2], natural_length=0.31)
+    designs = [as_built(MIRRORED), slack]
+    found = builds.balance(stack_scenes([expand(one) for one in designs]), designs[0], level="beam")
+    assert found.status.tolist() == [builds.GOOD, builds.SLACK]
+    assert found.wire[1] in (1, 2)
+    with pytest.raises(InputError, match=r"wire test\.[23] is slack"):
+        registry.by_name("beam").system(slack)
+
+
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_clamps_beyond_hanging_bending_points(level):
+    """Vertical wires: clamps given sqrt(E I / T) beyond both ends make the same suspension."""
+    design = as_built(MIRRORED, SHIFTS["aside"])
+    (stage,) = design.stage
+    tension = stage.body.mass * GRAVITY / 4
+    reach = np.sqrt(3e9 * np.pi * RADIUS**4 / 4 / tension)
+    wires, clamped = [], []
+    for wire in stage.wire:
+        x, y, _ = wire.lower
+        wires.append(msgspec.structs.replace(wire, upper=(x, y, 0.0), k=2e3))
+        clamped.append(
+            msgspec.structs.replace(
+                wires[-1],
+                upper=(x, y, float(reach)),
+                lower=(x, y, float(0.005 - reach)),
+                natural_length=float(0.3 + 2 * reach),
+                clamp="wire",
+            )
+        )
+    drawn = {"position": (0.0, 0.0, -0.305 - tension / 2e3)}
+    found, expected = (
+        results(level, msgspec.structs.replace(design, stage=[one]))
+        for one in (
+            msgspec.structs.replace(stage, wire=wires),
+            msgspec.structs.replace(stage, wire=clamped, **drawn),
+        )
+    )
+    np.testing.assert_allclose(found[0], expected[0], rtol=2e-7)
+
+
+@pytest.mark.parametrize("level", ["beam", "violin"])
+def test_hanging_clamps_keep_the_symmetry(level):
+    model = registry.by_name(level).system(as_built(MIRRORED, SHIFTS["higher"]))
+    inputs = [parse_input("support.x", BODIES)]
+    outputs = [parse_output(f"test.{dof}", BODIES) for dof in ("y", "roll", "yaw")]
+    assert not response.solve(model, np.array([1.0]), inputs, outputs).value.any()
+
+
+@pytest.mark.parametrize(
+    ("name", "step"), [("stage.test.body.mass", 1e-6), ("stage.test.wire.1.radius", 1e-9)]
+)
+def test_derivatives_follow_the_clamps(name, step):
+    design = as_built(LOPSIDED, SHIFTS["aside"])
+    exact = derivatives.of(derivatives.prepared(design, "beam"), name)
+    low, high = (
+        derivatives.prepared(parameters.shifted(design, name, sign * step), "beam")
+        for sign in (-1, 1)
+    )
+    slope = (high.linear.stiffness - low.linear.stiffness) / (2 * step)
+    assert np.abs(exact.stiffness - slope).max() < 1e-6 * np.abs(slope).max()
+
+
+def test_estimates_do_not_depend_on_the_drawn_pose():
+    known, *others = (
+        Estimates(design, eigenmodes.solve(registry.STRING.system(design)))
+        for design in (as_built(LOPSIDED, shift) for shift in ((0.0, 0.0, 0.0), *SHIFTS.values()))
+    )
+    for found in others:
+        for name in ("bending", "loss", "mass", "violin"):
+            np.testing.assert_allclose(getattr(found, name), getattr(known, name), rtol=1e-9)
