@@ -17,7 +17,6 @@ from tests.support.commandline import assert_refused, run, strict_json, written
 from tests.support.golden import CONFIGS, ROOT
 from tests.support.optima import EXAMPLE, PAPER, TRIPLE, VERTICAL, WANTED, WIRES, solved
 
-
 ON_STRINGS = ("--fidelity", "string")
 
 
