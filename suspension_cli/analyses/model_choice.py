@@ -35,6 +35,7 @@ def choose(
     request: Request | None = None,
     tolerance: float = TOLERANCE,
     top: Model | None = None,
+    highest: float | None = None,
 ) -> Decision:
     """Choose the cheapest model that is accurate enough, or take the one that is `wanted`.
 
@@ -49,6 +50,8 @@ def choose(
         Relative error that ``"auto"`` may leave.
     top : Model, optional
         The most complete model that the analysis can use; without, any.
+    highest : float, optional
+        The highest frequency of a response, Hz, see `auto.decide`.
 
     Raises
     ------
@@ -61,7 +64,7 @@ def choose(
     request = request or (lambda _: Frequencies())
     if wanted == registry.AUTO:
         limit = registry.MOST_COMPLETE if top is None else top
-        return auto.decide(source.design, request, tolerance, limit.name, complete=False)
+        return auto.decide(source.design, request, tolerance, limit.name, highest=highest)
     return auto.estimate_error(source.design, registry.choose(source.design, wanted), request)
 
 

@@ -65,7 +65,7 @@ def context(
 
 def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
     """Refuse a file as the folder for results, before anything is computed."""
-    from suspension_cli.errors import Fault, InputError
+    from suspension_cli.errors import InputError
 
     if value is None:
         return value
@@ -73,21 +73,19 @@ def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | No
     try:
         isdir, exists = path.is_dir(), path.exists()
     except OSError as error:
-        raise InputError(
-            [Fault("--out", f"cannot be written ({error.strerror})", "name another folder", value)]
+        raise InputError.of(
+            "--out", f"cannot be written ({error.strerror})", "name another folder", value
         ) from None
     named = path.suffix.lower() in ENDINGS and not value.endswith("/")
     if not isdir and (named or exists):
         remedy = "name a folder; the files in it get their names from the design" + (
             f" (a folder of this name: {value}/)" if not exists else ""
         )
-        raise InputError(
-            [Fault("--out", "names a file, but results go into a folder", remedy, value)]
-        )
+        raise InputError.of("--out", "names a file, but results go into a folder", remedy, value)
     return value
 
 
-ENDINGS = (
+ENDINGS = [
     ".csv",
     ".h5",
     ".hdf5",
@@ -103,7 +101,7 @@ ENDINGS = (
     ".toml",
     ".txt",
     ".zip",
-)
+]
 """Endings of file names, which folders hardly ever have."""
 
 DESIGN = argument("design", metavar="DESIGN")

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 from suspension_cli.models import registry
 from suspension_cli.scene import stack
 from suspension_cli.scene.scene import Scene
@@ -117,11 +117,9 @@ def derived(
 
     Parameters
     ----------
-    design : Design
-    numbers : iterable of Parameter
-    level : str
+    level
         Name of a model that supports builds.
-    omega : sequence of float
+    omega
         Frequencies at which matrices are evaluated, rad/s.
 
     Returns
@@ -158,14 +156,10 @@ def derived(
         found[name] = _difference(solved[n : n + len(NODES)], step)
     here = solved[0]
     if here is None:
-        raise InputError(
-            [
-                Fault(
-                    "stage",
-                    "has no equilibrium near the nominal pose with wires that bend",
-                    "see pendsus check",
-                )
-            ]
+        raise InputError.of(
+            "stage",
+            "has no equilibrium near the nominal pose with wires that bend",
+            "see pendsus check",
         )
     return replace(base, linear=here), found
 

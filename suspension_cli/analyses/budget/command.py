@@ -344,7 +344,7 @@ def _model(
             observed = [signals.parse_output(text, known) for text in outputs]
             return Transfer(inputs, observed, grid)
 
-        decision = model_choice.choose(source, wanted, request, tolerance)
+        decision = model_choice.choose(source, wanted, request, tolerance, highest=float(grid[-1]))
         choice, model = decision.choice, decision.model
         fault = error.faults[0]
         why = (

@@ -25,16 +25,6 @@ def choose(
 
     Where the model that one design needs is not valid for another, it is not taken.
 
-    Parameters
-    ----------
-    wanted : str
-        ``"auto"`` or the name of a model.
-    sources : sequence of Source
-        The designs.
-    measured : Measured
-    tolerance : float
-        Relative error of measured modes that ``"auto"`` may leave.
-
     Returns
     -------
     list of Decision

@@ -14,6 +14,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, parts, style
 from suspension_cli.drawing.bodies import Outline, outlines, suspension_size
 from suspension_cli.drawing.canvas import Canvas, full_canvas
+from suspension_cli.drawing.curves import write_heading
 from suspension_cli.drawing.geometry import FACE, SIDE, View
 from suspension_cli.drawing.parts import Look, Sketch
 from suspension_cli.drawing.style import INK, NOTE, PALE
@@ -194,7 +195,7 @@ def _figure(
     )
     height = TOP + rows * (tall + AROUND)
     figure = style.new_figure(style.PAGE_WIDTH, height)
-    style.write_title(figure, *title)
+    write_heading(figure, *title)
     key = (
         f"{note}Grey: at rest. Colour: stage, as in the bars below; stronger where it has more"
         " kinetic energy. Bars: fractions of this. Motions exaggerated."

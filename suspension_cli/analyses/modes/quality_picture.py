@@ -9,13 +9,13 @@ from matplotlib.lines import Line2D
 from suspension_cli.conventions import WIRE_MODE_NAMES
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import curves
+from suspension_cli.drawing.curves import write_heading
 from suspension_cli.drawing.style import (
     NOTE,
     house_style,
     new_figure,
     single_line,
     stage_colours,
-    write_title,
 )
 from suspension_cli.linear.eigenmodes import Modes
 
@@ -70,7 +70,7 @@ def draw(modes: Modes, design: Design, subtitle: str) -> Figure:
                 0.5, 0.5, "no losses given", transform=upper.transAxes, ha="center", color=NOTE
             )
         lower.set_xlabel("frequency (Hz)")
-        write_title(figure, "Q and dilution factor of all modes", subtitle)
+        write_heading(figure, "Q and dilution factor of all modes", subtitle)
         curves.set_margins(figure, bottom=0.5 + rows * ROW, hspace=0.1)
         _write_key(figure, colours, shown, below)
         return figure

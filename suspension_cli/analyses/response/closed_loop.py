@@ -36,6 +36,11 @@ class ClosedTransfer(Transfer):
         """List the signals whose blocks matter: also sensors and actuators."""
         return [*super().signals(), *self.loops]
 
+    def is_zero(self, model: LinearSystem) -> bool:
+        """Return False, as loops may link any input to any output."""
+        del model
+        return False
+
     def values(self, model: LinearSystem, frequency: Array) -> Any:
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
         plant = control.build_plant(self.design, model)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.quantity_of_interest import Transfer
+    from suspension_cli.scene.arrays import Array
 
 
 FREQUENCY = "0.1:100:2000"
@@ -99,6 +100,8 @@ class ResponseAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Solve for every input at every frequency."""
+        import numpy as np
+
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.response import closed_loop, peaks
@@ -108,7 +111,11 @@ class ResponseAnalysis(Analysis):
         setting, items = run.setting, _measured(run.setting)
         request = partial(_request, setting=setting, items=items, design=run.design)
         decision = model_choice.choose(
-            run.source, setting["fidelity"], request, setting["tolerance"]
+            run.source,
+            setting["fidelity"],
+            request,
+            setting["tolerance"],
+            highest=float(np.max(_frequencies(setting, items))),
         )
         choice = decision.choice
         model = model_choice.stable_system(
@@ -294,33 +301,39 @@ def _request(
     model: LinearSystem, setting: dict[str, Any], items: Sequence[Item], design: Design
 ) -> Transfer:
     """Inputs, outputs and frequencies in terms of a model of the design."""
-    import numpy as np
-
-    from suspension_cli.grids import parse_grid
     from suspension_cli.linear import signals
     from suspension_cli.models.quantity_of_interest import Transfer
 
     bodies = (*signals.bodies_with_signals(model),)
-    inputs, outputs, frequency = setting["inputs"], setting["outputs"], None
+    inputs, outputs = setting["inputs"], setting["outputs"]
     if items:
         from suspension_cli.analyses.response import measured
 
         measured.check_signals(items, bodies)
         inputs, outputs = measured.signals(items, inputs, outputs)
-        if setting["frequency"] == FREQUENCY:
-            frequency = measured.default_grid(items)
-    if frequency is None:
-        frequency = np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
     wanted = Transfer(
         [signals.parse_input(text, bodies) for text in inputs or ("support.x",)],
         [signals.parse_output(text, bodies) for text in outputs or (f"{model.body[-1]}.x",)],
-        frequency,
+        _frequencies(setting, items),
     )
     if not setting["closed_loop"]:
         return wanted
     from suspension_cli.analyses.response import closed_loop
 
     return closed_loop.close(wanted, design, model)
+
+
+def _frequencies(setting: dict[str, Any], items: Sequence[Item]) -> Array:
+    """Frequencies of the option, or of the measurements."""
+    import numpy as np
+
+    from suspension_cli.grids import parse_grid
+
+    if items and setting["frequency"] == FREQUENCY:
+        from suspension_cli.analyses.response import measured
+
+        return measured.default_grid(items)
+    return np.array(parse_grid(setting["frequency"], "--frequency", "log", lowest=0.0))
 
 
 ANALYSIS = ResponseAnalysis()

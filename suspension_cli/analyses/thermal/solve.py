@@ -22,6 +22,7 @@ from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import frequency_dependent, signals
 from suspension_cli.linear.frequency_dependent import EvaluatedBlock
+from suspension_cli.linear.frequency_terms import quadratic_form
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
@@ -143,7 +144,7 @@ def solve_all(
         for block in frequency_dependent.build_blocks(model)
         if (forces := np.array([row[block.keep] for _, row in motions])).any()
     ]
-    largest = max((block.tree.size for block, _, _ in blocks), default=1)
+    largest = max((block.pattern.size for block, _, _ in blocks), default=1)
     step = max(CHUNK // largest**2, 64)
     for start in range(0, len(omega), step):
         now = slice(start, start + step)
@@ -241,8 +242,8 @@ def compute_dissipation(
         ("support", np.imag(block.constant[:, 6:]), 1.0),
     ):
         if matrix.any():
-            power = np.einsum("if,ij,jf->f", np.conj(motion), matrix, motion, optimize=True).real
-            result[cause, temperature] = result.get((cause, temperature), 0.0) + factor * power
+            power = factor * quadratic_form(matrix, motion)
+            result[cause, temperature] = result.get((cause, temperature), 0.0) + power
     return result
 
 
