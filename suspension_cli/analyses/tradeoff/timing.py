@@ -29,6 +29,8 @@ LONG = 10
 """Budgets from which the first call, which fills caches, counts as a sample."""
 MOST = 200
 """Most repetitions in a sample."""
+RESOLUTION = time.get_clock_info("process_time").resolution
+"""Step of the clock, s: no time is 0, since others are divided by it."""
 TRIES = 4
 """Additional calls of a fast function to determine the repetitions."""
 
@@ -92,4 +94,4 @@ def _mean_time(work: Work, count: int) -> float:
     begin = time.process_time()
     for _ in range(count):
         work()
-    return (time.process_time() - begin) / count
+    return max(time.process_time() - begin, RESOLUTION) / count

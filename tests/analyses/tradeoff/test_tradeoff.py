@@ -231,3 +231,9 @@ def test_words():
         "0.5 ns",
     ]
     assert (format_error(3.8e-7), format_error(1e-17), format_error(0.0)) == ("3.8e-07", "0", "0")
+
+
+def test_no_time_is_zero(monkeypatch):
+    """Where the clock of processor time stands still within a sample; others are divided by it."""
+    monkeypatch.setattr(timing.time, "process_time", lambda: 1.0)
+    assert (timing.quartiles([lambda: None], 1) > 0).all()
