@@ -103,7 +103,7 @@ def as_hanging(scene: Scene) -> Scene:
 
     Nothing changes where the nominal pose is the drawn one, or where strings do not hang.
     """
-    if scene.fibres is None or not scene.fibres.solves_pose:
+    if scene.fibres is None or not scene.solves_pose:
         return scene
     try:
         now = clamps.hang(scene)

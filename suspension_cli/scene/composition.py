@@ -148,8 +148,6 @@ class Fibres:
     gas : Gas or None
     temperature : float
         Of everything for which the design gives none, K.
-    solves_pose : bool
-        Whether wires have natural lengths, so that the nominal pose is not the drawn one.
     """
 
     wire: tuple[Fibre, ...]
@@ -157,4 +155,3 @@ class Fibres:
     gas: Gas | None
     temperature: float
     spring: tuple[BladeLoss, ...] = ()
-    solves_pose: bool = False

@@ -289,6 +289,8 @@ class Scene:
         Stiffness of the wires against bending and twisting.
     field : Field or None
         Gravity that is not a uniform pull along -z.
+    solves_pose : bool
+        Whether wires have natural lengths, so that the nominal pose is not the drawn one.
     """
 
     name: str
@@ -303,6 +305,7 @@ class Scene:
     fibres: Fibres | None = None
     flex: Flex | None = None
     field: Field | None = None
+    solves_pose: bool = False
 
     @property
     def parts(self) -> dict[str, Any]:
