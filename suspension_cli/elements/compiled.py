@@ -72,12 +72,18 @@ UPPER_NORMALS, LOWER_NORMALS, BEND, TWIST = 0, 6, 12, 18
 
 
 @inlined
-def _span(moved: Any, turn_u: Any, turn_l: Any, deflected: Any, upper: Any, lower: Any) -> Any:
-    """Arms of both ends of a wire, and the change of its span, of which `moved` is by the COMs."""
-    tip = plus(upper, deflected)
+def _reach(ends: Any, wires: Any, pose: Any, n: int) -> Any:
+    """Arms of both ends of a wire, the change of its span from the nominal one, and its span."""
+    (shift, turn, deflection), (u, l, b) = pose, vector(ends, n, 0)
+    turn_u, turn_l = matrix(turn, u), matrix(turn, l)
+    upper, lower = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
+    deflected = vector(deflection, b, 0) if b >= 0 else (0.0, 0.0, 0.0)
     # from displacements alone, so that nothing cancels
+    moved = minus(vector(shift, l, 0), vector(shift, u, 0))
     change = plus(moved, minus(times(turn_l, lower), times(turn_u, upper)))
-    return turned(turn_u, tip), turned(turn_l, lower), minus(change, turned(turn_u, deflected))
+    change = minus(change, turned(turn_u, deflected))
+    span = plus(vector(wires, n, SPAN), change)
+    return turned(turn_u, plus(upper, deflected)), turned(turn_l, lower), change, span
 
 
 @inlined
@@ -210,26 +216,19 @@ def add_wires(
         If not empty, it is filled with the elongation of each wire per coordinate, and the Hessian
         is that of wires that do not stretch.
     """
-    shift, turn, deflection = pose
+    turn = pose[1]
     bends, stretches, size = len(flex) > 0, len(form) == 0, len(gradient)
     nothing = (0.0, 0.0, 0.0)
     none = (nothing, nothing, nothing)
     for n in range(len(wires)):
         u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
         turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        deflected = nothing
-        if b >= 0:
-            deflected = vector(deflection, b, 0)
-        moved = minus(vector(shift, l, 0), vector(shift, u, 0))
-        points = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
-        arm_u, arm_l, change = _span(moved, turn_u, turn_l, deflected, points[0], points[1])
-        span = vector(wires, n, SPAN)
-        stretched = plus(span, change)
-        length = math.sqrt(dot(stretched, stretched))
-        longer = dot(change, plus(scaled(2.0, span), change)) / (length + wires[n, LENGTH])
+        arm_u, arm_l, change, span = _reach(ends, wires, pose, n)
+        length = math.sqrt(dot(span, span))
+        longer = dot(change, plus(vector(wires, n, SPAN), span)) / (length + wires[n, LENGTH])
         pull = wires[n, TENSION] + wires[n, STIFFNESS] * longer
         tension[n] = pull
-        e = scaled(1 / length, stretched)
+        e = scaled(1 / length, span)
         force, torque_u, torque_l = scaled(pull, e), nothing, nothing
         u_1, u_2, l_1, l_2 = e, e, e, e
         if bends:
@@ -468,19 +467,12 @@ def add_springs(
 @compiled
 def fill_geometry(ends: Any, wires: Any, flex: Any, pose: Any, tension: Any, result: Any) -> None:
     """Fill the geometry (w, 25) of the wires of one build, see `compiled_wire.add_dynamic`."""
-    (shift, turn, deflection), nothing = pose, (0.0, 0.0, 0.0)
     for n in range(len(wires)):
         u, l, b = ends[n, 0], ends[n, 1], ends[n, 2]
-        turn_u, turn_l = matrix(turn, u), matrix(turn, l)
-        deflected = nothing
-        if b >= 0:
-            deflected = vector(deflection, b, 0)
-        moved = minus(vector(shift, l, 0), vector(shift, u, 0))
-        points = vector(wires, n, UPPER_POINT), vector(wires, n, LOWER_POINT)
-        arm_u, arm_l, change = _span(moved, turn_u, turn_l, deflected, points[0], points[1])
-        stretched = plus(vector(wires, n, SPAN), change)
-        length = math.sqrt(dot(stretched, stretched))
-        e = scaled(1 / length, stretched)
+        turn_u, turn_l = matrix(pose[1], u), matrix(pose[1], l)
+        arm_u, arm_l, _, span = _reach(ends, wires, pose, n)
+        length = math.sqrt(dot(span, span))
+        e = scaled(1 / length, span)
         both = plus(
             turned(turn_u, vector(flex, n, UPPER_NORMALS)),
             turned(turn_l, vector(flex, n, LOWER_NORMALS)),

@@ -26,7 +26,20 @@ from suspension_cli.elements.compiled import (
     add_wires,
     fill_geometry,
 )
-from suspension_cli.elements.compiled_vectors import dot, vector
+from suspension_cli.elements.compiled_vectors import (
+    add_block,
+    added,
+    cross_matrix,
+    diagonal,
+    dot,
+    matrix,
+    multiple,
+    product,
+    scaled,
+    symmetric,
+    transposed,
+    vector,
+)
 from suspension_cli.elements.compiled_weight import (
     MASS,
     MOMENTS,
@@ -280,29 +293,15 @@ def _scales(topology: Any, gravity: Any, numbers: Any, scale: Any, load: Any, ar
 
 
 @compiled
-def _rotate_by(vector: Any, turn: Any, step: Any, product: Any) -> None:
-    """Multiply a rotation 1 + `turn` by that of a rotation vector, see `rotations`."""
-    x, y, z = vector[0], vector[1], vector[2]
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle == 0.0:
+def _rotate_by(step: Any, turn: Any, n: int) -> None:
+    """Multiply one rotation 1 + `turn` by that of a rotation vector, see `rotations`."""
+    size = math.sqrt(dot(step, step))
+    if size == 0.0:
         return
-    a, half = math.sin(angle) / angle, math.sin(angle / 2) / angle
-    b = 2 * half * half
-    step[0, 0], step[1, 1], step[2, 2] = (
-        -b * (y * y + z * z),
-        -b * (x * x + z * z),
-        -b * (x * x + y * y),
-    )
-    step[0, 1], step[1, 0] = b * x * y - a * z, b * x * y + a * z
-    step[0, 2], step[2, 0] = b * x * z + a * y, b * x * z - a * y
-    step[1, 2], step[2, 1] = b * y * z - a * x, b * y * z + a * x
-    for i in range(3):
-        for j in range(3):
-            total = step[i, 0] * turn[0, j] + step[i, 1] * turn[1, j] + step[i, 2] * turn[2, j]
-            product[i, j] = step[i, j] + turn[i, j] + total
-    for i in range(3):
-        for j in range(3):
-            turn[i, j] = product[i, j]
+    skew, half = cross_matrix(scaled(1 / size, step)), math.sin(size / 2)
+    more = added(multiple(math.sin(size), skew), multiple(2 * half * half, product(skew, skew)))
+    old = matrix(turn, n)
+    add_block(turn[n], 0, 0, added(more, product(more, old)))
 
 
 @compiled
@@ -380,7 +379,6 @@ def newton_batch(
     load, arm = np.empty(bodies + 1), np.empty(bodies + 1)
     factor, pivot = np.zeros((free, free)), np.empty(free)
     x, where = np.empty(free), np.empty(free, dtype=np.int64)
-    turned, product = np.empty((3, 3)), np.empty((3, 3))
     tips, none = topology.tips, np.empty((0, 0))
     for p in range(builds):
         own = _build(numbers, p)
@@ -418,7 +416,7 @@ def newton_batch(
                 for i in range(3):
                     pose[0][n + 1, i] += x[6 * n + i] / shorten
                     x[6 * n + 3 + i] /= shorten
-                _rotate_by(x[6 * n + 3 : 6 * n + 6], pose[1][n + 1], turned, product)
+                _rotate_by((x[6 * n + 3], x[6 * n + 4], x[6 * n + 5]), pose[1], n + 1)
             for n in range(len(tips)):
                 for i in range(3):
                     if tips[n, i] < size:
@@ -455,7 +453,6 @@ def _tangents(
     place, size = topology.place, soft.shape[-1]
     gradient, hessian = np.empty(size), np.empty((size, size))
     on_tips, tension = np.empty((numbers.blades.shape[1], 3)), np.empty(len(place))
-    turned, product = np.empty((3, 3)), np.empty((3, 3))
     for p in range(len(soft)):
         own = _build(numbers, p)
         pose = (shift[p], turn[p], deflection[p])
@@ -479,26 +476,9 @@ def _tangents(
         for n in range(len(own.bodies)):
             for i in range(3):
                 masses[p, 6 * n + 6 + i, 6 * n + 6 + i] = own.bodies[n, MASS]
-            _turn_tensor(turn[p, n + 1], inertia[p, n], turned, product)
-            for i in range(3):
-                for j in range(3):
-                    value = (product[i, j] + product[j, i]) / 2
-                    masses[p, 6 * n + 9 + i, 6 * n + 9 + j] = value
-
-
-@compiled
-def _turn_tensor(turn: Any, tensor: Any, turned: Any, result: Any) -> None:
-    """Turn a tensor J to R J R^T with R = 1 + `turn`; all (3, 3)."""
-    for i in range(3):
-        for j in range(3):
-            turned[i, j] = tensor[i, j]
-            for k in range(3):
-                turned[i, j] += turn[i, k] * tensor[k, j]
-    for i in range(3):
-        for j in range(3):
-            result[i, j] = turned[i, j]
-            for k in range(3):
-                result[i, j] += turned[i, k] * turn[j, k]
+            rotation = added(diagonal(1.0), matrix(turn[p], n + 1))
+            turned = product(product(rotation, matrix(inertia[p], n)), transposed(rotation))
+            add_block(masses[p], 6 * n + 9, 6 * n + 9, symmetric(turned))
 
 
 def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any, Any]:
