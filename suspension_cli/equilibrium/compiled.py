@@ -481,6 +481,14 @@ def _tangents(
             add_block(masses[p], 6 * n + 9, 6 * n + 9, symmetric(turned))
 
 
+def _copy(pose: Pose) -> tuple[Any, Any, Any]:
+    """Arrays of a pose that loops can write to."""
+    shift, turn, deflection = (
+        np.array(part, order="C") for part in (pose.shift, pose.turn, pose.deflection)
+    )
+    return shift, turn, deflection
+
+
 def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any, Any]:
     """Tangent stiffness of a batch of scenes, with and without stretching of wires, and mass.
 
@@ -498,8 +506,7 @@ def tangent(scene: Scene, numbering: Layout, pose: Pose) -> tuple[Any, Any, Any,
     packed, count, size = pack(scene, numbering), scene.batch[0], numbering.size
     soft, stiffness, mass = (np.empty((count, size, size)) for _ in range(3))
     form = np.empty((count, len(scene.wires.label), size))
-    # copies that can be written, as those of `newton`: else `_evaluate` is compiled again
-    poses = tuple(np.array(part, order="C") for part in (pose.shift, pose.turn, pose.deflection))
+    poses = _copy(pose)  # not read-only, as those of `newton`: else `_evaluate` is compiled again
     inertia = scene.bodies.inertia
     inertia = constant(inertia, (count, *inertia.shape[-3:]))
     made = (soft, form, stiffness, mass)
@@ -528,8 +535,7 @@ def wire_geometry(scene: Scene, numbering: Layout, pose: Pose, tension: Any) -> 
     """
     topology, _, numbers = pack(scene, numbering)
     result = np.empty((*scene.batch, len(scene.wires.label), 25))
-    poses = tuple(constant(part) for part in (pose.shift, pose.turn, pose.deflection))
-    _geometries(topology, numbers, poses, constant(tension), result)
+    _geometries(topology, numbers, _copy(pose), constant(tension), result)
     return topology.place, topology.sections, result
 
 
@@ -542,7 +548,9 @@ def newton(
     *,
     accept_nominal: bool,
 ) -> tuple[Pose, dict[str, Any], int, Any]:
-    """Solve for the poses of a batch of scenes, see `newton_batch`.
+    """Solve for the poses of a batch of scenes from poses `start`, one per scene.
+
+    See `newton_batch`.
 
     Returns
     -------
@@ -556,14 +564,7 @@ def newton(
     """
     packed = pack(scene, numbering)
     count = scene.batch[0]
-    poses = tuple(
-        np.array(np.broadcast_to(getattr(start, name), (count, *inner)))
-        for name, inner in (
-            ("shift", start.shift.shape[-2:]),
-            ("turn", start.turn.shape[-3:]),
-            ("deflection", start.deflection.shape[-2:]),
-        )
-    )
+    poses = _copy(start)
     free = target if np.isscalar(target) else target[..., 6:]
     targets = constant(np.asarray(free, dtype=float), (count, numbering.size - 6))
     results = {
@@ -574,14 +575,7 @@ def newton(
         "pivot": np.empty(count),
         "status": np.empty(count, dtype=np.uint8),
     }
-    newton_batch(
-        *packed,
-        poses,
-        targets,
-        limits,
-        accept_nominal,
-        tuple(results.values()),
-    )
+    newton_batch(*packed, poses, targets, limits, accept_nominal, tuple(results.values()))
     found = {name: results[name] for name in ("residual", "rounding", "tension", "pivot")}
     found["flex"] = packed[2].flex[..., BEND:]
     return Pose(*poses), found, int(results["steps"].max(initial=0)), results["status"]

@@ -338,7 +338,7 @@ def _newton_compiled(
 ) -> Equilibrium:
     from suspension_cli.equilibrium import compiled  # takes half a second
 
-    limits = (float(limit), BALANCED, LAST_STEP, CAP)
+    limits, pose = (float(limit), BALANCED, LAST_STEP, CAP), _broadcast_pose(pose, scene.batch)
     reached, parts, steps, status = compiled.newton(
         scene, numbering, pose, target, limits, accept_nominal=accept_nominal
     )
@@ -347,7 +347,7 @@ def _newton_compiled(
     if nominal.any():
         some = select_scenes(scene, nominal)
         gradient, _ = gradient_and_stiffness(some, numbering, nominal_pose(some))
-        nominal[nominal] = ~_is_as_drawn(some, numbering, gradient)
+        nominal[nominal] = np.logical_not(_is_as_drawn(some, numbering, gradient))
     again = _newton_arrays
     if scene.flex is not None:  # arrays do not know the stiffness of bending at unknown tensions
         found.residual[left] = np.nan
@@ -356,7 +356,7 @@ def _newton_compiled(
     if not left.any():
         return found
     goal = target[left] if isinstance(target, np.ndarray) else target
-    start = _select_pose(_broadcast_pose(pose, scene.batch), left)
+    start = _select_pose(pose, left)
     return _replace(found, left, again(select_scenes(scene, left), numbering, start, goal, limit))
 
 
